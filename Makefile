@@ -1,0 +1,42 @@
+# Two targets do everything: `make demo` and `make test`. Both build .venv first, once.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= out/landing-1
+
+.PHONY: demo test lint fuzz figures study clean
+
+$(VENV)/installed: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
+	@$(PYTHON) -c 'import venv, ensurepip' || { echo "On Debian and Ubuntu: apt install python3-venv"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,ptu]'
+	@touch $@
+
+## demo: replay the bundled landing and print its accuracy
+demo: $(VENV)/installed
+	$(BIN)/groundstation replay recordings/landing-1 --out $(OUT)
+
+## test: everything that must hold, under ten minutes on two cores
+test: $(VENV)/installed lint
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+## fuzz: the property tests once more, on examples that no run has seen
+fuzz: $(VENV)/installed
+	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=new
+
+## figures: commit to new figures of the bundled landing (say why in the changelog)
+figures: $(VENV)/installed
+	$(BIN)/python benchmarks/change_indicator.py --update
+
+## study: the slow measurements whose figures stand in docs/results.md
+study: $(VENV)/installed
+	for study in $(filter-out benchmarks/change_indicator.py,$(wildcard benchmarks/*.py)); do echo "== $$study"; $(BIN)/python $$study || exit 1; done
+
+clean:
+	rm -rf $(VENV) out build *.egg-info .mypy_cache .ruff_cache .pytest_cache

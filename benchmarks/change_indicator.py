@@ -1,0 +1,74 @@
+"""The committed figures of the bundled landing: what a change of the code does to them is seen in review.
+
+    python benchmarks/change_indicator.py             print them beside the committed ones
+    python benchmarks/change_indicator.py --update    and commit to the new ones
+
+`tests/replay/test_change_indicator.py` compares within the tolerances given here.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from groundstation.replay import ReplayRequest, replay
+
+ROOT = Path(__file__).resolve().parent.parent
+FIGURES = ROOT / "recordings" / "landing-1.figures.json"
+# another machine's floating point moves a contour by fractions of a pixel, not more
+RELATIVE, ABSOLUTE = 0.05, 0.003
+
+
+def figures(summary: dict[str, Any]) -> dict[str, float]:
+    """Return the figures that are watched, by name."""
+    truth = summary["accuracy"]["truth"]
+    found: dict[str, float] = {}
+    for group in truth["by_range"]:
+        if group["ekf"]["rmse_m"] is None:
+            continue
+        for kind in ("ekf", "triangulation"):
+            for axis, value in zip("xyz", group[kind]["rmse_m"], strict=True):
+                found[f"{kind} rmse {axis}, y {group['from_m']:.0f} m on, m"] = value
+    found["anees"] = truth["total"]["anees"]
+    found["dgps offset, s"] = summary["reference"]["time_offset"]["offset_s"]
+    found["pairs tracked"] = summary["counts"]["track"]["tracking"]
+    for station, counts in summary["counts"]["detection"].items():
+        found[f"detections ok, {station}"] = counts["status"]["ok"]
+    return {name: round(float(value), 5) for name, value in found.items()}
+
+
+def measured(out: Path) -> dict[str, float]:
+    """Replay the bundled landing into ``out`` and return its figures."""
+    result = replay(ReplayRequest(session=ROOT / "recordings" / "landing-1", out=out, rerun=False))
+    return figures(result.evaluation.summary)
+
+
+def agrees(new: float, old: float) -> bool:
+    """Return whether a figure is the committed one, within tolerance."""
+    return abs(new - old) <= max(RELATIVE * abs(old), ABSOLUTE)
+
+
+def main() -> int:
+    """Print the comparison; exit 1 if a figure has moved and is not being updated."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--update", action="store_true", help="write the new figures")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        new = measured(Path(folder))
+    old = json.loads(FIGURES.read_text()) if FIGURES.is_file() else {}
+    moved = 0
+    for name in {**old, **new}:
+        mark = ""
+        if name not in old or name not in new or not agrees(new[name], old[name]):
+            mark, moved = "  ← moved", moved + 1
+        print(f"{name:42s} {old.get(name, '–')!s:>12} {new.get(name, '–')!s:>12}{mark}")
+    if options.update:
+        FIGURES.write_text(json.dumps(new, indent=1) + "\n")
+        return 0
+    return 1 if moved else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Calibration of stations: the code that finds what a rig file holds."""

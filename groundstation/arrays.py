@@ -1,0 +1,8 @@
+"""Names for the array types that signatures use."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+ImageArray = NDArray[np.uint8]
+MaskArray = NDArray[np.bool_]

@@ -1,0 +1,166 @@
+"""One camera's part of the pipeline: where to look, looking, and what was seen.
+
+It knows the target's last size in its own image, its detector and its whole-frame finder. It does not touch
+the filter: the pipeline asks it to look and decides what becomes of the answer.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from groundstation.arrays import FloatArray, MaskArray
+from groundstation.config import Config
+from groundstation.detection.acquisition import CandidateFinder
+from groundstation.detection.detector import DetectionHint, Detector
+from groundstation.detection.preprocess import measure_channels
+from groundstation.detection.roi import place_roi
+from groundstation.estimation.initialise import Sighting
+from groundstation.messages import Detection, Frame, Miss, Roi
+from groundstation.rig import Station
+
+_MIN_HEADING_SPEED_M_S = 3.0
+# how well the span is known: given by the session (a bank or a crab shortens it), learnt on the way, or not at all
+_GIVEN_SPAN_SIGMA = 0.15
+_UNKNOWN_SPAN_SIGMA = 0.7
+_LEARNT_AFTER = 10
+_LEARNING_RATE = 0.1
+# contrast on all channels is measured in one of so many detections: it is for the report, not for the detector
+_CONTRAST_EVERY = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Look:
+    """What a camera expected, where it looked, and what it found."""
+
+    roi: Roi | None
+    result: Detection | Miss
+    channel_contrast: Mapping[str, float] | None
+
+
+class SpanModel:
+    """The target's span in metres: given, or learnt from silhouettes at known range."""
+
+    def __init__(self, span_m: float | None) -> None:
+        self.span_m = span_m
+        self._given = span_m is not None
+        self._seen = 0
+
+    @property
+    def sigma_ratio(self) -> float:
+        """One sigma of the logarithm of the span."""
+        if self._given:
+            return _GIVEN_SPAN_SIGMA
+        return 2.0 * _GIVEN_SPAN_SIGMA if self._seen >= _LEARNT_AFTER else _UNKNOWN_SPAN_SIGMA
+
+    def learn(self, width_px: float, px_per_m: float) -> None:
+        """Take the width of an accepted, uncut silhouette."""
+        if self._given or width_px <= 0 or px_per_m <= 0:
+            return
+        seen = width_px / px_per_m
+        self.span_m = (
+            seen if self.span_m is None else self.span_m * math.exp(_LEARNING_RATE * math.log(seen / self.span_m))
+        )
+        self._seen += 1
+
+
+class CameraTracker:
+    """Looks for the target in one camera's frames."""
+
+    def __init__(self, station: Station, config: Config) -> None:
+        self.station = station
+        self.geometry = station.geometry()
+        self._config = config
+        self._detector = Detector(config.detection, station.lens.image_size_px)
+        self._finder = CandidateFinder(config.acquisition, station.lens.image_size_px, station.lens)
+        self._last_size_px: tuple[float, float] | None = None
+        self._detections = 0
+
+    def reset(self) -> None:
+        """Forget the target: after a loss nothing of it is trusted."""
+        self._detector.reset()
+        self._finder.reset()
+        self._last_size_px = None
+
+    def search(self, frame: Frame, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> list[Sighting]:
+        """Look at the whole frame and return the candidates in it."""
+        pose = self.geometry.camera_pose(pan_rad, tilt_rad)
+        found = self._finder.find(frame.image, frame.t_s, pose.runway_from_camera.T)
+        return [
+            Sighting(
+                t_s=frame.t_s,
+                station=frame.station,
+                pixel=np.array([c.u_px, c.v_px]),
+                width_px=c.box[2],
+                score=c.score,
+                pan_rad=pan_rad,
+                tilt_rad=tilt_rad,
+                angle_sigma_rad=angle_sigma_rad,
+                moving=c.moving,
+            )
+            for c in found
+        ]
+
+    def look(
+        self,
+        frame: Frame,
+        centre_px: FloatArray,
+        covariance_px2: FloatArray,
+        hint: DetectionHint,
+    ) -> Look | None:
+        """Place the region of interest and look there; None if nothing of it is inside the image."""
+        roi = place_roi(
+            centre_px, covariance_px2, self._last_size_px, self._config.detection, self.station.lens.image_size_px
+        )
+        if roi is None:
+            return None
+        result = self._detector.detect(frame.image, roi, hint)
+        contrast = None
+        if isinstance(result, Detection):
+            if self._detections % _CONTRAST_EVERY == 0:
+                contrast = measure_channels(frame.image, roi, silhouette_mask(result, roi))
+            self._detections += 1
+        return Look(roi=roi, result=result, channel_contrast=contrast)
+
+    def accepted(self, detection: Detection) -> None:
+        """Remember the size of a silhouette that the filter believed."""
+        self._last_size_px = (detection.box[2], detection.box[3])
+
+    def hint(
+        self,
+        predicted_px: FloatArray,
+        covariance_px2: FloatArray,
+        jacobian_px_per_m: FloatArray,
+        depth_m: float,
+        velocity_m_s: FloatArray,
+        span: SpanModel,
+        height_m: float | None = None,
+    ) -> DetectionHint:
+        """Say what the filter knows of the target's looks; ``jacobian_px_per_m`` is ∂(u, v)/∂(x, y, z), (2, 3)."""
+        px_per_m = float(self.station.lens.focal_px[0]) / depth_m
+        speed = float(np.linalg.norm(velocity_m_s))
+        forward = jacobian_px_per_m @ (velocity_m_s / speed) if speed > _MIN_HEADING_SPEED_M_S else None
+        return DetectionHint(
+            predicted_px=predicted_px,
+            predicted_covariance_px2=covariance_px2,
+            expected_span_px=None if span.span_m is None else span.span_m * px_per_m,
+            span_sigma_ratio=span.sigma_ratio,
+            forward_px_per_m=forward,
+            up_px_per_m=jacobian_px_per_m[:, 2],
+            px_per_m=px_per_m,
+            height_m=height_m,
+        )
+
+
+def silhouette_mask(found: Detection, roi: Roi) -> MaskArray:
+    """Return the silhouette as a mask (roi.h, roi.w), filled from its contour."""
+    mask = np.zeros((roi.h, roi.w), dtype=np.uint8)
+    breaks = np.flatnonzero(np.isnan(found.contour_px[:, 0]))
+    for piece in np.split(found.contour_px, breaks):
+        points = piece[~np.isnan(piece[:, 0])]
+        if len(points) >= 3:
+            corners = np.round(points - [roi.x, roi.y]).astype(np.int32)
+            cv2.fillPoly(mask, [corners], 1)
+    return mask > 0

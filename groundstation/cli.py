@@ -1,0 +1,136 @@
+"""The command line: `groundstation COMMAND …`."""
+
+import argparse
+import os
+import sys
+from collections.abc import Mapping, MutableMapping, Sequence
+from pathlib import Path
+
+from groundstation import __version__
+from groundstation.errors import GroundstationError
+from groundstation.progress import ProgressLine
+
+_REPLAY = """Replay a recorded session: find the aircraft in every camera, track it in 3-D,
+compare with DGPS and truth, and write track.csv, triangulation.csv,
+detections.csv, track.tum, summary.json, report.html and session.rrd into the
+output folder."""
+_REPLAY_MORE = """example:
+  groundstation replay recordings/landing-1 --out out/landing-1 --from 20
+
+exit code: 0 done; 1 the recording is at fault, and what came before the fault
+is written; 2 wrong usage; 130 interrupted"""
+_CONFIG = """Print the whole tuning as TOML, with every default that FILE does not change: a file to start from for
+replay's --config."""
+# FFmpeg and OpenCV write straight to the terminal; our own line says what is wrong
+_QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code: 0 done, 1 the input stopped it, 2 wrong usage, 130 interrupted."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.command is None:
+        parser.print_help(sys.stderr)
+        return 2
+    _silence(os.environ, _QUIET)
+    try:
+        return _config(options) if options.command == "config" else _replay(options)
+    except BrokenPipeError:
+        # whoever read our output has gone, as in `… | head`; nothing more can be said there
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except GroundstationError as error:
+        print(f"groundstation: {error}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        # a full disk, a cable pulled: nothing that a stack of calls would explain
+        print(f"groundstation: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("groundstation: interrupted; the tables hold what was done until then", file=sys.stderr)
+        return 130
+
+
+def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str]) -> None:
+    """Set what the user has not set; the libraries read it when they are first used."""
+    for name, value in defaults.items():
+        environment.setdefault(name, value)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="groundstation",
+        description="Where is the approaching aircraft, in 3-D, from two cameras on pan-tilt units; without GNSS.",
+    )
+    parser.add_argument("--version", action="version", version=f"groundstation {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND")
+    _add_replay(commands)
+    config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
+    config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
+    return parser
+
+
+def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    replay = commands.add_parser(
+        "replay",
+        help="recorded stereo session in, scored 3-D track out",
+        description=_REPLAY,
+        epilog=_REPLAY_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    replay.add_argument(
+        "session", type=Path, metavar="SESSION", help="session folder (session.toml, rig.toml, videos …)"
+    )
+    replay.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the results go; made if missing")
+    replay.add_argument("--rig", type=Path, metavar="FILE", help="another rig than the session's rig.toml")
+    replay.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="tuning, TOML; what it leaves out keeps its default (all of them: groundstation config)",
+    )
+    replay.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
+    replay.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    recording = replay.add_mutually_exclusive_group()
+    recording.add_argument("--view", action="store_true", help="open the Rerun recording when done")
+    recording.add_argument("--no-rerun", action="store_true", help="do not write session.rrd")
+
+
+def _config(options: argparse.Namespace) -> int:
+    """Print the resolved tuning."""
+    from groundstation.config import config_to_mapping, config_to_toml, load_config
+
+    print(config_to_toml(config_to_mapping(load_config(options.config))))
+    return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    """Replay, print the table and the paths; 1 if the recording was cut short by a fault."""
+    # imported here: --help and a wrong option answer at once
+    from groundstation.evaluation.table import format_accuracy_table
+    from groundstation.replay import ReplayRequest, replay
+    from groundstation.sinks.rerun_viewer import open_viewer, video_notice
+
+    request = ReplayRequest(
+        session=options.session,
+        out=options.out,
+        rig=options.rig,
+        config=options.config,
+        from_s=options.from_s,
+        to_s=options.to_s,
+        rerun=not options.no_rerun,
+    )
+    with ProgressLine(sys.stderr, "replay") as line:
+        result = replay(request, line.update)
+    print(format_accuracy_table(result.evaluation.summary))
+    print()
+    for path in result.files:
+        print(f"wrote {path}")
+    if result.fault is not None:
+        print(f"groundstation: fault in the recording: {result.fault}", file=sys.stderr)
+    if options.view:
+        notice = video_notice(os.environ)
+        if notice:
+            print(f"groundstation: {notice}", file=sys.stderr)
+        open_viewer(options.out / "session.rrd", os.environ)
+    return 0 if result.fault is None else 1

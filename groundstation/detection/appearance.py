@@ -1,0 +1,77 @@
+"""What the target looks like, learnt from confident frames, so that a bird in front is not taken for it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray, ImageArray
+
+# mean grey, blue-red, green-magenta in grey levels; ln(height / width); ln(area / width²)
+_TOLERANCE = np.array([14.0, 6.0, 6.0, 0.25, 0.3])
+_SMALL_PX = 12.0  # below this width a pixel more or less changes the shape
+_ENOUGH_FRAMES = 5
+_AGEING_PER_MISS = 0.15
+
+
+@njit(cache=True)
+def mean_colour(
+    image: ImageArray, labels: NDArray[np.int32], members: NDArray[np.int64], box: FloatArray
+) -> FloatArray:
+    """Return the mean grey, blue-red and green-magenta of some regions; ``box`` x0, y0, x1, y1 holds them."""
+    total = np.zeros(3)
+    n = 0
+    for i in range(int(box[1]), int(box[3])):
+        for j in range(int(box[0]), int(box[2])):
+            label = labels[i, j]
+            if label == 0:
+                continue
+            for k in members:
+                if k == label:
+                    b, g, r = float(image[i, j, 0]), float(image[i, j, 1]), float(image[i, j, 2])
+                    total[0] += 0.114 * b + 0.587 * g + 0.299 * r
+                    total[1] += 0.5 * (b - r)
+                    total[2] += 0.5 * g - 0.25 * (b + r)
+                    n += 1
+                    break
+    return total / max(n, 1)
+
+
+def features(colour: FloatArray, width: float, height: float, area: float) -> FloatArray:
+    """Return the (5,) features of one silhouette."""
+    shape = [math.log(max(height, 1.0) / max(width, 1.0)), math.log(max(area, 1.0) / max(width, 1.0) ** 2)]
+    return np.concatenate([colour, shape])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Appearance:
+    """Running mean and variance of the features, and how many frames they come from."""
+
+    mean: FloatArray
+    variance: FloatArray
+    frames: int
+
+    def distance(self, seen: FloatArray, width: float, misses: int) -> float:
+        """Return how unlike the target a silhouette is, in sigmas; 0 until enough has been learnt."""
+        if self.frames < _ENOUGH_FRAMES:
+            return 0.0
+        slack = 1.0 + _SMALL_PX / max(width, 1.0) * 0.5 + _AGEING_PER_MISS * misses
+        variance = (slack * _TOLERANCE) ** 2 + self.variance
+        return math.sqrt(float(np.mean((seen - self.mean) ** 2 / variance)))
+
+    def learn(self, seen: FloatArray, rate: float) -> "Appearance":
+        """Return the appearance after one more confident frame."""
+        gain = max(rate, 1.0 / (self.frames + 1))
+        error = seen - self.mean
+        return Appearance(
+            mean=self.mean + gain * error,
+            variance=(1.0 - gain) * (self.variance + gain * error**2),
+            frames=self.frames + 1,
+        )
+
+
+def first_look(seen: FloatArray) -> Appearance:
+    """Start from one frame."""
+    return Appearance(mean=seen, variance=np.zeros_like(seen), frames=1)

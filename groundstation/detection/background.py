@@ -1,0 +1,276 @@
+"""What lies behind the target, learnt from earlier frames: a few whole frames, shifted into place.
+
+The camera turns about a point close to its centre, so over the region of interest the scene moves as a whole:
+one shift, found on the scene's own texture with the target left out, brings an old frame under the new one.
+Frames are kept at moments between which the target moved against the scene, so that what one of them hides
+another one shows. Where no kept frame knows the scene, the caller falls back on the spatial background.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray, ImageArray
+
+Float32Array = NDArray[np.float32]
+Box = tuple[int, int, int, int]
+
+_KEPT = 6
+_MOVED_PER_SPAN = 0.25
+_MAX_AGE = 60  # frames without a new one
+_MIN_TEXTURE = 3.0  # grey levels per px: gradients below it are noise
+_MIN_TEXTURED = 40
+_MAX_SHIFT_SIGMA_PX = 0.1
+_MAX_MISFIT = 6.0  # grey levels, mean over the textured pixels
+_COARSE_STEP, _COARSE_REACH = 4, 10
+_GOOD_FIT = 4.0  # grey levels: no need to look at older frames
+_EDGE_PX = 0.25  # misregistration and interpolation, as px of the local gradient
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Difference:
+    """The image minus the learnt background.
+
+    ``residual`` (h, w, 3) float32 as in `preprocess`, ``edge`` (h, w) float32 the residual that misplacement
+    alone may cause, ``known`` (h, w) where the background is known.
+    """
+
+    residual: Float32Array
+    edge: Float32Array
+    known: NDArray[np.bool_]
+
+
+@njit(cache=True)
+def _grey(image: ImageArray, y: int, x: int) -> float:
+    return 0.114 * image[y, x, 0] + 0.587 * image[y, x, 1] + 0.299 * image[y, x, 2]
+
+
+@njit(cache=True)
+def _textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], keep_out: Box) -> FloatArray:
+    """Return the textured pixels of a window as rows x, y, grey, ∂x, ∂y (full-image coordinates)."""
+    x0, y0 = origin
+    w, h = size
+    height, width = image.shape[:2]
+    rows = np.empty((((h + 1) // 2) * ((w + 1) // 2), 5))
+    n = 0
+    for y in range(max(y0, 1), min(y0 + h, height - 1), 2):
+        for x in range(max(x0, 1), min(x0 + w, width - 1), 2):
+            if keep_out[0] <= x < keep_out[2] and keep_out[1] <= y < keep_out[3]:
+                continue
+            gx = 0.5 * (_grey(image, y, x + 1) - _grey(image, y, x - 1))
+            gy = 0.5 * (_grey(image, y + 1, x) - _grey(image, y - 1, x))
+            if gx * gx + gy * gy < _MIN_TEXTURE * _MIN_TEXTURE:
+                continue
+            rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3], rows[n, 4] = x, y, _grey(image, y, x), gx, gy
+            n += 1
+    return rows[:n]
+
+
+@njit(cache=True)
+def _sample(image: ImageArray, x: float, y: float) -> float:
+    """Return the grey level between pixels, or −1 outside."""
+    ix, iy = math.floor(x), math.floor(y)
+    if ix < 0 or iy < 0 or ix + 1 >= image.shape[1] or iy + 1 >= image.shape[0]:
+        return -1.0
+    fx, fy = x - ix, y - iy
+    top = (1 - fx) * _grey(image, iy, ix) + fx * _grey(image, iy, ix + 1)
+    return (1 - fy) * top + fy * ((1 - fx) * _grey(image, iy + 1, ix) + fx * _grey(image, iy + 1, ix + 1))
+
+
+@njit(cache=True)
+def _misfit(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float, every: int) -> float:
+    """Return the mean clipped difference of the textured pixels at one shift."""
+    total, n = 0.0, 0
+    for k in range(0, rows.shape[0], every):
+        x, y = rows[k, 0] + sx, rows[k, 1] + sy
+        if hidden[0] <= x < hidden[2] and hidden[1] <= y < hidden[3]:
+            continue
+        value = _sample(reference, x, y)
+        if value >= 0:
+            total += min(abs(value - rows[k, 2]), 30.0)
+            n += 1
+    return total / n if 3 * n * every >= rows.shape[0] else 1e9
+
+
+@njit(cache=True)
+def _coarse(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> tuple[float, float]:
+    """Return the best shift on a coarse raster around a guess."""
+    every = max(rows.shape[0] // 300, 1)
+    best, bx, by = 1e9, sx, sy
+    for i in range(-_COARSE_REACH, _COARSE_REACH + 1):
+        for j in range(-_COARSE_REACH, _COARSE_REACH + 1):
+            tx, ty = sx + j * _COARSE_STEP, sy + i * _COARSE_STEP
+            value = _misfit(rows, reference, hidden, tx, ty, every)
+            if value < best:
+                best, bx, by = value, tx, ty
+    return bx, by
+
+
+@njit(cache=True)
+def _refine(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> tuple[float, float, float]:
+    """Return the sub-pixel shift by robust Gauss-Newton, and its sigma in px (large when undetermined)."""
+    sigma = 1e9
+    for _ in range(10):
+        hxx, hxy, hyy, bx, by, square, n = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
+        for k in range(rows.shape[0]):
+            x, y = rows[k, 0] + sx, rows[k, 1] + sy
+            if hidden[0] <= x < hidden[2] and hidden[1] <= y < hidden[3]:
+                continue
+            value = _sample(reference, x, y)
+            if value < 0:
+                continue
+            e, gx, gy = value - rows[k, 2], rows[k, 3], rows[k, 4]
+            weight = 1.0 / (1.0 + (e / 8.0) ** 2)
+            hxx += weight * gx * gx
+            hxy += weight * gx * gy
+            hyy += weight * gy * gy
+            bx += weight * gx * e
+            by += weight * gy * e
+            square += weight * e * e
+            n += 1
+        determinant = hxx * hyy - hxy * hxy
+        if n < _MIN_TEXTURED or determinant <= 1e-9:
+            return sx, sy, 1e9
+        dx, dy = (hyy * bx - hxy * by) / determinant, (hxx * by - hxy * bx) / determinant
+        length = math.hypot(dx, dy)
+        if length > 2.0:
+            dx, dy = 2.0 * dx / length, 2.0 * dy / length
+        sx -= dx
+        sy -= dy
+        smallest = 0.5 * (hxx + hyy) - math.sqrt(0.25 * (hxx - hyy) ** 2 + hxy * hxy)
+        sigma = math.sqrt(square / n / max(smallest, 1e-9))
+        if length < 0.01:
+            break
+    return sx, sy, sigma
+
+
+@njit(cache=True)
+def _difference(
+    image: ImageArray,
+    origin: tuple[int, int],
+    frames: NDArray[np.uint8],
+    shifts: FloatArray,
+    hidden: NDArray[np.int64],
+    order: NDArray[np.int64],
+    residual: Float32Array,
+    edge: Float32Array,
+    known: NDArray[np.bool_],
+) -> None:
+    """Fill residual, edge and known for one window from the kept frames.
+
+    Each pixel takes the frame that fits it best: what one frame shows of a passing bird is not background.
+    """
+    height, width = frames.shape[1:3]
+    e = np.empty(3)
+    for i in range(residual.shape[0]):
+        for j in range(residual.shape[1]):
+            known[i, j] = False
+            least = 1e9
+            for k in order:
+                x, y = origin[0] + j + shifts[k, 0], origin[1] + i + shifts[k, 1]
+                if hidden[k, 0] <= x < hidden[k, 2] and hidden[k, 1] <= y < hidden[k, 3]:
+                    continue
+                ix, iy = math.floor(x), math.floor(y)
+                if ix < 0 or iy < 0 or ix + 1 >= width or iy + 1 >= height:
+                    continue
+                fx, fy = x - ix, y - iy
+                slope = 0.0
+                for c in range(3):
+                    a, b = float(frames[k, iy, ix, c]), float(frames[k, iy, ix + 1, c])
+                    d, f = float(frames[k, iy + 1, ix, c]), float(frames[k, iy + 1, ix + 1, c])
+                    top, low = (1 - fx) * a + fx * b, (1 - fx) * d + fx * f
+                    e[c] = float(image[origin[1] + i, origin[0] + j, c]) - ((1 - fy) * top + fy * low)
+                    slope = max(slope, abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b))
+                grey = 0.114 * e[0] + 0.587 * e[1] + 0.299 * e[2]
+                blue_red, green = 0.5 * (e[0] - e[2]), 0.5 * e[1] - 0.25 * (e[0] + e[2])
+                misfit = abs(grey) + 2.0 * (abs(blue_red) + abs(green))
+                if misfit < least:
+                    least = misfit
+                    residual[i, j, 0], residual[i, j, 1], residual[i, j, 2] = grey, blue_red, green
+                    edge[i, j] = _EDGE_PX * 0.5 * slope
+                    known[i, j] = True
+                if misfit < _GOOD_FIT:
+                    break
+
+
+class BackgroundMemory:
+    """Whole frames of one camera with the target's place in each, and their shift to the newest image."""
+
+    def __init__(self) -> None:
+        self._frames: NDArray[np.uint8] | None = None
+        self._hidden = np.zeros((_KEPT, 4), np.int64)
+        self._shifts = np.zeros((_KEPT, 2))
+        self._order: list[int] = []
+        self._motion = np.zeros(2)
+        self._age = 0
+
+    def reset(self) -> None:
+        """Forget all frames."""
+        self._order = []
+        self._motion = np.zeros(2)
+
+    def subtract(
+        self, image: ImageArray, origin: tuple[int, int], size: tuple[int, int], target: Box
+    ) -> Difference | None:
+        """Return a window's difference from the learnt background, or None where none can be laid under it.
+
+        ``origin`` and ``size`` place the window in ``image``; ``target`` x0, y0, x1, y1 is where the target is
+        expected; all in full-image px.
+        """
+        if not self._order or self._frames is None:
+            return None
+        if not self._register(image, origin, size, target):
+            self.reset()
+            return None
+        w, h = size
+        residual = np.zeros((h, w, 3), np.float32)
+        edge = np.zeros((h, w), np.float32)
+        known = np.zeros((h, w), np.bool_)
+        order = np.array(self._order, np.int64)
+        _difference(image, origin, self._frames, self._shifts, self._hidden, order, residual, edge, known)
+        return Difference(residual=residual, edge=edge, known=known)
+
+    def _register(self, image: ImageArray, origin: tuple[int, int], size: tuple[int, int], target: Box) -> bool:
+        """Find the new image's shift to the newest kept frame and carry it over to the others."""
+        rows = _textured(image, origin, size, target)
+        if rows.shape[0] < _MIN_TEXTURED or self._frames is None:
+            return False
+        newest = self._order[0]
+        reference, hidden = self._frames[newest], _as_box(self._hidden[newest])
+        start = self._shifts[newest] + self._motion
+        sx, sy, sigma = _refine(rows, reference, hidden, start[0], start[1])
+        if sigma > _MAX_SHIFT_SIGMA_PX or _misfit(rows, reference, hidden, sx, sy, 1) > _MAX_MISFIT:
+            cx, cy = _coarse(rows, reference, hidden, start[0], start[1])
+            sx, sy, sigma = _refine(rows, reference, hidden, cx, cy)
+            if sigma > _MAX_SHIFT_SIGMA_PX or _misfit(rows, reference, hidden, sx, sy, 1) > _MAX_MISFIT:
+                return False
+        self._motion = np.array([sx, sy]) - self._shifts[newest]
+        self._shifts += self._motion
+        return True
+
+    def remember(self, image: ImageArray, target: Box, span_px: float) -> None:
+        """Keep this image if the target, within ``target``, has moved against the scene since the last one kept."""
+        self._age += 1
+        if self._order:
+            newest = self._order[0]
+            old = self._hidden[newest]
+            moved = np.array([target[0] - old[0], target[1] - old[1]]) + self._shifts[newest]
+            if float(np.hypot(*moved)) < _MOVED_PER_SPAN * span_px and self._age < _MAX_AGE:
+                return
+        if self._frames is None or self._frames.shape[1:] != image.shape:
+            self._frames = np.zeros((_KEPT, *image.shape), np.uint8)
+            self._order = []
+        free = [k for k in range(_KEPT) if k not in self._order]
+        slot = free[0] if free else self._order.pop()
+        self._frames[slot] = image
+        self._hidden[slot] = target
+        self._shifts[slot] = 0.0
+        self._order.insert(0, slot)
+        self._age = 0
+
+
+def _as_box(row: NDArray[np.int64]) -> Box:
+    return int(row[0]), int(row[1]), int(row[2]), int(row[3])

@@ -1,0 +1,177 @@
+"""Things that stand out from their surroundings, over a whole frame, by contrast alone.
+
+The image is looked at in a few scales. In each one a coarse median is the background, so that shaded skies and
+large clouds vanish, and what remains is measured in units of the spread around it: a speck in an even sky
+counts more than a stronger one among tree crowns.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray, ImageArray
+
+Float32Array = NDArray[np.float32]
+
+_GRID = 4  # the background's raster, px of the scale
+_MEDIAN = 9  # its median window, in steps of the raster
+_SPREAD_BLOCK = 16  # px of the scale over which the spread is measured, and the median window over such blocks
+_SPREAD_MEDIAN = 5
+_MAX_SPOTS = 60
+_SPECK = 3.0  # px of the map: smaller regions are mostly noise
+_NOISE_FLOOR = 0.7  # grey levels
+_SPREAD_TO_SIGMA = 1.4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spot:
+    """A region that stands out: ``box`` x0, y0, x1, y1 (exclusive) and centre in px of the full image.
+
+    ``contrast`` is its root mean square, in sigmas of the surroundings, less for specks of a pixel or two;
+    ``mass`` the sum. ``sky`` is the share of sky around it.
+    """
+
+    box: tuple[float, float, float, float]
+    centre: tuple[float, float]
+    contrast: float
+    mass: float
+    sky: float = 0.0
+
+    @property
+    def size(self) -> float:
+        """The longer side of the box, px."""
+        return max(self.box[2] - self.box[0], self.box[3] - self.box[1])
+
+
+def scales(grey: ImageArray, count: int, reduction: int) -> list[ImageArray]:
+    """Return ``count`` reduced copies, each ``reduction`` times smaller than the one before; the first as it is."""
+    pyramid = [grey]
+    while len(pyramid) < count:
+        h, w = pyramid[-1].shape
+        if min(h, w) < 8 * reduction * _GRID:
+            break
+        size = (w // reduction, h // reduction)
+        pyramid.append(np.asarray(cv2.resize(pyramid[-1], size, interpolation=cv2.INTER_AREA), np.uint8))
+    return pyramid
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Contrast:
+    """``sigmas`` (h, w) float32: each pixel's signed contrast in sigmas of its surroundings.
+
+    ``spread`` is the mean deviation from the background in coarse blocks, grey levels.
+    """
+
+    sigmas: Float32Array
+    spread: Float32Array
+
+
+def contrast_map(grey: ImageArray) -> Contrast:
+    """Return how a picture differs from its coarse background."""
+    h, w = grey.shape
+    small = cv2.resize(grey, (max(w // _GRID, 1), max(h // _GRID, 1)), interpolation=cv2.INTER_AREA)
+    # a shaded sky goes on beyond the border as it comes in
+    pad = _MEDIAN // 2 + 1
+    wide = np.pad(small.astype(np.int16), pad, mode="reflect", reflect_type="odd")
+    coarse = cv2.medianBlur(np.clip(wide, 0, 255).astype(np.uint8), _MEDIAN).astype(np.float32)
+    smooth = cv2.blur(coarse, (3, 3))[pad:-pad, pad:-pad]
+    background = cv2.resize(smooth, (w, h), interpolation=cv2.INTER_LINEAR)
+    residual = cv2.subtract(grey, background, dtype=cv2.CV_32F)
+    spread = cv2.resize(
+        np.abs(residual), (max(w // _SPREAD_BLOCK, 1), max(h // _SPREAD_BLOCK, 1)), interpolation=cv2.INTER_AREA
+    )
+    spread = cv2.blur(cv2.medianBlur(spread, _SPREAD_MEDIAN), (3, 3))
+    sigma = np.maximum(_SPREAD_TO_SIGMA * spread, _NOISE_FLOOR)
+    sigma = cv2.resize(sigma, (w, h), interpolation=cv2.INTER_LINEAR)
+    return Contrast(sigmas=np.asarray(cv2.divide(residual, sigma), np.float32), spread=np.asarray(spread, np.float32))
+
+
+@njit(cache=True)
+def _measure(labels: NDArray[np.int32], contrast: Float32Array, count: int) -> FloatArray:
+    """Return per label: x0, y0, x1, y1, area, Σ|c|, Σ|c|x, Σ|c|y, Σc², peak."""
+    table = np.zeros((count, 10))
+    table[:, 0], table[:, 1] = labels.shape[1], labels.shape[0]
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            k = labels[i, j]
+            if k == 0:
+                continue
+            c = abs(contrast[i, j])
+            row = table[k]
+            row[0] = min(row[0], j)
+            row[1] = min(row[1], i)
+            row[2] = max(row[2], j + 1)
+            row[3] = max(row[3], i + 1)
+            row[4] += 1
+            row[5] += c
+            row[6] += c * j
+            row[7] += c * i
+            row[8] += c * c
+            row[9] = max(row[9], c)
+    return table
+
+
+def find_spots(contrast: Float32Array, low: float, high: float, scale: float) -> list[Spot]:
+    """Return the connected regions beyond ±``low`` that somewhere pass ±``high``, strongest first.
+
+    ``scale`` is the size of one pixel of the map in px of the full image.
+    """
+    mask = (np.abs(contrast) > low).astype(np.uint8)
+    count, found = cv2.connectedComponents(mask, connectivity=8, ltype=cv2.CV_32S)
+    table = _measure(np.asarray(found, np.int32), contrast, count)
+    table = table[1:][table[1:, 9] >= high]
+    strength = np.sqrt(table[:, 8] / np.maximum(table[:, 4], _SPECK))
+    order = np.argsort(-strength, kind="stable")[:_MAX_SPOTS]
+    shift = 0.5 * (scale - 1.0)
+    return [
+        Spot(
+            box=(row[0] * scale, row[1] * scale, row[2] * scale, row[3] * scale),
+            centre=(row[6] / row[5] * scale + shift, row[7] / row[5] * scale + shift),
+            contrast=strong,
+            mass=row[5] * scale * scale,
+        )
+        for row, strong in zip(table[order].tolist(), strength[order].tolist(), strict=True)
+    ]
+
+
+def gap(a: Spot, b: Spot) -> float:
+    """Return the distance between two boxes, px; 0 where they touch."""
+    dx = max(a.box[0] - b.box[2], b.box[0] - a.box[2], 0.0)
+    dy = max(a.box[1] - b.box[3], b.box[1] - a.box[3], 0.0)
+    return max(dx, dy)
+
+
+def joined(spots: list[Spot], reach: float, least_px: float, growth: float) -> list[Spot]:
+    """Put together the fragments of one thing, strongest first.
+
+    A fragment joins a piece of more mass if it lies closer than ``reach`` of that piece's size (or ``least_px``)
+    and does not make it larger than ``growth`` times its size (or three times ``least_px``).
+    """
+    whole: list[tuple[Spot, Spot]] = []  # each with its main piece
+    for s in sorted(spots, key=lambda s: -s.mass):
+        for i, (w, main) in enumerate(whole):
+            union = _union(w, s)
+            near = gap(w, s) <= max(reach * main.size, least_px)
+            if near and union.size <= max(growth * main.size, 3.0 * least_px):
+                whole[i] = (union, main)
+                break
+        else:
+            whole.append((s, s))
+    return sorted((w for w, _ in whole), key=lambda s: -s.contrast)
+
+
+def _union(a: Spot, b: Spot) -> Spot:
+    share = a.mass / (a.mass + b.mass)
+    return Spot(
+        box=(min(a.box[0], b.box[0]), min(a.box[1], b.box[1]), max(a.box[2], b.box[2]), max(a.box[3], b.box[3])),
+        centre=(
+            share * a.centre[0] + (1 - share) * b.centre[0],
+            share * a.centre[1] + (1 - share) * b.centre[1],
+        ),
+        contrast=max(a.contrast, b.contrast),
+        mass=a.mass + b.mass,
+        sky=min(a.sky, b.sky),
+    )

@@ -1,0 +1,98 @@
+"""Which of the regions is the target: size, place, contrast and looks, or a named reason why none is."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.detection.appearance import Appearance, features, mean_colour
+from groundstation.detection.config import DetectionConfig
+from groundstation.detection.look import UNKNOWN_SPAN_PX, Look
+from groundstation.detection.regions import Group, Regions, groups_around
+from groundstation.messages import Miss, MissReason
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Memory:
+    """What confident frames leave: the silhouette's width in px, averaged, its looks, and the misses since."""
+
+    span_px: float
+    appearance: Appearance
+    misses: int = 0
+
+
+def choose(regions: Regions, look: Look, memory: Memory | None, config: DetectionConfig) -> Group | Miss:
+    """Pick the group that is the target, or say why none is."""
+    sigma = math.sqrt(float(np.linalg.eigvalsh(look.covariance)[-1]))
+    span = look.span if look.span is not None else UNKNOWN_SPAN_PX
+    x, y = look.predicted
+    groups = groups_around(
+        regions,
+        (float(x), float(y)),
+        config.gate_sigmas * sigma + 0.5 * span + 2.0,
+        None if look.span is None else look.span * math.exp(min(look.span_sigma, 0.7)),
+        0.4 if look.forward is None else 0.35 + 0.35 * float(np.hypot(*look.forward)),
+        config.min_contrast_to_noise,
+        look.open_edges(),
+    )
+    if not groups:
+        return Miss(reason=MissReason.NO_REGION, detail="no region of enough contrast near the prediction")
+    heaviest = max(g.mass for g in groups)
+    unlike = {g.labels: _unlikeness(g, regions, look, memory) for g in groups}
+    scored = sorted(((_score(g, look, heaviest, unlike[g.labels], config), g) for g in groups), key=lambda s: -s[0])
+    best_score, best = scored[0]
+    if best.contrast < config.min_contrast_to_noise:
+        return Miss(reason=MissReason.LOW_CONTRAST, detail=f"contrast {best.contrast:.1f} sigma")
+    if best_score == -math.inf:
+        nearest = min(groups, key=lambda g: float(np.hypot(*(g.centre - look.predicted))))
+        if _distance(nearest, look) > config.gate_sigmas**2:
+            return Miss(reason=MissReason.NO_REGION, detail="the nearest region is too far from the prediction")
+        if unlike[nearest.labels] > config.appearance_gate:
+            return Miss(reason=MissReason.NO_REGION, detail="the nearest region looks unlike the target")
+        return Miss(reason=MissReason.WRONG_SIZE, detail=f"{nearest.width} px wide, {span:.0f} px expected")
+    for score, other in scored[1:]:
+        if not set(other.labels) & set(best.labels) and score - best_score > math.log(config.ambiguity_ratio):
+            return Miss(reason=MissReason.AMBIGUOUS, detail="two regions fit the prediction about equally")
+    return best
+
+
+def _unlikeness(group: Group, regions: Regions, look: Look, memory: Memory | None) -> float:
+    """Return how unlike the learnt target a group looks, in sigmas."""
+    if memory is None or group.rim:
+        return 0.0
+    seen = features_of(group, regions, look)
+    return memory.appearance.distance(seen, float(group.width * look.scale), memory.misses)
+
+
+def _score(group: Group, look: Look, heaviest: float, unlike: float, config: DetectionConfig) -> float:
+    """Return the log-likelihood of a group, −inf where a gate excludes it."""
+    distance = _distance(group, look)
+    if distance > config.gate_sigmas**2 or group.width * look.scale < config.min_span_px:
+        return -math.inf
+    if unlike > config.appearance_gate:
+        return -math.inf
+    score = -0.5 * distance - 0.5 * unlike**2 + math.log(group.mass / heaviest)
+    if look.span is not None:
+        # one pixel of blur at each tip besides what the hint allows
+        sigma = math.hypot(look.span_sigma, 2.0 / look.span)
+        deviation = math.log(group.width / look.span) / sigma
+        clipped = group.rim
+        if abs(deviation) > config.size_gate_sigmas and not (clipped and deviation < 0):
+            return -math.inf
+        score -= 0.5 * deviation**2
+    return score
+
+
+def _distance(group: Group, look: Look) -> float:
+    """Return the squared distance of a group from the prediction in sigmas; its nose may be off its centre."""
+    spread = look.covariance + (1.0 + (0.15 * group.width) ** 2) * np.eye(2)
+    offset = group.centre - look.predicted
+    return float(offset @ np.linalg.solve(spread, offset))
+
+
+def features_of(group: Group, regions: Regions, look: Look) -> FloatArray:
+    """Return what a group looks like, in full-image px."""
+    members, box = np.array(group.labels, np.int64), np.array(group.box, np.float64)
+    colour = mean_colour(look.image, regions.labels, members, box)
+    return features(colour, float(group.width), float(group.height), group.area)

@@ -1,0 +1,105 @@
+"""Tuning of the detector: every value with its meaning and default."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class Channel(StrEnum):
+    """Which scalar image the level set divides."""
+
+    AUTO = "auto"
+    GREY = "grey"
+    SATURATION = "saturation"
+    COLOUR = "colour"
+    BACKGROUND = "background"
+
+
+class TargetPoint(StrEnum):
+    """Which point of the silhouette is reported."""
+
+    NOSE = "nose"
+    CENTROID = "centroid"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelSetConfig:
+    """Weights and numerics of the Chan-Vese level set; the image is scaled to [0, 1].
+
+    Attributes
+    ----------
+    mu : weight of the contour's length.
+    nu : weight of the area inside (positive shrinks).
+    lambda1, lambda2 : weights of the misfit inside and outside.
+    eps : width in px of the regularised Heaviside and delta.
+    time_step : artificial time per iteration; the length term is implicit, so large steps are stable.
+    iterations : at most this many.
+    stop_fraction : stop when fewer than this fraction of the pixels inside changed sides ...
+    stop_after : ... in this many iterations running.
+    """
+
+    mu: float = 0.02
+    nu: float = 0.0
+    lambda1: float = 1.0
+    lambda2: float = 1.0
+    eps: float = 1.0
+    time_step: float = 60.0
+    iterations: int = 120
+    stop_fraction: float = 0.004
+    stop_after: int = 2
+
+    def __post_init__(self) -> None:
+        if min(self.mu, self.lambda1, self.lambda2) < 0 or self.eps <= 0 or self.time_step <= 0:
+            raise ValueError("mu, lambda1, lambda2 must be ≥ 0, eps and time_step > 0")
+        if self.iterations < 1 or self.stop_after < 1:
+            raise ValueError("iterations and stop_after must be ≥ 1")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectionConfig:
+    """Tuning of one camera's detector.
+
+    Attributes
+    ----------
+    level_set : the Chan-Vese weights and numerics.
+    channel : which scalar image is divided; "auto" takes the one with the best measured contrast.
+    learn_background : keep a few earlier frames to know what lies behind the target; "background" is the colour
+        distance from them, where they know it.
+    equalise : equalise the histogram of the saturation channel, as the reference system does.
+    target_point : the nose, or the silhouette's centroid.
+    roi_basic_px : width and height added to the target's last size.
+    roi_sigmas : the ROI is widened by this many sigmas of the prediction to either side.
+    roi_max_sigma_px : a prediction with a larger sigma than this does not widen the ROI further.
+    min_contrast_to_noise : a silhouette with less contrast is a miss.
+    gate_sigmas : a silhouette farther from the prediction than this many sigmas is not the target.
+    size_gate_sigmas : nor one whose span differs by more than this many sigmas from the expected span.
+    min_span_px : nor one smaller than this.
+    ambiguity_ratio : a second candidate at least this likely, relative to the best, makes a miss.
+    max_working_span_px : larger targets are looked at in a reduced image, to bound the time.
+    appearance_rate : how fast the learnt appearance follows confident frames, per frame.
+    appearance_gate : appearance distance in sigmas beyond which a candidate is something else.
+    """
+
+    level_set: LevelSetConfig = field(default_factory=LevelSetConfig)
+    channel: Channel = Channel.AUTO
+    learn_background: bool = True
+    equalise: bool = False
+    target_point: TargetPoint = TargetPoint.NOSE
+    roi_basic_px: tuple[int, int] = (250, 100)
+    roi_sigmas: float = 3.0
+    roi_max_sigma_px: float = 200.0
+    min_contrast_to_noise: float = 3.0
+    gate_sigmas: float = 5.0
+    size_gate_sigmas: float = 3.0
+    min_span_px: float = 2.0
+    ambiguity_ratio: float = 0.6
+    max_working_span_px: float = 160.0
+    appearance_rate: float = 0.1
+    appearance_gate: float = 1.5
+
+    def __post_init__(self) -> None:
+        if min(self.roi_basic_px) < 1 or self.roi_sigmas < 0:
+            raise ValueError("roi_basic_px must be ≥ 1 and roi_sigmas ≥ 0")
+        if not 0 < self.ambiguity_ratio <= 1 or not 0 <= self.appearance_rate <= 1:
+            raise ValueError("ambiguity_ratio and appearance_rate must lie in (0, 1]")
+        if self.max_working_span_px < 20:
+            raise ValueError("max_working_span_px must be ≥ 20")

@@ -1,0 +1,209 @@
+"""One camera's detector: a region of interest in, the pixel of the nose or a named miss out."""
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.detection import chan_vese
+from groundstation.detection.appearance import first_look
+from groundstation.detection.background import BackgroundMemory, Difference
+from groundstation.detection.choice import Memory, choose, features_of
+from groundstation.detection.config import DetectionConfig, TargetPoint
+from groundstation.detection.look import UNKNOWN_SPAN_PX, DetectionHint, Look, expectation, start_look
+from groundstation.detection.preprocess import Prepared, prepare
+from groundstation.detection.regions import Group, Regions, find_regions
+from groundstation.detection.target_point import find_nose
+from groundstation.messages import Detection, Miss, MissReason, Roi
+
+__all__ = ["DetectionHint", "Detector", "warm_up"]
+
+_MEMORY_SPAN_SIGMA = 0.2
+_MEMORY_SIGMA_PER_MISS = 0.05
+_MEMORY_RATE = 0.3
+_MISSES_TO_FORGET = 5
+_TRUSTED_CONTRAST = 5.0
+_MISSES_TO_FORGET_LOOKS = 30
+
+
+class Detector:
+    """Finds the target of one camera, frame after frame."""
+
+    def __init__(self, config: DetectionConfig, image_size_px: tuple[int, int]) -> None:
+        self._config = config
+        self._image_size_px = image_size_px
+        self._memory: Memory | None = None
+        self._background = BackgroundMemory()
+
+    def reset(self) -> None:
+        """Forget the contour, size and appearance of the target."""
+        self._memory = None
+        self._background.reset()
+
+    def detect(self, image: ImageArray, roi: Roi, hint: DetectionHint) -> Detection | Miss:
+        """Look for the target inside ``roi`` of a full image (h, w, 3) BGR."""
+        limits = (self._config.min_span_px, self._config.max_working_span_px)
+        look = start_look(image, roi, hint, self._expected_size(hint), limits)
+        expected = expectation(look)
+        box = expected.box
+        if box[2] - box[0] < 2 or box[3] - box[1] < 2:
+            return Miss(reason=MissReason.OUT_OF_VIEW, detail="the prediction lies outside the region of interest")
+        difference = self._learnt_difference(image, look, box)
+        prepared = prepare(look.image, expected, difference, self._config)
+        if prepared.level < self._config.min_contrast_to_noise:
+            detail = f"nothing above {prepared.level:.1f} sigma near the prediction"
+            return self._missed(Miss(reason=MissReason.LOW_CONTRAST, detail=detail))
+        phi = self._evolve(prepared, look)
+        regions = find_regions(phi, prepared.contrast)
+        choice = choose(regions, look, self._memory, self._config)
+        if isinstance(choice, Miss):
+            return self._missed(choice)
+        detection = self._describe(choice, regions, prepared, phi, look)
+        if isinstance(detection, Miss):
+            return self._missed(detection)
+        if not detection.cut:
+            self._learn(image, detection, features_of(choice, regions, look))
+        return detection
+
+    def _missed(self, miss: Miss) -> Miss:
+        """Count a miss; after several, the background may hold what it should not."""
+        if self._memory is not None:
+            self._memory = replace(self._memory, misses=self._memory.misses + 1)
+            if self._memory.misses % _MISSES_TO_FORGET == 0:
+                self._background.reset()
+            if self._memory.misses >= _MISSES_TO_FORGET_LOOKS:
+                self._memory = None
+        return miss
+
+    def _learn(self, image: ImageArray, detection: Detection, seen: FloatArray) -> None:
+        """Take over what a detection shows of the target's size and looks, and of its background."""
+        width, appearance = max(detection.box[2], 1.0), first_look(seen)
+        if self._memory is not None:
+            old = self._memory.span_px
+            width = old * math.exp(_MEMORY_RATE * math.log(width / old))
+            appearance = self._memory.appearance.learn(seen, self._config.appearance_rate)
+        self._memory = Memory(span_px=width, appearance=appearance)
+        sure = detection.contrast_to_noise >= _TRUSTED_CONTRAST
+        if sure and self._config.learn_background:
+            self._background.remember(image, _place_of(detection), detection.box[2])
+
+    def _learnt_difference(self, image: ImageArray, look: Look, box: tuple[int, int, int, int]) -> Difference | None:
+        """Return the image less the learnt background; large targets, seen reduced, go without."""
+        if look.scale > 1 or not self._config.learn_background:
+            return None
+        x, y = look.roi.x, look.roi.y
+        target = (box[0] + x, box[1] + y, box[2] + x, box[3] + y)
+        return self._background.subtract(image, (x, y), (look.roi.w, look.roi.h), target)
+
+    def _expected_size(self, hint: DetectionHint) -> tuple[float | None, float]:
+        """Return the span to expect in px and the sigma of its logarithm: the better of hint and memory."""
+        span, sigma = hint.expected_span_px, hint.span_sigma_ratio
+        if self._memory is not None:
+            # what was seen ages: after misses the size may have been wrong
+            remembered = _MEMORY_SPAN_SIGMA + _MEMORY_SIGMA_PER_MISS * self._memory.misses
+            if span is None or sigma > remembered:
+                return self._memory.span_px, remembered
+        return span, sigma
+
+    def _evolve(self, prepared: Prepared, look: Look) -> NDArray[np.float32]:
+        """Run the level set from an ellipse of the expected size at the prediction."""
+        h, w = prepared.u.shape
+        half = 0.5 * (look.span if look.span is not None else UNKNOWN_SPAN_PX)
+        x = (np.arange(w) - look.predicted[0]) / half
+        y = (np.arange(h) - look.predicted[1]) / (0.5 * half)
+        inside = np.hypot(x[None, :], y[:, None]) < 1.0
+        phi = chan_vese.start(prepared.u, inside)
+        level = self._config.level_set
+        chan_vese.evolve(
+            prepared.u,
+            phi,
+            (level.mu, level.nu, level.lambda1, level.lambda2),
+            level.eps,
+            level.time_step,
+            level.iterations,
+            level.stop_fraction,
+            level.stop_after,
+        )
+        return phi
+
+    def _describe(
+        self,
+        group: Group,
+        regions: Regions,
+        prepared: Prepared,
+        phi: NDArray[np.float32],
+        look: Look,
+    ) -> Detection | Miss:
+        """Measure the chosen group: target point, covariance, outline."""
+        h, w = phi.shape
+        margin = max(4, math.ceil(0.08 * group.width))
+        x0, y0 = max(group.box[0] - margin, 0), max(group.box[1] - margin, 0)
+        x1, y1 = min(group.box[2] + margin, w), min(group.box[3] + margin, h)
+        member = np.isin(regions.labels[y0:y1, x0:x1], group.labels).astype(np.uint8)
+        near = cv2.dilate(member, np.ones((3, 3), np.uint8)) > 0
+        soft = np.where(near, prepared.u[y0:y1, x0:x1], np.float32(0))
+        corner = np.array([x0, y0], np.float64)
+        width = float(group.width)
+        forward = None if look.forward is None else look.forward * width
+        up = None if look.up is None else look.up * width
+        expected = None if look.span is None else (look.span, look.span_sigma)
+        nose = find_nose(np.ascontiguousarray(soft), width, group.contrast, forward, up, expected, look.height_per_span)
+        point = look.full(nose.point + corner)
+        covariance = nose.covariance * look.scale**2
+        if self._config.target_point is TargetPoint.CENTROID:
+            point = look.full(group.centre)
+        cut = look.cuts(group.box)
+        if cut:
+            if look.border_distance(point) < 0.1 * width * look.scale or look.half_wing_gone(group.box):
+                return Miss(reason=MissReason.CUT, detail="the image border cuts the nose off")
+            # what is missing may have been the wider part
+            covariance = covariance + (0.05 * group.width * look.scale) ** 2 * np.eye(2)
+        size = look.scale
+        left, top = look.full(np.array(group.box[:2]) - 0.5)
+        return Detection(
+            u_px=float(point[0]),
+            v_px=float(point[1]),
+            covariance_px2=covariance,
+            centroid_px=look.full(group.centre),
+            box=(float(left), float(top), float(group.width * size), float(group.height * size)),
+            area_px=group.area * size**2,
+            contour_px=_outline(member, look, corner),
+            contrast_to_noise=group.contrast,
+            channel=prepared.channel.value,
+            cut=cut,
+        )
+
+
+def _place_of(detection: Detection) -> tuple[int, int, int, int]:
+    """Return the box that certainly hides the background: x0, y0, x1, y1 in full-image px."""
+    x, y, w, h = detection.box
+    cx, cy = x + 0.5 * w, y + 0.5 * h
+    half_w, half_h = 0.6 * w + 3, max(0.25 * w, 0.6 * h) + 3
+    return int(cx - half_w), int(cy - half_h), int(cx + half_w) + 1, int(cy + half_h) + 1
+
+
+def _outline(member: NDArray[np.uint8], look: Look, corner: FloatArray) -> NDArray[np.float32]:
+    """Return the outline in full-image pixels, pieces separated by a row of NaN."""
+    contours, _ = cv2.findContours(member, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    gap = np.full((1, 2), np.nan)
+    pieces: list[FloatArray] = []
+    for contour in contours:
+        pieces += [look.full(contour.reshape(-1, 2) + corner), gap]
+    return np.concatenate(pieces[:-1]).astype(np.float32) if pieces else np.empty((0, 2), np.float32)
+
+
+def warm_up() -> None:
+    """Compile every kernel by a few looks at a small synthetic scene that moves behind its target."""
+    y, x = np.mgrid[0:96, 0:160]
+    scene = (150 + 40 * ((x // 9 + y // 7) % 2)).astype(np.uint8)
+    detector = Detector(DetectionConfig(), (160, 96))
+    for k in range(4):
+        image = np.ascontiguousarray(np.roll(np.repeat(scene[:, :, None], 3, axis=2), k, axis=1))
+        image[40:46, 60:90] = (20, 40, 220)
+        hint = DetectionHint(
+            predicted_px=np.array([75.0, 43.0]), predicted_covariance_px2=np.eye(2), expected_span_px=30.0
+        )
+        detector.detect(image, Roi(x=0, y=0, w=160, h=96), hint)

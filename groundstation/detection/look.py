@@ -1,0 +1,157 @@
+"""What one look starts from: the hint, the working image cut out for it, and where in it the target may be."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.detection.preprocess import Expectation
+from groundstation.messages import Roi
+
+UNKNOWN_SPAN_PX = 25.0
+_LENGTH_PER_SPAN = 0.75
+_MIN_SPAN_SIGMA = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DetectionHint:
+    """What the filter knows before looking.
+
+    Attributes
+    ----------
+    predicted_px : (2,) expected target point in the full image.
+    predicted_covariance_px2 : (2, 2) its covariance.
+    expected_span_px : expected wing span in px, None if unknown.
+    span_sigma_ratio : one sigma of the logarithm of the expected span.
+    forward_px_per_m : (2,) image motion of a point 1 m further along the flight direction, None if unknown.
+    up_px_per_m : (2,) image of 1 m of runway-up at the target, None if unknown.
+    px_per_m : scale at the target's range, None if unknown.
+    height_m : of the target point above the runway, None if unknown; a rolling aircraft holds itself level.
+    """
+
+    predicted_px: FloatArray
+    predicted_covariance_px2: FloatArray
+    expected_span_px: float | None = None
+    span_sigma_ratio: float = 0.7
+    forward_px_per_m: FloatArray | None = None
+    up_px_per_m: FloatArray | None = None
+    px_per_m: float | None = None
+    height_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Look:
+    """The working image of one frame: ``scale`` full-image px per working px, origin in the full image.
+
+    ``forward`` and ``up`` (2,) are the image shift of one span's length along these directions, in spans;
+    ``height_per_span`` is the height above the runway in spans.
+    """
+
+    roi: Roi
+    scale: int
+    image: ImageArray
+    image_size_px: tuple[int, int]
+    predicted: FloatArray
+    covariance: FloatArray
+    span: float | None
+    span_sigma: float
+    forward: FloatArray | None
+    up: FloatArray | None
+    height_per_span: float | None
+
+    def full(self, point: FloatArray) -> FloatArray:
+        """Map a working pixel (2,) to the full image."""
+        offset = 0.5 * (self.scale - 1)
+        return np.asarray(point * self.scale + offset + np.array([self.roi.x, self.roi.y]), np.float64)
+
+    def open_edges(self) -> tuple[bool, bool, bool, bool]:
+        """Return for left, top, right, bottom whether the image goes on beyond the region of interest."""
+        roi, (w, h) = self.roi, self.image_size_px
+        return (roi.x > 0, roi.y > 0, roi.x + roi.w + self.scale <= w, roi.y + roi.h + self.scale <= h)
+
+    def cuts(self, box: tuple[int, int, int, int]) -> bool:
+        """Return whether a working box x0, y0, x1, y1 touches the image border."""
+        x0, y0, x1, y1 = box
+        left, top, right, bottom = (not edge for edge in self.open_edges())
+        h, w = self.image.shape[:2]
+        return (left and x0 <= 0) or (top and y0 <= 0) or (right and x1 >= w) or (bottom and y1 >= h)
+
+    def half_wing_gone(self, box: tuple[int, int, int, int]) -> bool:
+        """Return whether half a span, measured from the wing tip in view, ends outside the image."""
+        if self.span is None:
+            return False
+        left, _, right, _ = (not edge for edge in self.open_edges())
+        x0, _, x1, _ = box
+        w = self.image.shape[1]
+        return (left and x0 <= 0 and x1 < 0.5 * self.span) or (right and x1 >= w and w - x0 < 0.5 * self.span)
+
+    def border_distance(self, point: FloatArray) -> float:
+        """Return how far inside the image a full-image pixel lies; negative outside."""
+        w, h = self.image_size_px
+        return float(min(point[0], point[1], w - 1 - point[0], h - 1 - point[1]))
+
+
+def start_look(
+    image: ImageArray,
+    roi: Roi,
+    hint: DetectionHint,
+    size: tuple[float | None, float],
+    limits: tuple[float, float],
+) -> Look:
+    """Cut the region of interest out and reduce it where the target is large.
+
+    ``size`` is the expected span in px and the sigma of its logarithm, ``limits`` the smallest span in px and
+    the largest to be seen unreduced.
+    """
+    span, sigma = size
+    window = image[roi.y : roi.y + roi.h, roi.x : roi.x + roi.w]
+    scale = 1
+    while span is not None and span / scale > limits[1]:
+        scale *= 2
+    if scale > 1:
+        roi = Roi(x=roi.x, y=roi.y, w=max(roi.w - roi.w % scale, 1), h=max(roi.h - roi.h % scale, 1))
+        reduced = (max(roi.w // scale, 1), max(roi.h // scale, 1))
+        window = np.asarray(cv2.resize(window[: roi.h, : roi.w], reduced, interpolation=cv2.INTER_AREA), np.uint8)
+    offset = np.array([roi.x, roi.y]) + 0.5 * (scale - 1)
+    metres = span * scale / hint.px_per_m if span is not None and hint.px_per_m else None
+    return Look(
+        roi=roi,
+        scale=scale,
+        image=np.ascontiguousarray(window),
+        image_size_px=(image.shape[1], image.shape[0]),
+        predicted=(np.asarray(hint.predicted_px, np.float64) - offset) / scale,
+        covariance=np.asarray(hint.predicted_covariance_px2, np.float64) / scale**2,
+        span=None if span is None else max(span / scale, limits[0]),
+        span_sigma=max(sigma, _MIN_SPAN_SIGMA),
+        forward=_in_spans(hint.forward_px_per_m, hint.px_per_m),
+        up=_in_spans(hint.up_px_per_m, hint.px_per_m),
+        height_per_span=None if hint.height_m is None or not metres else hint.height_m / metres,
+    )
+
+
+def _in_spans(shift_px_per_m: FloatArray | None, px_per_m: float | None) -> FloatArray | None:
+    """Return an image shift per metre as a share of the scale, None where either is unknown."""
+    if shift_px_per_m is None or not px_per_m:
+        return None
+    return np.asarray(shift_px_per_m, np.float64) / px_per_m
+
+
+def expectation(look: Look) -> Expectation:
+    """Return where in the working image the target may be, and how likely each column and row is."""
+    h, w = look.image.shape[:2]
+    span = look.span if look.span is not None else UNKNOWN_SPAN_PX
+    # the tail trails behind the nose
+    tail = np.zeros(2) if look.forward is None else -_LENGTH_PER_SPAN * span * look.forward
+    sigma = np.sqrt(np.diag(look.covariance)) + 1.0
+    low = look.predicted + np.minimum(tail, 0.0) - np.array([0.7, 0.35]) * span
+    high = look.predicted + np.maximum(tail, 0.0) + np.array([0.7, 0.35]) * span
+    first = np.clip(low - 2.0 * sigma, 0, (w, h)).astype(int)
+    last = np.clip(high + 2.0 * sigma + 1.0, 0, (w, h)).astype(int)
+    likely = []
+    for axis in (0, 1):
+        place = np.arange(first[axis], last[axis])
+        beyond = np.maximum(np.maximum(low[axis] - place, place - high[axis]), 0.0) / sigma[axis]
+        likely.append(np.exp(-0.5 * beyond**2).astype(np.float32))
+    box = (int(first[0]), int(first[1]), int(last[0]), int(last[1]))
+    return Expectation(box=box, columns=likely[0], rows=likely[1], span_px=look.span)

@@ -1,0 +1,43 @@
+"""Where to look: the region of interest around a predicted target point."""
+
+import math
+
+from groundstation.arrays import FloatArray
+from groundstation.detection.config import DetectionConfig
+from groundstation.messages import Roi
+
+
+def place_roi(
+    predicted_px: FloatArray,
+    predicted_covariance_px2: FloatArray,
+    last_size_px: tuple[float, float] | None,
+    config: DetectionConfig,
+    image_size_px: tuple[int, int],
+) -> Roi | None:
+    """Return the window to search, clipped to the image, or None if nothing of it lies inside.
+
+    Parameters
+    ----------
+    predicted_px : (2,) expected target point, u and v.
+    predicted_covariance_px2 : (2, 2) its covariance.
+    last_size_px : width and height of the target's last silhouette, None if not known.
+
+    The window is the target's last size plus the basic size, centred on the prediction and widened by
+    ``roi_sigmas`` of it to either side.
+    """
+    size = last_size_px if last_size_px is not None else (0.0, 0.0)
+    edges: list[tuple[int, int]] = []
+    for axis in (0, 1):
+        centre, variance = float(predicted_px[axis]), float(predicted_covariance_px2[axis, axis])
+        if not math.isfinite(centre) or not variance >= 0:
+            return None
+        sigma = min(math.sqrt(variance), config.roi_max_sigma_px)
+        half = 0.5 * (size[axis] + config.roi_basic_px[axis]) + config.roi_sigmas * sigma
+        limit = image_size_px[axis]
+        low = min(max(centre - half + 0.5, 0.0), float(limit))
+        high = min(max(centre + half + 0.5, 0.0), float(limit))
+        edges.append((round(low), round(high)))
+    (x0, x1), (y0, y1) = edges
+    if x1 - x0 < 1 or y1 - y0 < 1:
+        return None
+    return Roi(x=x0, y=y0, w=x1 - x0, h=y1 - y0)

@@ -1,0 +1,250 @@
+"""The target point of a silhouette: the centre of the aircraft's nose, with its uncertainty.
+
+The fuselage is where a disc of its own radius fits best: thin parts (wing, tail, gear) fill little of it.
+Seen nearly head-on the best place of that disc is the nose itself; seen from the side or from below the
+fuselage is a strip, and the nose is its forward end.
+"""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray
+from groundstation.detection.fuselage import locate_nose, trace
+from groundstation.detection.wing import find_wing
+
+_RADIUS_PER_SPAN = 0.07
+_FLANK_WEIGHT = 0.3
+_FLANK_RADII = 2.5
+_MAX_ROLL_RAD = math.radians(35.0)
+_CORE_PER_SPAN = 0.025  # half width of the fuselage's core
+_SHAPE_PER_SPAN = 0.0042
+_LEAD_SIGMA_PER_SPAN = 0.06
+_CRAB_SIGMA_RAD = math.radians(3.5)
+_WING_PER_SPAN = 0.04  # behind this the wing no longer hides the fuselage's sides
+_TAIL_PER_SPAN = 0.35  # from the thickest part to ahead of the tailplane
+_WIDEST_PER_SPAN = 0.13
+_MIN_TAIL_PX = 10.0
+_END_ON = 0.3  # shorter images of a length than this do not show the fuselage's forward end
+_LEAD_PER_SPAN = 0.26  # nose to the thickest part of the fuselage, at the wing
+_UNKNOWN_HEADING = 0.25
+_SUBPIXEL = 4
+_SIDE_ON = 0.8
+_TIP_PER_SPAN = 0.006
+_BODY_ASIDE = 0.035
+_BODY_SIGMA_PER_SPAN = 0.04
+_MISFIT_SHARE = 0.12
+_INCIDENCE_RAD = math.radians(5.0)  # how far the body is usually pitched above its path in flight
+_ROLLING_PER_SPAN, _FLYING_PER_SPAN = 0.15, 0.45  # height of the nose above the runway
+_ROLLING_CRAB_SIGMA, _CRAB_SIGMA = math.radians(3.0), math.radians(4.5)
+_PITCH_SIGMA = math.radians(3.0)
+_CRAB_FROM_PX, _CRAB_SURE_PX = 60.0, 110.0  # spans between which crab becomes legible
+_NOISE_PX_SIGMAS = 3.0  # px, over contrast
+_EDGE_PX, _EDGE_PX_SIGMAS = 0.2, 3.0  # sigma of an edge's place: best, and as noise over contrast
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NosePoint:
+    """A target point (2,) in working pixels with its (2, 2) covariance."""
+
+    point: FloatArray
+    covariance: FloatArray
+
+
+def disc_kernel(radius: float) -> NDArray[np.float32]:
+    """Return a disc of this radius, anti-aliased, that sums to one."""
+    half = math.ceil(radius)
+    fine = (np.arange((2 * half + 1) * _SUBPIXEL) + 0.5) / _SUBPIXEL - half - 0.5
+    inside = (fine[:, None] ** 2 + fine[None, :] ** 2 <= radius * radius).astype(np.float32)
+    n = 2 * half + 1
+    disc = inside.reshape(n, _SUBPIXEL, n, _SUBPIXEL).mean(axis=(1, 3))
+    return np.asarray(disc / disc.sum(), np.float32)
+
+
+def find_nose(
+    membership: NDArray[np.float32],
+    span: float,
+    contrast: float,
+    forward_per_span: FloatArray | None,
+    up: FloatArray | None,
+    expected: tuple[float, float] | None = None,
+    height_per_span: float | None = None,
+) -> NosePoint:
+    """Return the nose of one silhouette.
+
+    Parameters
+    ----------
+    membership : (h, w) in [0, 1], soft silhouette with at least a disc of empty rim.
+    span : px, the aircraft's wing span here.
+    contrast : of the silhouette, in sigmas.
+    forward_per_span : (2,) image shift in px of one span's length along the flight direction, or None.
+    up : (2,) image shift in px of one span's length of runway-up, or None.
+    """
+    thickest = _thickest(membership, max(_RADIUS_PER_SPAN * span, 1.2))
+    noise = (0.15 + _NOISE_PX_SIGMAS / max(contrast, 1.0)) ** 2
+    covariance = (noise + (_SHAPE_PER_SPAN * span) ** 2) * np.eye(2)
+    if forward_per_span is None:
+        # the nose may lie anywhere within the lead of an aircraft seen some 15° off its axis
+        return NosePoint(
+            point=thickest, covariance=covariance + (_UNKNOWN_HEADING * _LEAD_PER_SPAN * span) ** 2 * np.eye(2)
+        )
+    airborne = _airborne(height_per_span)
+    forward = forward_per_span
+    if up is not None:
+        forward = forward + math.sin(airborne * _INCIDENCE_RAD) * up
+    if float(np.hypot(*forward)) < _SIDE_ON * span:
+        found = _near_head_on(membership, thickest, forward, (span, contrast), (expected, airborne))
+        return NosePoint(point=found.point, covariance=found.covariance + covariance)
+    forward, forward_covariance = _fuselage_axis(membership, thickest, forward, span)
+    lead = _lead(membership, thickest, forward, span)
+    lead_error = _LEAD_SIGMA_PER_SPAN * forward
+    covariance += np.outer(lead_error, lead_error) + _LEAD_PER_SPAN**2 * forward_covariance
+    return NosePoint(point=thickest + lead * forward, covariance=covariance)
+
+
+def _near_head_on(
+    membership: NDArray[np.float32],
+    thickest: FloatArray,
+    forward: FloatArray,
+    seen: tuple[float, float],
+    known: tuple[tuple[float, float] | None, float],
+) -> NosePoint:
+    """Return the nose of an aircraft whose wing is seen in its full width.
+
+    ``seen`` is the silhouette's width and contrast, ``forward`` (2,) the expected image of the body axis, px per
+    that width, ``known`` the expected span with its log-sigma and how surely it flies.
+    """
+    width, contrast = seen
+    expected, airborne = known
+    edge = _EDGE_PX + _EDGE_PX_SIGMAS / max(contrast, 1.0)
+    span = _likely_span(width, expected)
+    wing = find_wing(membership, thickest, span)
+    outline = trace(wing.level, wing.level_point(thickest), wing.band, span)
+    body = float(wing.level_point(thickest)[0])
+    middle, middle_sigma = body, _BODY_SIGMA_PER_SPAN * span
+    if wing.seen:
+        middle = 0.5 * (wing.tips[0] + wing.tips[1])
+        lost = 0.03 * span if expected is None else 0.5 * abs(wing.tips[1] - wing.tips[0] - span)
+        # a body far from the middle means that a tip is hidden or not the wing's
+        lost += max(abs(middle - body) - _BODY_ASIDE * span, 0.0)
+        middle_sigma = math.hypot(edge, _TIP_PER_SPAN * span, lost)
+    level_forward = wing.rotation.T @ forward * (span / width)
+    crab = _ROLLING_CRAB_SIGMA + airborne * (_CRAB_SIGMA - _ROLLING_CRAB_SIGMA)
+    sigma = (crab * span, _PITCH_SIGMA * span)
+    nose, covariance = locate_nose(outline, (middle, middle_sigma), level_forward, sigma, (span, edge))
+    # crab is read from how the fuselage's rows lie: of a small silhouette they say less than its thickest place does
+    legible = min(max((span - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
+    nose[0] = legible * nose[0] + (1.0 - legible) * (body + _LEAD_PER_SPAN * level_forward[0])
+    # a silhouette of the wrong width has lost or gained more than its tips
+    covariance += (_MISFIT_SHARE * (width - span)) ** 2 * np.eye(2)
+    return NosePoint(point=wing.working_point(nose), covariance=wing.rotation @ covariance @ wing.rotation.T)
+
+
+def _airborne(height_per_span: float | None) -> float:
+    """Return 0 for a rolling aircraft, 1 for a flying one, something between where the height does not tell."""
+    if height_per_span is None:
+        return 0.5
+    share = (height_per_span - _ROLLING_PER_SPAN) / (_FLYING_PER_SPAN - _ROLLING_PER_SPAN)
+    return min(max(share, 0.0), 1.0)
+
+
+def _likely_span(width: float, expected: tuple[float, float] | None) -> float:
+    """Return the span in px from a silhouette's width and what was expected: a lost wing makes it too narrow."""
+    if expected is None:
+        return width
+    deviation = math.log(expected[0] / width)
+    own = (0.02 + 1.5 / width + 1.5 * abs(deviation)) ** 2
+    return width * math.exp(deviation * own / (own + expected[1] ** 2))
+
+
+def _lead(membership: NDArray[np.float32], thickest: FloatArray, forward: FloatArray, span: float) -> float:
+    """Return how far ahead of the thickest part the nose lies, in spans: the fuselage's end where that is seen."""
+    length = float(np.hypot(*forward))
+    half = _CORE_PER_SPAN * span
+    if length < _END_ON * span or half < 1.0:
+        return _LEAD_PER_SPAN
+    along = forward / length
+    across = np.array([-along[1], along[0]])
+    t = np.arange(0.0, 2.0 * _LEAD_PER_SPAN * length, 0.5)
+    s = np.arange(-half, half + 0.5)
+    xs = (thickest[0] + t[:, None] * along[0] + s[None, :] * across[0]).astype(np.float32)
+    ys = (thickest[1] + t[:, None] * along[1] + s[None, :] * across[1]).astype(np.float32)
+    strip = cv2.remap(membership, xs, ys, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).mean(axis=1)
+    beyond = np.flatnonzero(strip < 0.5 * max(float(strip[: max(t.size // 4, 1)].mean()), 1e-6))
+    end = float(t[beyond[0]]) / length if beyond.size else _LEAD_PER_SPAN
+    return min(max(end, 0.5 * _LEAD_PER_SPAN), 1.4 * _LEAD_PER_SPAN)
+
+
+def _thickest(membership: NDArray[np.float32], radius: float) -> FloatArray:
+    """Return the place (2,) where a disc is filled best and, along the wing, its neighbourhood is not.
+
+    A wing that blur has thickened holds a disc, too, but then its neighbours along the wing hold one as well.
+    """
+    response = cv2.filter2D(membership, cv2.CV_32F, disc_kernel(radius), borderType=cv2.BORDER_CONSTANT)
+    angle = _wing_angle(membership)
+    dx, dy = _FLANK_RADII * radius * math.cos(angle), _FLANK_RADII * radius * math.sin(angle)
+    size = (response.shape[1], response.shape[0])
+    flanks = np.zeros_like(response)
+    for sign in (1.0, -1.0):
+        shift = np.array([[1.0, 0.0, sign * dx], [0.0, 1.0, sign * dy]])
+        flanks += np.asarray(cv2.warpAffine(response, shift, size), np.float32)
+    response = response - np.float32(0.5 * _FLANK_WEIGHT) * flanks
+    weight = np.clip(response - 0.8 * float(response.max()), 0.0, None) ** 2
+    total = max(float(weight.sum()), 1e-12)
+    rows, columns = weight.sum(axis=1), weight.sum(axis=0)
+    return np.array([columns @ np.arange(columns.size), rows @ np.arange(rows.size)]) / total
+
+
+def _wing_angle(membership: NDArray[np.float32]) -> float:
+    """Return the direction of the silhouette's long axis, 0 where that is too steep to be a wing."""
+    m = cv2.moments(membership)
+    angle = 0.5 * math.atan2(2.0 * m["mu11"], m["mu20"] - m["mu02"])
+    return angle if abs(angle) < _MAX_ROLL_RAD else 0.0
+
+
+def _fuselage_axis(
+    membership: NDArray[np.float32], thickest: FloatArray, forward: FloatArray, span: float
+) -> tuple[FloatArray, FloatArray]:
+    """Correct the image of the flight direction by the fuselage seen behind the wing.
+
+    An aircraft does not point exactly where it flies: crab and incidence are some degrees. Returns the shift
+    of one span along the fuselage (2,) and its covariance (2, 2).
+    """
+    prior = (_CRAB_SIGMA_RAD * span) ** 2
+    length = float(np.hypot(*forward))
+    visible = _TAIL_PER_SPAN * length
+    if visible < _MIN_TAIL_PX:
+        return forward, prior * np.eye(2)
+    direction = forward / length
+    turn = 0.0
+    for half in (0.14 * span, 0.08 * span, 0.08 * span):
+        cos, sin = math.cos(turn), math.sin(turn)
+        along = np.array([cos * direction[0] - sin * direction[1], sin * direction[0] + cos * direction[1]])
+        across = np.array([-along[1], along[0]])
+        t = np.arange(_WING_PER_SPAN * span, visible, dtype=np.float32)
+        s = np.arange(-half, half + 0.5, dtype=np.float32)
+        if t.size < 4:
+            return forward, prior * np.eye(2)
+        xs = (thickest[0] - t[:, None] * along[0] + s[None, :] * across[0]).astype(np.float32)
+        ys = (thickest[1] - t[:, None] * along[1] + s[None, :] * across[1]).astype(np.float32)
+        strip = cv2.remap(membership, xs, ys, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        mass = strip.sum(axis=1)
+        # rows across the wing, the tailplane or the gear say nothing of the fuselage's place
+        weight = np.where(mass < _WIDEST_PER_SPAN * span, mass, 0.0)
+        offset = (strip @ s) / np.maximum(mass, 1e-6)
+        strength = float(weight @ (t * t))
+        if strength <= 1e-6 or float((weight > 1.0).mean()) < 0.4:
+            return forward, prior * np.eye(2)
+        turn -= math.atan(float(weight @ (t * offset)) / strength)
+    # the lateral part is measured to about a pixel at the far end, or a fiftieth of the span
+    measured = ((1.0 + 0.02 * span) / visible * length) ** 2
+    gain = prior / (prior + measured)
+    shift = math.atan(gain * math.tan(min(max(turn, -0.7), 0.7)))
+    cos, sin = math.cos(shift), math.sin(shift)
+    turned = np.array([cos * forward[0] - sin * forward[1], sin * forward[0] + cos * forward[1]])
+    across = np.array([-turned[1], turned[0]]) / length
+    along = turned / length
+    return turned, (1.0 - gain) * prior * np.outer(across, across) + prior * np.outer(along, along)

@@ -1,0 +1,40 @@
+"""Every error that Groundstation raises on purpose: one root, and what was got against what was wanted."""
+
+
+class GroundstationError(Exception):
+    """Root of all errors of this package; its text is one line that a user can act upon."""
+
+
+class InputError(GroundstationError):
+    """A file, a folder or a value that the user gave is not what is needed.
+
+    Parameters
+    ----------
+    where : file (and row, key or column) of the fault.
+    got, wanted : what stood there, and what was needed.
+    """
+
+    def __init__(self, where: str, *, got: str, wanted: str) -> None:
+        self.where = where
+        self.got = got
+        self.wanted = wanted
+        super().__init__(f"{where}: got {got}; wanted {wanted}")
+
+
+class RigError(InputError):
+    """A rig file is not usable."""
+
+
+class SessionError(InputError):
+    """A session folder is not usable."""
+
+
+class ConfigError(InputError):
+    """A configuration file is not usable."""
+
+
+class MissingExtraError(GroundstationError):
+    """An optional part was asked for and its packages are not installed."""
+
+    def __init__(self, part: str, extra: str) -> None:
+        super().__init__(f"{part} needs an optional part; install it with: pip install 'groundstation[{extra}]'")

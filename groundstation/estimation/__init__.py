@@ -1,0 +1,1 @@
+"""The filter over aircraft and pan-tilt units: state, motion, measurements, predictors."""

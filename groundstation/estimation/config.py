@@ -1,0 +1,157 @@
+"""Tuning of the filter, of loss and of acquisition."""
+
+from dataclasses import dataclass, fields
+from enum import StrEnum
+
+# larger than anything this is about, small enough to be squared a few times
+_LARGEST = 1e9
+
+
+def require_positive(config: object, but: tuple[str, ...] = ()) -> None:
+    """Raise `ValueError` unless every number of a configuration is > 0 and of a usual size.
+
+    Fields named in ``but`` may be zero or negative.
+    """
+    for item in fields(config):  # type: ignore[arg-type]
+        value = getattr(config, item.name)
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, bool) or not isinstance(number, (int, float)):
+                continue
+            if abs(number) > _LARGEST or (number <= 0 and item.name not in but):
+                raise ValueError(f"{item.name} = {number:g}, which is not {'of a usual size' if number > 0 else '> 0'}")
+
+
+class OutOfViewWeighting(StrEnum):
+    """What becomes of a pixel when the target may be outside the image."""
+
+    CONSISTENT = "consistent"
+    PAPER = "paper"
+
+
+class Predictor(StrEnum):
+    """Which curve places the region of interest."""
+
+    HERMITE = "hermite"
+    CURVE = "curve"
+    INHERITED_CURVE = "inherited-curve"
+    LINE = "line"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimationConfig:
+    """Tuning of the EKF.
+
+    Attributes
+    ----------
+    acceleration_psd_m2_s3 : (x, y, z) power spectral density of the aircraft's white acceleration; along the
+        runway it must cover flare, braking and brake release.
+    ptu_acceleration_psd_rad2_s3 : the same of each PTU axis.
+    ptu_max_rate_deg_s : no PTU turns faster; a reading that says so is a spike.
+    encoder_gate_sigma : a reading further from its prediction is held back until the next one confirms it.
+    gate_probability : share of true pixels that the chi-square gate lets pass.
+    out_of_view : the weighting of pixels near and beyond the border.
+    paper_border_sigma_px : s of the paper's T = exp(−d²/2s²).
+    min_view_probability : below it the target counts as out of view and the detector does not look.
+    lost_sigma_px, lost_sigma_m : the track is lost when the predicted pixel or the position gets this uncertain.
+    lost_after_s : and at the latest after so long without any accepted pixel.
+    search_again_s : without a fix for so long, the whole frames are searched again beside the prediction.
+    proof_fixes, proof_s : a target found by searching needs so many fixes within so long, or it is dropped.
+    settled_velocity_sigma_m_s : and is reported once its velocity is known so well in every direction.
+    false_target_s, false_target_m : a target found by searching must move so far in so long, or it is dropped.
+    predictor : which curve predicts the region of interest's centre.
+    residual_gate_sigma : rays that miss each other by more sigmas make no baseline point.
+    labelled_sigma_px : noise of a pixel that someone else has found.
+    fix_window_s : detections without frames: stations seen within this time count as one fix.
+    """
+
+    acceleration_psd_m2_s3: tuple[float, float, float] = (1.0, 4.0, 2.0)
+    ptu_acceleration_psd_rad2_s3: float = 1e-3
+    ptu_max_rate_deg_s: float = 120.0
+    encoder_gate_sigma: float = 6.0
+    gate_probability: float = 0.9995
+    out_of_view: OutOfViewWeighting = OutOfViewWeighting.CONSISTENT
+    paper_border_sigma_px: float = 50.0
+    min_view_probability: float = 0.02
+    lost_sigma_px: float = 200.0
+    lost_sigma_m: float = 60.0
+    lost_after_s: float = 8.0
+    search_again_s: float = 1.0
+    proof_fixes: int = 3
+    proof_s: float = 1.0
+    settled_velocity_sigma_m_s: float = 4.0
+    false_target_s: float = 4.0
+    false_target_m: float = 8.0
+    predictor: Predictor = Predictor.HERMITE
+    residual_gate_sigma: float = 5.0
+    labelled_sigma_px: float = 1.0
+    fix_window_s: float = 0.06
+
+    def __post_init__(self) -> None:
+        require_positive(self)
+        if not self.gate_probability < 1:
+            raise ValueError(f"gate_probability {self.gate_probability} outside 0 … 1")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InitiationConfig:
+    """Tuning of how candidates of several cameras become a track.
+
+    Attributes
+    ----------
+    min_range_m, max_range_m : distance of a believable target from the nearest station.
+    min_height_m, max_height_m : its z in the runway frame.
+    min_size_m, max_size_m : its width when the span is not known.
+    size_tolerance : when it is, the apparent width may be this factor smaller or larger.
+    size_agreement : two cameras' widths may differ by this factor.
+    candidate_sigma_px : noise of a candidate's centre, and candidate_sigma_share of its width besides.
+    moving_sigma_share : that of a candidate found by its motion, as a share of the whole aircraft's width …
+    usual_span_m : … for which this span is taken where none is given.
+    residual_gate_sigma : rays further apart than this don't belong together.
+    acceleration_psd_m2_s3 : manoeuvres of a tentative track.
+    hits : a tentative track is confirmed after so many fixes …
+    max_misses : … and dropped after so many epochs in a row without one.
+    min_age_s : and not before this age.
+    min_speed_m_s, max_speed_m_s : a target moves (not asked of pixels that someone else has labelled).
+    motion_sigma : its velocity differs from zero by this many sigmas.
+    max_link_square : mean normalised square (3 degrees of freedom) of its steps; chance pairings jump more.
+    min_noise_scale, scale_hits : after so many fixes their noise is judged by how they jump, down to this share of
+        the variance assumed.
+    min_relative_score : its mean score against that of the clearest tentative track.
+    start_position_sigma_m : added to a confirmed track's position: its centre is not yet its nose.
+    start_share : so many times a single fix's covariance is added too, and the velocity's is so much larger:
+        candidates' errors do not average out.
+    """
+
+    min_range_m: float = 10.0
+    max_range_m: float = 3000.0
+    min_height_m: float = -3.0
+    max_height_m: float = 400.0
+    min_size_m: float = 0.4
+    max_size_m: float = 30.0
+    size_tolerance: float = 2.5
+    size_agreement: float = 2.0
+    candidate_sigma_px: float = 1.0
+    candidate_sigma_share: float = 0.03
+    moving_sigma_share: float = 0.08
+    usual_span_m: float = 2.0
+    residual_gate_sigma: float = 3.5
+    acceleration_psd_m2_s3: float = 1.0
+    hits: int = 6
+    max_misses: int = 4
+    min_age_s: float = 0.3
+    min_speed_m_s: float = 2.0
+    max_speed_m_s: float = 150.0
+    motion_sigma: float = 6.0
+    max_link_square: float = 6.0
+    min_noise_scale: float = 0.25
+    scale_hits: int = 8
+    min_relative_score: float = 0.4
+    start_position_sigma_m: float = 0.5
+    start_share: float = 4.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, but=("min_height_m", "min_age_s", "min_speed_m_s", "start_share"))
+        if self.hits < 2:
+            raise ValueError(f"hits {self.hits} < 2")
+        if not 0 <= self.min_speed_m_s < self.max_speed_m_s:
+            raise ValueError("min_speed_m_s not below max_speed_m_s")

@@ -1,0 +1,289 @@
+"""From candidates in single images to a confirmed 3-D track.
+
+Candidates of two cameras belong together if their rays meet, ahead and above ground, and if what they show
+has the size of an aircraft there. Such fixes are linked over time by small constant-velocity filters; one
+that keeps being hit and whose velocity is significantly not zero becomes the target. Trees, runway paint and
+chance pairings of them stand still or jump, and never do.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.estimation.config import InitiationConfig
+from groundstation.geometry.station import LensError, StationGeometry
+from groundstation.messages import Kinematics
+from groundstation.triangulation import View, triangulate
+
+# 0.999 quantile of chi-square with 3 degrees of freedom: the gate that links a fix to a track
+_LINK_GATE = 16.27
+_MAX_TRACKS = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sighting:
+    """One candidate of one camera: pixel (2,) at ``t_s``, width in px (None if unknown), score, and the angles then.
+
+    ``moving`` marks a candidate that was found by its motion: it may be a part of the aircraft only, so its
+    place and width are coarse. ``labelled`` marks a pixel that someone else vouches for: it need not move to be
+    believed.
+    """
+
+    t_s: float
+    station: str
+    pixel: FloatArray
+    width_px: float | None
+    score: float
+    pan_rad: float
+    tilt_rad: float
+    angle_sigma_rad: float
+    moving: bool = False
+    labelled: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fix:
+    """A believable crossing of two sightings: position (3,) in m with covariance (3, 3)."""
+
+    position_m: FloatArray
+    covariance_m2: FloatArray
+    score: float
+    labelled: bool
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Tentative:
+    """A track not yet believed: state (6,) with covariance (6, 6)."""
+
+    t_s: float
+    born_s: float
+    x: FloatArray
+    P: FloatArray
+    newest_covariance_m2: FloatArray
+    hits: int = 1
+    misses: int = 0
+    score: float = 0.0
+    squares: float = 0.0
+    labelled: bool = False
+
+
+class TrackInitiator:
+    """Collects the sightings of each epoch and says when a target has been found."""
+
+    def __init__(self, stations: Mapping[str, StationGeometry], config: InitiationConfig, span_m: float | None) -> None:
+        self._stations = stations
+        self._config = config
+        self._span_m = span_m
+        self._tracks: list[_Tentative] = []
+
+    @property
+    def promising(self) -> bool:
+        """Whether some tentative track has been seen more than once lately."""
+        return any(t.hits >= 3 and t.misses <= 1 for t in self._tracks)
+
+    def reset(self) -> None:
+        """Forget all tentative tracks."""
+        self._tracks.clear()
+
+    def step(self, t_s: float, sightings: Sequence[Sighting]) -> Kinematics | None:
+        """Take one epoch's sightings; return the target at ``t_s`` once one is confirmed."""
+        fixes = self.fixes(sightings)
+        for track in self._tracks:
+            self._predict(track, t_s)
+        self._link(fixes, t_s)
+        self._tracks = [t for t in self._tracks if t.misses <= self._config.max_misses]
+        brightest = max((t.score / t.hits for t in self._tracks if t.hits >= 3), default=0.0)
+        confirmed = [t for t in self._tracks if self._believed(t, brightest)]
+        if not confirmed:
+            return None
+        best = max(confirmed, key=lambda t: t.score / t.hits)
+        # what candidates get wrong is the same from frame to frame: their average is no better than one of them,
+        # and position and velocity are not wrong together in the way that their filter believes
+        share = self._config.start_share
+        P = np.zeros((6, 6))
+        P[:3, :3] = best.P[:3, :3] + share * best.newest_covariance_m2
+        P[:3, :3] += np.eye(3) * self._config.start_position_sigma_m**2
+        P[3:, 3:] = share * best.P[3:, 3:]
+        return Kinematics(position_runway_m=best.x[:3].copy(), velocity_runway_m_s=best.x[3:].copy(), covariance=P)
+
+    def fixes(self, sightings: Sequence[Sighting]) -> list[Fix]:
+        """Return the believable crossings among sightings of different stations, best first."""
+        by_station: dict[str, list[Sighting]] = {}
+        for s in sightings:
+            by_station.setdefault(s.station, []).append(s)
+        found = []
+        for a, b in combinations(by_station, 2):
+            for first, second, distance in self._nearly_meeting(by_station[a], by_station[b]):
+                fix = self._fix(first, second, distance)
+                if fix is not None:
+                    found.append(fix)
+        return sorted(found, key=lambda f: -f.score)
+
+    # -------------------------------------------------------------------------------------- geometry
+    def _nearly_meeting(self, first: list[Sighting], second: list[Sighting]) -> list[tuple[Sighting, Sighting, float]]:
+        """Return pairs whose rays pass close to each other, and how far ahead: a cheap test before the exact one."""
+        pairs = []
+        for s in first:
+            for r in second:
+                try:
+                    one = self._ray(s)
+                    two = self._ray(r)
+                except LensError:
+                    continue
+                w = two[0] - one[0]
+                normal = np.cross(one[1], two[1])
+                sine = float(np.linalg.norm(normal))
+                if sine < 1e-5:
+                    continue
+                gap = abs(float(w @ normal)) / sine
+                distance = float(np.cross(w, two[1]) @ normal) / sine**2
+                if not self._config.min_range_m <= distance <= self._config.max_range_m:
+                    continue
+                noise = self._ray_sigma(s, distance) + self._ray_sigma(r, distance)
+                if gap <= (self._config.residual_gate_sigma + 1.0) * noise * distance:
+                    pairs.append((s, r, distance))
+        return pairs
+
+    def _ray(self, s: Sighting) -> tuple[FloatArray, FloatArray]:
+        ray = self._stations[s.station].ray(s.pixel[0], s.pixel[1], s.pan_rad, s.tilt_rad)
+        return ray.origin_runway_m, ray.direction_runway
+
+    def _ray_sigma(self, s: Sighting, distance_m: float) -> float:
+        focal = float(self._stations[s.station].lens.focal_px.mean())
+        return float(np.hypot(self._sigma_px(s, distance_m) / focal, s.angle_sigma_rad))
+
+    def _sigma_px(self, s: Sighting, distance_m: float) -> float:
+        """Return the noise of a candidate's centre; what was found by motion may be any part of the aircraft."""
+        if s.moving:
+            span_m = self._config.usual_span_m if self._span_m is None else self._span_m
+            whole_px = span_m * float(self._stations[s.station].lens.focal_px[0]) / distance_m
+            return float(np.hypot(self._config.candidate_sigma_px, self._config.moving_sigma_share * whole_px))
+        share = 0.0 if s.width_px is None else self._config.candidate_sigma_share * s.width_px
+        return float(np.hypot(self._config.candidate_sigma_px, share))
+
+    def _fix(self, first: Sighting, second: Sighting, distance_m: float) -> Fix | None:
+        """Return the crossing of two sightings if an aircraft could be there."""
+        views = [
+            View(
+                station=self._stations[s.station],
+                pixel=s.pixel,
+                covariance_px2=np.eye(2) * self._sigma_px(s, distance_m) ** 2,
+                pan_rad=s.pan_rad,
+                tilt_rad=s.tilt_rad,
+                angle_sigma_rad=s.angle_sigma_rad,
+            )
+            for s in (first, second)
+        ]
+        point = triangulate(views)
+        if point is None or point.residual_sigma > self._config.residual_gate_sigma:
+            return None
+        z = float(point.point_runway_m[2])
+        sigma_z = float(np.sqrt(point.covariance_m2[2, 2]))
+        if not self._config.min_height_m - 3 * sigma_z <= z <= self._config.max_height_m:
+            return None
+        if not self._sizes_fit(first, second, point.point_runway_m):
+            return None
+        return Fix(
+            position_m=point.point_runway_m,
+            covariance_m2=point.covariance_m2,
+            score=min(first.score, second.score),
+            labelled=first.labelled and second.labelled,
+        )
+
+    def _sizes_fit(self, first: Sighting, second: Sighting, point: FloatArray) -> bool:
+        """Return whether both silhouettes have the same, believable width in metres."""
+        widths = []
+        for s in (first, second):
+            if s.width_px is None:
+                return True
+            projection = self._stations[s.station].project(point, s.pan_rad, s.tilt_rad)
+            if projection is None:
+                return False
+            widths.append(s.width_px * projection.depth_m / float(self._stations[s.station].lens.focal_px[0]))
+        partial = first.moving or second.moving
+        if not partial and max(widths) > self._config.size_agreement * min(widths):
+            return False
+        if self._span_m is not None:
+            low, high = self._span_m / self._config.size_tolerance, self._span_m * self._config.size_tolerance
+        else:
+            low, high = self._config.min_size_m, self._config.max_size_m
+        return (partial or low <= min(widths)) and max(widths) <= high
+
+    # ------------------------------------------------------------------------------------------ time
+    def _predict(self, track: _Tentative, t_s: float) -> None:
+        dt = t_s - track.t_s
+        if dt <= 0.0:
+            return
+        F = np.eye(6)
+        F[:3, 3:] = dt * np.eye(3)
+        q = self._config.acceleration_psd_m2_s3
+        Q = np.kron(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), np.eye(3)) * q
+        track.x = F @ track.x
+        track.P = F @ track.P @ F.T + Q
+        track.t_s = t_s
+
+    def _link(self, fixes: list[Fix], t_s: float) -> None:
+        """Give each track its nearest fix, oldest tracks first; what is left begins new tracks."""
+        free = list(fixes)
+        for track in sorted(self._tracks, key=lambda t: -t.hits):
+            distances = [self._distance(track, f) for f in free]
+            if distances and min(distances) < _LINK_GATE:
+                track.squares += min(distances)
+                self._update(track, free.pop(int(np.argmin(distances))))
+            else:
+                track.misses += 1
+        for fix in free[: _MAX_TRACKS - len(self._tracks)]:
+            P = np.zeros((6, 6))
+            P[:3, :3] = fix.covariance_m2
+            P[3:, 3:] = np.eye(3) * (self._config.max_speed_m_s / 3.0) ** 2
+            x = np.concatenate([fix.position_m, np.zeros(3)])
+            self._tracks.append(
+                _Tentative(
+                    t_s=t_s,
+                    born_s=t_s,
+                    x=x,
+                    P=P,
+                    newest_covariance_m2=fix.covariance_m2,
+                    score=fix.score,
+                    labelled=fix.labelled,
+                )
+            )
+
+    @staticmethod
+    def _distance(track: _Tentative, fix: Fix) -> float:
+        residual = fix.position_m - track.x[:3]
+        return float(residual @ np.linalg.solve(track.P[:3, :3] + fix.covariance_m2, residual))
+
+    @staticmethod
+    def _update(track: _Tentative, fix: Fix) -> None:
+        S = track.P[:3, :3] + fix.covariance_m2
+        K = np.linalg.solve(S, track.P[:3, :]).T
+        track.x = track.x + K @ (fix.position_m - track.x[:3])
+        track.P = track.P - K @ S @ K.T
+        track.P = 0.5 * (track.P + track.P.T)
+        track.newest_covariance_m2 = fix.covariance_m2
+        track.hits += 1
+        track.misses = 0
+        track.score += fix.score
+        track.labelled = track.labelled and fix.labelled
+
+    def _believed(self, track: _Tentative, brightest: float) -> bool:
+        """Return whether a track has been seen often, steadily, as clearly as others, and moving."""
+        c = self._config
+        if track.hits < c.hits or track.misses > 0 or track.t_s - track.born_s < c.min_age_s:
+            return False
+        speed = float(np.linalg.norm(track.x[3:]))
+        if speed > c.max_speed_m_s:
+            return False
+        if track.labelled:
+            return True
+        mean_square = track.squares / (track.hits - 1)
+        if mean_square > c.max_link_square or track.score / track.hits < c.min_relative_score * brightest:
+            return False
+        # the steps themselves show how noisy the fixes are, whatever was assumed of the candidates
+        noise_scale = max(mean_square / 3.0, c.min_noise_scale if track.hits >= c.scale_hits else 1.0)
+        significance = float(np.sqrt(track.x[3:] @ np.linalg.solve(track.P[3:, 3:], track.x[3:]) / noise_scale))
+        return speed >= c.min_speed_m_s and significance >= c.motion_sigma

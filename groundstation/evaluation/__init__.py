@@ -1,0 +1,1 @@
+"""Comparison with a reference, physical bounds and the figures that go into reports."""

@@ -1,0 +1,236 @@
+"""The evaluation of one run: what the runner calls when the last step is done."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray
+from groundstation.errors import InputError
+from groundstation.evaluation.bounds import BoundSeries, View, fix_covariance, fix_information, posterior_bound
+from groundstation.evaluation.collector import DETECTION_STATUSES, TRIANGULATION_STATUSES, ResultCollector
+from groundstation.evaluation.config import EvaluationConfig
+from groundstation.evaluation.metrics import Comparison
+from groundstation.evaluation.reference import CheckedReference, check_reference
+from groundstation.evaluation.run_description import RunDescription, TruthLike
+from groundstation.evaluation.series import BoolArray, PositionSeries, ReferenceSeries, interpolate
+from groundstation.evaluation.summary import build_summary
+from groundstation.messages import DetectionStatus, DgpsFix, TriangulationStatus
+from groundstation.rig import Rig
+
+# the least variance in any direction: as a share of the largest, and in m²
+_RELATIVE_FLOOR = 1e-7
+_ABSOLUTE_FLOOR_M2 = 1e-10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Evaluation:
+    """What an evaluation found: ``summary`` for summary.json, the rest for pictures.
+
+    ``comparisons`` has an entry "truth", "dgps", both or none. ``epochs`` and ``cameras`` are the collector's
+    tables, ``events`` its log: time in s, level, text.
+    """
+
+    summary: dict[str, Any]
+    run: RunDescription
+    epochs: NDArray[Any]
+    cameras: NDArray[Any]
+    stations: tuple[str, ...]
+    comparisons: dict[str, Comparison]
+    reference: CheckedReference | None
+    truth: ReferenceSeries | None
+    bounds: BoundSeries
+    events: tuple[tuple[float, str, str], ...]
+
+
+def evaluate_run(
+    collector: ResultCollector,
+    run: RunDescription,
+    *,
+    rig: Rig,
+    config: EvaluationConfig,
+    dgps: Sequence[DgpsFix] = (),
+    truth: TruthLike | None = None,
+) -> Evaluation:
+    """Compare a run with what references there are, and with what is physically possible."""
+    epochs, cameras = collector.epochs(), collector.cameras()
+    track, triangulated = track_series(epochs), triangulated_series(epochs)
+    reference = None
+    comparisons: dict[str, Comparison] = {}
+    exact = None
+    if truth is not None and len(truth.t_s):
+        exact = ReferenceSeries(
+            t_s=truth.t_s, position_m=truth.position_runway_m, sigma_m=np.zeros_like(truth.position_runway_m)
+        )
+        at = interpolate(exact, epochs["t_s"], config.max_interpolation_gap_s)
+        comparisons["truth"] = _compare(epochs, at.position_m, at.usable, at.sigma_m)
+    if len(dgps) >= 2 and len(track):
+        reference = check_reference(dgps, track, triangulated, run.antenna_in_body_m, config, run.clocks_given)
+        at = reference.at(epochs["t_s"])
+        comparisons["dgps"] = _compare(epochs, at.position_m, at.usable, at.sigma_m)
+    bounds = _bounds(epochs, cameras, collector.stations, rig, run, config, comparisons.get("truth"))
+    summary = build_summary(
+        epochs=epochs,
+        cameras=cameras,
+        stations=collector.stations,
+        comparisons=comparisons,
+        reference=reference,
+        fixes=len(dgps),
+        channels=collector.channels(),
+        bounds=bounds,
+        config=config,
+        run=run,
+    )
+    return Evaluation(
+        summary=summary,
+        run=run,
+        epochs=epochs,
+        cameras=cameras,
+        stations=collector.stations,
+        comparisons=comparisons,
+        reference=reference,
+        truth=exact,
+        bounds=bounds,
+        events=tuple(collector.events),
+    )
+
+
+def write_summary(path: Path, evaluation: Evaluation) -> None:
+    """Write summary.json; raises `InputError` if the file can't be written."""
+    text = json.dumps(evaluation.summary, indent=1, allow_nan=False, ensure_ascii=False)
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as fault:
+        raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
+
+
+def track_series(epochs: NDArray[Any]) -> PositionSeries:
+    """Return the epochs that have an EKF estimate."""
+    known = _estimated(epochs)
+    return PositionSeries(
+        t_s=epochs["t_s"][known],
+        position_m=epochs["position_m"][known],
+        covariance_m2=_regular(epochs["covariance_m2"][known]),
+    )
+
+
+def triangulated_series(epochs: NDArray[Any]) -> PositionSeries:
+    """Return the epochs with a triangulated point whose rays meet (maximum likelihood)."""
+    known = _triangulation_ok(epochs)
+    return PositionSeries(
+        t_s=epochs["t_s"][known],
+        position_m=epochs["ml_point_m"][known],
+        covariance_m2=_regular(epochs["ml_covariance_m2"][known]),
+    )
+
+
+def _finite(points: FloatArray) -> BoolArray:
+    """Return which rows (n,) are numbers throughout."""
+    return np.asarray(np.all(np.isfinite(points), axis=1))
+
+
+def _triangulation_ok(epochs: NDArray[Any]) -> BoolArray:
+    """Return which epochs (n,) have a triangulated point."""
+    ok = epochs["triangulation_status"] == TRIANGULATION_STATUSES.index(TriangulationStatus.OK)
+    return ok & _finite(epochs["ml_point_m"]) & _finite(epochs["ml_covariance_m2"].reshape(-1, 9))
+
+
+def _estimated(epochs: NDArray[Any]) -> BoolArray:
+    """Return which epochs (n,) have an EKF estimate."""
+    return _finite(epochs["position_m"]) & _finite(epochs["covariance_m2"].reshape(-1, 9))
+
+
+def _regular(covariance_m2: NDArray[Any]) -> FloatArray:
+    """Return covariances (n, 3, 3) that can be inverted: symmetric, every direction with some variance.
+
+    Single precision, or a filter gone wrong, may have cost them that. What is not finite becomes the identity;
+    such epochs do not count as estimates.
+    """
+    finite = np.isfinite(covariance_m2).all(axis=(1, 2))
+    exact = np.where(finite[:, None, None], covariance_m2, np.eye(3)).astype(np.float64)
+    values, vectors = np.linalg.eigh(0.5 * (exact + exact.transpose(0, 2, 1)))
+    floor = _RELATIVE_FLOOR * np.abs(values).max(axis=1, initial=0.0) + _ABSOLUTE_FLOOR_M2
+    values = np.maximum(values, floor[:, None])
+    return np.asarray((vectors * values[:, None, :]) @ vectors.transpose(0, 2, 1))
+
+
+def _compare(
+    epochs: NDArray[Any], reference_m: FloatArray, usable: BoolArray, reference_sigma_m: FloatArray
+) -> Comparison:
+    """Set the run's estimates against a reference at the epochs' own times."""
+    ekf_known = usable & _estimated(epochs)
+    triangulation_known = usable & _triangulation_ok(epochs)
+    noise = np.einsum("ni,ij->nij", reference_sigma_m**2, np.eye(3))
+    return Comparison(
+        t_s=epochs["t_s"],
+        reference_m=reference_m,
+        usable=usable,
+        ekf_error_m=np.where(ekf_known[:, None], epochs["position_m"] - reference_m, 0.0),
+        ekf_known=ekf_known,
+        triangulation_error_m=np.where(triangulation_known[:, None], epochs["ml_point_m"] - reference_m, 0.0),
+        triangulation_known=triangulation_known,
+        covariance_m2=_regular(epochs["covariance_m2"]) + noise,
+    )
+
+
+def _bounds(
+    epochs: NDArray[Any],
+    cameras: NDArray[Any],
+    stations: tuple[str, ...],
+    rig: Rig,
+    run: RunDescription,
+    config: EvaluationConfig,
+    truth: Comparison | None,
+) -> BoundSeries:
+    """Return the bounds of every epoch from the looks that gave a pixel, at the true or estimated position."""
+    n = len(epochs)
+    place = epochs["position_m"].copy()
+    if truth is not None:
+        place[truth.usable] = truth.reference_m[truth.usable]
+    fix_sigma, fix_known, information = np.zeros((n, 3)), np.zeros(n, dtype=np.bool_), np.zeros((n, 3, 3))
+    by_epoch = _views(cameras, stations, rig)
+    for k in range(n):
+        if not np.all(np.isfinite(place[k])):
+            continue
+        information[k] = fix_information(place[k], by_epoch.get(int(epochs["epoch"][k]), []))
+        covariance = fix_covariance(information[k])
+        if covariance is not None:
+            fix_sigma[k], fix_known[k] = np.sqrt(np.diag(covariance)), True
+    track_sigma, track_known = np.zeros((n, 3)), np.zeros(n, dtype=np.bool_)
+    seen = np.flatnonzero(fix_known)
+    if len(seen):
+        first = int(seen[0])
+        bound = posterior_bound(
+            epochs["t_s"][first:],
+            information[first:],
+            np.array(run.acceleration_psd_m2_s3),
+            config.prior_position_sigma_m,
+            config.prior_velocity_sigma_m_s,
+        )
+        track_sigma[first:] = np.sqrt(np.einsum("nii->ni", bound[:, :3, :3]))
+        track_known[first:] = True
+    return BoundSeries(fix_sigma_m=fix_sigma, fix_known=fix_known, track_sigma_m=track_sigma, track_known=track_known)
+
+
+def _views(cameras: NDArray[Any], stations: tuple[str, ...], rig: Rig) -> dict[int, list[View]]:
+    """Return the looks with an accepted pixel, by epoch number."""
+    calibrated = [rig[name] for name in stations]
+    geometries = [station.geometry() for station in calibrated]
+    ok = cameras["status"] == DETECTION_STATUSES.index(DetectionStatus.OK)
+    ok &= np.isfinite(cameras["pan_rad"]) & np.isfinite(cameras["tilt_rad"])
+    views: dict[int, list[View]] = {}
+    for row in cameras[ok]:
+        station = calibrated[row["station"]]
+        view = View(
+            geometry=geometries[row["station"]],
+            pan_rad=float(row["pan_rad"]),
+            tilt_rad=float(row["tilt_rad"]),
+            pixel_covariance_px2=row["covariance_px2"].astype(np.float64),
+            angle_sigma_rad=0.0 if station.fixed else station.angle_sigma_rad,
+        )
+        views.setdefault(int(row["epoch"]), []).append(view)
+    return views

@@ -1,0 +1,46 @@
+"""What the evaluation takes from the session and the runner, without knowing either."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from groundstation.arrays import FloatArray
+from groundstation.evaluation.metrics import PhaseLike
+
+
+class TruthLike(Protocol):
+    """Exact positions of the target point: ``t_s`` (n,) session clock, ``position_runway_m`` (n, 3)."""
+
+    @property
+    def t_s(self) -> FloatArray:
+        """Return the times (n,)."""
+
+    @property
+    def position_runway_m(self) -> FloatArray:
+        """Return the positions (n, 3)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunDescription:
+    """What the session says of itself, as far as the evaluation needs it.
+
+    Attributes
+    ----------
+    name : of the session.
+    phases : stretches with one kind of background; may be empty.
+    antenna_in_body_m : (3,) from the nose, x forward, y right, z down, or None if not known.
+    clocks_given : the session's clock is the DGPS clock; an offset is still looked for and reported.
+    acceleration_psd_m2_s3 : the filter's (x, y, z) motion model, for the posterior bound.
+    configuration : the resolved configuration of the run.
+    speed : figures on processing speed, by name.
+    faults : what could not be used (a broken reference file, a video cut short), one line each.
+    """
+
+    name: str
+    phases: Sequence[PhaseLike] = ()
+    antenna_in_body_m: FloatArray | None = None
+    clocks_given: bool = False
+    acceleration_psd_m2_s3: tuple[float, float, float] = (0.3, 0.6, 0.3)
+    configuration: Mapping[str, Any] | None = None
+    speed: Mapping[str, float] | None = None
+    faults: tuple[str, ...] = ()

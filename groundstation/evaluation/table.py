@@ -1,0 +1,150 @@
+"""The accuracy table that a replay prints at its end: plain text, aligned, at most 98 columns."""
+
+import textwrap
+from typing import Any
+
+_WIDTH = 98
+_NAMES = {"truth": "against the truth", "dgps": "against DGPS"}
+# an improvement measured on fewer epochs than this says nothing
+FEW_EPOCHS = 10
+_HEADER = (
+    f"{'':<13}{'epochs':>7} │{'EKF x':>8}{'y':>7}{'z':>7} │{'triang. x':>10}{'y':>7}{'z':>7} │"
+    f"{'better % x':>11}{'y':>6}{'z':>6}"
+)
+
+
+def format_accuracy_table(summary: dict[str, Any]) -> str:
+    """Return the summary's accuracy, consistency and reference findings as text for a terminal."""
+    blocks = [_title(summary)]
+    for name, table in summary["accuracy"].items():
+        blocks.append(_accuracy_block(_NAMES.get(name, name), table))
+    if not summary["accuracy"]:
+        blocks.append("no reference: nothing to compare with")
+    blocks.append("\n".join([*_reference_lines(summary["reference"]), *_consistency_lines(summary)]))
+    blocks += [f"note: {fault}" for fault in summary["faults"]]
+    lines = "\n\n".join(blocks).splitlines()
+    return "\n".join(part for line in lines for part in _folded(line))
+
+
+def _folded(line: str) -> list[str]:
+    """Fold one line of prose at the table's width; the table's own rows fit."""
+    if len(line) <= _WIDTH:
+        return [line]
+    indent = " " * (len(line) - len(line.lstrip()) + 2)
+    return textwrap.wrap(line, _WIDTH, subsequent_indent=indent, drop_whitespace=True)
+
+
+def _title(summary: dict[str, Any]) -> str:
+    """Return the first lines: what was processed, and how the track fared."""
+    session = summary["session"]
+    if not session["epochs"]:
+        return f"{session['name']}: no epoch processed"
+    length = session["to_s"] - session["from_s"]
+    words = ", ".join(f"{n} {word}" for word, n in summary["counts"]["track"].items() if n)
+    stations = ", ".join(session["stations"])
+    return f"{session['name']}: {session['epochs']} epochs, {length:.1f} s, stations {stations}\ntrack: {words}"
+
+
+def _accuracy_block(name: str, table: dict[str, Any]) -> str:
+    """Return one reference's rows: total, ranges, backgrounds."""
+    lines = [f"RMSE in m {name}, EKF and triangulation on the same epochs", _HEADER, "─" * len(_HEADER)]
+    lines.append(_row("all", table["total"]))
+    for group in table["by_range"]:
+        upper = "" if group["to_m"] is None else f"{group['to_m']:.0f}"
+        lines.append(_row(f"y {group['from_m']:.0f}–{upper} m", group))
+    for background, group in table["by_phase"].items():
+        if group["reference_epochs"]:
+            lines.append(_row(background, group))
+    ekf, triangulation = table["total"]["ekf"], table["total"]["triangulation"]
+    lines.append(
+        f"coverage: EKF {100 * ekf['coverage']:.1f} %, triangulation {100 * triangulation['coverage']:.1f} % "
+        f"of {table['total']['reference_epochs']} epochs with a reference"
+    )
+    if ekf["rmse_m"]:
+        lines.append(
+            f"EKF alone: RMSE {_triple(ekf['rmse_m'])}, mean {_triple(ekf['mean_m'])}, 95 % {_triple(ekf['p95_m'])} m"
+        )
+    ratio = table["total"]["bound"]["ekf_over_track"]
+    if ratio:
+        single = table["total"]["bound"]["triangulation_over_fix"]
+        lines.append(
+            f"RMSE / bound x y z: EKF {_ratios(ratio)} of the track's bound"
+            + (f", triangulation {_ratios(single)} of one fix's" if single else "")
+            + " (bounds by the pixel sigmas that the detector states; below 1 it states too much)"
+        )
+    anees = table["anees"]
+    if anees:
+        lines.append(
+            f"ANEES {anees['mean']:.2f} (1 is ideal; 95 % of independent errors: "
+            f"{anees['low_95']:.2f} … {anees['high_95']:.2f}; ours are correlated)"
+        )
+    return "\n".join(lines)
+
+
+def _row(name: str, group: dict[str, Any]) -> str:
+    """Return one line of the table; a dash where there is no common epoch."""
+    common = group["common"]
+    if not common["epochs"]:
+        gap = "–"
+        return f"{name:<13}{0:>7} │{gap:>8}{gap:>7}{gap:>7} │{gap:>10}{gap:>7}{gap:>7} │{gap:>11}{gap:>6}{gap:>6}"
+    e = [_metres(v) for v in common["ekf_rmse_m"]]
+    t = [_metres(v) for v in common["triangulation_rmse_m"]]
+    few = common["epochs"] < FEW_EPOCHS
+    b = ["–" if few else f"{v:+.0f}" if v > -1000 else "<-999" for v in common["improvement_percent"]]
+    return (
+        f"{name:<13}{common['epochs']:>7} │{e[0]:>8}{e[1]:>7}{e[2]:>7} │{t[0]:>10}{t[1]:>7}{t[2]:>7} │"
+        f"{b[0]:>11}{b[1]:>6}{b[2]:>6}"
+    )
+
+
+def _reference_lines(reference: dict[str, Any]) -> list[str]:
+    """Return what is known of the DGPS: its clock offset and what was left out."""
+    if not reference["fixes"]:
+        return []
+    offset = reference["time_offset"]
+    if offset is None:
+        return [f"DGPS: {reference['fixes']} fixes, not usable"]
+    if offset["offset_s"] is None:
+        lines = [f"DGPS clock: offset not found: {offset['reason']}"]
+    else:
+        one = reference["session_clock_is_dgps_clock"]
+        used = ", not applied: by the session's word the clocks are one" if one else ""
+        lines = [
+            f"DGPS clock: t_dgps = t_session {offset['offset_s']:+.4f} s ± {1e3 * offset['sigma_s']:.1f} ms"
+            f" (1 σ, from the {offset['from']}, {offset['epochs']} epochs){used}"
+        ]
+    for span in reference["excluded"]:
+        lines.append(f"  left out {span['from_s']:.2f} … {span['to_s']:.2f} s: {span['reason']}, {span['detail']}")
+    return lines
+
+
+def _consistency_lines(summary: dict[str, Any]) -> list[str]:
+    """Return NIS and latency."""
+    lines = []
+    nis = summary["nis"]["all"]
+    if nis["mean"] is not None:
+        lines.append(
+            f"NIS {nis['mean']:.2f} per degree of freedom (95 %: {nis['low_95']:.2f} … {nis['high_95']:.2f}), "
+            f"{nis['rejected']} of {nis['judged']} pixels rejected"
+        )
+    latency = summary["latency_ms"]
+    if latency["p50"]:
+        lines.append(
+            f"latency: {latency['p50']:.1f} ms median, {latency['p99']:.1f} ms at 99 %, {latency['max']:.1f} ms worst"
+        )
+    return lines
+
+
+def _metres(value: float) -> str:
+    """Format metres with three significant digits, at least to the millimetre."""
+    return f"{value:.3f}" if value < 10 else f"{value:.2f}" if value < 100 else f"{value:.0f}"
+
+
+def _triple(values: list[float]) -> str:
+    """Format x/y/z in metres."""
+    return "/".join(_metres(v) for v in values)
+
+
+def _ratios(values: list[float | None]) -> str:
+    """Format three ratios."""
+    return " ".join("–" if v is None else f"{v:.2f}" for v in values)

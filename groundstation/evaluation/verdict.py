@@ -1,0 +1,69 @@
+"""One run in plain words: where the aircraft was found, how well, and whether the filter knows how well."""
+
+from typing import Any
+
+_HONEST_LOW, _HONEST_HIGH = 0.6, 1.6
+
+
+def verdict(summary: dict[str, Any]) -> str:
+    """Return two to four sentences for a reader who wants one answer."""
+    sentences = [_coverage(summary)]
+    for name, words in (("truth", "the exact positions"), ("dgps", "DGPS")):
+        table = summary["accuracy"].get(name)
+        if table is not None and table["total"]["ekf"]["rmse_m"]:
+            sentences += [_accuracy(table, words), _honesty(table)]
+            break
+    else:
+        sentences.append("There is no usable reference to compare with, so nothing can be said about its errors.")
+    excluded = summary["reference"]["excluded"]
+    bad = sorted({span["reason"] for span in excluded})
+    if bad:
+        sentences.append(f"Parts of the DGPS log were left out ({', '.join(bad)}).")
+    return " ".join(sentences)
+
+
+def _coverage(summary: dict[str, Any]) -> str:
+    """Say how much of the session has an estimate."""
+    counts = summary["counts"]["track"]
+    total = sum(counts.values())
+    if not total:
+        return "No stereo pair was processed."
+    fixed = counts["tracking"] + counts["coasting"]
+    if not fixed:
+        return f"The aircraft was not found in any of the {total} stereo pairs."
+    coasting = f", {counts['coasting']} of them bridged by prediction" if counts["coasting"] else ""
+    lost = f" and lost in {counts['lost']}" if counts["lost"] else ""
+    share = f"{100 * fixed / total:.0f}\u202f%"
+    return f"The aircraft was located in {fixed} of {total} stereo pairs ({share}{coasting}){lost}."
+
+
+def _accuracy(table: dict[str, Any], words: str) -> str:
+    """Say how large the errors are, and what the filter gains."""
+    x, y, z = table["total"]["ekf"]["rmse_m"]
+    text = (
+        f"Against {words} it was off by {_length(x)} sideways, {_length(y)} along the runway and {_length(z)} in height"
+    )
+    better = table["total"]["common"]["improvement_percent"]
+    if better:
+        gains = ", ".join(f"{abs(v):.0f}\u202f% {'better' if v >= 0 else 'worse'}" for v in better)
+        return f"{text} (root mean square); in x, y and z {gains} than triangulating each pair alone."
+    return f"{text} (root mean square)."
+
+
+def _honesty(table: dict[str, Any]) -> str:
+    """Say whether the stated uncertainty fits the errors."""
+    if table["anees"] is None:
+        return ""
+    anees = table["anees"]["mean"]
+    if anees > _HONEST_HIGH:
+        return f"The filter is too sure of itself: its errors are {anees**0.5:.1f} times as large as it states."
+    if anees < _HONEST_LOW:
+        return f"The filter is too cautious: its errors are {anees**0.5:.1f} times what it states."
+    return "Its stated uncertainty fits the errors."
+
+
+def _length(value_m: float) -> str:
+    """Say a length in the unit a person would."""
+    if value_m >= 0.995:
+        return f"{value_m:.2f} m"
+    return f"{100 * value_m:.0f} cm" if value_m >= 0.0995 else f"{100 * value_m:.1f} cm"

@@ -1,0 +1,1 @@
+"""Frames, rotations, lenses and pan-tilt stations; pure functions of numbers."""

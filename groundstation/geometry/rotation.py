@@ -1,0 +1,56 @@
+"""Rotations as matrices and Hamilton quaternions (w, x, y, z)."""
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+
+
+def matrix_from_wxyz(q_wxyz: FloatArray) -> FloatArray:
+    """Return the (3, 3) rotation matrix of a unit Hamilton quaternion (4,), w first."""
+    w, x, y, z = q_wxyz
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def wxyz_from_matrix(matrix: FloatArray) -> FloatArray:
+    """Return the unit Hamilton quaternion (4,), w ≥ 0, of a (3, 3) rotation matrix.
+
+    The largest of the four components is computed first, so that no division is by a small number.
+    """
+    m = matrix
+    squares = np.array(
+        [
+            1 + m[0, 0] + m[1, 1] + m[2, 2],
+            1 + m[0, 0] - m[1, 1] - m[2, 2],
+            1 - m[0, 0] + m[1, 1] - m[2, 2],
+            1 - m[0, 0] - m[1, 1] + m[2, 2],
+        ]
+    )
+    products = np.array(
+        [
+            [squares[0], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
+            [m[2, 1] - m[1, 2], squares[1], m[1, 0] + m[0, 1], m[0, 2] + m[2, 0]],
+            [m[0, 2] - m[2, 0], m[1, 0] + m[0, 1], squares[2], m[2, 1] + m[1, 2]],
+            [m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[2, 1] + m[1, 2], squares[3]],
+        ]
+    )
+    q = products[int(np.argmax(squares))]
+    q = q / np.linalg.norm(q)
+    return -q if q[0] < 0 else q
+
+
+def rotation_x(angle_rad: float) -> FloatArray:
+    """Return Rx, (3, 3): right-handed rotation about x."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def rotation_z(angle_rad: float) -> FloatArray:
+    """Return Rz, (3, 3): right-handed rotation about z."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

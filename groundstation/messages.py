@@ -1,0 +1,278 @@
+"""Every record that crosses a border between parts: events in, reports out.
+
+All times are seconds in the session clock unless a name says otherwise, all lengths metres in the
+``runway`` frame, all angles radians, all pixels OpenCV pixels (0, 0 = centre of the upper-left pixel).
+Arrays are float64 unless stated.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray, ImageArray
+
+
+# --------------------------------------------------------------------------------------------- events in
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PtuSample:
+    """One reading of a station's pan and tilt, as measured, at session time ``t_s``."""
+
+    t_s: float
+    station: str
+    pan_rad: float
+    tilt_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """One camera image; ``t_s`` is its mid-exposure, ``epoch`` the number of its stereo pair.
+
+    ``image`` is (h, w, 3) uint8 BGR, distorted as the camera gave it.
+    """
+
+    t_s: float
+    station: str
+    epoch: int
+    image: ImageArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PixelMeasurement:
+    """A target pixel that someone else has found (a detections-only session)."""
+
+    t_s: float
+    station: str
+    epoch: int
+    u_px: float
+    v_px: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Epoch:
+    """All frames of stereo pair ``epoch`` have been sent; ``t_s`` is the mean of their stamps.
+
+    The pipeline answers it with one `TrackEstimate` at ``t_s``.
+    """
+
+    t_s: float
+    epoch: int
+    stations: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DgpsFix:
+    """One reference position in its own clock: ``t_s`` is the DGPS clock, not the session's.
+
+    ``position_runway_m`` is (3,), the antenna; ``sigma_m`` (3,) is one sigma per axis, or None if not given.
+    """
+
+    t_s: float
+    position_runway_m: FloatArray
+    sigma_m: FloatArray | None = None
+    status: str = ""
+
+
+Event = PtuSample | Frame | PixelMeasurement | Epoch
+
+
+# --------------------------------------------------------------------------------------- detection
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roi:
+    """An axis-parallel window of whole pixels, already clipped to the image; ``w`` and ``h`` > 0."""
+
+    x: int
+    y: int
+    w: int
+    h: int
+
+
+class DetectionStatus(StrEnum):
+    """What became of one camera's look at one frame; the words of ``detections.csv``."""
+
+    OK = "ok"
+    MISS = "miss"
+    OUT_OF_VIEW = "out_of_view"
+    GATED = "gated"
+    AMBIGUOUS = "ambiguous"
+    CUT = "cut"
+
+
+class MissReason(StrEnum):
+    """Why a detector gave no target point."""
+
+    LOW_CONTRAST = "low_contrast"
+    NO_REGION = "no_region"
+    WRONG_SIZE = "wrong_size"
+    AMBIGUOUS = "ambiguous"
+    CUT = "cut"
+    OUT_OF_VIEW = "out_of_view"
+    NO_PTU_ANGLE = "no_ptu_angle"
+    NOT_ACQUIRED = "not_acquired"
+    LATE = "late"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Detection:
+    """A target found in one image.
+
+    Attributes
+    ----------
+    u_px, v_px : the target point (the aircraft's nose) in full-image pixels.
+    covariance_px2 : (2, 2) covariance of that point, of u and v.
+    centroid_px : (2,) centre of the silhouette.
+    box : (x, y, w, h) px, the silhouette's bounding box in full-image pixels.
+    area_px : the silhouette's area.
+    contour_px : (n, 2) float32, its outline in full-image pixels, pieces separated by a row of NaN.
+    contrast_to_noise : measured contrast of silhouette against background on the channel used.
+    channel : name of that channel.
+    cut : True where the silhouette touches the image border.
+    """
+
+    u_px: float
+    v_px: float
+    covariance_px2: FloatArray
+    centroid_px: FloatArray
+    box: tuple[float, float, float, float]
+    area_px: float
+    contour_px: NDArray[np.float32]
+    contrast_to_noise: float
+    channel: str
+    cut: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Miss:
+    """No target point, and why; ``detail`` says it for a person."""
+
+    reason: MissReason
+    detail: str = ""
+
+
+# ------------------------------------------------------------------------------------------ reports out
+class TrackStatus(StrEnum):
+    """The filter's state of knowledge; the words of ``track.csv``."""
+
+    SEARCHING = "searching"
+    ACQUIRING = "acquiring"
+    TRACKING = "tracking"
+    COASTING = "coasting"
+    LOST = "lost"
+
+
+class TriangulationStatus(StrEnum):
+    """The words of ``triangulation.csv``: a point, too few views, or rays that do not meet."""
+
+    OK = "ok"
+    ONE_VIEW = "one_view"
+    RESIDUAL = "residual"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Triangulation:
+    """The baseline's answer for one pair: midpoint and maximum-likelihood point, (3,) each, runway frame.
+
+    ``covariance_m2`` (3, 3) belongs to the maximum-likelihood point; ``gap_m`` is the rays' distance and
+    ``residual_sigma`` the maximum-likelihood reprojection residual in sigmas (root of chi-square).
+    """
+
+    midpoint_runway_m: FloatArray
+    point_runway_m: FloatArray
+    covariance_m2: FloatArray
+    gap_m: float
+    residual_sigma: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Innovation:
+    """One measurement update: residual, its covariance, its normalised square and the verdict."""
+
+    residual: FloatArray
+    covariance: FloatArray
+    nis: float
+    dof: int
+    accepted: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InitialState:
+    """A start that someone gives: position and velocity (3,) in the runway frame with 1-sigma per axis (3,)."""
+
+    t_s: float
+    position_runway_m: FloatArray
+    velocity_runway_m_s: FloatArray
+    sigma_position_m: FloatArray
+    sigma_velocity_m_s: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Kinematics:
+    """Position and velocity of the target point in the runway frame with their (6, 6) covariance."""
+
+    position_runway_m: FloatArray
+    velocity_runway_m_s: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CameraReport:
+    """One camera's part in one step.
+
+    ``pan_rad`` and ``tilt_rad`` are the station's angles at mid-exposure, as the filter used them, or None
+    if no reading covers it. ``predicted_px`` is (2,), the target point expected before looking, or None when
+    nothing is predicted. ``roi`` is None when the detector did not look. ``innovation`` is None unless the
+    filter judged the pixel. ``elapsed_s`` is detection time. ``channel_contrast`` is, in some frames, the
+    silhouette's contrast-to-noise on each channel, the paper's saturation among them.
+    """
+
+    t_s: float
+    station: str
+    epoch: int
+    status: DetectionStatus
+    result: Detection | Miss
+    roi: Roi | None
+    predicted_px: FloatArray | None
+    predicted_covariance_px2: FloatArray | None
+    pan_rad: float | None
+    tilt_rad: float | None
+    innovation: Innovation | None
+    elapsed_s: float
+    channel_contrast: Mapping[str, float] | None = None
+    image: ImageArray | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrackEstimate:
+    """The answer to one stereo pair: the state of knowledge and, if there is one, the estimate at ``t_s``.
+
+    ``triangulation`` is None unless two or more cameras gave a point. ``latency_s`` is the time from the
+    arrival of the pair's first frame to this answer.
+    """
+
+    t_s: float
+    epoch: int
+    status: TrackStatus
+    kinematics: Kinematics | None
+    triangulation_status: TriangulationStatus
+    triangulation: Triangulation | None
+    latency_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackEvent:
+    """Something worth a line in the log: status changes, losses, refused readings."""
+
+    t_s: float
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StepReport:
+    """All that one `Pipeline.step` brought forth; often empty, since frames wait for their angles."""
+
+    cameras: tuple[CameraReport, ...] = ()
+    estimates: tuple[TrackEstimate, ...] = ()
+    events: tuple[TrackEvent, ...] = field(default=())

@@ -1,0 +1,49 @@
+"""One line on the terminal that says how far a run is."""
+
+from types import TracebackType
+from typing import Never, TextIO
+
+from tqdm import tqdm
+
+
+class ProgressLine:
+    """A progress bar while a run lasts; where the stream is no terminal, it writes only now and then."""
+
+    def __init__(self, stream: TextIO, label: str) -> None:
+        self._stream = stream
+        self._label = label
+        self._terminal = stream.isatty()
+        self._bar: tqdm[Never] | None = None
+        # what stands there until there is something to count; a first run compiles for some seconds
+        self._waiting = f"{label}: preparing …" if self._terminal else ""
+
+    def __enter__(self) -> "ProgressLine":
+        self._stream.write(self._waiting)
+        self._stream.flush()
+        return self
+
+    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        self._wipe()
+        if self._bar is not None:
+            self._bar.close()
+
+    def update(self, done: int, total: int) -> None:
+        """Say that ``done`` of ``total`` pairs are answered."""
+        self._wipe()
+        bar = self._bar
+        if bar is None:
+            bar = self._bar = tqdm(
+                total=total,
+                desc=self._label,
+                unit="pair",
+                file=self._stream,
+                mininterval=0.1 if self._terminal else 10.0,
+                dynamic_ncols=self._terminal,
+            )
+        bar.update(done - bar.n)
+
+    def _wipe(self) -> None:
+        """Take back what stood there while waiting."""
+        if self._waiting:
+            self._stream.write("\r" + " " * len(self._waiting) + "\r")
+            self._waiting = ""

@@ -1,0 +1,191 @@
+"""Replaying a recorded session: load, track, write the result files, evaluate, report.
+
+It ends cleanly whatever the recording does: what was usable is written before the fault is raised.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from groundstation.config import Start, config_to_mapping, load_config
+from groundstation.errors import InputError, RigError, SessionError
+from groundstation.evaluation.collector import ResultCollector
+from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
+from groundstation.evaluation.report import write_report
+from groundstation.evaluation.run_description import RunDescription
+from groundstation.messages import DgpsFix, InitialState
+from groundstation.pipeline import Pipeline
+from groundstation.run import RunOutcome, run
+from groundstation.session import Session, load_dgps, load_session, load_truth
+from groundstation.sinks.rerun_session import reference_tracks, session_view
+from groundstation.sinks.sink import Sink
+from groundstation.sinks.track_files import TrackFilesSink
+from groundstation.sources.replay import ReplaySource
+from groundstation.warm_up import warm_up
+
+# a start from DGPS is only as good as its clock: so much time may lie between the two
+_DGPS_CLOCK_SIGMA_S = 0.5
+_DGPS_START_SPAN_S = 1.0
+_MIN_BASELINE_M = 0.1
+_CLOCKS_APART_S = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayRequest:
+    """What the user asked for; ``rig`` and ``config`` None take the session's rig and the defaults."""
+
+    session: Path
+    out: Path
+    rig: Path | None = None
+    config: Path | None = None
+    from_s: float | None = None
+    to_s: float | None = None
+    rerun: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReplayResult:
+    """What came of it: the evaluation, the files written, and the fault that cut the run short, if any."""
+
+    evaluation: Evaluation
+    files: tuple[Path, ...]
+    fault: InputError | None
+
+
+def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda done, total: None) -> ReplayResult:
+    """Replay one session; ``progress`` is told epochs done and epochs in all.
+
+    Raises `InputError` where nothing can be done at all. A fault met on the way is in the result.
+    """
+    began = time.perf_counter()
+    config = load_config(request.config)
+    session = _usable_session(request)
+    # a broken reference does not stop the run
+    broken: list[SessionError] = []
+    dgps = load_dgps(session, broken.append)
+    faults = [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken]
+    broken.clear()
+    truth = load_truth(session, broken.append)
+    faults += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
+    faults += _clock_notes(session)
+    with ExitStack() as opened:
+        source = opened.enter_context(ReplaySource(session, request.from_s, request.to_s))
+        initial = _start(config.start, session, dgps, source.span_s[0])
+        _make_folder(request.out)
+        warm_up()
+        collector = ResultCollector()
+        files = opened.enter_context(TrackFilesSink(request.out))
+        view = session_view(request.out / "session.rrd", session) if request.rerun else None
+        sinks: list[Sink] = [collector, files, *([] if view is None else [view])]
+        pipeline = Pipeline(
+            session.rig, config, span_m=session.target.span_m, initial=initial, stopwatch=time.perf_counter
+        )
+        prepared_s = time.perf_counter() - began
+        total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
+        outcome = run(source, pipeline, sinks, lambda done: progress(done, total))
+    if outcome.fault is not None:
+        faults.append(str(outcome.fault))
+    faults += [f"{name.replace('_', ' ')}: {n}" for name, n in pipeline.counts.items() if n]
+    description = RunDescription(
+        name=session.name,
+        phases=session.phases,
+        antenna_in_body_m=session.target.antenna_in_body_m,
+        clocks_given=session.has_clocks,
+        acceleration_psd_m2_s3=config.estimation.acceleration_psd_m2_s3,
+        configuration=config_to_mapping(config),
+        speed=_speed(outcome, span_s, prepared_s),
+        faults=tuple(faults),
+    )
+    evaluation = evaluate_run(collector, description, rig=session.rig, config=config.evaluation, dgps=dgps, truth=truth)
+    written = ["track.csv", "triangulation.csv", "detections.csv", "track.tum"]
+    if view is not None:
+        view.write_reference(reference_tracks(evaluation))
+        view.close()
+        written.append("session.rrd")
+    write_summary(request.out / "summary.json", evaluation)
+    write_report(request.out / "report.html", evaluation, config.evaluation)
+    written += ["summary.json", "report.html"]
+    return ReplayResult(evaluation=evaluation, files=tuple(request.out / name for name in written), fault=outcome.fault)
+
+
+def _usable_session(request: ReplayRequest) -> Session:
+    """Load the session and refuse what cannot be tracked, or what would write over the recording."""
+    session = load_session(request.session, request.rig)
+    if len(session.rig.stations) < 2:
+        raise RigError(session.rig.path, got="one station", wanted="two or more: one alone sees no distance")
+    session.rig.require_known()
+    places = np.array([s.ptu_position_m for s in session.rig.stations])
+    if float(np.ptp(places, axis=0).max()) < _MIN_BASELINE_M:
+        raise RigError(session.rig.path, got="all stations in one place", wanted="stations that stand apart")
+    if request.out.resolve() == session.folder.resolve():
+        got = "the session folder itself"
+        raise InputError(str(request.out), got=got, wanted="another folder: results would replace recordings")
+    return session
+
+
+def _clock_notes(session: Session) -> list[str]:
+    """Say where a station's camera and PTU are put so far apart in time that it is likely a slip."""
+    notes = []
+    for station in session.rig.stations:
+        camera = station.camera_clock.offset_s if station.camera_clock is not None else 0.0
+        if not station.fixed and session.has_clocks and abs(camera - station.ptu_clock.offset_s) > _CLOCKS_APART_S:
+            notes.append(
+                f"station {station.name}: [clocks] moves its camera by {camera:g} s, and its PTU is moved by "
+                f"{station.ptu_clock.offset_s:g} s (ptu_clock in the rig): is that meant?"
+            )
+    return notes
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
+
+
+def _speed(outcome: RunOutcome, span_s: float, prepared_s: float) -> dict[str, float]:
+    """Return the figures on processing speed; preparation is imports, compilation and opening."""
+    elapsed = max(outcome.elapsed_s, 1e-9)
+    return {
+        "preparation_s": prepared_s,
+        "replay_s": outcome.elapsed_s,
+        "epochs_per_s": outcome.epochs / elapsed,
+        "times_real_time": span_s / elapsed,
+    }
+
+
+def _start(kind: Start, session: Session, dgps: Sequence[DgpsFix], first_s: float) -> InitialState | None:
+    """Return the state to start from, or None to search."""
+    if kind is Start.SEARCH or (kind is Start.AUTO and session.initial is None):
+        return None
+    if kind in (Start.AUTO, Start.INITIAL):
+        if session.initial is None:
+            raise SessionError(f"{session.name}: session.toml", got="no [initial]", wanted="one, for start = 'initial'")
+        return session.initial
+    return start_from_dgps(dgps, first_s, session.name)
+
+
+def start_from_dgps(dgps: Sequence[DgpsFix], first_s: float, name: str) -> InitialState:
+    """Return position and velocity by a straight line through the first second of DGPS in the range.
+
+    The two clocks may differ by an offset not known yet; it goes into sigma along the direction of flight.
+    """
+    near = [f for f in dgps if first_s <= f.t_s <= first_s + _DGPS_START_SPAN_S]
+    if len(near) < 2:
+        raise SessionError(
+            f"{name}: dgps.csv", got=f"{len(near)} fixes in the first second", wanted="2 or more, for start = 'dgps'"
+        )
+    t = np.array([f.t_s for f in near])
+    points = np.array([f.position_runway_m for f in near])
+    velocity, at_start = np.polyfit(t - t[0], points, 1)
+    return InitialState(
+        t_s=float(t[0]),
+        position_runway_m=np.asarray(at_start, dtype=np.float64),
+        velocity_runway_m_s=np.asarray(velocity, dtype=np.float64),
+        sigma_position_m=1.0 + _DGPS_CLOCK_SIGMA_S * np.abs(velocity),
+        sigma_velocity_m_s=np.full(3, 2.0),
+    )

@@ -1,0 +1,261 @@
+"""The session folder: what session.toml says, the rig, and whether the rest is there and fits."""
+
+import difflib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.errors import GroundstationError, SessionError
+from groundstation.messages import InitialState
+from groundstation.rig import ClockModel, Rig, Station, load_rig, parse_clock
+from groundstation.session.media import Medium, check_medium, find_media
+from groundstation.session.tables import CsvTable
+from groundstation.toml_table import Table, load_toml, quoted
+
+# what [clocks] may name besides the stations
+CLOCKED_TABLES = ("frames", "detections", "ptu", "dgps", "truth")
+_TABLES = ("clocks", "target", "initial", "origin", "phase")
+_MAX_PHASES = 10_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TargetModel:
+    """What is known of the aircraft: wing span in m; antenna from the nose, (3,) x forward, y right, z down."""
+
+    span_m: float | None
+    antenna_in_body_m: FloatArray | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Phase:
+    """A stretch of session time with one kind of background: sky, mixed or ground."""
+
+    from_s: float
+    to_s: float
+    background: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GeoOrigin:
+    """Where the session's frame lies on Earth; height above the ellipsoid, azimuth of +y clockwise from true north."""
+
+    lat_deg: float
+    lon_deg: float
+    height_m: float
+    y_axis_azimuth_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Session:
+    """One session folder, checked.
+
+    Attributes
+    ----------
+    rig : the calibrated stations; clocks that the rig file leaves open are those of [clocks].
+    frame : "runway" or "east-north-up".
+    date, licence, notes : the file's own words, empty where it has none.
+    initial, origin : None where the file does not give them.
+    clocks : the [clocks] table, by station or table name.
+    media : each station's pictures; empty for a session of detections.csv only.
+    left_out : stations of the folder's own rig that the rig in use does not have; their rows are passed over.
+    """
+
+    name: str
+    folder: Path
+    rig: Rig
+    frame: str
+    date: str
+    licence: str
+    notes: str
+    target: TargetModel
+    initial: InitialState | None
+    origin: GeoOrigin | None
+    phases: tuple[Phase, ...]
+    clocks: dict[str, ClockModel]
+    media: dict[str, Medium]
+    left_out: frozenset[str]
+
+    @property
+    def detections_only(self) -> bool:
+        """Whether target pixels come from detections.csv instead of pictures."""
+        return not self.media
+
+    @property
+    def has_clocks(self) -> bool:
+        """Whether [clocks] names the stations: then the session's clock is the DGPS clock."""
+        cameras = (*self.rig.names, "detections" if self.detections_only else "frames")
+        return any(name in self.clocks for name in cameras)
+
+    def camera_clock(self, station: Station) -> ClockModel:
+        """Return how a camera's stamps map to session time: the rig's word, else [clocks], else equal."""
+        return ClockModel() if station.camera_clock is None else station.camera_clock
+
+    def ptu_clock(self, station: Station) -> ClockModel:
+        """Return how PTU stamps map to session time: the rig's word, else [clocks] of ``ptu``, else equal."""
+        return station.ptu_clock
+
+
+def load_session(folder: Path, rig_path: Path | None = None) -> Session:
+    """Read a session folder and check what can be checked without reading its recordings.
+
+    Raises `SessionError` or `RigError`, one line that says where, what was got and what was wanted.
+    """
+    if not folder.is_dir():
+        raise SessionError(str(folder), got="no such folder", wanted="a session folder with session.toml")
+    path = folder / "session.toml"
+    top = Table(load_toml(path, SessionError), str(path), SessionError)
+    _refuse_misspelt(top)
+    rig = load_rig(rig_path if rig_path is not None else folder / "rig.toml")
+    left_out = _left_out(folder, rig) if rig_path is not None else frozenset()
+    media = find_media(folder, rig)
+    clocks = _clocks(top.table("clocks"), {*rig.names, *left_out})
+    frame = top.text("frame", "runway")
+    if frame not in ("runway", "east-north-up"):
+        raise top.fail("frame", quoted(frame), "'runway' or 'east-north-up'")
+    session = Session(
+        name=top.text("name", folder.resolve().name),
+        folder=folder,
+        rig=_with_clocks(rig, clocks, "frames" if media else "detections"),
+        frame=frame,
+        date=str(top.values.get("date", "")),
+        licence=top.text("licence", ""),
+        notes=top.text("notes", ""),
+        target=_target(top.table("target")),
+        initial=_initial(top.table("initial")) if "initial" in top else None,
+        origin=_origin(top.table("origin"), frame) if isinstance(top.values.get("origin"), dict) else None,
+        phases=_phases(top),
+        clocks=clocks,
+        media=media,
+        left_out=left_out,
+    )
+    if media:
+        frames_table(session)
+    else:
+        detections_table(session)
+    ptu_table(session)
+    for name, medium in media.items():
+        check_medium(medium, rig[name].lens.image_size_px)
+    return session
+
+
+def frames_table(session: Session) -> CsvTable:
+    """Open frames.csv; raises `SessionError` if it or a station's column is missing."""
+    return CsvTable(session.folder / "frames.csv", ["index", *(f"{name}_t_s" for name in session.rig.names)])
+
+
+def detections_table(session: Session) -> CsvTable:
+    """Open detections.csv; raises `SessionError` if it or a column is missing."""
+    return CsvTable(session.folder / "detections.csv", ["t_s", "station", "u_px", "v_px"])
+
+
+def ptu_table(session: Session) -> CsvTable | None:
+    """Open ptu.csv; None if no station turns. Raises `SessionError` if it or a turning station's column is missing."""
+    turning = [s.name for s in session.rig.stations if not s.fixed]
+    columns = [f"{name}_{axis}_deg" for name in turning for axis in ("pan", "tilt")]
+    return CsvTable(session.folder / "ptu.csv", ["t_s", *columns]) if turning else None
+
+
+def _refuse_misspelt(top: Table) -> None:
+    """Raise for a table whose name is nearly one that is read; other entries are the recorder's own notes."""
+    for key, value in top.values.items():
+        near = difflib.get_close_matches(key.lower(), _TABLES, n=1, cutoff=0.75)
+        if key not in _TABLES and near and isinstance(value, dict | list):
+            raise top.fail(key, "an unknown table", f"[{near[0]}], if that is what is meant")
+
+
+def _left_out(folder: Path, rig: Rig) -> frozenset[str]:
+    """Return the stations that only the folder's own rig has; none if that cannot be read."""
+    try:
+        own = load_rig(folder / "rig.toml")
+    except GroundstationError:
+        return frozenset()
+    return frozenset(own.names) - frozenset(rig.names)
+
+
+def _clocks(table: Table, stations: set[str]) -> dict[str, ClockModel]:
+    """Parse [clocks]: by station or table, t_dgps = t + offset."""
+    clocks = {}
+    for name in table.values:
+        if name not in stations and name not in CLOCKED_TABLES:
+            wanted = f"a station ({', '.join(sorted(stations))}) or a table ({', '.join(CLOCKED_TABLES)})"
+            raise table.fail(name, "an unknown clock", wanted)
+        entry = table.table(name)
+        entry.number("offset_s")
+        clocks[name] = parse_clock(entry)
+    return clocks
+
+
+def _with_clocks(rig: Rig, clocks: dict[str, ClockModel], pictures: str) -> Rig:
+    """Return the rig with the clocks that it leaves open taken from [clocks]; what the rig file says stays.
+
+    A PTU of which neither speaks shares its station's clock, as the files of a session without [clocks] do.
+    """
+    stations = []
+    for station in rig.stations:
+        camera, ptu = station.camera_clock, station.ptu_clock
+        if camera is None:
+            camera = clocks.get(station.name, clocks.get(pictures))
+        if not station.ptu_clock_given:
+            ptu = clocks.get("ptu", clocks.get(station.name, ptu))
+        stations.append(replace(station, camera_clock=camera, ptu_clock=ptu))
+    return replace(rig, stations=tuple(stations))
+
+
+def _target(table: Table) -> TargetModel:
+    table.refuse_unknown({"span_m", "antenna_in_body_m"})
+    return TargetModel(
+        span_m=table.number("span_m", above=0.0) if "span_m" in table else None,
+        antenna_in_body_m=table.vector("antenna_in_body_m", 3) if "antenna_in_body_m" in table else None,
+    )
+
+
+def _initial(table: Table) -> InitialState:
+    table.refuse_unknown({"t_s", "position_m", "velocity_m_s", "sigma_position_m", "sigma_velocity_m_s"})
+    return InitialState(
+        t_s=table.number("t_s"),
+        position_runway_m=table.vector("position_m", 3),
+        velocity_runway_m_s=table.vector("velocity_m_s", 3),
+        sigma_position_m=_sigmas(table, "sigma_position_m"),
+        sigma_velocity_m_s=_sigmas(table, "sigma_velocity_m_s"),
+    )
+
+
+def _sigmas(table: Table, key: str) -> FloatArray:
+    """Return one sigma for all axes, or three."""
+    if isinstance(table.values.get(key), list):
+        sigmas = table.vector(key, 3)
+        if np.any(sigmas <= 0):
+            raise table.fail(key, str(sigmas.tolist()), "numbers > 0")
+        return sigmas
+    return np.full(3, table.number(key, above=0.0))
+
+
+def _origin(table: Table, frame: str) -> GeoOrigin:
+    table.refuse_unknown({"lat_deg", "lon_deg", "height_m", "y_axis_azimuth_deg"})
+    return GeoOrigin(
+        lat_deg=table.number("lat_deg", minimum=-90.0, maximum=90.0),
+        lon_deg=table.number("lon_deg", minimum=-360.0, maximum=360.0),
+        height_m=table.number("height_m"),
+        # y is north where the frame says so; a runway's direction must be told
+        y_axis_azimuth_deg=table.number("y_axis_azimuth_deg", None if frame == "runway" else 0.0),
+    )
+
+
+def _phases(top: Table) -> tuple[Phase, ...]:
+    rows = top.values.get("phase", [])
+    if not isinstance(rows, list) or len(rows) > _MAX_PHASES:
+        raise top.fail("phase", quoted(rows), f"at most {_MAX_PHASES} [[phase]] tables")
+    phases = []
+    for number, row in enumerate(rows, start=1):
+        table = Table(row, f"{top.where}: phase {number}", SessionError)
+        table.refuse_unknown({"from_s", "to_s", "background"})
+        start, end = table.number("from_s"), table.number("to_s")
+        if end < start:
+            raise table.fail("to_s", f"{end:g}", f"at least from_s = {start:g}")
+        background = table.text("background")
+        if background not in ("sky", "mixed", "ground"):
+            raise table.fail("background", quoted(background), "'sky', 'mixed' or 'ground'")
+        phases.append(Phase(from_s=start, to_s=end, background=background))
+    return tuple(phases)

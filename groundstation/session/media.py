@@ -1,0 +1,147 @@
+"""The pictures of a session: which medium each station has, and whether it fits the rig."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from groundstation.errors import SessionError
+from groundstation.rig import Rig
+
+# two of these for one station are a doubt that only the user can settle
+VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".webm", ".wmv")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+# files of a station's name that FFmpeg might take for pictures, and that are none
+_OTHER_SUFFIXES = (".csv", ".toml", ".txt", ".json", ".npz", ".md", ".srt", ".xml", ".html", ".log")
+# a day at 100 Hz, and far from filling the memory with names
+_MAX_FILES = 10_000_000
+
+
+class MediumKind(StrEnum):
+    """What a station's pixels come from."""
+
+    VIDEO = "video"
+    IMAGES = "images"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Medium:
+    """One station's pictures: a video file, or a folder of 000000.png …"""
+
+    kind: MediumKind
+    path: Path
+
+
+def find_media(folder: Path, rig: Rig) -> dict[str, Medium]:
+    """Return each station's pictures; none where the session has only detections.
+
+    Raises `SessionError` if a station has no pictures, or two videos.
+    """
+    found = {name: medium for name in rig.names if (medium := _medium(folder, name)) is not None}
+    has_frames, has_labels = (folder / "frames.csv").is_file(), (folder / "detections.csv").is_file()
+    if has_labels and not (has_frames and found):
+        return {}
+    if not has_frames:
+        got = "pictures without frames.csv" if found else "neither of them"
+        raise SessionError(str(folder), got=got, wanted="frames.csv with videos, or detections.csv")
+    for name in rig.names:
+        if name not in found:
+            wanted = f"{name}.mp4 (or another video) or a folder {name}/ of 000000.png …"
+            raise SessionError(str(folder), got=f"no pictures of station {name}", wanted=wanted)
+    return found
+
+
+def _medium(folder: Path, name: str) -> Medium | None:
+    """Return a station's video, or else its folder of pictures."""
+    files = [f for f in sorted(folder.glob(f"{name}.*")) if f.stem == name and f.is_file()]
+    videos = [f for f in files if f.suffix.lower() in VIDEO_SUFFIXES]
+    if len(videos) > 1:
+        got = " and ".join(f.name for f in videos[:2])
+        raise SessionError(str(folder), got=got, wanted=f"one video for station {name}")
+    if videos:
+        return Medium(kind=MediumKind.VIDEO, path=videos[0])
+    if (folder / name).is_dir():
+        return Medium(kind=MediumKind.IMAGES, path=folder / name)
+    # any other extension, if OpenCV can read it
+    others = (f for f in files if f.suffix.lower() not in _OTHER_SUFFIXES and open_video(f).isOpened())
+    path = next(others, None)
+    return None if path is None else Medium(kind=MediumKind.VIDEO, path=path)
+
+
+def open_video(path: Path) -> cv2.VideoCapture:
+    """Open a video for decoding in one thread; ask `isOpened` whether that went well."""
+    # FFmpeg alone: OpenCV's other readers would take a name with digits for a series of images. The cameras
+    # already decode side by side; more threads each would only hold more frames in memory.
+    return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+
+
+def image_files(folder: Path) -> dict[int, Path]:
+    """Return the folder's pictures by their number; files with other names are left alone.
+
+    Raises `SessionError` where two files have the same number.
+    """
+    files: dict[int, Path] = {}
+    for count, path in enumerate(folder.iterdir()):
+        if count >= _MAX_FILES:
+            raise SessionError(folder.name, got="more files", wanted=f"at most {_MAX_FILES}")
+        if path.suffix.lower() in IMAGE_SUFFIXES and path.stem.isascii() and path.stem.isdigit():
+            number = int(path.stem[-18:])
+            if number in files:
+                got = " and ".join(sorted((files[number].name, path.name)))
+                raise SessionError(folder.name, got=got, wanted=f"one picture with the number {number}")
+            files[number] = path
+    return files
+
+
+def read_image(path: Path) -> object:
+    """Return a picture (h, w, 3) uint8 BGR, or None if it cannot be read or is not whole."""
+    try:
+        encoded = path.read_bytes()
+    except OSError:
+        return None
+    # a JPEG cut short is decoded without complaint, the rest grey; only its end marker tells
+    if path.suffix.lower() in (".jpg", ".jpeg") and encoded.find(b"\xff\xd9", len(encoded) // 2) < 0:
+        return None
+    return cv2.imdecode(np.frombuffer(encoded, dtype=np.uint8), cv2.IMREAD_COLOR) if encoded else None
+
+
+def check_medium(medium: Medium, size_px: tuple[int, int]) -> None:
+    """Open a medium and compare its pictures' size with the rig's (w, h). Raises `SessionError`."""
+    if medium.kind is MediumKind.VIDEO:
+        where, size = medium.path.name, _video_size(medium.path)
+    else:
+        where, size = _first_picture(medium.path)
+    if size != size_px:
+        raise size_fault(where, size, size_px)
+
+
+def size_fault(where: str, size: tuple[int, int], wanted: tuple[int, int]) -> SessionError:
+    """Build (not raise) the error for pictures of another size (w, h) than the rig's."""
+    return SessionError(where, got=f"{size[0]}×{size[1]} px", wanted=f"{wanted[0]}×{wanted[1]} px as in the rig")
+
+
+def _video_size(path: Path) -> tuple[int, int]:
+    capture = open_video(path)
+    try:
+        if not capture.isOpened():
+            raise SessionError(path.name, got="no video that OpenCV can open", wanted="a complete video file")
+        if not capture.grab():
+            raise SessionError(path.name, got="a video without frames", wanted="a video with frames")
+        return int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+    finally:
+        capture.release()
+
+
+def _first_picture(folder: Path) -> tuple[str, tuple[int, int]]:
+    """Return name and size (w, h) of the picture with the lowest number."""
+    files = image_files(folder)
+    if not files:
+        raise SessionError(f"{folder.name}/", got="no picture", wanted="000000.png, 000001.png …")
+    path = files[min(files)]
+    where = f"{folder.name}/{path.name}"
+    image = read_image(path)
+    if not isinstance(image, np.ndarray):
+        raise SessionError(where, got="bytes that cannot be decoded", wanted="a picture")
+    return where, (image.shape[1], image.shape[0])

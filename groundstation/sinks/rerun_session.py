@@ -1,0 +1,48 @@
+"""What a recorded session brings to its Rerun recording: its pictures, and the reference once evaluated."""
+
+from pathlib import Path
+
+from groundstation.evaluation.evaluate import Evaluation
+from groundstation.session import MediumKind, Session
+from groundstation.sinks.rerun_media import ImageFolder, Media, VideoAsset
+from groundstation.sinks.rerun_reference import AxisErrors, ReferenceLine, ReferenceTracks
+from groundstation.sinks.rerun_view import RerunSink
+from groundstation.sources.pictures import image_files
+
+
+def session_view(path: Path, session: Session) -> RerunSink:
+    """Open the recording of a session's replay; videos are referred to, not encoded again."""
+    media: dict[str, Media] = {}
+    for name, medium in session.media.items():
+        if medium.kind is MediumKind.VIDEO:
+            media[name] = VideoAsset(path=medium.path)
+        else:
+            media[name] = ImageFolder(files=image_files(medium.path))
+    return RerunSink(path, session.rig, session_name=session.name, media=media)
+
+
+def reference_tracks(evaluation: Evaluation) -> ReferenceTracks:
+    """Return the references as lines, and the errors against the better one: truth if there is one."""
+    lines = []
+    if evaluation.truth is not None:
+        lines.append(
+            ReferenceLine(name="truth", t_s=evaluation.truth.t_s, position_runway_m=evaluation.truth.position_m)
+        )
+    if evaluation.reference is not None:
+        series = evaluation.reference.all_fixes
+        t_s = series.t_s - evaluation.reference.applied_offset_s
+        lines.append(ReferenceLine(name="dgps", t_s=t_s, position_runway_m=series.position_m))
+    errors = None
+    for name in ("truth", "dgps"):
+        comparison = evaluation.comparisons.get(name)
+        if comparison is not None and comparison.ekf_known.any():
+            known = comparison.ekf_known
+            sigma = comparison.covariance_m2[known].diagonal(axis1=1, axis2=2) ** 0.5
+            errors = AxisErrors(
+                against=name,
+                t_s=comparison.t_s[known],
+                error_m=comparison.ekf_error_m[known],
+                sigma_m=sigma,
+            )
+            break
+    return ReferenceTracks(lines=tuple(lines), errors=errors)

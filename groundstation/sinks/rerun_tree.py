@@ -1,0 +1,66 @@
+"""The entity tree of ``session.rrd``: paths, the timeline and the colours; docs/rerun.md shows it whole."""
+
+from typing import NewType
+
+import numpy as np
+import rerun as rr
+
+from groundstation.arrays import FloatArray
+
+Colour = NewType("Colour", tuple[int, int, int])
+
+TIMELINE = "session_time"
+
+RUNWAY = "world/runway"
+STATIONS = "world/stations"
+AIRCRAFT = "aircraft"
+EKF = f"{AIRCRAFT}/ekf"
+EKF_PATH = f"{EKF}/path"
+EKF_ELLIPSOID = f"{EKF}/ellipsoid"
+EKF_ELLIPSOIDS = f"{EKF}/ellipsoids"
+TRIANGULATION = f"{AIRCRAFT}/triangulation"
+LOG = "log"
+STATUS = "status"
+TRACK_STATUS = f"{STATUS}/track"
+PLOTS = "plots"
+ERROR = f"{PLOTS}/error"
+NIS = f"{PLOTS}/nis"
+NIS_BOUNDS = f"{NIS}/bounds"
+LATENCY = f"{PLOTS}/latency"
+PAIR_LATENCY = f"{LATENCY}/pair"
+PTU = f"{PLOTS}/ptu"
+
+AXES = ("x", "y", "z")
+
+EKF_COLOUR = Colour((90, 220, 255))
+COASTING_COLOUR = Colour((255, 190, 60))
+TRIANGULATION_COLOUR = Colour((255, 120, 200))
+DGPS_COLOUR = Colour((255, 225, 90))
+TRUTH_COLOUR = Colour((120, 230, 120))
+BOUND_COLOUR = Colour((150, 150, 150))
+REFUSED_COLOUR = Colour((255, 90, 80))
+ROI_COLOUR = Colour((255, 225, 90))
+CONTOUR_COLOUR = Colour((120, 230, 120))
+TARGET_COLOUR = Colour((255, 60, 60))
+PREDICTION_COLOUR = EKF_COLOUR
+STATION_COLOURS = (Colour((160, 145, 255)), Colour((255, 160, 90)), Colour((110, 215, 190)), Colour((225, 130, 150)))
+
+
+def camera(station: str) -> str:
+    """Return the entity of a station's camera in the 3-D view: a pose that turns, with its frustum."""
+    return f"{STATIONS}/{station}/camera"
+
+
+def image(station: str) -> str:
+    """Return the entity of a station's picture; what is drawn over it lies below this path."""
+    return f"cameras/{station}/image"
+
+
+def station_colour(number: int) -> Colour:
+    """Return the colour of the n-th station of the rig, in all views."""
+    return STATION_COLOURS[number % len(STATION_COLOURS)]
+
+
+def time_column(t_s: FloatArray) -> rr.TimeColumn:
+    """Return session times (n,) in s as the recording's index, rounded to whole ns."""
+    return rr.TimeColumn(TIMELINE, duration=np.round(np.asarray(t_s) * 1e9).astype("timedelta64[ns]"))

@@ -1,0 +1,174 @@
+"""The Rerun recording ``session.rrd``: scene, pictures with overlay, plots and log on one timeline."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from groundstation.errors import SessionError
+from groundstation.messages import CameraReport, StepReport, TrackEvent
+from groundstation.rig import Rig
+from groundstation.sinks import rerun_tree as tree
+from groundstation.sinks.rerun_blueprint import Eye, blueprint, eye_before, eye_over
+from groundstation.sinks.rerun_cameras import CameraChannel
+from groundstation.sinks.rerun_media import ImageFolder, Media, VideoAsset, encoded_image, load_video
+from groundstation.sinks.rerun_reference import (
+    AxisErrors,
+    ReferenceLine,
+    ReferenceTracks,
+    log_errors,
+    log_reference_line,
+)
+from groundstation.sinks.rerun_scene import (
+    RunwayOutline,
+    fit_frustum,
+    log_camera_styles,
+    log_runway,
+    log_station,
+    log_styles,
+    long_enough,
+    outline_between,
+)
+from groundstation.sinks.rerun_track import TrackChannel
+
+__all__ = ["AxisErrors", "ImageFolder", "Media", "ReferenceLine", "ReferenceTracks", "RerunSink", "VideoAsset"]
+
+APPLICATION = "groundstation"
+FLUSH_EPOCHS = 200
+
+
+class RerunSink:
+    """Writes step reports into a Rerun recording, in bulk, with flat memory.
+
+    Parameters
+    ----------
+    path : the file to write; an old one is replaced.
+    rig : the calibrated rig.
+    session_name : the recording's title in the viewer.
+    media : the session's own videos or pictures by station; a station without any shows its overlay alone.
+    runway : the strip to draw; by default the one between the pedestals, as long as the track needs.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        rig: Rig,
+        *,
+        session_name: str,
+        media: Mapping[str, Media] | None = None,
+        runway: RunwayOutline | None = None,
+    ) -> None:
+        self._rig = rig
+        self._runway = runway if runway is not None else outline_between(rig)
+        self._errors_against = ""
+        self._notices: list[str] = []
+        self._track = TrackChannel()
+        self._stream = _file_stream(path, session_name)
+        self._send_blueprint(eye_before(rig), loop_s=None)
+        media = media or {}
+        self._folders = {name: m for name, m in media.items() if isinstance(m, ImageFolder)}
+        self._cameras = self._log_scene({name: m for name, m in media.items() if isinstance(m, VideoAsset)})
+
+    def write(self, report: StepReport) -> None:
+        """Take one step's report; rows reach the file each `FLUSH_EPOCHS` pairs."""
+        for camera in report.cameras:
+            self._cameras[camera.station].add(camera)
+            self._log_picture(camera)
+            if self._notices:
+                self._note(camera.t_s, self._notices)
+                self._notices = []
+        for estimate in report.estimates:
+            self._track.add_estimate(estimate)
+        for event in report.events:
+            self._track.add_event(event)
+        if len(self._track) >= FLUSH_EPOCHS or any(len(c) >= 2 * FLUSH_EPOCHS for c in self._cameras.values()):
+            self._flush()
+
+    def write_reference(self, reference: ReferenceTracks) -> None:
+        """Add what only the evaluation knows; call it after the last `write` and before `close`."""
+        for line in reference.lines:
+            log_reference_line(self._stream, line)
+        if reference.errors is not None:
+            log_errors(self._stream, reference.errors)
+            self._errors_against = reference.errors.against
+
+    def close(self) -> None:
+        """Write what is left, fit the opening view to the track, and finish the file."""
+        self._flush()
+        track = self._track
+        if track.first_t_s is not None and track.last_t_s is not None:
+            beyond = {c.station: c.frames_beyond_video for c in self._cameras.values() if c.frames_beyond_video}
+            self._note(track.last_t_s, [f"{name}: {n} frames are not in the video" for name, n in beyond.items()])
+            self._flush()
+            log_runway(self._stream, long_enough(self._runway, float(track.upper_m[1])))
+            for station in self._rig.stations:
+                fit_frustum(self._stream, station, track.lower_m, track.upper_m)
+            eye = eye_over(self._rig, track.lower_m, track.upper_m)
+            self._send_blueprint(eye, loop_s=(track.first_t_s, track.last_t_s))
+        self._stream.flush()
+        self._stream.disconnect()
+
+    def _note(self, t_s: float, texts: Iterable[str]) -> None:
+        """Say something about the recording itself in its own log."""
+        for text in texts:
+            self._track.add_event(TrackEvent(t_s=t_s, level="warning", text=text))
+
+    def _log_picture(self, camera: CameraReport) -> None:
+        """Log a frame of an image folder as it lies on disk."""
+        folder = self._folders.get(camera.station)
+        if folder is None or camera.epoch not in folder.files:
+            return
+        self._stream.set_time(tree.TIMELINE, duration=np.timedelta64(round(camera.t_s * 1e9), "ns"))
+        self._stream.log(tree.image(camera.station), encoded_image(folder.files[camera.epoch]))
+
+    def _flush(self) -> None:
+        """Send all collected rows."""
+        batches = [batch for camera in self._cameras.values() for batch in camera.take()]
+        for batch in (*batches, *self._track.take()):
+            batch.send(self._stream)
+
+    def _send_blueprint(self, eye: Eye, loop_s: tuple[float, float] | None) -> None:
+        """Send the layout, looping over a part of the session if given."""
+        layout = blueprint(self._rig, eye=eye, loop_s=loop_s, errors_against=self._errors_against)
+        self._stream.send_blueprint(layout)
+
+    def _log_scene(self, videos: Mapping[str, VideoAsset]) -> dict[str, CameraChannel]:
+        """Log everything that stands still, and return a channel for each station."""
+        self._stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        log_runway(self._stream, self._runway)
+        log_styles(self._stream)
+        middle_m = np.mean([s.ptu_position_m for s in self._rig.stations], axis=0)
+        channels = {}
+        for number, station in enumerate(self._rig.stations):
+            log_station(self._stream, station, number, middle_m)
+            log_camera_styles(self._stream, station, number)
+            timestamps_ns = np.zeros(0, dtype=np.int64)
+            if station.name in videos:
+                timestamps_ns = self._log_video(station.name, videos[station.name])
+            channels[station.name] = CameraChannel(station.geometry(), timestamps_ns)
+        return channels
+
+    def _log_video(self, station: str, video: VideoAsset) -> NDArray[np.int64]:
+        """Embed a video and return its frames' timestamps (n,); none, and a notice, where it cannot be embedded."""
+        try:
+            loaded = load_video(video)
+        except SessionError as fault:
+            self._notices.append(f"no pictures of {station}: {fault}")
+            return np.zeros(0, dtype=np.int64)
+        self._stream.log(tree.image(station), loaded.asset, static=True)
+        return loaded.timestamps_ns
+
+
+def _file_stream(path: Path, session_name: str) -> rr.RecordingStream:
+    """Open the file; session time is its only timeline, so the wall clock stays out of it."""
+    stream = rr.RecordingStream(APPLICATION, send_properties=False)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    try:
+        stream.save(path)
+    except (OSError, RuntimeError) as fault:
+        raise SessionError(str(path), got=str(fault).splitlines()[0], wanted="a file that can be written") from fault
+    stream.send_recording_name(session_name)
+    return stream

@@ -1,0 +1,147 @@
+"""The result files of a replay: track.csv, triangulation.csv, detections.csv and track.tum, written as they come.
+
+Every step is flushed as whole lines, so that what a killed run leaves behind is readable to its last epoch, and
+nothing is kept in memory. A value that does not exist is an empty cell.
+"""
+
+import math
+from collections.abc import Iterable
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import TextIO
+
+from groundstation.arrays import FloatArray
+from groundstation.errors import InputError
+from groundstation.messages import CameraReport, Detection, StepReport, TrackEstimate, TriangulationStatus
+
+TRACK_COLUMNS = (
+    *("t_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"),
+    *("cov_xx_m2", "cov_xy_m2", "cov_xz_m2", "cov_yy_m2", "cov_yz_m2", "cov_zz_m2", "status"),
+)
+TRIANGULATION_COLUMNS = ("t_s", "x_m", "y_m", "z_m", "status")
+DETECTION_COLUMNS = (
+    *("t_s", "station", "u_px", "v_px", "sigma_u_px", "sigma_v_px"),
+    *("roi_x_px", "roi_y_px", "roi_w_px", "roi_h_px", "status", "elapsed_ms"),
+)
+# what is written after the run; an earlier run's must not lie beside this run's track
+_WRITTEN_AFTERWARDS = ("summary.json", "report.html")
+_UPPER_TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+class TrackFilesSink:
+    """Write the tables of one run into ``folder``, which is created; other files in it are left alone.
+
+    Raises `InputError` if the folder cannot be made or a file in it cannot be written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        with ExitStack() as stack:
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+                for name in _WRITTEN_AFTERWARDS:
+                    (folder / name).unlink(missing_ok=True)
+                self._track = _open(stack, folder / "track.csv")
+                self._triangulation = _open(stack, folder / "triangulation.csv")
+                self._detections = _open(stack, folder / "detections.csv")
+                self._tum = _open(stack, folder / "track.tum")
+            except OSError as fault:
+                raise InputError(str(folder), got=str(fault), wanted="a folder that can be written") from fault
+            self._track.write(_line(TRACK_COLUMNS))
+            self._triangulation.write(_line(TRIANGULATION_COLUMNS))
+            self._detections.write(_line(DETECTION_COLUMNS))
+            self._files = stack.pop_all()
+
+    def __enter__(self) -> "TrackFilesSink":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def write(self, report: StepReport) -> None:
+        """Append the rows of one step."""
+        for camera in report.cameras:
+            self._detections.write(_line(_detection_cells(camera)))
+        for estimate in report.estimates:
+            self._track.write(_line(_track_cells(estimate)))
+            self._triangulation.write(_line(_triangulation_cells(estimate)))
+            if (pose := _tum_line(estimate)) is not None:
+                self._tum.write(pose)
+        if report.cameras:
+            self._detections.flush()
+        if report.estimates:
+            for file in (self._track, self._triangulation, self._tum):
+                file.flush()
+
+    def close(self) -> None:
+        """Close the files; closing twice is allowed."""
+        self._files.close()
+
+
+def _open(stack: ExitStack, path: Path) -> TextIO:
+    """Open one text file for writing with plain line ends."""
+    return stack.enter_context(path.open("w", encoding="utf-8", newline="\n"))
+
+
+def _line(cells: Iterable[str]) -> str:
+    """Join the cells of one row; none of ours needs quoting (station names have no commas)."""
+    return ",".join(cells) + "\n"
+
+
+def _number(value: float, form: str) -> str:
+    """Format one number; a value that is not finite is no value: an empty cell."""
+    return format(value, form) if math.isfinite(value) else ""
+
+
+def _point(position_m: FloatArray | None) -> list[str]:
+    """Format x, y, z to 0.1 µm, or three empty cells."""
+    if position_m is None:
+        return [""] * 3
+    return [_number(float(v), ".7f") for v in position_m]
+
+
+def _track_cells(estimate: TrackEstimate) -> list[str]:
+    """Return one row of track.csv."""
+    cells = [_number(estimate.t_s, ".6f")]
+    k = estimate.kinematics
+    if k is None:
+        cells += [""] * 12
+    else:
+        cells += _point(k.position_runway_m)
+        cells += [_number(float(v), ".6f") for v in k.velocity_runway_m_s]
+        cells += [_number(float(k.covariance[i, j]), ".9g") for i, j in _UPPER_TRIANGLE]
+    return [*cells, estimate.status.value]
+
+
+def _triangulation_cells(estimate: TrackEstimate) -> list[str]:
+    """Return one row of triangulation.csv; rays that do not meet give a status and no point."""
+    good = estimate.triangulation is not None and estimate.triangulation_status is TriangulationStatus.OK
+    point = estimate.triangulation.point_runway_m if good and estimate.triangulation is not None else None
+    return [_number(estimate.t_s, ".6f"), *_point(point), estimate.triangulation_status.value]
+
+
+def _detection_cells(camera: CameraReport) -> list[str]:
+    """Return one row of detections.csv."""
+    cells = [_number(camera.t_s, ".6f"), camera.station]
+    if isinstance(camera.result, Detection):
+        found = camera.result
+        sigma_u, sigma_v = (math.sqrt(max(0.0, float(found.covariance_px2[i, i]))) for i in (0, 1))
+        cells += [_number(v, ".4f") for v in (found.u_px, found.v_px, sigma_u, sigma_v)]
+    else:
+        cells += [""] * 4
+    roi = camera.roi
+    cells += [""] * 4 if roi is None else [str(roi.x), str(roi.y), str(roi.w), str(roi.h)]
+    return [*cells, camera.status.value, _number(1e3 * camera.elapsed_s, ".3f")]
+
+
+def _tum_line(estimate: TrackEstimate) -> str | None:
+    """Return one line of track.tum (identity attitude), or None where there is no estimate."""
+    if estimate.kinematics is None:
+        return None
+    point = _point(estimate.kinematics.position_runway_m)
+    if "" in point:
+        return None
+    return " ".join([_number(estimate.t_s, ".6f"), *point, "0", "0", "0", "1"]) + "\n"

@@ -1,0 +1,95 @@
+"""frames.csv: which frame of each camera belongs to which pair, and when it was exposed."""
+
+from array import array
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray, MaskArray
+from groundstation.errors import SessionError
+from groundstation.session import Session
+from groundstation.session.folder import frames_table
+from groundstation.session.tables import CsvTable, Row
+from groundstation.toml_table import quoted
+
+_MAX_FRAMES = 50_000_000
+_MISSING = float("nan")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameTable:
+    """frames.csv: ``index`` (n,), ``line`` (n,), and per station session times (n,), NaN inside where missing.
+
+    ``fault`` is what ended the reading early, if anything did; the rows before it are usable.
+    """
+
+    index: NDArray[np.int64]
+    line: NDArray[np.int64]
+    stamps_s: dict[str, FloatArray]
+    fault: SessionError | None
+
+    def epoch_times(self) -> FloatArray:
+        """Return the mean stamp of each epoch (n,); an epoch without any frame has infinity."""
+        stamps = np.array(list(self.stamps_s.values()))
+        count = np.isfinite(stamps).sum(axis=0)
+        return np.where(count > 0, np.nansum(stamps, axis=0) / np.maximum(count, 1), np.inf)
+
+    def last_times(self) -> FloatArray:
+        """Return the latest stamp of each epoch (n,); an epoch without any frame has minus infinity."""
+        return np.nan_to_num(np.array(list(self.stamps_s.values())), nan=-np.inf).max(axis=0)
+
+    def rows(self, chosen: MaskArray) -> "FrameTable":
+        """Return the rows where ``chosen`` (n,) is true."""
+        return FrameTable(
+            index=self.index[chosen],
+            line=self.line[chosen],
+            stamps_s={n: s[chosen] for n, s in self.stamps_s.items()},
+            fault=self.fault,
+        )
+
+
+def read_frames(session: Session) -> FrameTable:
+    """Read frames.csv; a fault in it ends the reading and is returned with the rows before it.
+
+    Raises `SessionError` if the file or a column is missing.
+    """
+    names = session.rig.names
+    table = frames_table(session)
+    clocks = {s.name: session.camera_clock(s) for s in session.rig.stations}
+    # arrays of machine numbers: hours of frames stay small
+    index, lines = array("q"), array("q")
+    stamps = {n: array("d") for n in names}
+    newest: dict[str, float | None] = dict.fromkeys(names)
+    fault = None
+    try:
+        for row in table:
+            number = _index(table, row, index[-1] if index else None)
+            own = {n: table.optional_number(row, f"{n}_t_s") for n in names}
+            for n, t in own.items():
+                if t is not None:
+                    table.check_later(row, f"{n}_t_s", t, newest[n])
+            for n, t in own.items():
+                newest[n] = t if t is not None else newest[n]
+                stamps[n].append(_MISSING if t is None else clocks[n].session_from_device(t))
+            index.append(number)
+            lines.append(row.line)
+    except SessionError as error:
+        fault = error
+    return FrameTable(
+        index=np.array(index, dtype=np.int64),
+        line=np.array(lines, dtype=np.int64),
+        stamps_s={n: np.array(s, dtype=np.float64) for n, s in stamps.items()},
+        fault=fault,
+    )
+
+
+def _index(table: CsvTable, row: Row, before: int | None) -> int:
+    """Return a row's frame number, which must be greater than that of the row before."""
+    number = table.number(row, "index")
+    least = 0 if before is None else before + 1
+    if not least <= number <= _MAX_FRAMES or number != int(number):
+        wanted = "a whole number from 0" if before is None else f"a whole number above {before}"
+        got = f"index = {quoted(row.text['index'].strip())}"
+        raise table.fault(row.line, got=got, wanted=wanted if number < _MAX_FRAMES else f"at most {_MAX_FRAMES}")
+    return int(number)

@@ -1,0 +1,67 @@
+"""detections.csv: pixels that someone else has found, as events."""
+
+import heapq
+from array import array
+from collections.abc import Iterator
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.errors import SessionError
+from groundstation.messages import Epoch, Event, PixelMeasurement
+from groundstation.session import Session
+from groundstation.session.folder import detections_table
+from groundstation.toml_table import quoted
+
+
+def read_labels(session: Session) -> tuple[dict[str, FloatArray], SessionError | None]:
+    """Read detections.csv: by station an array (n, 3) of session time, u, v; and the fault that ended it, if any.
+
+    Stations may come one after the other or mixed; each one's own times must grow.
+    """
+    table = detections_table(session)
+    clocks = {s.name: session.camera_clock(s) for s in session.rig.stations}
+    found = {n: array("d") for n in session.rig.names}
+    newest: dict[str, float] = {}
+    fault = None
+    try:
+        for row in table:
+            name = row.text["station"].strip()
+            if name in session.left_out:
+                continue
+            if name not in found:
+                raise table.fault(row.line, got=f"station {quoted(name)}", wanted="one of " + ", ".join(found))
+            t = table.advance(row, "t_s", newest.get(name))
+            u, v = table.number(row, "u_px"), table.number(row, "v_px")
+            newest[name] = t
+            found[name].extend((clocks[name].session_from_device(t), u, v))
+    except SessionError as error:
+        fault = error
+    return {n: np.array(rows, dtype=np.float64).reshape(-1, 3) for n, rows in found.items()}, fault
+
+
+def label_events(labels: dict[str, FloatArray], leader: str) -> Iterator[tuple[float, Event]]:
+    """Yield the pixels in order of time, each with that time, and an epoch at each stamp of station ``leader``.
+
+    An epoch comes after every pixel of its own instant, whichever station saw it.
+    """
+    epochs = labels[leader][:, 0]
+    streams = [_station_labels(name, rows, epochs) for name, rows in labels.items()]
+    due: Epoch | None = None
+    for t, event in heapq.merge(*streams, key=lambda item: item[0]):
+        if due is not None and t > due.t_s:
+            yield due.t_s, due
+            due = None
+        yield t, event
+        if event.station == leader:
+            due = Epoch(t_s=t, epoch=event.epoch, stations=tuple(labels))
+    if due is not None:
+        yield due.t_s, due
+
+
+def _station_labels(name: str, rows: FloatArray, epochs: FloatArray) -> Iterator[tuple[float, PixelMeasurement]]:
+    """Yield one station's pixels, each in the epoch that comes at or after it."""
+    numbers = np.minimum(np.searchsorted(epochs, rows[:, 0]), len(epochs) - 1)
+    for number, (t, u, v) in zip(numbers, rows, strict=True):
+        pixel = PixelMeasurement(t_s=float(t), station=name, epoch=int(number), u_px=float(u), v_px=float(v))
+        yield pixel.t_s, pixel

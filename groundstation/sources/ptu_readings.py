@@ -1,0 +1,94 @@
+"""ptu.csv as a stream of readings in session time."""
+
+import heapq
+from collections.abc import Iterator
+
+import numpy as np
+
+from groundstation.errors import SessionError
+from groundstation.messages import PtuSample
+from groundstation.session import Session
+from groundstation.session.folder import ptu_table
+from groundstation.session.tables import CsvTable, Row
+
+
+class PtuReadings:
+    """Streams ptu.csv in order of session time; a rig of fixed stations has no readings and needs no file.
+
+    ``fault`` is what ended the stream early, if anything did; ``newest_s`` the last reading handed out.
+    Raises `SessionError` on opening if the file or a column is missing.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.fault: SessionError | None = None
+        self.newest_s = -np.inf
+        self._clocks = {s.name: session.ptu_clock(s) for s in session.rig.stations if not s.fixed}
+        self._table = ptu_table(session)
+        self._stream: Iterator[PtuSample] = iter(())
+        self._next: PtuSample | None = None
+        self._read_s = (np.inf, -np.inf)
+
+    def start(self, from_s: float, to_s: float) -> None:
+        """Go to the first reading at or after ``from_s``.
+
+        Raises `SessionError` if there is none by ``to_s``: no frame would have an angle.
+        """
+        if self._table is None:
+            return
+        self._stream = self._readings(self._table, from_s)
+        self._next = next(self._stream, None)
+        if self._next is None or self._next.t_s > to_s:
+            if self.fault is not None:
+                raise self.fault
+            first, last = self._read_s
+            got = "no reading" if last < first else f"readings from {first:.13g} to {last:.13g} s"
+            if self._next is not None:
+                got = f"a first reading at {first:.13g} s"
+            wanted = f"readings around the frames, {from_s:.13g} to {to_s:.13g} s of the session's clock"
+            raise SessionError(self._table.path.name, got=got, wanted=wanted)
+
+    def until(self, t_s: float) -> Iterator[PtuSample]:
+        """Yield all readings not handed out yet, up to session time ``t_s``."""
+        while self._next is not None and self._next.t_s <= t_s:
+            self.newest_s = self._next.t_s
+            yield self._next
+            self._next = next(self._stream, None)
+
+    def ended_before(self, t_s: float) -> bool:
+        """Return whether a fault has ended the stream and all before it has been handed out, earlier than ``t_s``."""
+        return self.fault is not None and self._next is None and self.newest_s < t_s
+
+    def _readings(self, table: CsvTable, from_s: float) -> Iterator[PtuSample]:
+        waiting: list[tuple[float, int, PtuSample]] = []
+        number = 0
+        before: float | None = None
+        try:
+            for row in table:
+                before = table.advance(row, "t_s", before)
+                times = {name: clock.session_from_device(before) for name, clock in self._clocks.items()}
+                self._read_s = (min(self._read_s[0], *times.values()), max(self._read_s[1], *times.values()))
+                # the whole row first: of a row at fault nothing is used
+                samples = [_reading(table, row, name, t_s) for name, t_s in times.items()]
+                for sample in samples:
+                    if sample is not None and sample.t_s >= from_s:
+                        number += 1
+                        heapq.heappush(waiting, (sample.t_s, number, sample))
+                # stations' clocks may differ; no reading of a later row can be earlier than this
+                settled = min(times.values())
+                while waiting and waiting[0][0] <= settled:
+                    yield heapq.heappop(waiting)[2]
+        except SessionError as fault:
+            self.fault = fault
+        while waiting:
+            yield heapq.heappop(waiting)[2]
+
+
+def _reading(table: CsvTable, row: Row, name: str, t_s: float) -> PtuSample | None:
+    """Return one station's reading, or None where its cells are empty."""
+    pan = table.optional_number(row, f"{name}_pan_deg")
+    tilt = table.optional_number(row, f"{name}_tilt_deg")
+    if pan is None and tilt is None:
+        return None
+    if pan is None or tilt is None:
+        raise table.fault(row.line, got=f"only one of {name}'s two angles", wanted="pan and tilt, or neither")
+    return PtuSample(t_s=t_s, station=name, pan_rad=float(np.radians(pan)), tilt_rad=float(np.radians(tilt)))

@@ -1,0 +1,222 @@
+"""Putting readings in order, and the PTU's angles at the instant of each exposure.
+
+Rules, all in the session clock:
+
+- Records are passed on in order of their stamps. One is passed on when every stream (each camera, each PTU) has
+  come as far, or when the newest stamp seen is ``hold_s`` ahead of it: a stream that lags is waited for so long
+  and no longer. Within that, order of arrival does not matter.
+- So a frame also waits for its station's next PTU reading, and the exposure is bracketed.
+- A stamp older than what has already been passed on is late. Late PTU readings are dropped; a late frame is
+  passed on as late, so that it is counted and not used.
+- Angles are interpolated linearly between two readings no further apart than ``max_gap_s``; before the
+  first, after the last, or inside a longer gap there is no angle.
+"""
+
+import bisect
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from groundstation.geometry.angles import wrap_rad
+from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SynchroniseConfig:
+    """Tuning of the waiting and interpolating.
+
+    Attributes
+    ----------
+    hold_s : how long a record waits for streams that lag.
+    max_gap_s : readings further apart than this do not bracket an exposure.
+    """
+
+    hold_s: float = 0.15
+    max_gap_s: float = 0.25
+
+    def __post_init__(self) -> None:
+        if self.hold_s < 0 or self.max_gap_s <= 0:
+            raise ValueError("hold_s must be ≥ 0 and max_gap_s > 0")
+
+
+# readings older than this before the newest record passed on are forgotten
+_KEPT_S = 2.0
+
+
+class AngleFault(StrEnum):
+    """Why there is no angle at an instant."""
+
+    NO_READING = "no PTU reading yet"
+    GAP = "PTU readings too far apart"
+    ENDED = "no PTU reading after the exposure"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnglesAt:
+    """Pan and tilt at an instant, by linear interpolation; ``variance_share`` of one reading's variance."""
+
+    pan_rad: float
+    tilt_rad: float
+    variance_share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReadyFrame:
+    """A camera's record whose time has come.
+
+    ``following`` is the station's PTU reading after it, not to be sent again on its own; None if it has not
+    come, or if the station is fixed. ``late`` marks a stamp behind what has been passed on already.
+    """
+
+    record: Frame | PixelMeasurement
+    angles: AnglesAt | AngleFault | None
+    following: PtuSample | None
+    late: bool = False
+
+
+Ready = PtuSample | ReadyFrame | Epoch
+
+
+@dataclass(slots=True)
+class LateCounts:
+    """How many records came too late to be used, by kind."""
+
+    ptu: int = 0
+    frames: int = 0
+
+
+@dataclass(order=True, slots=True)
+class _Queued:
+    t_s: float
+    number: int
+    event: Event = field(compare=False)
+
+
+class Synchroniser:
+    """Orders events by time and answers each frame with its angles.
+
+    Parameters
+    ----------
+    turning : names of the stations that have a PTU.
+    cameras : names of the stations whose frames are expected; others are waited for once they have been seen.
+    """
+
+    def __init__(self, turning: Sequence[str], config: SynchroniseConfig, cameras: Sequence[str] = ()) -> None:
+        self.late = LateCounts()
+        self._config = config
+        self._history: dict[str, deque[PtuSample]] = {name: deque() for name in turning}
+        self._streams = {("ptu", name): float("-inf") for name in turning}
+        self._streams.update({("camera", name): float("-inf") for name in cameras})
+        self._queue: list[_Queued] = []
+        self._number = 0
+        self._newest_s = float("-inf")
+        self._passed_s = float("-inf")
+        self._used: set[int] = set()
+
+    def push(self, event: Event) -> Iterator[Ready]:
+        """Take one event and yield, in time order, all whose time has come."""
+        self._newest_s = max(self._newest_s, event.t_s)
+        if not isinstance(event, Epoch):
+            stream = ("ptu" if isinstance(event, PtuSample) else "camera", event.station)
+            self._streams[stream] = max(self._streams.get(stream, event.t_s), event.t_s)
+        if event.t_s < self._passed_s and not isinstance(event, Epoch):
+            yield from self._answer_late(event)
+            return
+        self._enqueue(event)
+        yield from self._drain(final=False)
+
+    def finish(self) -> Iterator[Ready]:
+        """Yield everything still waiting: nothing more will come."""
+        yield from self._drain(final=True)
+
+    def angles_at(self, station: str, t_s: float) -> AnglesAt | AngleFault | None:
+        """Return interpolated angles at ``t_s``; None for a fixed station, which has none."""
+        history = self._history.get(station)
+        return None if history is None else interpolate(history, t_s, self._config.max_gap_s)
+
+    def _enqueue(self, event: Event) -> None:
+        """Insert by time; an epoch goes after all of its frames, whose mean its stamp is."""
+        self._number += 1
+        t = event.t_s
+        if isinstance(event, Epoch):
+            mates = [
+                q.t_s
+                for q in self._queue
+                if not isinstance(q.event, (Epoch, PtuSample)) and q.event.epoch == event.epoch
+            ]
+            t = max([t, self._passed_s, *mates])
+        if isinstance(event, PtuSample) and event.station in self._history:
+            history = self._history[event.station]
+            if not history or event.t_s > history[-1].t_s:
+                history.append(event)
+            else:
+                ordered = sorted([*history, event], key=lambda s: s.t_s)
+                history.clear()
+                history.extend(ordered)
+            # whatever still waits is newer than what has been passed on
+            while history[0].t_s < self._passed_s - _KEPT_S:
+                history.popleft()
+        bisect.insort(self._queue, _Queued(t, self._number, event))
+
+    def _answer_late(self, event: Event) -> Iterator[Ready]:
+        if isinstance(event, PtuSample):
+            self.late.ptu += 1
+        elif not isinstance(event, Epoch):
+            self.late.frames += 1
+            yield ReadyFrame(record=event, angles=None, following=None, late=True)
+
+    def _drain(self, final: bool) -> Iterator[Ready]:
+        while self._queue:
+            event = self._queue[0].event
+            if not (final or self._may_pass(self._queue[0].t_s)):
+                return
+            self._passed_s = max(self._passed_s, self._queue.pop(0).t_s)
+            if isinstance(event, PtuSample):
+                if id(event) in self._used:
+                    self._used.discard(id(event))
+                else:
+                    yield event
+            elif isinstance(event, Epoch):
+                yield event
+            else:
+                yield self._ready_frame(event)
+
+    def _may_pass(self, t_s: float) -> bool:
+        """Return whether nothing earlier than ``t_s`` is to be expected, or has been waited for long enough."""
+        if self._newest_s >= t_s + self._config.hold_s:
+            return True
+        return all(newest >= t_s for newest in self._streams.values())
+
+    def _ready_frame(self, frame: Frame | PixelMeasurement) -> ReadyFrame:
+        following = None
+        for queued in self._queue:
+            candidate = queued.event
+            if isinstance(candidate, PtuSample) and candidate.station == frame.station:
+                near = candidate.t_s - frame.t_s <= self._config.max_gap_s
+                if near and id(candidate) not in self._used:
+                    following = candidate
+                    self._used.add(id(candidate))
+                break
+        return ReadyFrame(record=frame, angles=self.angles_at(frame.station, frame.t_s), following=following)
+
+
+def interpolate(readings: Sequence[PtuSample], t_s: float, max_gap_s: float) -> AnglesAt | AngleFault:
+    """Interpolate pan and tilt at ``t_s`` between the two readings around it (sorted by time)."""
+    after = next((i for i in range(len(readings) - 1, -1, -1) if readings[i].t_s < t_s), -1) + 1
+    if after < len(readings) and readings[after].t_s == t_s:
+        hit = readings[after]
+        return AnglesAt(pan_rad=hit.pan_rad, tilt_rad=hit.tilt_rad, variance_share=1.0)
+    if after == 0:
+        return AngleFault.NO_READING
+    if after == len(readings):
+        return AngleFault.ENDED
+    a, b = readings[after - 1], readings[after]
+    if b.t_s - a.t_s > max_gap_s:
+        return AngleFault.GAP
+    w = (t_s - a.t_s) / (b.t_s - a.t_s)
+    return AnglesAt(
+        pan_rad=a.pan_rad + w * wrap_rad(b.pan_rad - a.pan_rad),
+        tilt_rad=a.tilt_rad + w * wrap_rad(b.tilt_rad - a.tilt_rad),
+        variance_share=(1.0 - w) ** 2 + w**2,
+    )

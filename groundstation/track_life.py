@@ -1,0 +1,108 @@
+"""The life of a track: searching, acquiring, tracking, coasting, lost; and when which is said.
+
+A track is *tracking* while two or more cameras' pixels are accepted in the same epoch (a fix), *coasting*
+while it lives without, and *lost* when its covariance says that the cameras could no longer be told where to
+look, or after a stated time without any accepted pixel.
+
+A target that was found by searching has to prove itself. It is *acquiring*, without an estimate, until it has had
+a fix and its velocity has settled; it is dropped as false if a few fixes do not come soon, or if it does not move
+away from where it was found.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.ekf import StationEkf
+from groundstation.messages import TrackEvent, TrackStatus
+
+# five sigmas
+_MOVED_SQUARE = 25.0
+
+
+class TrackLife:
+    """Status of the one track, and the events of its changes."""
+
+    def __init__(self, config: EstimationConfig) -> None:
+        self.status = TrackStatus.SEARCHING
+        self._config = config
+        self._newest_pixel_s = 0.0
+        self._newest_fix_s = 0.0
+        self._started_s = 0.0
+        self._fixes = 0
+        self._settled = False
+        self._found_at: FloatArray | None = None
+
+    def started(self, t_s: float, found_at_m: FloatArray | None) -> None:
+        """Note that a target was begun at ``t_s``; ``found_at_m`` (3,) where searching found it, None if given."""
+        self._newest_pixel_s = self._started_s = self._newest_fix_s = t_s
+        self._found_at = found_at_m
+        self._settled = found_at_m is None
+        self._fixes = 0
+
+    def is_false(self, t_s: float, ekf: StationEkf) -> bool:
+        """Return whether a found target has failed to prove itself in the time it was given."""
+        if self._found_at is None:
+            return False
+        c = self._config
+        if self._fixes < c.proof_fixes and t_s - self._started_s > c.proof_s:
+            return True
+        where = ekf.layout.position
+        moved = ekf.state[where] - self._found_at
+        significant = float(moved @ np.linalg.solve(ekf.covariance[where, where], moved)) > _MOVED_SQUARE
+        if significant and float(np.linalg.norm(moved)) > c.false_target_m and self._fixes >= c.proof_fixes:
+            self._found_at = None
+            return False
+        return t_s - self._started_s > c.false_target_s
+
+    def saw(self, t_s: float) -> None:
+        """Note that a pixel was accepted."""
+        self._newest_pixel_s = max(self._newest_pixel_s, t_s)
+
+    def fixed(self, t_s: float) -> None:
+        """Note that two or more cameras agreed."""
+        self._newest_fix_s = t_s
+        self._fixes += 1
+
+    def follow(self, fixed: bool, ekf: StationEkf) -> TrackStatus:
+        """Return the status of a target that lives on, with or without a fix in this epoch.
+
+        What was found by searching is acquiring until it has had a fix and its velocity has settled.
+        """
+        if not self._settled:
+            where = ekf.layout.velocity
+            sigma = float(np.sqrt(np.linalg.eigvalsh(ekf.covariance[where, where]).max()))
+            self._settled = self._fixes > 0 and sigma < self._config.settled_velocity_sigma_m_s
+        if not self._settled:
+            return TrackStatus.ACQUIRING
+        return TrackStatus.TRACKING if fixed else TrackStatus.COASTING
+
+    def needs_search(self, t_s: float) -> bool:
+        """Return whether the last fix is so old that the whole frames are searched beside the prediction."""
+        return t_s - self._newest_fix_s > self._config.search_again_s
+
+    def change(self, t_s: float, status: TrackStatus) -> TrackEvent | None:
+        """Set the status; return an event if it is another."""
+        if status is self.status:
+            return None
+        level = "warning" if status in (TrackStatus.LOST, TrackStatus.COASTING) else "info"
+        event = TrackEvent(t_s=t_s, level=level, text=f"{self.status.value} → {status.value}")
+        self.status = status
+        return event
+
+    def is_lost(self, t_s: float, ekf: StationEkf, stations: Iterable[str]) -> bool:
+        """Return whether the covariance, or the time without a pixel, says that the target is lost."""
+        c = self._config
+        if t_s - self._newest_pixel_s > c.lost_after_s:
+            return True
+        where = ekf.layout.position
+        if float(np.sqrt(np.trace(ekf.covariance[where, where]))) > c.lost_sigma_m:
+            return True
+        sigmas = []
+        for name in stations:
+            prediction = ekf.predict_pixel(name)
+            if prediction is not None:
+                sigmas.append(float(np.sqrt(np.diag(ekf.pixel_covariance(prediction)).max())))
+        return not sigmas or min(sigmas) > c.lost_sigma_px

@@ -1,0 +1,81 @@
+"""Compiling everything before the first frame, so that no frame waits for a compiler."""
+
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.detection.acquisition import AcquisitionConfig, CandidateFinder
+from groundstation.detection.config import DetectionConfig
+from groundstation.detection.detector import DetectionHint, Detector
+from groundstation.detection.detector import warm_up as warm_up_detector
+from groundstation.detection.roi import place_roi
+from groundstation.geometry.camera import Lens
+from groundstation.geometry.station import StationGeometry
+
+_WIDTH, _HEIGHT = 640, 480
+_SPAN_PX, _LARGE_SPAN_PX = 60.0, 320.0
+_FRAMES = 10
+
+
+def warm_up() -> None:
+    """Run every compiled kernel on a short made-up flight; seconds the first time, then read from numba's cache."""
+    lens = Lens(
+        image_size_px=(_WIDTH, _HEIGHT),
+        focal_px=np.array([1000.0, 1000.0]),
+        principal_point_px=np.array([319.5, 239.5]),
+        distortion=np.zeros(5),
+    )
+    geometry = StationGeometry(
+        name="warm-up",
+        ptu_position_m=np.zeros(3),
+        runway_from_base_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        head_from_camera_wxyz=np.array([0.5**0.5, -(0.5**0.5), 0.0, 0.0]),
+        camera_in_head_m=np.zeros(3),
+        lens=lens,
+    )
+    geometry.project(np.array([0.0, 50.0, 0.0]), 0.0, 0.0)
+    geometry.ray(10.0, 10.0, 0.0, 0.0)
+    warm_up_detector()
+    finder = CandidateFinder(AcquisitionConfig(), lens.image_size_px, lens)
+    config = DetectionConfig()
+    detector = Detector(config, lens.image_size_px)
+    pose = geometry.camera_pose(0.0, 0.0)
+    for k in range(_FRAMES):
+        place = np.array([250.0 + 8.0 * k, 200.0 + 3.0 * k])
+        picture = _picture(place)
+        finder.find(picture, 0.3 * k, pose.runway_from_camera.T)
+        hint = _hint(place, known=k > 1)
+        roi = place_roi(place, hint.predicted_covariance_px2, None, config, lens.image_size_px)
+        if roi is not None:
+            detector.detect(picture, roi, hint)
+    # a large target is looked at in a reduced picture
+    place = np.array([320.0, 240.0])
+    hint = _hint(place, known=True, span_px=_LARGE_SPAN_PX)
+    roi = place_roi(place, hint.predicted_covariance_px2, (_LARGE_SPAN_PX, 60.0), config, lens.image_size_px)
+    if roi is not None:
+        detector.reset()
+        detector.detect(_picture(place, _LARGE_SPAN_PX), roi, hint)
+
+
+def _picture(place: FloatArray, span_px: float = _SPAN_PX) -> ImageArray:
+    """Return textured ground with a dark cross of an aircraft on it, (h, w, 3)."""
+    generator = np.random.default_rng(1)
+    coarse = generator.integers(90, 170, (_HEIGHT // 16, _WIDTH // 16, 3), dtype=np.uint8)
+    picture = np.repeat(np.repeat(coarse, 16, axis=0), 16, axis=1)
+    u, v, half = int(place[0]), int(place[1]), int(span_px / 2)
+    picture[v - 2 : v + 2, u - half : u + half] = 20
+    picture[v - 6 : v + 12, u - 5 : u + 5] = 20
+    return picture
+
+
+def _hint(place: FloatArray, *, known: bool, span_px: float = _SPAN_PX) -> DetectionHint:
+    """Return a hint, with the flight direction once it is ``known``."""
+    return DetectionHint(
+        predicted_px=place,
+        predicted_covariance_px2=np.eye(2) * 9.0,
+        expected_span_px=span_px,
+        span_sigma_ratio=0.15,
+        forward_px_per_m=np.array([0.5, 2.0]) if known else None,
+        up_px_per_m=np.array([0.0, -26.0]),
+        px_per_m=26.0,
+        height_m=5.0 if known else None,
+    )

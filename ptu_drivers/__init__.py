@@ -1,0 +1,1 @@
+"""Drivers for serial pan-tilt units, usable without the rest."""

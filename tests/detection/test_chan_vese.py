@@ -1,0 +1,104 @@
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from skimage.segmentation import chan_vese as reference_chan_vese
+
+from groundstation.detection import chan_vese
+
+WEIGHTS = (0.1, 0.0, 1.0, 1.0)
+
+
+def two_blobs(rng: np.random.Generator) -> NDArray[np.float32]:
+    """A wide and a round blob, blurred and noisy, scaled to exactly [0, 1]."""
+    y, x = np.mgrid[0:60, 0:120]
+    wide = 1 / (1 + np.exp((np.hypot((x - 45) / 4.0, y - 30) - 5) / 0.6))
+    round_one = 1 / (1 + np.exp((np.hypot(x - 95, y - 20) - 7) / 0.6))
+    u = 0.15 + 0.7 * np.maximum(wide, round_one) + rng.normal(0, 0.04, x.shape)
+    return ((u - u.min()) / (u.max() - u.min())).astype(np.float32)
+
+
+def ellipse(shape: tuple[int, int]) -> NDArray[np.float32]:
+    """A start contour that holds parts of both blobs."""
+    y, x = np.mgrid[0 : shape[0], 0 : shape[1]]
+    return (1.5 - np.hypot((x - 65) / 35.0, (y - 28) / 12.0)).astype(np.float32)
+
+
+def overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
+    return float((a & b).sum() / (a | b).sum())
+
+
+def test_full_grid_gives_the_same_regions_as_the_reference_implementation(rng: np.random.Generator) -> None:
+    u = two_blobs(rng)
+    start = ellipse(u.shape)
+    # the reference's delta lacks the factor 1/π, so its time step is π times smaller
+    expected = reference_chan_vese(
+        u, mu=0.1, lambda1=1.0, lambda2=1.0, tol=0.0, max_num_iter=400, dt=0.5, init_level_set=start.astype(np.float64)
+    )
+    phi = start.copy()
+    chan_vese.evolve_full(u, phi, WEIGHTS, 1.0, 0.5 * math.pi, 400, -1.0, 1)
+    assert overlap(phi > 0, expected) >= 0.99
+
+
+@pytest.mark.parametrize("mu", [0.02, 0.1])
+def test_narrow_band_gives_the_same_regions_as_the_full_grid(rng: np.random.Generator, mu: float) -> None:
+    u = two_blobs(rng)
+    weights = (mu, 0.0, 1.0, 1.0)
+    full, band = ellipse(u.shape), ellipse(u.shape)
+    chan_vese.evolve_full(u, full, weights, 1.0, 1.0, 2000, -1.0, 1)
+    chan_vese.evolve(u, band, weights, 1.0, 60.0, 400, 0.004, 2)
+    assert overlap(full > 0, band > 0) >= 0.99
+
+
+def test_energy_falls_along_the_flow(rng: np.random.Generator) -> None:
+    u = two_blobs(rng)
+    phi = ellipse(u.shape)
+    energies = [chan_vese.energy(u, phi, WEIGHTS, 1.0)]
+    for _ in range(40):
+        chan_vese.evolve_full(u, phi, WEIGHTS, 1.0, 1.0, 25, -1.0, 1)
+        energies.append(chan_vese.energy(u, phi, WEIGHTS, 1.0))
+    steps = np.diff(energies)
+    assert np.all(steps <= 1e-6 * energies[0])
+    assert energies[-1] < 0.7 * energies[0]
+
+
+def test_one_contour_splits_into_two(rng: np.random.Generator) -> None:
+    u = two_blobs(rng)
+    phi = ellipse(u.shape)
+    chan_vese.evolve(u, phi, WEIGHTS, 1.0, 60.0, 400, 0.004, 2)
+    assert phi[30, 45] > 0
+    assert phi[20, 95] > 0
+    assert (phi[:, 75] < 0).all()
+
+
+def test_start_keeps_only_what_stands_out_inside_the_contour() -> None:
+    u = np.full((20, 40), 0.1, np.float32)
+    u[8:12, 10:20] = 0.9
+    inside = np.zeros(u.shape, np.bool_)
+    inside[5:15, 5:30] = True
+    phi = chan_vese.start(u, inside)
+    assert np.array_equal(phi > 0, u > 0.5)
+
+
+def test_stops_before_the_limit_on_a_clean_image() -> None:
+    u = np.zeros((40, 60), np.float32)
+    u[15:25, 20:40] = 1.0
+    phi = np.full(u.shape, -1.0, np.float32)
+    phi[10:30, 15:45] = 1.0
+    assert chan_vese.evolve(u, phi, WEIGHTS, 1.0, 20.0, 100, 0.004, 2) < 30
+
+
+def test_area_weight_shrinks_the_region(rng: np.random.Generator) -> None:
+    u = two_blobs(rng)
+    plain, shrunk = ellipse(u.shape), ellipse(u.shape)
+    chan_vese.evolve(u, plain, (0.1, 0.0, 1.0, 1.0), 1.0, 60.0, 400, 0.004, 2)
+    chan_vese.evolve(u, shrunk, (0.1, 0.2, 1.0, 1.0), 1.0, 60.0, 400, 0.004, 2)
+    assert (shrunk > 0).sum() < (plain > 0).sum()
+
+
+def test_region_means_of_an_empty_level_set() -> None:
+    u = np.full((4, 5), 0.25, np.float32)
+    inside, outside, count = chan_vese.region_means(u, np.full(u.shape, -1.0, np.float32))
+    assert (inside, count) == (0.0, 0)
+    assert outside == pytest.approx(0.25)

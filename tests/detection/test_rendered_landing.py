@@ -1,0 +1,102 @@
+"""The detector on the bundled landing, its regions of interest placed on the truth with noise."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from groundstation.arrays import FloatArray
+from groundstation.detection.config import DetectionConfig
+from groundstation.detection.detector import DetectionHint, Detector
+from groundstation.detection.roi import place_roi
+from groundstation.messages import Detection
+from groundstation.rig import load_rig
+
+FIRST, GROUND, SPAN_M, SIGMA_PX = 200, 276, 2.3, 5.0
+SIZE = (1280, 960)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """One frame's error (2,) in px, its normalised square and the span there in px."""
+
+    error: FloatArray
+    nis: float
+    span_px: float
+    ground: bool
+
+
+def table(path: Path) -> dict[str, FloatArray]:
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    return {key: np.array([float(r[key] or "nan") for r in rows]) for key in rows[0]}
+
+
+@pytest.fixture(scope="module")
+def seen(landing_1: Path) -> tuple[int, list[Seen]]:
+    """Return how many frames were looked at, and those in which the target was found."""
+    truth, ptu = table(landing_1 / "truth.csv"), table(landing_1 / "ptu.csv")
+    geometry = load_rig(landing_1 / "rig.toml")["left"].geometry()
+    position = np.stack([truth["x_m"], truth["y_m"], truth["z_m"]], axis=1)
+    velocity = np.gradient(position, truth["t_s"], axis=0)
+    rng = np.random.default_rng(7)
+    config = DetectionConfig()
+    detector = Detector(config, SIZE)
+    video = cv2.VideoCapture(str(landing_1 / "left.mp4"))
+    found: list[Seen] = []
+    looks, last = 0, None
+    for k in range(truth["t_s"].size):
+        if k < FIRST:
+            video.grab()
+            continue
+        image = np.asarray(video.read()[1], np.uint8)
+        angles = [float(np.interp(truth["t_s"][k], ptu["t_s"], ptu[f"left_{a}_deg"])) for a in ("pan", "tilt")]
+        projection = geometry.project(position[k], np.radians(angles[0]), np.radians(angles[1]))
+        assert projection is not None
+        scale = geometry.lens.focal_px[0] / projection.depth_m
+        nose = np.array([truth["left_u_px"][k], truth["left_v_px"][k]])
+        predicted = nose + rng.normal(0, SIGMA_PX, 2)
+        jacobian = projection.jacobian[:, :3]
+        hint = DetectionHint(
+            predicted_px=predicted,
+            predicted_covariance_px2=SIGMA_PX**2 * np.eye(2),
+            expected_span_px=SPAN_M * scale,
+            span_sigma_ratio=0.15,
+            forward_px_per_m=jacobian @ (velocity[k] / np.linalg.norm(velocity[k])),
+            up_px_per_m=jacobian[:, 2],
+            px_per_m=scale,
+            height_m=float(position[k][2]),
+        )
+        roi = place_roi(predicted, hint.predicted_covariance_px2, last, config, SIZE)
+        assert roi is not None
+        result = detector.detect(image, roi, hint)
+        looks += 1
+        if isinstance(result, Detection):
+            last = (result.box[2], result.box[3])
+            error = np.array([result.u_px, result.v_px]) - nose
+            nis = float(error @ np.linalg.solve(result.covariance_px2, error))
+            found.append(Seen(error=error, nis=nis, span_px=SPAN_M * scale, ground=k >= GROUND))
+    video.release()
+    return looks, found
+
+
+def test_nearly_every_frame_gives_a_point(seen: tuple[int, list[Seen]]) -> None:
+    looks, found = seen
+    assert len(found) >= 0.97 * looks
+
+
+def test_no_point_is_far_off(seen: tuple[int, list[Seen]]) -> None:
+    assert max(float(np.hypot(*s.error)) for s in seen[1]) < 12.0
+
+
+@pytest.mark.parametrize("ground", [False, True])
+def test_errors_stay_small_and_inside_the_covariance(seen: tuple[int, list[Seen]], ground: bool) -> None:
+    chosen = [s for s in seen[1] if s.ground == ground]
+    rms_u, rms_v = np.sqrt(np.mean([s.error**2 for s in chosen], axis=0))
+    assert rms_u < (2.0 if ground else 1.0)
+    assert rms_v < (4.5 if ground else 1.7)
+    # two degrees of freedom; the nose model's error is common to neighbouring frames, so the bounds are wide
+    assert 0.2 < np.mean([s.nis for s in chosen]) / 2.0 < 2.0

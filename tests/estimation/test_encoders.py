@@ -1,0 +1,76 @@
+"""PTU readings on their way into the filter: a jerk is followed, a spike is dropped and counted."""
+
+import math
+
+import numpy as np
+import pytest
+
+from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.encoders import EncoderFeed
+from groundstation.messages import PtuSample
+from tests.stereo_rig import make_rig
+
+
+def feed() -> tuple[StationEkf, EncoderFeed]:
+    rig = make_rig()
+    config = EstimationConfig()
+    ekf = StationEkf({s.name: s.geometry() for s in rig.stations}, rig.names, config)
+    return ekf, EncoderFeed(ekf, {s.name: s for s in rig.stations}, config)
+
+
+def read(ekf: StationEkf, encoders: EncoderFeed, t: float, pan_deg: float) -> str | None:
+    ekf.predict_to(t)
+    sample = PtuSample(t_s=t, station="left", pan_rad=math.radians(pan_deg), tilt_rad=0.0)
+    return encoders.read(sample)
+
+
+def test_a_steady_turn_is_followed() -> None:
+    ekf, encoders = feed()
+    for k in range(100):
+        assert read(ekf, encoders, k * 0.02, 5.0 * k * 0.02) is None
+    assert ekf.angles("left")[0] == pytest.approx(math.radians(5.0 * 99 * 0.02), abs=1e-4)
+    assert math.degrees(ekf.state[ekf.layout.rates["left"].start]) == pytest.approx(5.0, abs=0.1)
+    assert encoders.spikes == 0
+
+
+def test_a_spike_is_dropped_and_counted() -> None:
+    ekf, encoders = feed()
+    for k in range(50):
+        read(ekf, encoders, k * 0.02, 1.0)
+    assert read(ekf, encoders, 1.0, 46.0) is None, "held back, not judged yet"
+    assert abs(math.degrees(ekf.angles("left")[0]) - 1.0) < 0.01
+    said = read(ekf, encoders, 1.02, 1.0)
+    assert said is not None
+    assert "dropped" in said
+    assert encoders.spikes == 1
+    assert abs(math.degrees(ekf.angles("left")[0]) - 1.0) < 0.01
+
+
+def test_a_stall_is_believed_at_the_next_reading() -> None:
+    """The PTU stops dead from 16 °/s: uncertain for one reading, right again with the second."""
+    ekf, encoders = feed()
+    for k in range(50):
+        read(ekf, encoders, k * 0.02, 16.0 * k * 0.02)
+    stop = 16.0 * 49 * 0.02
+    read(ekf, encoders, 1.0, stop)
+    sigma = math.degrees(encoders.sigma_rad("left"))
+    assert abs(math.degrees(ekf.angles("left")[0]) - stop) < 2 * sigma, "the doubt covers the error"
+    said = read(ekf, encoders, 1.02, stop)
+    assert said is not None
+    assert "confirmed" in said
+    assert math.degrees(ekf.angles("left")[0]) == pytest.approx(stop, abs=0.01)
+    assert encoders.spikes == 0
+
+
+def test_a_full_turn_is_not_a_jump() -> None:
+    ekf, encoders = feed()
+    for k in range(50):
+        pan = 179.0 + 2.0 * k * 0.02
+        assert read(ekf, encoders, k * 0.02, pan if pan < 180 else pan - 360) is None
+    assert np.isfinite(ekf.state).all()
+
+
+def test_readings_of_an_unknown_station_are_ignored() -> None:
+    _, encoders = feed()
+    assert encoders.read(PtuSample(t_s=0.0, station="nobody", pan_rad=0.0, tilt_rad=0.0)) is None

@@ -1,0 +1,17 @@
+"""The bundled landing gives the committed figures; `make figures` is the one way to change them."""
+
+import json
+from pathlib import Path
+
+from benchmarks.change_indicator import FIGURES, agrees, measured
+
+
+def test_the_committed_figures(tmp_path: Path) -> None:
+    old = json.loads(FIGURES.read_text())
+    new = measured(tmp_path)
+    moved = {
+        name: (old.get(name), new.get(name))
+        for name in {**old, **new}
+        if name not in old or name not in new or not agrees(new[name], old[name])
+    }
+    assert not moved, f"committed and measured differ: {moved}; if that is meant, run `make figures` and say why"

@@ -1,0 +1,74 @@
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from groundstation.errors import SessionError
+from groundstation.messages import Frame
+from groundstation.session import load_session
+from groundstation.session.tables import CsvTable, Row
+from groundstation.sources.ptu_readings import PtuReadings
+from groundstation.sources.replay import ReplaySource
+from tests.complaints import complaint
+from tests.session.folder import Tiny
+
+
+def opened(folder: Path, from_s: float = -1e9, to_s: float = 1e9, **tiny: object) -> PtuReadings:
+    readings = PtuReadings(load_session(Tiny(rows=1, video="png", **tiny).write(folder)))
+    readings.start(from_s, to_s)
+    return readings
+
+
+def test_readings_are_handed_out_once_and_in_order(tmp_path: Path) -> None:
+    readings = opened(tmp_path)
+    first = list(readings.until(1.0))
+    rest = list(readings.until(1e9))
+    times = [r.t_s for r in (*first, *rest)]
+    assert times == sorted(times)
+    assert len(times) == 2 * 37
+    assert max(r.t_s for r in first) == 1.0
+    assert readings.newest_s == times[-1]
+    assert not readings.ended_before(1e9)
+    assert list(readings.until(1e9)) == []
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 0.02, -0.33, 1.7])
+def test_clocks_that_differ_give_one_ordered_stream(tmp_path: Path, offset_s: float) -> None:
+    clock = {"right": f"ptu_clock = {{ offset_s = {offset_s}, drift_ppm = 500.0 }}"}
+    times = [r.t_s for r in opened(tmp_path, rig_more=clock).until(1e9)]
+    assert times == sorted(times)
+    assert len(times) == 2 * 37
+
+
+def test_it_starts_at_the_time_asked_for(tmp_path: Path) -> None:
+    assert next(opened(tmp_path, from_s=1.01).until(1e9)).t_s == pytest.approx(1.05)
+
+
+def test_a_time_that_is_not_covered(tmp_path: Path) -> None:
+    said = complaint(SessionError, lambda: opened(tmp_path, from_s=5.0, to_s=6.0))
+    assert (
+        said
+        == "ptu.csv: got readings from 0.7 to 2.5 s; wanted readings around the frames, 5 to 6 s of the session's clock"
+    )
+
+
+def test_a_long_table_is_streamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: by the tenth frame, hardly more rows are read than there are before it."""
+    folder = Tiny(rows=12, ptu_from_s=0.9, ptu_to_s=2000.0).write(tmp_path)
+    rows = 0
+    real = CsvTable.__iter__
+
+    def counted(table: CsvTable) -> Iterator[Row]:
+        nonlocal rows
+        for row in real(table):
+            rows += table.path.name == "ptu.csv"
+            yield row
+
+    monkeypatch.setattr(CsvTable, "__iter__", counted)
+    with ReplaySource(load_session(folder)) as source:
+        frames = (e for e in source if isinstance(e, Frame))
+        assert len(list(itertools.islice(frames, 10))) == 10
+        assert rows < 20
+        assert len(list(frames)) == 14
+    assert rows < 50

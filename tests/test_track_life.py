@@ -1,0 +1,74 @@
+"""A found target proves itself, or is dropped."""
+
+import numpy as np
+
+from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.ekf import StationEkf
+from groundstation.messages import TrackStatus
+from groundstation.track_life import TrackLife
+from tests.stereo_rig import make_rig
+
+
+def started(found: bool) -> tuple[TrackLife, StationEkf]:
+    rig = make_rig()
+    config = EstimationConfig()
+    ekf = StationEkf({s.name: s.geometry() for s in rig.stations}, rig.names, config)
+    ekf.predict_to(0.0)
+    at = np.array([0.0, 200.0, 8.0])
+    ekf.start_target(at, np.zeros(3), np.diag([0.01, 0.25, 0.01, 0.01, 0.01, 0.01]))
+    life = TrackLife(config)
+    life.started(0.0, at if found else None)
+    return life, ekf
+
+
+def test_no_fix_within_the_time_for_it_is_false() -> None:
+    life, ekf = started(found=True)
+    assert life.follow(False, ekf) is TrackStatus.ACQUIRING, "no estimate before the first fix"
+    assert not life.is_false(0.9, ekf)
+    assert life.is_false(1.1, ekf)
+
+
+def test_fixes_without_motion_are_false_after_a_while() -> None:
+    life, ekf = started(found=True)
+    for k in range(30):
+        life.fixed(k * 0.1)
+    assert not life.is_false(3.0, ekf)
+    assert life.is_false(4.5, ekf)
+
+
+def test_what_has_moved_away_is_believed_for_good() -> None:
+    life, ekf = started(found=True)
+    for k in range(5):
+        life.fixed(k * 0.1)
+    ekf.state[ekf.layout.position] += [0.0, -15.0, 0.0]
+    assert not life.is_false(2.0, ekf)
+    ekf.state[ekf.layout.position] += [0.0, 15.0, 0.0]
+    assert not life.is_false(60.0, ekf)
+
+
+def test_a_given_target_needs_no_proof() -> None:
+    life, ekf = started(found=False)
+    assert not life.is_false(100.0, ekf)
+    assert life.follow(False, ekf) is TrackStatus.COASTING
+
+
+def test_time_and_covariance_lose_a_target() -> None:
+    life, ekf = started(found=False)
+    names = ("left", "right")
+    for name in names:
+        ekf.set_angles(name, (0.0, 0.03), (0.0, 0.0), 1e-5)
+    assert not life.is_lost(1.0, ekf, names)
+    assert life.is_lost(9.0, ekf, names), "eight seconds without a pixel"
+    ekf.covariance[0, 0] = 30.0**2
+    assert life.is_lost(1.0, ekf, names), "the cameras can't be told where to look"
+
+
+def test_a_found_target_is_reported_once_its_velocity_has_settled() -> None:
+    life, ekf = started(found=True)
+    ekf.covariance[3:6, 3:6] = np.diag([1.0, 20.0**2, 1.0])
+    life.fixed(0.1)
+    assert life.follow(True, ekf) is TrackStatus.ACQUIRING
+    ekf.covariance[3:6, 3:6] = np.eye(3)
+    assert life.follow(True, ekf) is TrackStatus.TRACKING
+    ekf.covariance[3:6, 3:6] = np.eye(3) * 30.0**2
+    assert life.follow(False, ekf) is TrackStatus.COASTING, "settled once, settled for this target"
