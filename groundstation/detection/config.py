@@ -14,6 +14,12 @@ class Channel(StrEnum):
     BACKGROUND = "background"
 
 
+class SegmentationMethod(StrEnum):
+    """How the scalar image is divided into target and background."""
+
+    CHAN_VESE = "chan_vese"
+
+
 class TargetPoint(StrEnum):
     """Which point of the silhouette is reported."""
 
@@ -60,6 +66,7 @@ class DetectionConfig:
 
     Attributes
     ----------
+    segmentation : the method that divides the image.
     level_set : the Chan-Vese weights and numerics.
     channel : which scalar image is divided; "auto" takes the one with the best measured contrast.
     learn_background : keep a few earlier frames to know what lies behind the target; "background" is the colour
@@ -79,6 +86,7 @@ class DetectionConfig:
     appearance_gate : appearance distance in sigmas beyond which a candidate is something else.
     """
 
+    segmentation: SegmentationMethod = SegmentationMethod.CHAN_VESE
     level_set: LevelSetConfig = field(default_factory=LevelSetConfig)
     channel: Channel = Channel.AUTO
     learn_background: bool = True

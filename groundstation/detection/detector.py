@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.detection import chan_vese
 from groundstation.detection.appearance import first_look
 from groundstation.detection.background import BackgroundMemory, Difference
 from groundstation.detection.choice import Memory, choose, features_of
@@ -16,6 +15,7 @@ from groundstation.detection.config import DetectionConfig, TargetPoint
 from groundstation.detection.look import UNKNOWN_SPAN_PX, DetectionHint, Look, expectation, start_look
 from groundstation.detection.preprocess import Prepared, prepare
 from groundstation.detection.regions import Group, Regions, find_regions
+from groundstation.detection.segmentation import make_segmenter
 from groundstation.detection.target_point import find_nose
 from groundstation.messages import Detection, Miss, MissReason, Roi
 
@@ -37,6 +37,7 @@ class Detector:
         self._image_size_px = image_size_px
         self._memory: Memory | None = None
         self._background = BackgroundMemory()
+        self._segment = make_segmenter(config)
 
     def reset(self) -> None:
         """Forget the contour, size and appearance of the target."""
@@ -109,25 +110,13 @@ class Detector:
         return span, sigma
 
     def _evolve(self, prepared: Prepared, look: Look) -> NDArray[np.float32]:
-        """Run the level set from an ellipse of the expected size at the prediction."""
+        """Divide the image, starting from an ellipse of the expected size at the prediction."""
         h, w = prepared.u.shape
         half = 0.5 * (look.span if look.span is not None else UNKNOWN_SPAN_PX)
         x = (np.arange(w) - look.predicted[0]) / half
         y = (np.arange(h) - look.predicted[1]) / (0.5 * half)
         inside = np.hypot(x[None, :], y[:, None]) < 1.0
-        phi = chan_vese.start(prepared.u, inside)
-        level = self._config.level_set
-        chan_vese.evolve(
-            prepared.u,
-            phi,
-            (level.mu, level.nu, level.lambda1, level.lambda2),
-            level.eps,
-            level.time_step,
-            level.iterations,
-            level.stop_fraction,
-            level.stop_after,
-        )
-        return phi
+        return self._segment(prepared.u, inside)
 
     def _describe(
         self,

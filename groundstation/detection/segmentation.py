@@ -1,0 +1,34 @@
+"""The methods that divide the scalar image into target and background, behind one interface.
+
+A method takes ``u`` (h, w) float32 in [0, 1] and ``inside`` (h, w), the region that the start contour
+encloses, and returns a level set φ (h, w) float32, positive on the target. What follows (regions, choice,
+target point) is the same for all of them.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundstation.detection import chan_vese
+from groundstation.detection.config import DetectionConfig, LevelSetConfig, SegmentationMethod
+
+Float32Array = NDArray[np.float32]
+Segmenter = Callable[[Float32Array, NDArray[np.bool_]], Float32Array]
+
+
+def make_segmenter(config: DetectionConfig) -> Segmenter:
+    """Return the method that the configuration names."""
+    match config.segmentation:
+        case SegmentationMethod.CHAN_VESE:
+            return partial(_chan_vese, config=config.level_set)
+
+
+def _chan_vese(u: Float32Array, inside: NDArray[np.bool_], config: LevelSetConfig) -> Float32Array:
+    """Evolve the compiled level set in its narrow band."""
+    phi = chan_vese.start(u, inside)
+    weights = (config.mu, config.nu, config.lambda1, config.lambda2)
+    stop = (config.stop_fraction, config.stop_after)
+    chan_vese.evolve(u, phi, weights, config.eps, config.time_step, config.iterations, *stop)
+    return phi
