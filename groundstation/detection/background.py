@@ -27,14 +27,16 @@ _MAX_SHIFT_SIGMA_PX = 0.1
 _MAX_MISFIT = 6.0  # grey levels, mean over the textured pixels
 _COARSE_STEP, _COARSE_REACH = 4, 10
 _GOOD_FIT = 4.0  # grey levels: no need to look at older frames
-_EDGE_PX = 0.25  # misregistration and interpolation, as px of the local gradient
+_UNKNOWN = 1e9
+_MIN_EDGE_PX, _MAX_EDGE_PX = 0.08, 0.25  # misregistration and interpolation, as px of the local gradient
+_CLIPPED = 30.0  # grey levels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Difference:
     """The image minus the learnt background.
 
-    ``residual`` (h, w, 3) float32 as in `preprocess`, ``edge`` (h, w) float32 the residual that misplacement
+    ``residual`` (3, h, w) float32 as in `flatten`, ``edge`` (h, w) float32 the residual that misplacement
     alone may cause, ``known`` (h, w) where the background is known.
     """
 
@@ -43,12 +45,12 @@ class Difference:
     known: NDArray[np.bool_]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _grey(image: ImageArray, y: int, x: int) -> float:
     return 0.114 * image[y, x, 0] + 0.587 * image[y, x, 1] + 0.299 * image[y, x, 2]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], keep_out: Box) -> FloatArray:
     """Return the textured pixels of a window as rows x, y, grey, ∂x, ∂y (full-image coordinates)."""
     x0, y0 = origin
@@ -69,7 +71,7 @@ def _textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int],
     return rows[:n]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _sample(image: ImageArray, x: float, y: float) -> float:
     """Return the grey level between pixels, or −1 outside."""
     ix, iy = math.floor(x), math.floor(y)
@@ -80,7 +82,7 @@ def _sample(image: ImageArray, x: float, y: float) -> float:
     return (1 - fy) * top + fy * ((1 - fx) * _grey(image, iy + 1, ix) + fx * _grey(image, iy + 1, ix + 1))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _misfit(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float, every: int) -> float:
     """Return the mean clipped difference of the textured pixels at one shift."""
     total, n = 0.0, 0
@@ -95,7 +97,7 @@ def _misfit(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy:
     return total / n if 3 * n * every >= rows.shape[0] else 1e9
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _coarse(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> tuple[float, float]:
     """Return the best shift on a coarse raster around a guess."""
     every = max(rows.shape[0] // 300, 1)
@@ -109,7 +111,7 @@ def _coarse(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy:
     return bx, by
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _refine(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> tuple[float, float, float]:
     """Return the sub-pixel shift by robust Gauss-Newton, and its sigma in px (large when undetermined)."""
     sigma = 1e9
@@ -147,69 +149,97 @@ def _refine(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy:
     return sx, sy, sigma
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
+def _misplacement(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> float:
+    """Return how far, in px, the scene still lies off after the shift: how misfits grow with the gradient."""
+    n, s_g, s_e, s_gg, s_ge = 0, 0.0, 0.0, 0.0, 0.0
+    for k in range(rows.shape[0]):
+        x, y = rows[k, 0] + sx, rows[k, 1] + sy
+        if hidden[0] <= x < hidden[2] and hidden[1] <= y < hidden[3]:
+            continue
+        value = _sample(reference, x, y)
+        if value < 0:
+            continue
+        g = rows[k, 3] ** 2 + rows[k, 4] ** 2
+        e = min((value - rows[k, 2]) ** 2, _CLIPPED**2)
+        n += 1
+        s_g += g
+        s_e += e
+        s_gg += g * g
+        s_ge += g * e
+    spread = n * s_gg - s_g * s_g
+    if spread <= 0.0:
+        return _MAX_EDGE_PX
+    # the gradient across a misplacement is on average 1/√2 of its length
+    square = 2.0 * (n * s_ge - s_g * s_e) / spread
+    return min(max(math.sqrt(max(square, 0.0)), _MIN_EDGE_PX), _MAX_EDGE_PX)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def _difference(
     image: ImageArray,
-    origin: tuple[int, int],
-    frames: NDArray[np.uint8],
-    shifts: FloatArray,
-    hidden: NDArray[np.int64],
-    order: NDArray[np.int64],
+    corner: tuple[int, int],
+    frame: ImageArray,
+    shift: tuple[float, float],
+    hidden: Box,
+    edge_px: float,
     residual: Float32Array,
     edge: Float32Array,
-    known: NDArray[np.bool_],
+    misfit: Float32Array,
 ) -> None:
-    """Fill residual, edge and known for one window from the kept frames.
+    """Compare one window with one kept frame, wherever no other frame has fitted well so far.
 
     Each pixel takes the frame that fits it best: what one frame shows of a passing bird is not background.
     """
-    height, width = frames.shape[1:3]
-    e = np.empty(3)
-    for i in range(residual.shape[0]):
-        for j in range(residual.shape[1]):
-            known[i, j] = False
-            least = 1e9
-            for k in order:
-                x, y = origin[0] + j + shifts[k, 0], origin[1] + i + shifts[k, 1]
-                if hidden[k, 0] <= x < hidden[k, 2] and hidden[k, 1] <= y < hidden[k, 3]:
-                    continue
-                ix, iy = math.floor(x), math.floor(y)
-                if ix < 0 or iy < 0 or ix + 1 >= width or iy + 1 >= height:
-                    continue
-                fx, fy = x - ix, y - iy
-                slope = 0.0
-                for c in range(3):
-                    a, b = float(frames[k, iy, ix, c]), float(frames[k, iy, ix + 1, c])
-                    d, f = float(frames[k, iy + 1, ix, c]), float(frames[k, iy + 1, ix + 1, c])
-                    top, low = (1 - fx) * a + fx * b, (1 - fx) * d + fx * f
-                    e[c] = float(image[origin[1] + i, origin[0] + j, c]) - ((1 - fy) * top + fy * low)
-                    slope = max(slope, abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b))
-                grey = 0.114 * e[0] + 0.587 * e[1] + 0.299 * e[2]
-                blue_red, green = 0.5 * (e[0] - e[2]), 0.5 * e[1] - 0.25 * (e[0] + e[2])
-                misfit = abs(grey) + 2.0 * (abs(blue_red) + abs(green))
-                if misfit < least:
-                    least = misfit
-                    residual[i, j, 0], residual[i, j, 1], residual[i, j, 2] = grey, blue_red, green
-                    edge[i, j] = _EDGE_PX * 0.5 * slope
-                    known[i, j] = True
-                if misfit < _GOOD_FIT:
-                    break
+    height, width = frame.shape[:2]
+    ox, oy = math.floor(shift[0]), math.floor(shift[1])
+    fx, fy = np.float32(shift[0] - ox), np.float32(shift[1] - oy)
+    one, half = np.float32(1), np.float32(0.5)
+    w00, w01, w10, w11 = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
+    x0, y0 = corner[0] + ox, corner[1] + oy
+    e, slope = np.empty(3, np.float32), np.float32(0)
+    for i in range(max(0, -y0), min(misfit.shape[0], height - 1 - y0)):
+        y = y0 + i
+        row_hidden = hidden[1] <= y + fy < hidden[3]
+        for j in range(max(0, -x0), min(misfit.shape[1], width - 1 - x0)):
+            x = x0 + j
+            if misfit[i, j] < _GOOD_FIT or (row_hidden and hidden[0] <= x + fx < hidden[2]):
+                continue
+            slope = np.float32(0)
+            for c in range(3):
+                a, b = np.float32(frame[y, x, c]), np.float32(frame[y, x + 1, c])
+                d, f = np.float32(frame[y + 1, x, c]), np.float32(frame[y + 1, x + 1, c])
+                value = np.float32(image[corner[1] + i, corner[0] + j, c])
+                e[c] = value - (w00 * a + w01 * b + w10 * d + w11 * f)
+                slope = max(slope, abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b))
+            grey = np.float32(0.114) * e[0] + np.float32(0.587) * e[1] + np.float32(0.299) * e[2]
+            blue_red, green = half * (e[0] - e[2]), half * e[1] - half * half * (e[0] + e[2])
+            fit = abs(grey) + np.float32(2) * (abs(blue_red) + abs(green))
+            if fit < misfit[i, j]:
+                misfit[i, j] = fit
+                residual[0, i, j], residual[1, i, j], residual[2, i, j] = grey, blue_red, green
+                edge[i, j] = np.float32(edge_px) * half * slope
 
 
 class BackgroundMemory:
-    """Whole frames of one camera with the target's place in each, and their shift to the newest image."""
+    """Whole frames of one camera with the target's place in each, and their shift to the newest image.
+
+    The images are kept as they were handed over, not copied: nobody writes into a frame.
+    """
 
     def __init__(self) -> None:
-        self._frames: NDArray[np.uint8] | None = None
+        self._frames: dict[int, ImageArray] = {}
         self._hidden = np.zeros((_KEPT, 4), np.int64)
         self._shifts = np.zeros((_KEPT, 2))
         self._order: list[int] = []
         self._motion = np.zeros(2)
         self._age = 0
+        self._edge_px = _MAX_EDGE_PX
 
     def reset(self) -> None:
         """Forget all frames."""
         self._order = []
+        self._frames = {}
         self._motion = np.zeros(2)
 
     def subtract(
@@ -220,23 +250,25 @@ class BackgroundMemory:
         ``origin`` and ``size`` place the window in ``image``; ``target`` x0, y0, x1, y1 is where the target is
         expected; all in full-image px.
         """
-        if not self._order or self._frames is None:
+        if not self._order:
             return None
         if not self._register(image, origin, size, target):
             self.reset()
             return None
         w, h = size
-        residual = np.zeros((h, w, 3), np.float32)
+        residual = np.zeros((3, h, w), np.float32)
         edge = np.zeros((h, w), np.float32)
-        known = np.zeros((h, w), np.bool_)
-        order = np.array(self._order, np.int64)
-        _difference(image, origin, self._frames, self._shifts, self._hidden, order, residual, edge, known)
-        return Difference(residual=residual, edge=edge, known=known)
+        misfit = np.full((h, w), np.float32(_UNKNOWN))
+        for k in self._order:
+            shift = (float(self._shifts[k, 0]), float(self._shifts[k, 1]))
+            hidden = _as_box(self._hidden[k])
+            _difference(image, origin, self._frames[k], shift, hidden, self._edge_px, residual, edge, misfit)
+        return Difference(residual=residual, edge=edge, known=misfit < _UNKNOWN)
 
     def _register(self, image: ImageArray, origin: tuple[int, int], size: tuple[int, int], target: Box) -> bool:
         """Find the new image's shift to the newest kept frame and carry it over to the others."""
         rows = _textured(image, origin, size, target)
-        if rows.shape[0] < _MIN_TEXTURED or self._frames is None:
+        if rows.shape[0] < _MIN_TEXTURED:
             return False
         newest = self._order[0]
         reference, hidden = self._frames[newest], _as_box(self._hidden[newest])
@@ -247,6 +279,7 @@ class BackgroundMemory:
             sx, sy, sigma = _refine(rows, reference, hidden, cx, cy)
             if sigma > _MAX_SHIFT_SIGMA_PX or _misfit(rows, reference, hidden, sx, sy, 1) > _MAX_MISFIT:
                 return False
+        self._edge_px = _misplacement(rows, reference, hidden, sx, sy)
         self._motion = np.array([sx, sy]) - self._shifts[newest]
         self._shifts += self._motion
         return True
@@ -260,8 +293,7 @@ class BackgroundMemory:
             moved = np.array([target[0] - old[0], target[1] - old[1]]) + self._shifts[newest]
             if float(np.hypot(*moved)) < _MOVED_PER_SPAN * span_px and self._age < _MAX_AGE:
                 return
-        if self._frames is None or self._frames.shape[1:] != image.shape:
-            self._frames = np.zeros((_KEPT, *image.shape), np.uint8)
+        if self._order and self._frames[self._order[0]].shape != image.shape:
             self._order = []
         free = [k for k in range(_KEPT) if k not in self._order]
         slot = free[0] if free else self._order.pop()

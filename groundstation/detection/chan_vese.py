@@ -7,8 +7,8 @@ Energy (docs/derivation.md, Chan & Vese 2001)::
 
 Numerics: the length term is linearised and taken at the new time for the pixel itself (Getreuer, IPOL 2012),
 which keeps large steps stable. ``evolve_full`` visits each pixel in each iteration; it is the oracle.
-``evolve`` holds φ within ±`PHI_LIMIT` and skips every pixel that sits at a limit together with its
-neighbours and is pushed further into it: nothing would move there, so the narrow band is exact.
+``evolve`` holds φ within ±`PHI_LIMIT`, so that all but a narrow band along the contour rests at a limit, and
+visits only what moved last and its neighbours: elsewhere nothing would change, so the narrow band is exact.
 """
 
 import math
@@ -22,9 +22,10 @@ PHI_LIMIT = 3.0
 _FLAT_ORACLE = 1e-12
 _FLAT_BAND = 1e-2
 _AT_REST = 0.02  # a change of φ per iteration that still counts as motion
+_ASLEEP = 0.001  # one that need not be followed up
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def region_means(u: NDArray[np.float32], phi: NDArray[np.float32]) -> tuple[float, float, int]:
     """Return the means of ``u`` where φ > 0 and elsewhere, and the count of pixels inside."""
     inside, outside, n = 0.0, 0.0, 0
@@ -39,7 +40,7 @@ def region_means(u: NDArray[np.float32], phi: NDArray[np.float32]) -> tuple[floa
     return inside / max(n, 1), outside / max(rest, 1), n
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 def _step(
     phi: NDArray[np.float32], i: int, j: int, drive: float, mu: float, eps: float, dt: float, flat: float
 ) -> float:
@@ -58,7 +59,7 @@ def _step(
     return (centre + rate * (mu * pull + drive)) / (1.0 + rate * mu * (a_right + a_left + a_below + a_above))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def evolve_full(
     u: NDArray[np.float32],
     phi: NDArray[np.float32],
@@ -90,7 +91,7 @@ def evolve_full(
     return iterations
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def start(u: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return the level set after one unbounded data step from the contour of ``inside``.
 
@@ -122,80 +123,129 @@ def start(u: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float
     return phi
 
 
-@njit(cache=True, inline="always")
-def _frozen(
-    u: NDArray[np.float32], phi: NDArray[np.float32], i: int, j: int, terms: tuple[float, float, float, float, float]
-) -> bool:
-    """Return whether a pixel rests at a limit, with its neighbours, and is pushed further into it."""
+@njit(cache=True, nogil=True, inline="always", fastmath=True)
+def _limited_step(
+    phi: NDArray[np.float32], i: int, j: int, drive: float, mu: float, eps: float, dt: float
+) -> float:
+    """Return the new φ of one pixel, held within the limits; single precision throughout."""
+    h, w = phi.shape
+    centre = phi[i, j]
+    left = phi[i, j - 1] if j > 0 else centre
+    right = phi[i, j + 1] if j + 1 < w else centre
+    above = phi[i - 1, j] if i > 0 else centre
+    below = phi[i + 1, j] if i + 1 < h else centre
+    dx, dy = np.float32(0.5) * (right - left), np.float32(0.5) * (below - above)
+    along_x, along_y = np.float32(_FLAT_BAND) + dx * dx, np.float32(_FLAT_BAND) + dy * dy
+    one = np.float32(1)
+    a_right = one / np.sqrt(along_y + (right - centre) ** 2)
+    a_left = one / np.sqrt(along_y + (centre - left) ** 2)
+    a_below = one / np.sqrt(along_x + (below - centre) ** 2)
+    a_above = one / np.sqrt(along_x + (centre - above) ** 2)
+    rate = dt * eps / (np.float32(math.pi) * (eps * eps + centre * centre))
+    pull = a_right * right + a_left * left + a_below * below + a_above * above
+    new = (centre + rate * (mu * pull + drive)) / (one + rate * mu * (a_right + a_left + a_below + a_above))
+    return min(max(new, np.float32(-PHI_LIMIT)), np.float32(PHI_LIMIT))
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _may_move(u: NDArray[np.float32], phi: NDArray[np.float32], i: int, slope: float, level: float) -> bool:
+    """Return whether row i holds a pixel off its limit, unlike its neighbours or pushed away from its side.
+
+    A pixel at a limit among its like, pushed further into it, stays there: whole rows of them are passed by.
+    """
     h, w = u.shape
-    value = phi[i, j]
-    if -PHI_LIMIT < value < PHI_LIMIT:
-        return False
-    nu, lambda1, lambda2, c1, c2 = terms
-    drive = -nu - lambda1 * (u[i, j] - c1) ** 2 + lambda2 * (u[i, j] - c2) ** 2
-    if (drive > 0) != (value > 0):
-        return False
-    return (
-        phi[i, max(j - 1, 0)] == value
-        and phi[i, min(j + 1, w - 1)] == value
-        and phi[max(i - 1, 0), j] == value
-        and phi[min(i + 1, h - 1), j] == value
-    )
+    below = min(i + 1, h - 1)
+    above = max(i - 1, 0)
+    limit = np.float32(PHI_LIMIT)
+    found = 0
+    for j in range(w):
+        value = phi[i, j]
+        found += (abs(value) < limit) | ((slope * u[i, j] + level > 0) != (value > 0))
+        found += (value != phi[below, j]) | (value != phi[above, j])
+    for j in range(w - 1):
+        found += phi[i, j] != phi[i, j + 1]
+    return found > 0
 
 
-@njit(cache=True)
-def _scan(
+@njit(cache=True, nogil=True, fastmath=True)
+def _collect(
     u: NDArray[np.float32],
     phi: NDArray[np.float32],
-    terms: tuple[float, float, float, float, float],
-    band: NDArray[np.int32],
-    marked: NDArray[np.bool_],
-    count: int,
+    drive: tuple[float, float, float],
+    numerics: tuple[float, float, float],
+    queue: NDArray[np.int32],
 ) -> int:
-    """Append to the band every pixel of the grid that can move and is not in it; returns the new count."""
+    """Fill the queue with every pixel of the grid whose next step would move it; returns their count.
+
+    ``drive`` is the data term as a parabola in u: curvature, slope, level; ``numerics`` are μ, ε and the step.
+    """
     h, w = u.shape
+    bend, slope, level = drive
+    mu, eps, dt = numerics
+    count = 0
     for i in range(h):
+        if bend == 0 and not _may_move(u, phi, i, slope, level):
+            continue
+        above, below = max(i - 1, 0), min(i + 1, h - 1)
         for j in range(w):
-            if not marked[i, j] and not _frozen(u, phi, i, j, terms):
-                band[count] = i * w + j
-                marked[i, j] = True
+            value, side = u[i, j], phi[i, j]
+            push = (bend * value + slope) * value + level
+            if abs(side) >= np.float32(PHI_LIMIT) and (push > 0) == (side > 0):
+                among_its_like = phi[i, max(j - 1, 0)] == side and phi[i, min(j + 1, w - 1)] == side
+                if among_its_like and phi[above, j] == side and phi[below, j] == side:
+                    continue
+            if abs(_limited_step(phi, i, j, push, mu, eps, dt) - phi[i, j]) > np.float32(_AT_REST):
+                queue[count] = i * w + j
                 count += 1
     return count
 
 
-@njit(cache=True)
-def _renew(
-    u: NDArray[np.float32],
-    phi: NDArray[np.float32],
-    terms: tuple[float, float, float, float, float],
-    band: NDArray[np.int32],
-    marked: NDArray[np.bool_],
-    count: int,
-) -> int:
-    """Drop the pixels that froze and take up the neighbours of those that move; returns the new count."""
-    h, w = u.shape
-    kept = 0
-    for k in range(count):
-        i, j = band[k] // w, band[k] % w
-        if _frozen(u, phi, i, j, terms):
-            marked[i, j] = False
-        else:
-            band[kept] = band[k]
-            kept += 1
-    moving = kept
-    for k in range(moving):
-        i, j = band[k] // w, band[k] % w
-        for step in range(4):
-            a = min(max(i + (step == 0) - (step == 1), 0), h - 1)
-            b = min(max(j + (step == 2) - (step == 3), 0), w - 1)
-            if not marked[a, b] and not _frozen(u, phi, a, b, terms):
-                marked[a, b] = True
-                band[kept] = a * w + b
-                kept += 1
-    return kept
+@njit(cache=True, nogil=True, inline="always")
+def _wake(place: int, h: int, w: int, waiting: NDArray[np.bool_], queue: NDArray[np.int32], count: int) -> int:
+    """Append a pixel that moved and its four neighbours to the queue, once each; returns the new count."""
+    i, j = place // w, place % w
+    if not waiting[place]:
+        waiting[place] = True
+        queue[count] = place
+        count += 1
+    if j > 0 and not waiting[place - 1]:
+        waiting[place - 1] = True
+        queue[count] = place - 1
+        count += 1
+    if j + 1 < w and not waiting[place + 1]:
+        waiting[place + 1] = True
+        queue[count] = place + 1
+        count += 1
+    if i > 0 and not waiting[place - w]:
+        waiting[place - w] = True
+        queue[count] = place - w
+        count += 1
+    if i + 1 < h and not waiting[place + w]:
+        waiting[place + w] = True
+        queue[count] = place + w
+        count += 1
+    return count
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath=True)
+def _clip(u: NDArray[np.float32], phi: NDArray[np.float32]) -> tuple[int, float, float]:
+    """Hold φ within its limits; return the pixels inside, the sum of u over them and over all."""
+    limit = np.float32(PHI_LIMIT)
+    n, inside, total = 0, 0.0, 0.0
+    for i in range(u.shape[0]):
+        row_n, row_inside, row_total = np.int32(0), np.float32(0), np.float32(0)
+        for j in range(u.shape[1]):
+            phi[i, j] = min(max(phi[i, j], -limit), limit)
+            row_total += u[i, j]
+            row_inside += u[i, j] if phi[i, j] > 0 else np.float32(0)
+            row_n += np.int32(1) if phi[i, j] > 0 else np.int32(0)
+        n += row_n
+        inside += row_inside
+        total += row_total
+    return n, inside, total
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def evolve(
     u: NDArray[np.float32],
     phi: NDArray[np.float32],
@@ -206,52 +256,53 @@ def evolve(
     stop_fraction: float,
     stop_after: int,
 ) -> int:
-    """Evolve φ in place, held within ±`PHI_LIMIT`, touching only the pixels that can move.
+    """Evolve φ in place, held within ±`PHI_LIMIT`, touching only pixels that move and their neighbours.
 
-    It has come to rest when φ moves at fewer than ``stop_fraction`` of the pixels inside, ``stop_after`` times
-    running. Then the whole grid is looked over once more with the means reached, so that no region is forgotten.
+    Returns the iterations done. It has come to rest when φ moves at no more than ``stop_fraction`` of the pixels
+    inside, ``stop_after`` times running. Then the whole grid is looked over with the means reached, so that no
+    region is forgotten, and the work goes on wherever something would still move.
     """
-    mu, nu, lambda1, lambda2 = weights
     h, w = u.shape
-    n, inside, total = 0, 0.0, 0.0
-    for i in range(h):
-        for j in range(w):
-            phi[i, j] = min(max(phi[i, j], -PHI_LIMIT), PHI_LIMIT)
-            total += u[i, j]
-            if phi[i, j] > 0:
-                inside += u[i, j]
-                n += 1
-    band = np.empty(h * w, np.int32)
-    marked = np.zeros((h, w), np.bool_)
+    lambda1, lambda2 = np.float32(weights[2]), np.float32(weights[3])
+    mu, nu, eps_f, dt_f = np.float32(weights[0]), np.float32(weights[1]), np.float32(eps), np.float32(dt)
+    n, inside, total = _clip(u, phi)
+    queue, after = np.empty(h * w, np.int32), np.empty(h * w, np.int32)
+    waiting = np.zeros(h * w, np.bool_)
     count = 0
-    quiet = 0
-    fresh = True
+    quiet = stop_after
     for iteration in range(iterations):
-        c1, c2 = inside / max(n, 1), (total - inside) / max(h * w - n, 1)
-        terms = (nu, lambda1, lambda2, c1, c2)
-        before = count
-        count = _scan(u, phi, terms, band, marked, count) if fresh else _renew(u, phi, terms, band, marked, count)
-        if fresh and quiet >= stop_after and count - before <= stop_fraction * n:
-            return iteration
-        fresh = False
-        changed = 0
+        c1 = np.float32(inside / max(n, 1))
+        c2 = np.float32((total - inside) / max(h * w - n, 1))
+        # −ν − λ1 (u − c1)² + λ2 (u − c2)², sorted by powers of u
+        bend, slope = lambda2 - lambda1, np.float32(2) * (lambda1 * c1 - lambda2 * c2)
+        level = lambda2 * c2 * c2 - lambda1 * c1 * c1 - nu
+        if quiet >= stop_after:
+            count = _collect(u, phi, (bend, slope, level), (mu, eps_f, dt_f), queue)
+            if count <= stop_fraction * n:
+                return iteration
+            quiet = 0
+        changed, coming = 0, 0
         for k in range(count):
-            i, j = band[k] // w, band[k] % w
+            place = queue[k]
+            i, j = place // w, place % w
             old, value = phi[i, j], u[i, j]
-            drive = -nu - lambda1 * (value - c1) ** 2 + lambda2 * (value - c2) ** 2
-            new = min(max(_step(phi, i, j, drive, mu, eps, dt, _FLAT_BAND), -PHI_LIMIT), PHI_LIMIT)
+            new = _limited_step(phi, i, j, (bend * value + slope) * value + level, mu, eps_f, dt_f)
             phi[i, j] = new
-            changed += abs(new - old) > _AT_REST
+            changed += abs(new - old) > np.float32(_AT_REST)
+            if abs(new - old) > np.float32(_ASLEEP):
+                coming = _wake(place, h, w, waiting, after, coming)
             if (new > 0) != (old > 0):
                 sign = 1 if new > 0 else -1
                 n += sign
                 inside += sign * value
+        for k in range(coming):
+            waiting[after[k]] = False
+        queue, after, count = after, queue, coming
         quiet = quiet + 1 if changed <= stop_fraction * n else 0
-        fresh = quiet >= stop_after
     return iterations
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def energy(
     u: NDArray[np.float32], phi: NDArray[np.float32], weights: tuple[float, float, float, float], eps: float
 ) -> float:

@@ -48,9 +48,9 @@ class LevelSetConfig:
     lambda1: float = 1.0
     lambda2: float = 1.0
     eps: float = 1.0
-    time_step: float = 60.0
+    time_step: float = 400.0
     iterations: int = 120
-    stop_fraction: float = 0.004
+    stop_fraction: float = 0.01
     stop_after: int = 2
 
     def __post_init__(self) -> None:

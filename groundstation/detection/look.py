@@ -12,6 +12,7 @@ from groundstation.messages import Roi
 UNKNOWN_SPAN_PX = 25.0
 _LENGTH_PER_SPAN = 0.75
 _MIN_SPAN_SIGMA = 0.02
+_THICK_END_ON, _THICK_PER_LENGTH = 0.6, 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -154,4 +155,7 @@ def expectation(look: Look) -> Expectation:
         beyond = np.maximum(np.maximum(low[axis] - place, place - high[axis]), 0.0) / sigma[axis]
         likely.append(np.exp(-0.5 * beyond**2).astype(np.float32))
     box = (int(first[0]), int(first[1]), int(last[0]), int(last[1]))
-    return Expectation(box=box, columns=likely[0], rows=likely[1], span_px=look.span)
+    # end-on there is a body and a thin wing; from the side or below, or from who knows where, there may be much more
+    length = 1.0 if look.forward is None else min(float(np.hypot(*look.forward)), 1.0)
+    thick = None if look.span is None else (_THICK_END_ON + _THICK_PER_LENGTH * length) * look.span
+    return Expectation(box=box, columns=likely[0], rows=likely[1], span_px=look.span, thick_px=thick)

@@ -17,21 +17,26 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
-from groundstation.detection.background import Difference
+from groundstation.detection.background import Box, Difference
 from groundstation.detection.config import Channel, DetectionConfig
+from groundstation.detection.flatten import flatten
 from groundstation.detection.palette import discount_common_colours
 from groundstation.messages import Roi
 
 Float32Array = NDArray[np.float32]
 
 _MIN_WINDOW_PX = 15
-_WINDOW_PER_SPAN = 0.6
+_MAX_WINDOW_PX = 151
+_WINDOW_PER_SPAN = 0.6  # of a target seen end-on
 _UNKNOWN_SPAN_PX = 80.0
 _NOISE_FLOOR = 0.6  # grey levels: quantisation and what a codec smooths away
 _CLUTTER_CLIP = 60.0
 _COLOUR_CLIP = 8.0
 _LEARNT_CLIP = 12.0
+_LEARNT_TRUST = 1.5
 _REFERENCE = 4.0
+_BINS_PER_ROOT, _MAX_ROOT = 64, 32  # the histogram of contrast, over its square root
+_ENOUGH_PX = 50
 _TAIL = 2.0  # sigmas that noise alone reaches at the shares in question
 
 
@@ -40,13 +45,15 @@ class Expectation:
     """Where the target is expected in the window.
 
     ``box`` x0, y0, x1, y1 holds it, ``columns`` (x1 − x0,) and ``rows`` (y1 − y0,) float32 say how likely it
-    reaches there, 1 in the middle; ``span_px`` is its expected span, None if not known.
+    reaches there, 1 in the middle; ``span_px`` is its expected span and ``thick_px`` a width that its thick parts
+    fill by less than half, None if not known.
     """
 
     box: tuple[int, int, int, int]
     columns: Float32Array
     rows: Float32Array
     span_px: float | None
+    thick_px: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,86 +62,114 @@ class Prepared:
 
     ``u`` is (h, w) float32 in [0, 1], ``contrast`` (h, w) float32 the distance from the local background in
     its sigmas, ``level`` what the target's own number of pixels exceed near the prediction, ``reference`` the
-    contrast that became u = 1. ``residual`` (h, w, 3) float32 is grey, blue-red
-    and green-magenta against the background, in grey levels.
+    contrast that became u = 1.
     """
 
     u: Float32Array
     contrast: Float32Array
-    residual: Float32Array
     level: float
     reference: float
     channel: Channel
 
 
-@njit(cache=True)
-def _opponent_residual(image: ImageArray, background: ImageArray, out: Float32Array) -> None:
-    """Write grey, blue minus red, green minus magenta of ``image − background``."""
-    for i in range(image.shape[0]):
-        for j in range(image.shape[1]):
-            b = float(image[i, j, 0]) - float(background[i, j, 0])
-            g = float(image[i, j, 1]) - float(background[i, j, 1])
-            r = float(image[i, j, 2]) - float(background[i, j, 2])
-            out[i, j, 0] = 0.114 * b + 0.587 * g + 0.299 * r
-            out[i, j, 1] = 0.5 * (b - r)
-            out[i, j, 2] = 0.5 * g - 0.25 * (b + r)
+@njit(cache=True, nogil=True, fastmath=True)
+def _clutter_moments(
+    residual: Float32Array, keep_out: Box, clip: float, known: NDArray[np.bool_] | None = None
+) -> FloatArray:
+    """Return the (3, 3) second moments of a residual (3, h, w) outside the box, clipped to ±``clip``.
 
-
-@njit(cache=True)
-def _clutter_moments(residual: Float32Array, keep_out: tuple[int, int, int, int], clip: float) -> FloatArray:
-    """Return the (3, 3) second moments of the residual outside the box x0, y0, x1, y1, clipped to ±``clip``.
-
-    Every second pixel of every second row is enough.
+    Every second pixel of every second row is enough; what is not ``known`` counts as zero.
     """
     x0, y0, x1, y1 = keep_out
-    moments = np.zeros((3, 3))
+    s00, s01, s02, s11, s12, s22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     n = 0
-    e = np.zeros(3)
-    for i in range(0, residual.shape[0], 2):
-        for j in range(0, residual.shape[1], 2):
-            if y0 <= i < y1 and x0 <= j < x1:
-                continue
-            for c in range(3):
-                e[c] = min(max(residual[i, j, c], -clip), clip)
-            n += 1
-            for c in range(3):
-                for d in range(c, 3):
-                    moments[c, d] += e[c] * e[d]
-    for c in range(3):
-        for d in range(c, 3):
-            moments[c, d] /= max(n, 1)
-            moments[d, c] = moments[c, d]
-    return moments
+    for i in range(0, residual.shape[1], 2):
+        for part in range(2):
+            first = 0 if part == 0 else (x1 + 1) // 2 * 2
+            last = residual.shape[2] if part == 1 else x0
+            if not y0 <= i < y1:
+                first, last = (0, residual.shape[2]) if part == 0 else (0, 0)
+            for j in range(first, last, 2):
+                n += 1
+                if known is not None and not known[i, j]:
+                    continue
+                a = min(max(residual[0, i, j], -clip), clip)
+                b = min(max(residual[1, i, j], -clip), clip)
+                c = min(max(residual[2, i, j], -clip), clip)
+                s00 += a * a
+                s01 += a * b
+                s02 += a * c
+                s11 += b * b
+                s12 += b * c
+                s22 += c * c
+    return np.array([[s00, s01, s02], [s01, s11, s12], [s02, s12, s22]]) / max(n, 1)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _distance(residual: Float32Array, inverse: FloatArray, out: Float32Array) -> None:
-    """Write the Mahalanobis length of each residual, less what noise alone would give."""
-    a, b, c = inverse[0, 0], inverse[1, 1], inverse[2, 2]
-    ab, ac, bc = 2 * inverse[0, 1], 2 * inverse[0, 2], 2 * inverse[1, 2]
-    for i in range(residual.shape[0]):
-        for j in range(residual.shape[1]):
-            x, y, z = residual[i, j, 0], residual[i, j, 1], residual[i, j, 2]
-            square = a * x * x + b * y * y + c * z * z + ab * x * y + ac * x * z + bc * y * z
-            out[i, j] = math.sqrt(max(square, 0.0))
+    """Write the Mahalanobis length of each residual (3, h, w)."""
+    a, b, c = np.float32(inverse[0, 0]), np.float32(inverse[1, 1]), np.float32(inverse[2, 2])
+    ab, ac = np.float32(2 * inverse[0, 1]), np.float32(2 * inverse[0, 2])
+    bc = np.float32(2 * inverse[1, 2])
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            x, y, z = residual[0, i, j], residual[1, i, j], residual[2, i, j]
+            square = x * (a * x + ab * y + ac * z) + y * (b * y + bc * z) + c * z * z
+            out[i, j] = np.sqrt(abs(square))  # rounding may take it below zero
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, fastmath=True)
+def _magnitude(values: Float32Array, gain: float, out: Float32Array) -> None:
+    scale = np.float32(gain)
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = scale * abs(values[i, j])
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def _scale(contrast: Float32Array, reference: float, out: Float32Array) -> None:
+    gain = np.float32(1.0 / reference)
     for i in range(contrast.shape[0]):
         for j in range(contrast.shape[1]):
-            out[i, j] = min(contrast[i, j] / reference, 1.0)
+            out[i, j] = min(contrast[i, j] * gain, np.float32(1))
 
 
-def median_window(span_px: float | None) -> int:
-    """Return the odd width of the background median for a target of this span."""
-    span = _UNKNOWN_SPAN_PX if span_px is None else span_px
-    return max(_MIN_WINDOW_PX, min(int(_WINDOW_PER_SPAN * span), 151)) | 1
+@njit(cache=True, nogil=True)
+def _upper(count: NDArray[np.int64], share: float) -> float:
+    """Return the value that this share of a histogram over the roots exceeds."""
+    left = share * count.sum()
+    for k in range(count.size - 1, -1, -1):
+        if count[k] > left:
+            root = (k + 1.0 - left / count[k]) / _BINS_PER_ROOT
+            return root * root
+        left -= count[k]
+    return 0.0
 
 
-def background_median(image: ImageArray, window: int) -> ImageArray:
-    """Return the median of each channel; wide windows are taken on a reduced image."""
-    return cast(ImageArray, cv2.medianBlur(image, window))
+@njit(cache=True, nogil=True, fastmath=True)
+def _levels(
+    contrast: Float32Array, box: Box, columns: Float32Array, rows: Float32Array, area_px: float
+) -> tuple[float, float]:
+    """Return the level that ``area_px`` pixels exceed near the prediction, and what their share exceeds elsewhere."""
+    x0, y0, x1, y1 = box
+    gain, last = np.float32(_BINS_PER_ROOT), _BINS_PER_ROOT * _MAX_ROOT - 1
+    near, far = np.zeros(last + 1, np.int64), np.zeros(last + 1, np.int64)
+    for i in range(y0, y1):
+        for j in range(x0, x1):
+            value = contrast[i, j] * columns[j - x0] * rows[i - y0]
+            near[min(int(gain * np.sqrt(value)), last)] += 1
+    for i in range(0, contrast.shape[0], 2):
+        for j in range(0, contrast.shape[1], 2):
+            if not (y0 <= i < y1 and x0 <= j < x1):
+                far[min(int(gain * np.sqrt(contrast[i, j])), last)] += 1
+    share = min(max(area_px, 3.0) / ((x1 - x0) * (y1 - y0)), 0.3)
+    return _upper(near, share), max(_upper(far, share), _TAIL) if far.sum() > _ENOUGH_PX else _TAIL
+
+
+def median_window(size_px: float | None) -> int:
+    """Return the odd width of the background median for a silhouette whose thick parts have this size."""
+    size = _WINDOW_PER_SPAN * _UNKNOWN_SPAN_PX if size_px is None else size_px
+    return max(_MIN_WINDOW_PX, min(int(size), _MAX_WINDOW_PX)) | 1
 
 
 def prepare(
@@ -149,70 +184,70 @@ def prepare(
     difference : the image less the background learnt from earlier frames, None if there is none.
     """
     span_px, target_box = expected.span_px, expected.box
-    residual = np.empty(image.shape, np.float32)
-    window = median_window(span_px)
-    _opponent_residual(image, background_median(image, window), residual)
-    moments = _clutter_moments(residual, target_box, _CLUTTER_CLIP)
+    window = median_window(expected.thick_px)
     area = 0.03 * (span_px if span_px is not None else 25.0) ** 2
     options: list[tuple[Channel, Float32Array, float, float]] = []
+
+    def offer(channel: Channel, contrast: Float32Array) -> None:
+        level, far = _levels(contrast, target_box, expected.columns, expected.rows, area)
+        options.append((channel, contrast, level, far))
+
     wanted = config.channel
-    if wanted in (Channel.AUTO, Channel.GREY):
-        sigma = math.sqrt(moments[0, 0] + _NOISE_FLOOR**2)
-        grey = cast(Float32Array, np.abs(residual[:, :, 0]) / np.float32(sigma))
-        options.append((Channel.GREY, grey, *_levels(grey, expected, area)))
-    if wanted in (Channel.AUTO, Channel.COLOUR, Channel.BACKGROUND):
-        colour = np.empty(image.shape[:2], np.float32)
-        spread = _clutter_moments(residual, target_box, _COLOUR_CLIP) + _NOISE_FLOOR**2 * np.eye(3)
-        _distance(residual, np.asarray(np.linalg.inv(spread), np.float64), colour)
-        discount_common_colours(residual, np.sqrt(np.diag(spread)), target_box, colour)
-        options.append((Channel.COLOUR, colour, *_levels(colour, expected, area)))
-        if difference is not None:
-            learnt = _learnt_contrast(difference, colour, target_box)
-            options.append((Channel.BACKGROUND, learnt, *_levels(learnt, expected, area)))
     if wanted is Channel.SATURATION:
-        saturation = saturation_contrast(image, window, target_box, equalise=config.equalise)
-        options.append((Channel.SATURATION, saturation, *_levels(saturation, expected, area)))
-    channel, contrast, level, far = max(options, key=lambda o: o[2] / o[3])
+        offer(wanted, saturation_contrast(image, window, target_box, equalise=config.equalise))
+    else:
+        residual = flatten(image, window)
+        if wanted in (Channel.AUTO, Channel.GREY):
+            variance = _clutter_moments(residual, target_box, _CLUTTER_CLIP)[0, 0]
+            grey = np.empty(image.shape[:2], np.float32)
+            _magnitude(residual[0], 1.0 / math.hypot(math.sqrt(variance), _NOISE_FLOOR), grey)
+            offer(Channel.GREY, grey)
+        if wanted is not Channel.GREY:
+            colour = np.empty(image.shape[:2], np.float32)
+            spread = _clutter_moments(residual, target_box, _COLOUR_CLIP) + _NOISE_FLOOR**2 * np.eye(3)
+            _distance(residual, np.linalg.inv(spread), colour)
+            discount_common_colours(residual, np.sqrt(np.diag(spread)), target_box, colour)
+            offer(Channel.COLOUR, colour)
+            if difference is not None:
+                offer(Channel.BACKGROUND, _learnt_contrast(difference, colour, target_box))
+    # the learnt background does not take for a target what stands still: of about equal contrasts, its own counts
+    trust = {Channel.BACKGROUND: _LEARNT_TRUST}
+    channel, contrast, level, far = max(options, key=lambda o: trust.get(o[0], 1.0) * o[2] / o[3])
     # a strong target need not be cut at half its height: nearer the noise, its pale parts stay with it
     reference = max(min(level, _REFERENCE * math.sqrt(level * far)), config.min_contrast_to_noise)
     u = np.empty_like(contrast)
     _scale(contrast, reference, u)
-    return Prepared(u=u, contrast=contrast, residual=residual, reference=reference, level=level, channel=channel)
+    return Prepared(u=u, contrast=contrast, reference=reference, level=level, channel=channel)
 
 
-def _learnt_contrast(
-    difference: Difference, spatial: Float32Array, target_box: tuple[int, int, int, int]
-) -> Float32Array:
+@njit(cache=True, nogil=True, fastmath=True)
+def _soften(
+    contrast: Float32Array,
+    edge: Float32Array,
+    variance: float,
+    known: NDArray[np.bool_],
+    spatial: Float32Array,
+) -> None:
+    """Divide by what misplacement may cause; where the background is not known, take the spatial contrast."""
+    gain = np.float32(1.0 / variance)
+    for i in range(contrast.shape[0]):
+        for j in range(contrast.shape[1]):
+            softer = contrast[i, j] / np.sqrt(np.float32(1) + gain * edge[i, j] * edge[i, j])
+            contrast[i, j] = softer if known[i, j] else spatial[i, j]
+
+
+def _learnt_contrast(difference: Difference, spatial: Float32Array, target_box: Box) -> Float32Array:
     """Return the distance from the learnt background in its sigmas, the spatial contrast where it is not known."""
+    moments = _clutter_moments(difference.residual, target_box, _LEARNT_CLIP, difference.known)
+    moments += _NOISE_FLOOR**2 * np.eye(3)
     contrast = np.empty_like(spatial)
-    settled = np.where(difference.known[:, :, None], difference.residual, np.float32(0))
-    moments = _clutter_moments(settled, target_box, _LEARNT_CLIP) + _NOISE_FLOOR**2 * np.eye(3)
-    inverse = np.asarray(np.linalg.inv(moments), np.float64)
-    _distance(difference.residual, inverse, contrast)
-    contrast /= np.sqrt(1.0 + difference.edge**2 / np.float32(moments[0, 0]))
-    np.copyto(contrast, spatial, where=~difference.known)
+    _distance(difference.residual, np.linalg.inv(moments), contrast)
+    _soften(contrast, difference.edge, moments[0, 0], difference.known, spatial)
     return contrast
 
 
-def _levels(contrast: Float32Array, expected: Expectation, area_px: float) -> tuple[float, float]:
-    """Return the level that ``area_px`` pixels exceed near the prediction, and what their share exceeds elsewhere."""
-    x0, y0, x1, y1 = expected.box
-    near = contrast[y0:y1, x0:x1] * expected.columns * expected.rows[:, None]
-    share = min(max(area_px, 3.0) / near.size, 0.3)
-    level = _quantile(near.ravel(), share)
-    far = [contrast[:y0:2, ::2], contrast[y1::2, ::2], contrast[y0:y1:2, :x0:2], contrast[y0:y1:2, x1::2]]
-    rest = np.concatenate([part.ravel() for part in far])
-    return level, max(_quantile(rest, share), _TAIL) if rest.size > 50 else _TAIL
-
-
-def _quantile(values: Float32Array, share: float) -> float:
-    """Return the value that this share of ``values`` exceeds."""
-    k = max(values.size - 1 - int(share * values.size), 0)
-    return float(np.partition(values, k)[k])
-
-
 def saturation_contrast(
-    image: ImageArray, window: int, target_box: tuple[int, int, int, int], *, equalise: bool
+    image: ImageArray, window: int, target_box: Box, *, equalise: bool
 ) -> Float32Array:
     """Return the saturation's distance from its flattened background in sigmas, (h, w)."""
     saturation = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_BGR2HSV)[:, :, 1])
@@ -235,10 +270,9 @@ def measure_channels(image: ImageArray, roi: Roi, mask: MaskArray) -> Mapping[st
     window_image = image[roi.y : roi.y + roi.h, roi.x : roi.x + roi.w]
     columns = np.flatnonzero(mask.any(axis=0))
     span = float(columns[-1] - columns[0] + 1) if columns.size else None
-    window = median_window(span)
+    window = median_window(None if span is None else _WINDOW_PER_SPAN * span)
     near = cv2.dilate(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-    residual = np.empty(window_image.shape, np.float32)
-    _opponent_residual(window_image, background_median(window_image, window), residual)
+    residual = np.moveaxis(flatten(window_image, window), 0, 2)
     saturation = cast(ImageArray, cv2.cvtColor(window_image, cv2.COLOR_BGR2HSV)[:, :, 1])
     flat = {
         Channel.GREY.value: residual[:, :, 0],
