@@ -16,7 +16,7 @@ _ENOUGH_FRAMES = 5
 _AGEING_PER_MISS = 0.15
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def mean_colour(
     image: ImageArray, labels: NDArray[np.int32], members: NDArray[np.int64], box: FloatArray
 ) -> FloatArray:

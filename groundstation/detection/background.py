@@ -175,10 +175,22 @@ def _misplacement(rows: FloatArray, reference: ImageArray, hidden: Box, sx: floa
     return min(max(math.sqrt(max(square, 0.0)), _MIN_EDGE_PX), _MAX_EDGE_PX)
 
 
+@njit(cache=True, nogil=True, inline="always", fastmath=True)
+def _against(
+    image: ImageArray, at: tuple[int, int], frame: ImageArray, x: int, y: int, weights: tuple[float, ...], c: int
+) -> tuple[float, float]:
+    """Return one channel's difference from a frame between its pixels, and the frame's slope there."""
+    a, b = np.float32(frame[y, x, c]), np.float32(frame[y, x + 1, c])
+    d, f = np.float32(frame[y + 1, x, c]), np.float32(frame[y + 1, x + 1, c])
+    value = weights[0] * a + weights[1] * b + weights[2] * d + weights[3] * f
+    return np.float32(image[at[1], at[0], c]) - value, abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b)
+
+
 @njit(cache=True, nogil=True, fastmath=True)
 def _difference(
     image: ImageArray,
     corner: tuple[int, int],
+    within: Box,
     frame: ImageArray,
     shift: tuple[float, float],
     hidden: Box,
@@ -187,38 +199,36 @@ def _difference(
     edge: Float32Array,
     misfit: Float32Array,
 ) -> None:
-    """Compare one window with one kept frame, wherever no other frame has fitted well so far.
+    """Compare a part of the window with one kept frame, wherever no other frame has fitted well so far.
 
-    Each pixel takes the frame that fits it best: what one frame shows of a passing bird is not background.
+    ``corner`` is the window's place in the image, ``within`` x0, y0, x1, y1 the part, in the window. Each pixel
+    takes the frame that fits it best: what one frame shows of a passing bird is not background.
     """
     height, width = frame.shape[:2]
     ox, oy = math.floor(shift[0]), math.floor(shift[1])
     fx, fy = np.float32(shift[0] - ox), np.float32(shift[1] - oy)
     one, half = np.float32(1), np.float32(0.5)
-    w00, w01, w10, w11 = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
+    weights = ((one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy)
     x0, y0 = corner[0] + ox, corner[1] + oy
-    e, slope = np.empty(3, np.float32), np.float32(0)
-    for i in range(max(0, -y0), min(misfit.shape[0], height - 1 - y0)):
+    gain = half * np.float32(edge_px)
+    for i in range(max(within[1], -y0), min(within[3], height - 1 - y0)):
         y = y0 + i
         row_hidden = hidden[1] <= y + fy < hidden[3]
-        for j in range(max(0, -x0), min(misfit.shape[1], width - 1 - x0)):
+        for j in range(max(within[0], -x0), min(within[2], width - 1 - x0)):
             x = x0 + j
             if misfit[i, j] < _GOOD_FIT or (row_hidden and hidden[0] <= x + fx < hidden[2]):
                 continue
-            slope = np.float32(0)
-            for c in range(3):
-                a, b = np.float32(frame[y, x, c]), np.float32(frame[y, x + 1, c])
-                d, f = np.float32(frame[y + 1, x, c]), np.float32(frame[y + 1, x + 1, c])
-                value = np.float32(image[corner[1] + i, corner[0] + j, c])
-                e[c] = value - (w00 * a + w01 * b + w10 * d + w11 * f)
-                slope = max(slope, abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b))
-            grey = np.float32(0.114) * e[0] + np.float32(0.587) * e[1] + np.float32(0.299) * e[2]
-            blue_red, green = half * (e[0] - e[2]), half * e[1] - half * half * (e[0] + e[2])
-            fit = abs(grey) + np.float32(2) * (abs(blue_red) + abs(green))
+            at = (corner[0] + j, corner[1] + i)
+            blue, slope_0 = _against(image, at, frame, x, y, weights, 0)
+            green, slope_1 = _against(image, at, frame, x, y, weights, 1)
+            red, slope_2 = _against(image, at, frame, x, y, weights, 2)
+            grey = np.float32(0.114) * blue + np.float32(0.587) * green + np.float32(0.299) * red
+            blue_red, magenta = half * (blue - red), half * green - half * half * (blue + red)
+            fit = abs(grey) + np.float32(2) * (abs(blue_red) + abs(magenta))
             if fit < misfit[i, j]:
                 misfit[i, j] = fit
-                residual[0, i, j], residual[1, i, j], residual[2, i, j] = grey, blue_red, green
-                edge[i, j] = np.float32(edge_px) * half * slope
+                residual[0, i, j], residual[1, i, j], residual[2, i, j] = grey, blue_red, magenta
+                edge[i, j] = gain * max(slope_0, slope_1, slope_2)
 
 
 class BackgroundMemory:
@@ -259,10 +269,15 @@ class BackgroundMemory:
         residual = np.zeros((3, h, w), np.float32)
         edge = np.zeros((h, w), np.float32)
         misfit = np.full((h, w), np.float32(_UNKNOWN))
+        newest = self._order[0]
+        # older frames serve where the target may be, and where the newest one hides the scene
+        hole = self._hidden[newest] - np.tile(self._shifts[newest], 2)
+        near = _part(target, (hole[0], hole[1], hole[2], hole[3]), origin, size)
         for k in self._order:
             shift = (float(self._shifts[k, 0]), float(self._shifts[k, 1]))
-            hidden = _as_box(self._hidden[k])
-            _difference(image, origin, self._frames[k], shift, hidden, self._edge_px, residual, edge, misfit)
+            within = (0, 0, w, h) if k == newest else near
+            frame, hidden = self._frames[k], _as_box(self._hidden[k])
+            _difference(image, origin, within, frame, shift, hidden, self._edge_px, residual, edge, misfit)
         return Difference(residual=residual, edge=edge, known=misfit < _UNKNOWN)
 
     def _register(self, image: ImageArray, origin: tuple[int, int], size: tuple[int, int], target: Box) -> bool:
@@ -302,6 +317,13 @@ class BackgroundMemory:
         self._shifts[slot] = 0.0
         self._order.insert(0, slot)
         self._age = 0
+
+
+def _part(a: Box, b: tuple[float, float, float, float], origin: tuple[int, int], size: tuple[int, int]) -> Box:
+    """Return the box in a window that holds two boxes of the image."""
+    x0, y0 = max(int(min(a[0], b[0])) - origin[0], 0), max(int(min(a[1], b[1])) - origin[1], 0)
+    x1, y1 = math.ceil(max(a[2], b[2])) - origin[0], math.ceil(max(a[3], b[3])) - origin[1]
+    return x0, y0, min(x1, size[0]), min(y1, size[1])
 
 
 def _as_box(row: NDArray[np.int64]) -> Box:

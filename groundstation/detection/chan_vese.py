@@ -124,9 +124,7 @@ def start(u: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float
 
 
 @njit(cache=True, nogil=True, inline="always", fastmath=True)
-def _limited_step(
-    phi: NDArray[np.float32], i: int, j: int, drive: float, mu: float, eps: float, dt: float
-) -> float:
+def _limited_step(phi: NDArray[np.float32], i: int, j: int, drive: float, mu: float, eps: float, dt: float) -> float:
     """Return the new φ of one pixel, held within the limits; single precision throughout."""
     h, w = phi.shape
     centre = phi[i, j]

@@ -49,7 +49,7 @@ class LevelSetConfig:
     lambda2: float = 1.0
     eps: float = 1.0
     time_step: float = 400.0
-    iterations: int = 120
+    iterations: int = 60
     stop_fraction: float = 0.01
     stop_after: int = 2
 

@@ -12,10 +12,11 @@ from groundstation.detection.appearance import first_look
 from groundstation.detection.background import BackgroundMemory, Difference
 from groundstation.detection.choice import Memory, choose, features_of
 from groundstation.detection.config import DetectionConfig, TargetPoint
-from groundstation.detection.look import UNKNOWN_SPAN_PX, DetectionHint, Look, expectation, start_look
+from groundstation.detection.look import DetectionHint, Look, expectation, start_look
 from groundstation.detection.preprocess import Prepared, prepare
-from groundstation.detection.regions import Group, Regions, find_regions
+from groundstation.detection.regions import Group, Regions, find_regions, members_mask
 from groundstation.detection.segmentation import make_segmenter
+from groundstation.detection.start_contour import Silhouette, start_contour
 from groundstation.detection.target_point import find_nose
 from groundstation.messages import Detection, Miss, MissReason, Roi
 
@@ -26,6 +27,7 @@ _MEMORY_SIGMA_PER_MISS = 0.05
 _MEMORY_RATE = 0.3
 _MISSES_TO_FORGET = 5
 _TRUSTED_CONTRAST = 5.0
+_NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 _MISSES_TO_FORGET_LOOKS = 30
 
 
@@ -36,12 +38,14 @@ class Detector:
         self._config = config
         self._image_size_px = image_size_px
         self._memory: Memory | None = None
+        self._last: Silhouette | None = None
         self._background = BackgroundMemory()
         self._segment = make_segmenter(config)
 
     def reset(self) -> None:
         """Forget the contour, size and appearance of the target."""
         self._memory = None
+        self._last = None
         self._background.reset()
 
     def detect(self, image: ImageArray, roi: Roi, hint: DetectionHint) -> Detection | Miss:
@@ -57,7 +61,7 @@ class Detector:
         if prepared.level < self._config.min_contrast_to_noise:
             detail = f"nothing above {prepared.level:.1f} sigma near the prediction"
             return self._missed(Miss(reason=MissReason.LOW_CONTRAST, detail=detail))
-        phi = self._evolve(prepared, look)
+        phi = self._segment(prepared.u, start_contour(look, self._last))
         regions = find_regions(phi, prepared.contrast)
         choice = choose(regions, look, self._memory, self._config)
         if isinstance(choice, Miss):
@@ -71,6 +75,7 @@ class Detector:
 
     def _missed(self, miss: Miss) -> Miss:
         """Count a miss; after several, the background may hold what it should not."""
+        self._last = None
         if self._memory is not None:
             self._memory = replace(self._memory, misses=self._memory.misses + 1)
             if self._memory.misses % _MISSES_TO_FORGET == 0:
@@ -109,15 +114,6 @@ class Detector:
                 return self._memory.span_px, remembered
         return span, sigma
 
-    def _evolve(self, prepared: Prepared, look: Look) -> NDArray[np.float32]:
-        """Divide the image, starting from an ellipse of the expected size at the prediction."""
-        h, w = prepared.u.shape
-        half = 0.5 * (look.span if look.span is not None else UNKNOWN_SPAN_PX)
-        x = (np.arange(w) - look.predicted[0]) / half
-        y = (np.arange(h) - look.predicted[1]) / (0.5 * half)
-        inside = np.hypot(x[None, :], y[:, None]) < 1.0
-        return self._segment(prepared.u, inside)
-
     def _describe(
         self,
         group: Group,
@@ -131,15 +127,15 @@ class Detector:
         margin = max(4, math.ceil(0.08 * group.width))
         x0, y0 = max(group.box[0] - margin, 0), max(group.box[1] - margin, 0)
         x1, y1 = min(group.box[2] + margin, w), min(group.box[3] + margin, h)
-        member = np.isin(regions.labels[y0:y1, x0:x1], group.labels).astype(np.uint8)
-        near = cv2.dilate(member, np.ones((3, 3), np.uint8)) > 0
-        soft = np.where(near, prepared.u[y0:y1, x0:x1], np.float32(0))
+        member = members_mask(regions.labels, np.array(group.labels, np.int64), (x0, y0, x1, y1))
+        near = cv2.dilate(member, _NEIGHBOURHOOD)
+        soft = cv2.multiply(prepared.u[y0:y1, x0:x1], near, dtype=cv2.CV_32F)
         corner = np.array([x0, y0], np.float64)
         width = float(group.width)
         forward = None if look.forward is None else look.forward * width
         up = None if look.up is None else look.up * width
         expected = None if look.span is None else (look.span, look.span_sigma)
-        nose = find_nose(np.ascontiguousarray(soft), width, group.contrast, forward, up, expected, look.height_per_span)
+        nose = find_nose(np.asarray(soft, np.float32), width, group.contrast, forward, up, expected, look.height_per_span)
         point = look.full(nose.point + corner)
         covariance = nose.covariance * look.scale**2
         if self._config.target_point is TargetPoint.CENTROID:
@@ -151,6 +147,8 @@ class Detector:
             # what is missing may have been the wider part
             covariance = covariance + (0.05 * group.width * look.scale) ** 2 * np.eye(2)
         size = look.scale
+        working = (point - look.full(corner)) / size
+        self._last = Silhouette(mask=member, point=working, width=width, scale=float(size))
         left, top = look.full(np.array(group.box[:2]) - 0.5)
         return Detection(
             u_px=float(point[0]),

@@ -66,35 +66,26 @@ def _edges(median: ImageArray) -> NDArray[np.bool_]:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _subtract(image: ImageArray, median: ImageArray, edges: NDArray[np.bool_], step: int, out: Float32Array) -> None:
+def _subtract(
+    image: ImageArray,
+    smooth: Float32Array,
+    median: ImageArray,
+    edges: NDArray[np.bool_],
+    step: int,
+    out: Float32Array,
+) -> None:
     """Write grey, blue minus red and green minus magenta of the image less its background into (3, h, w)."""
     h, w = image.shape[:2]
-    rows, columns = median.shape[:2]
-    line = np.empty((3, columns), np.float32)
-    left, share = np.empty(w, np.int32), np.empty(w, np.float32)
-    for j in range(w):
-        place = min(max((j + 0.5) / step - 0.5, 0.0), columns - 1.0)
-        left[j] = min(int(place), max(columns - 2, 0))
-        share[j] = place - left[j] if columns > 1 else 0.0
-    right = 1 if columns > 1 else 0
     for i in range(h):
-        place = min(max((i + 0.5) / step - 0.5, 0.0), rows - 1.0)
-        top = min(int(place), max(rows - 2, 0))
-        bottom = min(top + 1, rows - 1)
-        down = np.float32(place - top)
-        for b in range(columns):
-            for c in range(3):
-                line[c, b] = (np.float32(1) - down) * median[top, b, c] + down * median[bottom, b, c]
         for j in range(w):
-            k, f = left[j], share[j]
-            blue = np.float32(image[i, j, 0]) - (line[0, k] + f * (line[0, k + right] - line[0, k]))
-            green = np.float32(image[i, j, 1]) - (line[1, k] + f * (line[1, k + right] - line[1, k]))
-            red = np.float32(image[i, j, 2]) - (line[2, k] + f * (line[2, k + right] - line[2, k]))
+            blue = np.float32(image[i, j, 0]) - smooth[i, j, 0]
+            green = np.float32(image[i, j, 1]) - smooth[i, j, 1]
+            red = np.float32(image[i, j, 2]) - smooth[i, j, 2]
             out[0, i, j] = np.float32(0.114) * blue + np.float32(0.587) * green + np.float32(0.299) * red
             out[1, i, j] = np.float32(0.5) * (blue - red)
             out[2, i, j] = np.float32(0.5) * green - np.float32(0.25) * (blue + red)
         a = i // step
-        for b in range(columns):
+        for b in range(median.shape[1]):
             if edges[a, b]:
                 for j in range(b * step, min((b + 1) * step, w)):
                     _nearest(image, median, a, b, i, j, out)
@@ -136,5 +127,7 @@ def flatten(image: ImageArray, window: float) -> Float32Array:
     step = max(math.floor(window / _BLOCKS + 0.5), 1)
     median = np.asarray(cv2.medianBlur(_block_means(image, step), _BLOCKS), np.uint8)
     out = np.empty((3, *image.shape[:2]), np.float32)
-    _subtract(image, median, _edges(median), step, out)
+    rows, columns = median.shape[:2]
+    smooth = cv2.resize(median.astype(np.float32), (columns * step, rows * step), interpolation=cv2.INTER_LINEAR)
+    _subtract(image, np.asarray(smooth, np.float32), median, _edges(median), step, out)
     return out

@@ -48,7 +48,7 @@ class Outline:
     bottom: float
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _edge(level: Float32Array, i: int, start: int, step: int, reach: float) -> float:
     """Return where row i falls below one half, walking from ``start``; NaN beyond ``reach``."""
     w = level.shape[1]
@@ -63,7 +63,7 @@ def _edge(level: Float32Array, i: int, start: int, step: int, reach: float) -> f
     return j + step * (inner - 0.5) / max(inner - outer, 1e-6)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _core(level: Float32Array, i: int, middle: float, half: float) -> float:
     """Return the mean membership of row i within ``half`` of the middle."""
     w = level.shape[1]
@@ -74,7 +74,7 @@ def _core(level: Float32Array, i: int, middle: float, half: float) -> float:
     return total / max(b - a + 1, 1)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _aside(level: Float32Array, i: int, middle: float, half: float, reach: float) -> float:
     """Return the place of row i within ``reach`` of the middle that is filled, the middle itself if none is."""
     for k in range(1, int(reach) + 1):
@@ -84,7 +84,7 @@ def _aside(level: Float32Array, i: int, middle: float, half: float, reach: float
     return middle
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _follow(
     level: Float32Array, s0: float, t0: int, step: int, band: tuple[float, float], span: float, found: FloatArray
 ) -> float:
@@ -133,7 +133,7 @@ def trace(level: Float32Array, start: FloatArray, band: tuple[float, float], spa
     return Outline(t=rows.astype(np.float64), middle=found[rows, 0], width=found[rows, 1], top=top, bottom=bottom)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _end(
     forward_t: float, heights: FloatArray, sign: float, span: float, sections: FloatArray, sigmas: FloatArray
 ) -> tuple[float, float]:
@@ -147,7 +147,7 @@ def _end(
     return best, spread
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _row_extent(
     t: float,
     forward_s: float,
@@ -168,7 +168,7 @@ def _row_extent(
     return 0.5 * (left + right), right - left
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _weigh(
     rows: FloatArray,
     middles: FloatArray,

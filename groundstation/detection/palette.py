@@ -18,7 +18,7 @@ Float32Array = NDArray[np.float32]
 _BINS = (32, 24, 16)
 _BIN_SIGMAS = 1.5
 _COMMON, _RARE = 0.02, 0.002
-_NOISE = 1.0  # sigmas: less is nothing in any case
+_NOISE = 2.0  # sigmas: less is nothing in any case
 
 
 @njit(cache=True, nogil=True, inline="always")

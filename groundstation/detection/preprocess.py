@@ -33,7 +33,7 @@ _NOISE_FLOOR = 0.6  # grey levels: quantisation and what a codec smooths away
 _CLUTTER_CLIP = 60.0
 _COLOUR_CLIP = 8.0
 _LEARNT_CLIP = 12.0
-_LEARNT_TRUST = 1.5
+_LEARNT_TRUST = 2.0
 _REFERENCE = 4.0
 _BINS_PER_ROOT, _MAX_ROOT = 64, 32  # the histogram of contrast, over its square root
 _ENOUGH_PX = 50
@@ -246,9 +246,7 @@ def _learnt_contrast(difference: Difference, spatial: Float32Array, target_box: 
     return contrast
 
 
-def saturation_contrast(
-    image: ImageArray, window: int, target_box: Box, *, equalise: bool
-) -> Float32Array:
+def saturation_contrast(image: ImageArray, window: int, target_box: Box, *, equalise: bool) -> Float32Array:
     """Return the saturation's distance from its flattened background in sigmas, (h, w)."""
     saturation = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_BGR2HSV)[:, :, 1])
     if equalise:

@@ -52,7 +52,7 @@ class Group:
         return self.box[3] - self.box[1]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _measure(labels: LabelArray, contrast: NDArray[np.float32], count: int) -> FloatArray:
     """Return the table of regions, (count, 10); row 0 is the background."""
     h, w = labels.shape
@@ -78,6 +78,22 @@ def _measure(labels: LabelArray, contrast: NDArray[np.float32], count: int) -> F
             if i == 0 or j == 0 or i == h - 1 or j == w - 1:
                 row[_RIM] = 1
     return table
+
+
+@njit(cache=True, nogil=True)
+def members_mask(labels: LabelArray, members: NDArray[np.int64], box: tuple[int, int, int, int]) -> NDArray[np.uint8]:
+    """Return 1 where the box x0, y0, x1, y1 holds one of the member labels, else 0; uint8."""
+    x0, y0, x1, y1 = box
+    mask = np.zeros((y1 - y0, x1 - x0), np.uint8)
+    for i in range(y0, y1):
+        for j in range(x0, x1):
+            label = labels[i, j]
+            if label > 0:
+                for k in members:
+                    if k == label:
+                        mask[i - y0, j - x0] = 1
+                        break
+    return mask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

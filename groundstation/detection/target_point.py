@@ -7,9 +7,11 @@ fuselage is a strip, and the nose is its forward end.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
@@ -32,6 +34,7 @@ _END_ON = 0.3  # shorter images of a length than this do not show the fuselage's
 _LEAD_PER_SPAN = 0.26  # nose to the thickest part of the fuselage, at the wing
 _UNKNOWN_HEADING = 0.25
 _SUBPIXEL = 4
+_RADIUS_STEP_PX = 0.1
 _SIDE_ON = 0.8
 _TIP_PER_SPAN = 0.006
 _BODY_ASIDE = 0.035
@@ -54,8 +57,10 @@ class NosePoint:
     covariance: FloatArray
 
 
-def disc_kernel(radius: float) -> NDArray[np.float32]:
-    """Return a disc of this radius, anti-aliased, that sums to one."""
+@lru_cache(maxsize=64)
+def disc_kernel(steps: int) -> NDArray[np.float32]:
+    """Return a disc of radius ``steps`` × `_RADIUS_STEP_PX`, anti-aliased, that sums to one."""
+    radius = steps * _RADIUS_STEP_PX
     half = math.ceil(radius)
     fine = (np.arange((2 * half + 1) * _SUBPIXEL) + 0.5) / _SUBPIXEL - half - 0.5
     inside = (fine[:, None] ** 2 + fine[None, :] ** 2 <= radius * radius).astype(np.float32)
@@ -183,7 +188,7 @@ def _thickest(membership: NDArray[np.float32], radius: float) -> FloatArray:
 
     A wing that blur has thickened holds a disc, too, but then its neighbours along the wing hold one as well.
     """
-    response = cv2.filter2D(membership, cv2.CV_32F, disc_kernel(radius), borderType=cv2.BORDER_CONSTANT)
+    response = cv2.filter2D(membership, cv2.CV_32F, disc_kernel(round(radius / _RADIUS_STEP_PX)), borderType=cv2.BORDER_CONSTANT)
     angle = _wing_angle(membership)
     dx, dy = _FLANK_RADII * radius * math.cos(angle), _FLANK_RADII * radius * math.sin(angle)
     size = (response.shape[1], response.shape[0])
@@ -191,11 +196,26 @@ def _thickest(membership: NDArray[np.float32], radius: float) -> FloatArray:
     for sign in (1.0, -1.0):
         shift = np.array([[1.0, 0.0, sign * dx], [0.0, 1.0, sign * dy]])
         flanks += np.asarray(cv2.warpAffine(response, shift, size), np.float32)
-    response = response - np.float32(0.5 * _FLANK_WEIGHT) * flanks
-    weight = np.clip(response - 0.8 * float(response.max()), 0.0, None) ** 2
-    total = max(float(weight.sum()), 1e-12)
-    rows, columns = weight.sum(axis=1), weight.sum(axis=0)
-    return np.array([columns @ np.arange(columns.size), rows @ np.arange(rows.size)]) / total
+    return _summit(response, flanks)
+
+
+@njit(cache=True, nogil=True)
+def _summit(response: NDArray[np.float32], flanks: NDArray[np.float32]) -> FloatArray:
+    """Return the centre (2,) of what comes close to the highest response less its flanks."""
+    h, w = response.shape
+    highest = -np.inf
+    for i in range(h):
+        for j in range(w):
+            highest = max(highest, response[i, j] - 0.5 * _FLANK_WEIGHT * flanks[i, j])
+    total, x, y = 1e-12, 0.0, 0.0
+    for i in range(h):
+        for j in range(w):
+            above = response[i, j] - 0.5 * _FLANK_WEIGHT * flanks[i, j] - 0.8 * highest
+            if above > 0.0:
+                total += above * above
+                x += above * above * j
+                y += above * above * i
+    return np.array([x / total, y / total])
 
 
 def _wing_angle(membership: NDArray[np.float32]) -> float:

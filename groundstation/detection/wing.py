@@ -19,6 +19,7 @@ _OUTER = 0.22  # of the width: farther from the middle there is nothing but wing
 _MAX_ROLL_RAD = math.radians(35.0)
 _LEAST_COLUMNS = 5
 _FAINT = 0.1
+_WING_QUANTILE = 0.7
 _LEAST_MASS = 0.25  # px in a column
 _MAX_SCATTER = 0.05
 _FLOOR = 0.7  # px
@@ -49,7 +50,7 @@ class Wing:
         return np.asarray(self.rotation @ point + self.offset, np.float64)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _line(membership: Float32Array, middle: float, reach: float) -> tuple[float, float, int]:
     """Return slope, scatter and number of a robust line through the centroids of columns beyond ``reach``."""
     h, w = membership.shape
@@ -89,7 +90,7 @@ def _line(membership: Float32Array, middle: float, reach: float) -> tuple[float,
     return slope, scatter, n
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _crossing(profile: FloatArray, level: float, start: int, step: int) -> float:
     """Return where the profile first rises above a level, walking inwards from an end."""
     k, n = start, profile.size
@@ -122,21 +123,35 @@ def find_wing(membership: Float32Array, body: FloatArray, span: float) -> Wing:
     return Wing(level=level, tips=tips, band=band, seen=seen, rotation=rotation, offset=offset)
 
 
+@njit(cache=True, nogil=True)
 def _extent(level: Float32Array, middle: float, reach: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the wing's tips along s and its rows along t."""
-    columns = np.flatnonzero(level.max(axis=0) > _FAINT)
-    if columns.size == 0:
-        return (0.0, float(level.shape[1] - 1)), (0.0, 0.0)
-    outer = np.concatenate([level[:, : max(int(middle - reach), 0)], level[:, math.ceil(middle + reach) + 1 :]], axis=1)
-    rows = outer.sum(axis=1).astype(np.float64)
-    half = 0.4 * float(rows.max())
+    h, w = level.shape
+    first, last = max(int(middle - reach), 0), math.ceil(middle + reach) + 1
+    rows = np.zeros(h)
+    seen = False
+    for i in range(h):
+        for j in range(w):
+            seen |= level[i, j] > _FAINT
+            if j < first or j >= last:
+                rows[i] += level[i, j]
+    if not seen:
+        return (0.0, w - 1.0), (0.0, 0.0)
+    half = 0.4 * rows.max()
     peak = int(rows.argmax())
     top = _crossing(-rows[: peak + 1][::-1], -half, 0, 1)
     bottom = _crossing(-rows[peak:], -half, 0, 1)
     t0, t1 = peak - top, peak + bottom
-    a, b = max(int(t0) - 1, 0), min(math.ceil(t1) + 2, level.shape[0])
-    profile = level[a:b].max(axis=0).astype(np.float64)
+    profile = np.zeros(w)
+    for i in range(max(int(t0) - 1, 0), min(math.ceil(t1) + 2, h)):
+        for j in range(w):
+            profile[j] = max(profile[j], level[i, j])
     # a thin wing far away never fills a pixel: half of its own level counts
-    outside = np.concatenate([profile[: max(int(middle - reach), 0)], profile[math.ceil(middle + reach) + 1 :]])
-    half = 0.5 * float(np.quantile(outside[outside > _FAINT], 0.7)) if (outside > _FAINT).any() else 0.5
-    return (_crossing(profile, half, 0, 1), _crossing(profile, half, profile.size - 1, -1)), (t0, t1)
+    outside = np.sort(np.concatenate((profile[:first], profile[last:])))
+    faint = np.searchsorted(outside, _FAINT, side="right")
+    half = 0.5
+    if faint < outside.size:
+        place = faint + _WING_QUANTILE * (outside.size - 1 - faint)
+        k = int(place)
+        half = 0.5 * (outside[k] + (place - k) * (outside[min(k + 1, outside.size - 1)] - outside[k]))
+    return (_crossing(profile, half, 0, 1), _crossing(profile, half, w - 1, -1)), (t0, t1)
