@@ -146,6 +146,11 @@ class Detector:
                 return Miss(reason=MissReason.CUT, detail="the image border cuts the nose off")
             # what is missing may have been the wider part
             covariance = covariance + (0.05 * group.width * look.scale) ** 2 * np.eye(2)
+        # a bird over the aircraft makes one silhouette with it, in about the right place, but not its nose
+        away = point - look.full(look.predicted)
+        spread = covariance + look.covariance * look.scale**2 + np.eye(2)
+        if float(away @ np.linalg.solve(spread, away)) > self._config.gate_sigmas**2:
+            return Miss(reason=MissReason.NO_REGION, detail="the target point is too far from the prediction")
         size = look.scale
         working = (point - look.full(corner)) / size
         self._last = Silhouette(mask=member, point=working, width=width, scale=float(size))

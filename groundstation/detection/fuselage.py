@@ -24,6 +24,8 @@ _SIGMA = np.array([0.006, 0.007, 0.008, 0.010, 0.012, 0.014, 0.014, 0.014, 0.014
 _LENGTH_SIGMA = 0.12  # of the distance behind the nose
 _WING_BEHIND = 0.27
 _WING_BEHIND_SIGMA = 0.05
+_THICKEST_BEHIND, _THICKEST_BEHIND_SIGMA = 0.3, 0.12  # the nose
+_THICKEST_BELOW, _THICKEST_SIGMA = 0.005, 0.012  # at no pitch: the cabin above, less the gear below
 _CORE = 0.032  # half width of what counts as fuselage
 _WIDEST = 0.1  # half width beyond which a row holds more than the fuselage
 _FILLED = 0.75  # of the core's width: the leg of a nose wheel fills less
@@ -175,6 +177,7 @@ def _weigh(
     row_weights: FloatArray,
     ends: tuple[float, float],
     wing: tuple[float, float],
+    thickest: float,
     forward: FloatArray,
     sigma: tuple[float, float],
     scale: tuple[float, float],
@@ -192,9 +195,14 @@ def _weigh(
         down, down_sigma = _end(forward_t, below, 1.0, span, sections, sigmas)
         v_top, v_bottom = up_sigma**2 + edge**2, down_sigma**2 + edge**2
         from_top, from_bottom = ends[0] + up, ends[1] - down
-        nose_t = (from_top * v_bottom + from_bottom * v_top) / (v_top + v_bottom)
-        var_t = v_top * v_bottom / (v_top + v_bottom)
-        chi_t = (from_top - from_bottom) ** 2 / (v_top + v_bottom) + z_t * z_t
+        # the thickest place is the more steadily seen one, but which part of the body that is depends on the view
+        from_thickest = thickest + _THICKEST_BEHIND * forward_t - _THICKEST_BELOW * span
+        v_thickest = (_THICKEST_SIGMA * span) ** 2 + (_THICKEST_BEHIND_SIGMA * forward_t) ** 2 + edge**2
+        total_t = 1.0 / v_top + 1.0 / v_bottom + 1.0 / v_thickest
+        nose_t = (from_top / v_top + from_bottom / v_bottom + from_thickest / v_thickest) / total_t
+        var_t = 1.0 / total_t
+        chi_t = (from_top - nose_t) ** 2 / v_top + (from_bottom - nose_t) ** 2 / v_bottom
+        chi_t += (from_thickest - nose_t) ** 2 / v_thickest + z_t * z_t
         for b in range(_GRID):
             z_s = _GRID_SIGMAS * (2.0 * b / (_GRID - 1) - 1.0)
             forward_s = forward[0] + z_s * sigma[0]
@@ -229,6 +237,7 @@ def _weigh(
 def locate_nose(
     outline: Outline,
     wing_middle: tuple[float, float],
+    thickest: float,
     forward: FloatArray,
     sigma: tuple[float, float],
     scale: tuple[float, float],
@@ -239,6 +248,7 @@ def locate_nose(
     ----------
     outline : the fuselage as traced.
     wing_middle : place along s of the wing's middle, px, and its sigma.
+    thickest : place along t, px, where the silhouette holds the widest disc.
     forward : (2,) image shift in px of one span's length along the expected body axis; ``sigma`` per component.
     scale : the span in px, and the sigma of an edge's place in px.
     """
@@ -254,6 +264,7 @@ def locate_nose(
         weights,
         (outline.top, outline.bottom),
         wing_middle,
+        thickest,
         forward,
         sigma,
         scale,

@@ -42,7 +42,7 @@ _BODY_SIGMA_PER_SPAN = 0.04
 _MISFIT_SHARE = 0.12
 _INCIDENCE_RAD = math.radians(5.0)  # how far the body is usually pitched above its path in flight
 _ROLLING_PER_SPAN, _FLYING_PER_SPAN = 0.15, 0.45  # height of the nose above the runway
-_ROLLING_CRAB_SIGMA, _CRAB_SIGMA = math.radians(3.0), math.radians(4.5)
+_ROLLING_CRAB_SIGMA, _CRAB_SIGMA = math.radians(3.0), math.radians(7.0)
 _PITCH_SIGMA = math.radians(3.0)
 _CRAB_FROM_PX, _CRAB_SURE_PX = 60.0, 110.0  # spans between which crab becomes legible
 _NOISE_PX_SIGMAS = 3.0  # px, over contrast
@@ -128,7 +128,7 @@ def _near_head_on(
     span = _likely_span(width, expected)
     wing = find_wing(membership, thickest, span)
     outline = trace(wing.level, wing.level_point(thickest), wing.band, span)
-    body = float(wing.level_point(thickest)[0])
+    body, thickest_t = (float(x) for x in wing.level_point(thickest))
     middle, middle_sigma = body, _BODY_SIGMA_PER_SPAN * span
     if wing.seen:
         middle = 0.5 * (wing.tips[0] + wing.tips[1])
@@ -139,7 +139,7 @@ def _near_head_on(
     level_forward = wing.rotation.T @ forward * (span / width)
     crab = _ROLLING_CRAB_SIGMA + airborne * (_CRAB_SIGMA - _ROLLING_CRAB_SIGMA)
     sigma = (crab * span, _PITCH_SIGMA * span)
-    nose, covariance = locate_nose(outline, (middle, middle_sigma), level_forward, sigma, (span, edge))
+    nose, covariance = locate_nose(outline, (middle, middle_sigma), thickest_t, level_forward, sigma, (span, edge))
     # crab is read from how the fuselage's rows lie: of a small silhouette they say less than its thickest place does
     legible = min(max((span - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
     nose[0] = legible * nose[0] + (1.0 - legible) * (body + _LEAD_PER_SPAN * level_forward[0])

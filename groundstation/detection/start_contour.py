@@ -1,0 +1,81 @@
+"""Where the level set starts: the last silhouette moved to the prediction, or an ellipse of the expected size."""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray, MaskArray
+from groundstation.detection.look import UNKNOWN_SPAN_PX, Look
+
+_HEIGHT_PER_SPAN = 0.5
+_MOST_GROWTH = 1.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Silhouette:
+    """What was found last: ``mask`` (h, w) uint8 of 0 and 1, the target point (2,) in it, its width; all in its px.
+
+    ``scale`` is how many full-image px one of these is.
+    """
+
+    mask: NDArray[np.uint8]
+    point: FloatArray
+    width: float
+    scale: float
+
+
+@njit(cache=True, nogil=True)
+def _ellipse(shape: tuple[int, int], centre: FloatArray, half: tuple[float, float]) -> MaskArray:
+    """Return the pixels within an axis-parallel ellipse."""
+    h, w = shape
+    inside = np.zeros(shape, np.bool_)
+    for i in range(max(math.ceil(centre[1] - half[1]), 0), min(math.floor(centre[1] + half[1]) + 1, h)):
+        y = (i - centre[1]) / half[1]
+        reach = half[0] * math.sqrt(max(1.0 - y * y, 0.0))
+        for j in range(max(math.ceil(centre[0] - reach), 0), min(math.floor(centre[0] + reach) + 1, w)):
+            inside[i, j] = True
+    return inside
+
+
+@njit(cache=True, nogil=True)
+def _moved(
+    shape: tuple[int, int], mask: NDArray[np.uint8], point: FloatArray, to: FloatArray, growth: float
+) -> MaskArray:
+    """Return a mask scaled by ``growth`` about its point, which comes to lie at ``to``; nearest neighbour."""
+    h, w = shape
+    inside = np.zeros(shape, np.bool_)
+    top, bottom = to[1] - growth * (point[1] + 0.5), to[1] + growth * (mask.shape[0] - point[1])
+    left, right = to[0] - growth * (point[0] + 0.5), to[0] + growth * (mask.shape[1] - point[0])
+    for i in range(max(math.floor(top), 0), min(math.ceil(bottom) + 1, h)):
+        y = round((i - to[1]) / growth + point[1])
+        if not 0 <= y < mask.shape[0]:
+            continue
+        for j in range(max(math.floor(left), 0), min(math.ceil(right) + 1, w)):
+            x = round((j - to[0]) / growth + point[0])
+            if 0 <= x < mask.shape[1]:
+                inside[i, j] = mask[y, x] > 0
+    return inside
+
+
+def start_contour(look: Look, last: Silhouette | None) -> MaskArray:
+    """Return what the start contour encloses, (h, w) of the working image.
+
+    The last silhouette is scaled to the expected span and widened by the prediction's sigma, so that it holds the
+    target wherever it is likely.
+    """
+    shape = look.image.shape[0], look.image.shape[1]
+    if last is None:
+        half = 0.5 * (look.span if look.span is not None else UNKNOWN_SPAN_PX)
+        return _ellipse(shape, look.predicted, (half, _HEIGHT_PER_SPAN * half))
+    growth = last.scale / look.scale
+    if look.span is not None:
+        growth *= min(max(look.span / (last.width * growth), 1.0 / _MOST_GROWTH), _MOST_GROWTH)
+    sigma = math.sqrt(max(float(look.covariance[0, 0]), float(look.covariance[1, 1]))) / growth
+    margin = min(math.ceil(sigma), math.ceil(last.width))
+    mask = cv2.copyMakeBorder(last.mask, margin, margin, margin, margin, cv2.BORDER_CONSTANT)
+    mask = cv2.dilate(mask, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8))
+    return _moved(shape, np.asarray(mask, np.uint8), last.point + margin, look.predicted, growth)
