@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from detection_study.scenes import Scene, Silhouette
 
+from detection_study.scenes import Scene, Silhouette
 from groundstation.arrays import FloatArray
 from groundstation.camera_tracker import silhouette_mask
 from groundstation.detection.config import DetectionConfig

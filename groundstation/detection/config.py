@@ -74,9 +74,10 @@ class SnakeConfig:
 
     Attributes
     ----------
-    tension : α, weight of the contour's stretch.
-    rigidity : β, weight of its bending.
-    step : artificial time τ per iteration; the strongest force moves a point by this many px.
+    tension : α, weight of the contour's stretch; differences are taken from point to point.
+    rigidity : β, weight of its bending, likewise.
+    step : artificial time τ per iteration; the strongest force moves a point by this many px. Above 0.5 the
+        gradient vector flow throws points from one side of an edge to the other.
     spacing_px : distance of neighbouring points, renewed as the contour grows or shrinks.
     sigma_px : the image is smoothed by a Gaussian of this sigma before its gradient is taken.
     gvf_mu : μ, how far the gradient vector flow smooths; at most 0.2, or its unit steps are unstable.
@@ -84,10 +85,10 @@ class SnakeConfig:
     """
 
     tension: float = 0.2
-    rigidity: float = 0.1
-    step: float = 1.0
-    spacing_px: float = 1.0
-    sigma_px: float = 1.5
+    rigidity: float = 0.05
+    step: float = 0.5
+    spacing_px: float = 0.5
+    sigma_px: float = 0.7
     gvf_mu: float = 0.1
     gvf_iterations: int = 60
 

@@ -5,7 +5,7 @@ Kass, Witkin & Terzopoulos (IJCV 1988): a closed contour x(s) falls down the ene
     E = ∫ ½ (α |x'|² + β |x''|²) − e(x) ds,    e = |∇(G_σ * u)|, scaled to 1 at its maximum
 
 by x_t = α x'' − β x'''' + f(x), here semi-implicitly: (I + τ A) x_new = x + τ f(x), A the circulant matrix of
-−α D² + β D⁴ on points that lie 1 spacing apart. The force is
+−α D² + β D⁴, D the difference of neighbouring points, which lie ``spacing_px`` apart. The force is
 
 - snake: f = ∇e, scaled to length 1 at its maximum; it reaches a few σ from an edge;
 - GVF (Xu & Prince, IEEE TIP 1998): f = v/|v|, v the rest of v_t = μ ∇²v − |∇e|² (v − ∇e), which carries the
