@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from detection_study.scenes import Scene, Silhouette
-from groundstation.arrays import FloatArray
+from groundstation.arrays import FloatArray, MaskArray
 from groundstation.camera_tracker import silhouette_mask
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import Detector
 from groundstation.detection.roi import place_roi
+from groundstation.detection.segmentation import Float32Array
 from groundstation.messages import Detection, Roi
 
 FOUND = "found"
@@ -26,8 +27,10 @@ class Outcome:
     ----------
     reason : "found", or why not.
     point_px, error_px : (2,) the target point and its distance from the true nose; NaN where none was found.
-    nis : squared error over the stated covariance, two degrees of freedom; whitened (2,) its root's components.
+    whitened : (2,) the error divided by the root of its stated covariance; NaN likewise.
     overlap : intersection over union with the true silhouette; 0 where nothing was found.
+    centre_error_px : distance of the found silhouette's centre from the true one's; NaN where nothing was found.
+    elapsed_s, segment_s : time of the whole detector, and of the segmentation in it.
     holds_nose, holds_silhouette : whether the true nose and all of the true silhouette lie in the ROI.
     """
 
@@ -37,11 +40,13 @@ class Outcome:
     width_px: int
     roi: Roi
     elapsed_s: float
+    segment_s: float
     reason: str
     point_px: FloatArray
     error_px: FloatArray
     whitened: FloatArray
     overlap: float
+    centre_error_px: float
     holds_nose: bool
     holds_silhouette: bool
 
@@ -63,6 +68,7 @@ class Watcher:
     def __init__(self, config: DetectionConfig) -> None:
         self._config = config
         self._detectors: dict[str, Detector] = {}
+        self._stopwatches: dict[str, list[float]] = {}
         self._sizes: dict[str, tuple[float, float]] = {}
 
     def look(self, scene: Scene) -> Outcome:
@@ -71,22 +77,25 @@ class Watcher:
         size = (image.shape[1], image.shape[0])
         if name not in self._detectors:
             self._detectors[name] = Detector(self._config, size)
+            self._stopwatches[name] = _time_segmentation(self._detectors[name])
         hint = scene.hint
         spread = hint.predicted_covariance_px2
         roi = place_roi(hint.predicted_px, spread, self._sizes.get(name), self._config, size)
         if roi is None:
             raise ValueError("a scene's prediction lies in the picture, so its region of interest does")
+        self._stopwatches[name].clear()
         started = time.perf_counter()
         result = self._detectors[name].detect(image, roi, hint)
         elapsed = time.perf_counter() - started
         point = error = whitened = np.full(2, np.nan)
-        overlap, reason = 0.0, FOUND
+        overlap, centre_error, reason = 0.0, float("nan"), FOUND
         if isinstance(result, Detection):
             self._sizes[name] = (result.box[2], result.box[3])
             point = np.array([result.u_px, result.v_px])
             error = point - scene.nose_px
             whitened = np.linalg.solve(np.linalg.cholesky(result.covariance_px2), error)
             overlap = _overlap(result, scene.silhouette)
+            centre_error = float(np.hypot(*(result.centroid_px - scene.silhouette.centre_px)))
         else:
             reason = result.reason.value
         return Outcome(
@@ -96,16 +105,33 @@ class Watcher:
             width_px=scene.silhouette.width_px,
             roi=roi,
             elapsed_s=elapsed,
+            segment_s=sum(self._stopwatches[name]),
             reason=reason,
             point_px=point,
             error_px=error,
             whitened=whitened,
             overlap=overlap,
+            centre_error_px=centre_error,
             holds_nose=_holds(roi, scene.nose_px[0], scene.nose_px[1], 0, 0),
             holds_silhouette=_holds(
                 roi, scene.silhouette.x, scene.silhouette.y, *(n - 1 for n in scene.silhouette.mask.shape[::-1])
             ),
         )
+
+
+def _time_segmentation(detector: Detector) -> list[float]:
+    """Return a list to which the detector from now on adds the seconds of each segmentation."""
+    spent: list[float] = []
+    segment = detector._segment  # the only way in: the detector has no stopwatch of its own
+
+    def timed(u: Float32Array, inside: MaskArray) -> Float32Array:
+        started = time.perf_counter()
+        phi = segment(u, inside)
+        spent.append(time.perf_counter() - started)
+        return phi
+
+    detector._segment = timed
+    return spent
 
 
 def _holds(roi: Roi, x: float, y: float, right: float, down: float) -> bool:

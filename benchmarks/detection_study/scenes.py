@@ -40,6 +40,12 @@ class Silhouette:
         columns = np.flatnonzero(self.mask.any(axis=0))
         return int(columns[-1] - columns[0] + 1)
 
+    @property
+    def centre_px(self) -> FloatArray:
+        """Centre of its pixels, (2,)."""
+        rows, columns = np.nonzero(self.mask)
+        return np.array([self.x + columns.mean(), self.y + rows.mean()])
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
