@@ -100,14 +100,12 @@ def method_table(methods: Mapping[str, Sequence[Outcome]], paper: Mapping[str, s
                 _mean([o.overlap for o in outcomes]),
                 _share(o.overlap < _POOR_OVERLAP for o in outcomes),
             ]
-            rows.append(
-                [phase, name, len(outcomes)]
-                + _times_ms(outcomes, lambda o: o.segment_s)
-                + [float(np.median([1e3 * o.elapsed_s for o in outcomes]))]
-                + [_share(o.found for o in outcomes), _share(o.wrong for o in outcomes)]
-                + [*_rms(_errors(outcomes)), *worst, *centre, *quality]
-                + [paper.get(name, "–") if phase == "all" else ""]
-            )
+            median: list[Cell] = [float(np.median([1e3 * o.elapsed_s for o in outcomes]))]
+            shares: list[Cell] = [_share(o.found for o in outcomes), _share(o.wrong for o in outcomes)]
+            times = _times_ms(outcomes, lambda o: o.segment_s)
+            said = paper.get(name, "–") if phase == "all" else ""
+            place = _rms(_errors(outcomes))
+            rows.append([phase, name, len(outcomes), *times, *median, *shares, *place, *worst, *centre, *quality, said])
     return Table(
         name="methods",
         title="Chan-Vese against the snakes (paper: figures 7 to 9 and table 2)",
@@ -118,9 +116,9 @@ def method_table(methods: Mapping[str, Sequence[Outcome]], paper: Mapping[str, s
         ),
         rows=rows,
         notes=(
-            "All from the same start contour (an ellipse of the expected span at the prediction), in the same ROI, with "
-            "the same rule for stopping and the same choice among regions. IoU is 0 where nothing was found; wrong is a "
-            "point more than 10 px and a quarter of the width from the nose.",
+            "All from the same start contour (an ellipse of the expected span at the prediction), in the same ROI, "
+            "with the same rule for stopping and the same choice among regions. IoU is 0 where nothing was found; "
+            "wrong is a point more than 10 px and a quarter of the width from the nose.",
             "Differences in set-up: the paper takes the point from the region alone, so a wrong region gives a wrong "
             "point; here the nose is measured in the picture inside the region's box, so that a poor region that is "
             "found at all still gives a good point. The region's own quality shows in IoU and in its centre. Our level "
@@ -194,8 +192,8 @@ def accuracy_table(outcomes: Sequence[Outcome]) -> Table:
         ),
         rows=rows,
         notes=(
-            "NIS: error of the point against truth over the covariance that the detector states; 1 is ideal, below 1 the "
-            "covariance is too large. Its bounds are those of χ² for the number of independent frames that the errors' "
+            "NIS: error of the point against truth over the covariance that the detector states; 1 is ideal, below 1 "
+            "the covariance is too large. Its bounds are those of χ² for the number of independent frames that the errors' "
             "lag-1 correlation ρ leaves, n(1 − ρ²)/(1 + ρ²), a camera's frames in a row; the two cameras count as "
             "independent. The paper states no covariance.",
         ),

@@ -17,6 +17,7 @@ from groundstation.errors import MissingExtraError
 
 Float32Array = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
+_SMALL = np.float32(1e-3)
 Segment = Callable[[Float32Array, BoolArray], Float32Array]
 
 
@@ -71,10 +72,11 @@ def _chan_vese_full(u: Float32Array, inside: BoolArray, config: LevelSetConfig) 
 
 
 def _skimage_chan_vese(u: Float32Array, inside: BoolArray, config: LevelSetConfig, skimage: Any) -> Float32Array:
-    """Run scikit-image's level set (Getreuer, IPOL 2012) from φ = ±1 on the start contour.
+    """Run scikit-image's level set (Getreuer, IPOL 2012) from a small step of φ on the start contour.
 
-    It has neither ν nor ε (0 and 1), and its δ lacks the factor 1/π, which goes into the time step. It runs
-    one iteration at a time, since its own rule for stopping looks at φ instead of at its sign.
+    From φ = ±1 no pixel would change side for some iterations, and that would count as rest. It has neither ν
+    nor ε (0 and 1), and its δ lacks the factor 1/π, which goes into the time step. It runs one iteration at a
+    time, since its own rule for stopping looks at φ instead of at its sign.
     """
     numbers = {"mu": config.mu, "lambda1": config.lambda1, "lambda2": config.lambda2, "dt": config.time_step / np.pi}
     once = {**numbers, "tol": 0.0, "max_num_iter": 1, "extended_output": True}
@@ -82,7 +84,7 @@ def _skimage_chan_vese(u: Float32Array, inside: BoolArray, config: LevelSetConfi
     def advance(phi: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(skimage.chan_vese(u, init_level_set=phi, **once)[1])
 
-    return _run(advance, np.where(inside, np.float32(1), np.float32(-1)), config).astype(np.float32)
+    return _run(advance, np.where(inside, _SMALL, -_SMALL), config).astype(np.float32)
 
 
 def _skimage_morphological(u: Float32Array, inside: BoolArray, config: LevelSetConfig, skimage: Any) -> Float32Array:
