@@ -74,7 +74,8 @@ def roi_table(sweep: Mapping[str, Sequence[Outcome]], full: str, paper: Mapping[
         ),
         rows=rows,
         notes=(
-            f"{count} frames. Deviation: of the target point from that found in the full frame, where both found one.",
+            f"{count} frames. Times are processor time of one thread. Deviation: of the target point from that found "
+            "in the full frame, where both found one.",
             "Differences in set-up: the paper's machine is a 2.8 GHz PC, its pictures and its segmentation another's; "
             "its 157 ms and 212 ms are whole frames of its predecessor's localisation, 84.1 % of them segmentation. It "
             "divides the equalised S channel, we the channel with the best contrast; our ROI is the basic size plus "
@@ -193,8 +194,8 @@ def accuracy_table(outcomes: Sequence[Outcome]) -> Table:
         rows=rows,
         notes=(
             "NIS: error of the point against truth over the covariance that the detector states; 1 is ideal, below 1 "
-            "the covariance is too large. Its bounds are those of χ² for the number of independent frames that the errors' "
-            "lag-1 correlation ρ leaves, n(1 − ρ²)/(1 + ρ²), a camera's frames in a row; the two cameras count as "
-            "independent. The paper states no covariance.",
+            "the covariance is too large. Its bounds are those of χ² for the number of independent frames that the "
+            "errors' lag-1 correlation ρ leaves, n(1 − ρ²)/(1 + ρ²), a camera's frames in a row; the two cameras count "
+            "as independent. The paper states no covariance.",
         ),
     )

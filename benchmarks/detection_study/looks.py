@@ -1,4 +1,7 @@
-"""Several detectors on the same scenes, each with its own memory, and how far each is from the truth."""
+"""Several detectors on the same scenes, each with its own memory, and how far each is from the truth.
+
+Times are processor time of the one thread that looks: on an idle machine the wall's, on a busy one still true.
+"""
 
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -30,7 +33,7 @@ class Outcome:
     whitened : (2,) the error divided by the root of its stated covariance; NaN likewise.
     overlap : intersection over union with the true silhouette; 0 where nothing was found.
     centre_error_px : distance of the found silhouette's centre from the true one's; NaN where nothing was found.
-    elapsed_s, segment_s : time of the whole detector, and of the segmentation in it.
+    elapsed_s, segment_s : processor time of the whole detector, and of the segmentation in it.
     holds_nose, holds_silhouette : whether the true nose and all of the true silhouette lie in the ROI.
     """
 
@@ -84,9 +87,9 @@ class Watcher:
         if roi is None:
             raise ValueError("a scene's prediction lies in the picture, so its region of interest does")
         self._stopwatches[name].clear()
-        started = time.perf_counter()
+        started = time.thread_time()
         result = self._detectors[name].detect(image, roi, hint)
-        elapsed = time.perf_counter() - started
+        elapsed = time.thread_time() - started
         point = error = whitened = np.full(2, np.nan)
         overlap, centre_error, reason = 0.0, float("nan"), FOUND
         if isinstance(result, Detection):
@@ -125,13 +128,30 @@ def _time_segmentation(detector: Detector) -> list[float]:
     segment = detector._segment  # the only way in: the detector has no stopwatch of its own
 
     def timed(u: Float32Array, inside: MaskArray) -> Float32Array:
-        started = time.perf_counter()
+        started = time.thread_time()
         phi = segment(u, inside)
-        spent.append(time.perf_counter() - started)
+        spent.append(time.thread_time() - started)
         return phi
 
     detector._segment = timed
     return spent
+
+
+def look_once(scene: Scene, config: DetectionConfig, roi: Roi) -> tuple[Float32Array, MaskArray]:
+    """Return what a fresh detector gives its segmentation in this ROI: the scalar image and the start's inside."""
+    image = scene.frame.image
+    detector = Detector(config, (image.shape[1], image.shape[0]))
+    segment, taken = detector._segment, []
+
+    def taking(u: Float32Array, inside: MaskArray) -> Float32Array:
+        taken.append((u.copy(), inside.copy()))
+        return segment(u, inside)
+
+    detector._segment = taking
+    detector.detect(image, roi, scene.hint)
+    if not taken:
+        raise ValueError(f"at {scene.frame.t_s:.2f} s the detector gave up before its segmentation")
+    return taken[0]
 
 
 def _holds(roi: Roi, x: float, y: float, right: float, down: float) -> bool:

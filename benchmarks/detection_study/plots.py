@@ -49,8 +49,8 @@ def draw_roi_sweep(sweep: Mapping[str, Sequence[Outcome]], full: str, path: Path
             pairs = [(o, f) for o, f in zip(sweep[name], sweep[full], strict=True) if o.found and f.found]
             rms.append(np.sqrt(np.mean([(o.point_px[axis] - f.point_px[axis]) ** 2 for o, f in pairs])))
         off.plot(range(len(others)), rms, marker=MARKERS[axis], color=COLOURS[axis], label=label)
-    off.axhline(1.0, color="#000000", linestyle="--", linewidth=1, label="paper, 250×100: below 1 px on average")
-    off.set_ylabel("rms deviation from the full frame, px")
+    off.axhline(1.0, color="#000000", linestyle="--", linewidth=1, label="paper, 250×100: below this on average")
+    off.set_ylabel("rms deviation from full frame, px")
     for ax, ticks in ((times, names), (off, others)):
         ax.set_xticks(range(len(ticks)), ticks, rotation=40, ha="right")
         ax.set_xlabel("basic size of the ROI, px")
@@ -77,13 +77,13 @@ def draw_methods(methods: Mapping[str, Sequence[Outcome]], path: Path) -> None:
             if t:
                 ax.axvspan(min(t), max(t), color=shade, alpha=0.15, lw=0)
         ax.set_xlabel("time, s (tinted: mixed background, then ground)")
-    overlap.set_ylabel("IoU with the true silhouette (0: missed)")
-    error.set_ylabel("distance of the point from the nose, px")
+    overlap.set_ylabel("IoU with truth (0: missed)")
+    error.set_ylabel("point from nose, px")
     times.set_xscale("log")
     times.set_xlabel("ms per segmentation")
     times.set_ylabel("% of frames at most")
     overlap.legend(frameon=False, fontsize=8, ncols=3, loc="upper left")
-    overlap.set_ylim(0, 1.15)
+    overlap.set_ylim(0, 1.2)
     _save(figure, path)
 
 
@@ -111,4 +111,18 @@ def draw_accuracy(outcomes: Sequence[Outcome], path: Path) -> None:
     axes[2].set_ylabel("NIS per dof (line: mean of the class)")
     for ax in axes:
         ax.set_xlabel("width of the silhouette, px")
+    _save(figure, path)
+
+
+def draw_cost(curves: Mapping[str, tuple[Sequence[float], Sequence[float]]], path: Path) -> None:
+    """Draw the time of one segmentation against each quantity, both axes logarithmic."""
+    figure, axes = _axes(1, len(curves), (4.5 * len(curves), 3.4))
+    for k, (ax, (name, (amount, ms))) in enumerate(zip(axes, curves.items(), strict=True)):
+        exponent, offset = np.polyfit(np.log(amount), np.log(ms), 1)
+        ax.loglog(amount, ms, MARKERS[k], color=COLOURS[k])
+        fitted = np.exp(offset) * np.array(amount) ** exponent
+        ax.loglog(amount, fitted, color=COLOURS[k], lw=1, label=f"exponent {exponent:.2f}")
+        ax.set_xlabel(name)
+        ax.set_ylabel("ms per segmentation")
+        ax.legend(frameon=False, fontsize=8)
     _save(figure, path)

@@ -23,7 +23,7 @@ from groundstation.sources.replay import ReplaySource, read_frames
 
 PREDICTION_SIGMA_PX = 4.0
 SPAN_SIGMA_RATIO = 0.1
-_UNKNOWN_PHASE = "unknown"
+_UNKNOWN_PHASE = "unstated"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,8 +77,10 @@ class Silhouettes:
         return Silhouette(x=int(corner[0]), y=int(corner[1]), mask=self._arrays[key] > 0)
 
 
-def scenes(session: Session, seed: int, last_epoch: int | None = None, first_epoch: int = 0) -> Iterator[Scene]:
-    """Yield the frames of a session in order of time, those in which the nose is in view.
+def scenes(
+    session: Session, seed: int, *, first_epoch: int = 0, last_epoch: int | None = None, every: int = 1
+) -> Iterator[Scene]:
+    """Yield the frames of a session in order of time, of each ``every``-th pair, those with the nose in view.
 
     Raises `SessionError` for a session without truth.csv, masks.npz or wing span.
     """
@@ -98,6 +100,8 @@ def scenes(session: Session, seed: int, last_epoch: int | None = None, first_epo
                 continue
             if last_epoch is not None and event.epoch > last_epoch:
                 return
+            if (event.epoch - first_epoch) % every:
+                continue
             # drawn for every frame, so that one frame's draw does not hang on another's being in view
             draw = generators[event.station].normal(size=3)
             row = int(np.argmin(np.abs(truth.t_s - event.t_s)))
