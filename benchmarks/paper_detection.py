@@ -28,6 +28,7 @@ from groundstation.session import load_session
 from groundstation.warm_up import warm_up
 
 SEED = 7
+EVERY = "look at every N-th pair only: for a first impression, since the detectors then see a slower video"
 ROOT = Path(__file__).resolve().parent.parent
 DEFAULT = DetectionConfig()
 PAPERS_CHOICE, FULL = "250×100", "full frame"
@@ -94,7 +95,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sessions", type=Path, nargs="*")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "paper-detection")
-    parser.add_argument("--every", type=int, default=1, metavar="N", help="look at every N-th pair only")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help=EVERY)
     options = parser.parse_args()
     cv2.setNumThreads(1)
     warm_up()
