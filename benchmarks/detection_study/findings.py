@@ -90,8 +90,8 @@ def roi_table(sweep: Mapping[str, Sequence[Outcome]], full: str, paper: Mapping[
         rows=rows,
         notes=(
             f"{count} frames. Times are processor time of one thread. Deviation: of the target point from that found "
-            "in the full frame, where both found one; of sound: where moreover neither is wrong, that is more than 10 px "
-            "and a quarter of the width from the true nose. The errors are against the truth.",
+            "in the full frame, where both found one; of sound: where moreover neither is wrong, that is more than "
+            "10 px and a quarter of the width from the true nose. The errors are against the truth.",
             "Differences in set-up: the paper's machine is a 2.8 GHz PC, its pictures and its segmentation another's; "
             "its 157 ms and 212 ms are whole frames of its predecessor's localisation, 84.1 % of them segmentation. It "
             "divides the equalised S channel, we the channel with the best contrast; our ROI is the basic size plus "
