@@ -18,6 +18,12 @@ class SegmentationMethod(StrEnum):
     """How the scalar image is divided into target and background."""
 
     CHAN_VESE = "chan_vese"
+    # what it is measured against: slower, less able, or both (detection/baselines.py)
+    CHAN_VESE_FULL = "chan_vese_full"
+    SNAKE = "snake"
+    GVF_SNAKE = "gvf_snake"
+    SKIMAGE_CHAN_VESE = "skimage_chan_vese"
+    SKIMAGE_MORPHOLOGICAL = "skimage_morphological"
 
 
 class TargetPoint(StrEnum):
@@ -41,6 +47,8 @@ class LevelSetConfig:
     iterations : at most this many.
     stop_fraction : stop when fewer than this fraction of the pixels inside changed sides ...
     stop_after : ... in this many iterations running.
+
+    The last three hold for every segmentation method.
     """
 
     mu: float = 0.02
@@ -61,13 +69,45 @@ class LevelSetConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SnakeConfig:
+    """Weights and numerics of the snakes (detection/snake.py); when to stop is said by `LevelSetConfig`.
+
+    Attributes
+    ----------
+    tension : α, weight of the contour's stretch; differences are taken from point to point.
+    rigidity : β, weight of its bending, likewise.
+    step : artificial time τ per iteration; the strongest force moves a point by this many px. Above 0.5 the
+        gradient vector flow throws points from one side of an edge to the other.
+    spacing_px : distance of neighbouring points, renewed as the contour grows or shrinks.
+    sigma_px : the image is smoothed by a Gaussian of this sigma before its gradient is taken.
+    gvf_mu : μ, how far the gradient vector flow smooths; at most 0.2, or its unit steps are unstable.
+    gvf_iterations : steps of that flow; the edges' pull reaches about as many px.
+    """
+
+    tension: float = 0.2
+    rigidity: float = 0.05
+    step: float = 0.5
+    spacing_px: float = 0.5
+    sigma_px: float = 0.7
+    gvf_mu: float = 0.1
+    gvf_iterations: int = 60
+
+    def __post_init__(self) -> None:
+        if min(self.tension, self.rigidity) < 0 or min(self.step, self.spacing_px, self.sigma_px) <= 0:
+            raise ValueError("tension and rigidity must be ≥ 0, step, spacing_px and sigma_px > 0")
+        if not 0 < self.gvf_mu <= 0.2 or self.gvf_iterations < 0:
+            raise ValueError("gvf_mu must lie in (0, 0.2], gvf_iterations must be ≥ 0")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DetectionConfig:
     """Tuning of one camera's detector.
 
     Attributes
     ----------
     segmentation : the method that divides the image.
-    level_set : the Chan-Vese weights and numerics.
+    level_set : the Chan-Vese weights and numerics, and for every method when to stop.
+    snake : the snakes' weights and numerics.
     channel : which scalar image is divided; "auto" takes the one with the best measured contrast.
     learn_background : keep a few earlier frames to know what lies behind the target; "background" is the colour
         distance from them, where they know it.
@@ -88,6 +128,7 @@ class DetectionConfig:
 
     segmentation: SegmentationMethod = SegmentationMethod.CHAN_VESE
     level_set: LevelSetConfig = field(default_factory=LevelSetConfig)
+    snake: SnakeConfig = field(default_factory=SnakeConfig)
     channel: Channel = Channel.AUTO
     learn_background: bool = True
     equalise: bool = False

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.detection import chan_vese
+from groundstation.detection.baselines import make_baseline
 from groundstation.detection.config import DetectionConfig, LevelSetConfig, SegmentationMethod
 
 Float32Array = NDArray[np.float32]
@@ -19,10 +20,12 @@ Segmenter = Callable[[Float32Array, NDArray[np.bool_]], Float32Array]
 
 
 def make_segmenter(config: DetectionConfig) -> Segmenter:
-    """Return the method that the configuration names."""
+    """Return the method that the configuration names; raises `MissingExtraError` where it is not installed."""
     match config.segmentation:
         case SegmentationMethod.CHAN_VESE:
             return partial(_chan_vese, config=config.level_set)
+        case _:
+            return make_baseline(config)
 
 
 def _chan_vese(u: Float32Array, inside: NDArray[np.bool_], config: LevelSetConfig) -> Float32Array:
