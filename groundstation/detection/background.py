@@ -17,6 +17,7 @@ from groundstation.arrays import FloatArray, ImageArray
 
 Float32Array = NDArray[np.float32]
 Box = tuple[int, int, int, int]
+Weights = tuple[np.float32, np.float32, np.float32, np.float32]
 
 _KEPT = 6
 _MOVED_PER_SPAN = 0.25
@@ -28,7 +29,7 @@ _MAX_MISFIT = 6.0  # grey levels, mean over the textured pixels
 _COARSE_STEP, _COARSE_REACH = 4, 10
 _GOOD_FIT = 4.0  # grey levels: no need to look at older frames
 _UNKNOWN = 1e9
-_MIN_EDGE_PX, _MAX_EDGE_PX = 0.08, 0.25  # misregistration and interpolation, as px of the local gradient
+_MIN_EDGE_PX, _MAX_EDGE_PX = 0.15, 0.25  # misregistration and interpolation, as px of the local gradient
 _CLIPPED = 30.0  # grey levels
 
 
@@ -177,8 +178,8 @@ def _misplacement(rows: FloatArray, reference: ImageArray, hidden: Box, sx: floa
 
 @njit(cache=True, nogil=True, inline="always", fastmath=True)
 def _against(
-    image: ImageArray, at: tuple[int, int], frame: ImageArray, x: int, y: int, weights: tuple[float, ...], c: int
-) -> tuple[float, float]:
+    image: ImageArray, at: tuple[int, int], frame: ImageArray, x: int, y: int, weights: Weights, c: int
+) -> tuple[np.float32, np.float32]:
     """Return one channel's difference from a frame between its pixels, and the frame's slope there."""
     a, b = np.float32(frame[y, x, c]), np.float32(frame[y, x + 1, c])
     d, f = np.float32(frame[y + 1, x, c]), np.float32(frame[y + 1, x + 1, c])

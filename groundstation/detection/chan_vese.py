@@ -21,7 +21,7 @@ PHI_LIMIT = 3.0
 # added to |∇φ|² so that a flat φ can still move: next to nothing for the oracle, a slope of 0.1 for the band
 _FLAT_ORACLE = 1e-12
 _FLAT_BAND = 1e-2
-_AT_REST = 0.02  # a change of φ per iteration that still counts as motion
+AT_REST = 0.02  # a change of φ per iteration that still counts as motion
 _ASLEEP = 0.001  # one that need not be followed up
 
 
@@ -124,7 +124,9 @@ def start(u: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float
 
 
 @njit(cache=True, nogil=True, inline="always", fastmath=True)
-def _limited_step(phi: NDArray[np.float32], i: int, j: int, drive: float, mu: float, eps: float, dt: float) -> float:
+def limited_step(
+    phi: NDArray[np.float32], i: int, j: int, drive: np.float32, mu: np.float32, eps: np.float32, dt: np.float32
+) -> np.float32:
     """Return the new φ of one pixel, held within the limits; single precision throughout."""
     h, w = phi.shape
     centre = phi[i, j]
@@ -146,7 +148,7 @@ def _limited_step(phi: NDArray[np.float32], i: int, j: int, drive: float, mu: fl
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _may_move(u: NDArray[np.float32], phi: NDArray[np.float32], i: int, slope: float, level: float) -> bool:
+def _may_move(u: NDArray[np.float32], phi: NDArray[np.float32], i: int, slope: np.float32, level: np.float32) -> bool:
     """Return whether row i holds a pixel off its limit, unlike its neighbours or pushed away from its side.
 
     A pixel at a limit among its like, pushed further into it, stays there: whole rows of them are passed by.
@@ -169,8 +171,8 @@ def _may_move(u: NDArray[np.float32], phi: NDArray[np.float32], i: int, slope: f
 def _collect(
     u: NDArray[np.float32],
     phi: NDArray[np.float32],
-    drive: tuple[float, float, float],
-    numerics: tuple[float, float, float],
+    drive: tuple[np.float32, np.float32, np.float32],
+    numerics: tuple[np.float32, np.float32, np.float32],
     queue: NDArray[np.int32],
 ) -> int:
     """Fill the queue with every pixel of the grid whose next step would move it; returns their count.
@@ -192,7 +194,7 @@ def _collect(
                 among_its_like = phi[i, max(j - 1, 0)] == side and phi[i, min(j + 1, w - 1)] == side
                 if among_its_like and phi[above, j] == side and phi[below, j] == side:
                     continue
-            if abs(_limited_step(phi, i, j, push, mu, eps, dt) - phi[i, j]) > np.float32(_AT_REST):
+            if abs(limited_step(phi, i, j, push, mu, eps, dt) - phi[i, j]) > np.float32(AT_REST):
                 queue[count] = i * w + j
                 count += 1
     return count
@@ -231,15 +233,15 @@ def _clip(u: NDArray[np.float32], phi: NDArray[np.float32]) -> tuple[int, float,
     limit = np.float32(PHI_LIMIT)
     n, inside, total = 0, 0.0, 0.0
     for i in range(u.shape[0]):
-        row_n, row_inside, row_total = np.int32(0), np.float32(0), np.float32(0)
+        row_n, row_inside, row_total = 0, np.float32(0), np.float32(0)
         for j in range(u.shape[1]):
             phi[i, j] = min(max(phi[i, j], -limit), limit)
             row_total += u[i, j]
             row_inside += u[i, j] if phi[i, j] > 0 else np.float32(0)
-            row_n += np.int32(1) if phi[i, j] > 0 else np.int32(0)
+            row_n += phi[i, j] > 0
         n += row_n
-        inside += row_inside
-        total += row_total
+        inside += float(row_inside)
+        total += float(row_total)
     return n, inside, total
 
 
@@ -284,9 +286,9 @@ def evolve(
             place = queue[k]
             i, j = place // w, place % w
             old, value = phi[i, j], u[i, j]
-            new = _limited_step(phi, i, j, (bend * value + slope) * value + level, mu, eps_f, dt_f)
+            new = limited_step(phi, i, j, (bend * value + slope) * value + level, mu, eps_f, dt_f)
             phi[i, j] = new
-            changed += abs(new - old) > np.float32(_AT_REST)
+            changed += abs(new - old) > np.float32(AT_REST)
             if abs(new - old) > np.float32(_ASLEEP):
                 coming = _wake(place, h, w, waiting, after, coming)
             if (new > 0) != (old > 0):

@@ -42,6 +42,9 @@ class LevelSetConfig:
     mu : weight of the contour's length.
     nu : weight of the area inside (positive shrinks).
     lambda1, lambda2 : weights of the misfit inside and outside.
+    local_share : share of the misfit taken against means that vary over the picture, for uneven light; 0 is the
+        plain Chan-Vese model, 1 region-scalable fitting.
+    local_sigma_px : width of the Gaussian window of these means.
     eps : width in px of the regularised Heaviside and delta.
     time_step : artificial time per iteration; the length term is implicit, so large steps are stable.
     iterations : at most this many.
@@ -55,6 +58,8 @@ class LevelSetConfig:
     nu: float = 0.0
     lambda1: float = 1.0
     lambda2: float = 1.0
+    local_share: float = 0.0
+    local_sigma_px: float = 8.0
     eps: float = 1.0
     time_step: float = 400.0
     iterations: int = 60
@@ -64,6 +69,8 @@ class LevelSetConfig:
     def __post_init__(self) -> None:
         if min(self.mu, self.lambda1, self.lambda2) < 0 or self.eps <= 0 or self.time_step <= 0:
             raise ValueError("mu, lambda1, lambda2 must be ≥ 0, eps and time_step > 0")
+        if not 0 <= self.local_share <= 1 or not 0.5 <= self.local_sigma_px <= 100:
+            raise ValueError("local_share must lie in [0, 1], local_sigma_px in [0.5, 100]")
         if self.iterations < 1 or self.stop_after < 1:
             raise ValueError("iterations and stop_after must be ≥ 1")
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import FloatArray, ImageArray, MaskArray
 from groundstation.detection.appearance import first_look
 from groundstation.detection.background import BackgroundMemory, Difference
 from groundstation.detection.choice import Memory, choose, features_of
@@ -27,6 +27,7 @@ _MEMORY_SIGMA_PER_MISS = 0.05
 _MEMORY_RATE = 0.3
 _MISSES_TO_FORGET = 5
 _TRUSTED_CONTRAST = 5.0
+_FAINTER = 0.6
 _NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 _MISSES_TO_FORGET_LOOKS = 30
 
@@ -61,17 +62,25 @@ class Detector:
         if prepared.level < self._config.min_contrast_to_noise:
             detail = f"nothing above {prepared.level:.1f} sigma near the prediction"
             return self._missed(Miss(reason=MissReason.LOW_CONTRAST, detail=detail))
-        phi = self._segment(prepared.u, start_contour(look, self._last))
-        regions = find_regions(phi, prepared.contrast)
-        choice = choose(regions, look, self._memory, self._config)
+        start = start_contour(look, self._last)
+        regions, choice = self._divide(prepared, start, look)
+        if isinstance(choice, Miss) and choice.reason is MissReason.WRONG_SIZE:
+            # half of the strongest part's contrast may be more than a pale wing has
+            prepared = prepared.fainter(_FAINTER)
+            regions, choice = self._divide(prepared, start, look)
         if isinstance(choice, Miss):
             return self._missed(choice)
-        detection = self._describe(choice, regions, prepared, phi, look)
+        detection = self._describe(choice, regions, prepared, look)
         if isinstance(detection, Miss):
             return self._missed(detection)
         if not detection.cut:
             self._learn(image, detection, features_of(choice, regions, look))
         return detection
+
+    def _divide(self, prepared: Prepared, start: MaskArray, look: Look) -> tuple[Regions, Group | Miss]:
+        """Run the level set and return its regions and the one that is the target, or why none is."""
+        regions = find_regions(self._segment(prepared.u, start), prepared.contrast)
+        return regions, choose(regions, look, self._memory, self._config)
 
     def _missed(self, miss: Miss) -> Miss:
         """Count a miss; after several, the background may hold what it should not."""
@@ -119,11 +128,10 @@ class Detector:
         group: Group,
         regions: Regions,
         prepared: Prepared,
-        phi: NDArray[np.float32],
         look: Look,
     ) -> Detection | Miss:
         """Measure the chosen group: target point, covariance, outline."""
-        h, w = phi.shape
+        h, w = prepared.u.shape
         margin = max(4, math.ceil(0.08 * group.width))
         x0, y0 = max(group.box[0] - margin, 0), max(group.box[1] - margin, 0)
         x1, y1 = min(group.box[2] + margin, w), min(group.box[3] + margin, h)
@@ -135,7 +143,9 @@ class Detector:
         forward = None if look.forward is None else look.forward * width
         up = None if look.up is None else look.up * width
         expected = None if look.span is None else (look.span, look.span_sigma)
-        nose = find_nose(np.asarray(soft, np.float32), width, group.contrast, forward, up, expected, look.height_per_span)
+        nose = find_nose(
+            np.asarray(soft, np.float32), width, group.contrast, forward, up, expected, look.height_per_span
+        )
         point = look.full(nose.point + corner)
         covariance = nose.covariance * look.scale**2
         if self._config.target_point is TargetPoint.CENTROID:

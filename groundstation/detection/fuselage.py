@@ -26,6 +26,7 @@ _WING_BEHIND = 0.27
 _WING_BEHIND_SIGMA = 0.05
 _THICKEST_BEHIND, _THICKEST_BEHIND_SIGMA = 0.3, 0.12  # the nose
 _THICKEST_BELOW, _THICKEST_SIGMA = 0.005, 0.012  # at no pitch: the cabin above, less the gear below
+_ENDS_LEGIBLE_PX = 60.0  # a span from which the outline's ends say more
 _CORE = 0.032  # half width of what counts as fuselage
 _WIDEST = 0.1  # half width beyond which a row holds more than the fuselage
 _FILLED = 0.75  # of the core's width: the leg of a nose wheel fills less
@@ -198,6 +199,7 @@ def _weigh(
         # the thickest place is the more steadily seen one, but which part of the body that is depends on the view
         from_thickest = thickest + _THICKEST_BEHIND * forward_t - _THICKEST_BELOW * span
         v_thickest = (_THICKEST_SIGMA * span) ** 2 + (_THICKEST_BEHIND_SIGMA * forward_t) ** 2 + edge**2
+        v_thickest *= max(span / _ENDS_LEGIBLE_PX, 1.0) ** 4
         total_t = 1.0 / v_top + 1.0 / v_bottom + 1.0 / v_thickest
         nose_t = (from_top / v_top + from_bottom / v_bottom + from_thickest / v_thickest) / total_t
         var_t = 1.0 / total_t

@@ -8,7 +8,7 @@ the equalised saturation, stays available.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import cv2
@@ -70,6 +70,12 @@ class Prepared:
     level: float
     reference: float
     channel: Channel
+
+    def fainter(self, share: float) -> "Prepared":
+        """Return the same with u = 1 at a ``share`` of the reference."""
+        u = np.empty_like(self.contrast)
+        _scale(self.contrast, share * self.reference, u)
+        return replace(self, u=u, reference=share * self.reference)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -205,7 +211,7 @@ def prepare(
         if wanted is not Channel.GREY:
             colour = np.empty(image.shape[:2], np.float32)
             spread = _clutter_moments(residual, target_box, _COLOUR_CLIP) + _NOISE_FLOOR**2 * np.eye(3)
-            _distance(residual, np.linalg.inv(spread), colour)
+            _distance(residual, np.asarray(np.linalg.inv(spread), np.float64), colour)
             discount_common_colours(residual, np.sqrt(np.diag(spread)), target_box, colour)
             offer(Channel.COLOUR, colour)
             if difference is not None:
@@ -241,7 +247,7 @@ def _learnt_contrast(difference: Difference, spatial: Float32Array, target_box: 
     moments = _clutter_moments(difference.residual, target_box, _LEARNT_CLIP, difference.known)
     moments += _NOISE_FLOOR**2 * np.eye(3)
     contrast = np.empty_like(spatial)
-    _distance(difference.residual, np.linalg.inv(moments), contrast)
+    _distance(difference.residual, np.asarray(np.linalg.inv(moments), np.float64), contrast)
     _soften(contrast, difference.edge, moments[0, 0], difference.known, spatial)
     return contrast
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from groundstation.detection import chan_vese
 from groundstation.detection.baselines import make_baseline
 from groundstation.detection.config import DetectionConfig, LevelSetConfig, SegmentationMethod
+from groundstation.detection.local_fitting import evolve_local
 
 Float32Array = NDArray[np.float32]
 Segmenter = Callable[[Float32Array, NDArray[np.bool_]], Float32Array]
@@ -29,9 +30,15 @@ def make_segmenter(config: DetectionConfig) -> Segmenter:
 
 
 def _chan_vese(u: Float32Array, inside: NDArray[np.bool_], config: LevelSetConfig) -> Float32Array:
-    """Evolve the compiled level set in its narrow band."""
-    phi = chan_vese.start(u, inside)
+    """Evolve the compiled level set in its narrow band, or, with a local term, over the window."""
     weights = (config.mu, config.nu, config.lambda1, config.lambda2)
     stop = (config.stop_fraction, config.stop_after)
-    chan_vese.evolve(u, phi, weights, config.eps, config.time_step, config.iterations, *stop)
+    if config.local_share > 0:
+        # a first step against means of the whole window would throw away what the local ones are for
+        phi = np.where(inside, np.float32(1), np.float32(-1))
+        local = (config.local_share, config.local_sigma_px)
+        evolve_local(u, phi, weights, local, config.eps, config.time_step, config.iterations, *stop)
+    else:
+        phi = chan_vese.start(u, inside)
+        chan_vese.evolve(u, phi, weights, config.eps, config.time_step, config.iterations, *stop)
     return phi

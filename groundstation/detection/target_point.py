@@ -42,7 +42,7 @@ _BODY_SIGMA_PER_SPAN = 0.04
 _MISFIT_SHARE = 0.12
 _INCIDENCE_RAD = math.radians(5.0)  # how far the body is usually pitched above its path in flight
 _ROLLING_PER_SPAN, _FLYING_PER_SPAN = 0.15, 0.45  # height of the nose above the runway
-_ROLLING_CRAB_SIGMA, _CRAB_SIGMA = math.radians(3.0), math.radians(7.0)
+_ROLLING_CRAB_SIGMA, _CRAB_SIGMA = math.radians(3.0), math.radians(5.5)
 _PITCH_SIGMA = math.radians(3.0)
 _CRAB_FROM_PX, _CRAB_SURE_PX = 60.0, 110.0  # spans between which crab becomes legible
 _NOISE_PX_SIGMAS = 3.0  # px, over contrast
@@ -137,11 +137,13 @@ def _near_head_on(
         lost += max(abs(middle - body) - _BODY_ASIDE * span, 0.0)
         middle_sigma = math.hypot(edge, _TIP_PER_SPAN * span, lost)
     level_forward = wing.rotation.T @ forward * (span / width)
-    crab = _ROLLING_CRAB_SIGMA + airborne * (_CRAB_SIGMA - _ROLLING_CRAB_SIGMA)
+    # where crab can be read it is left open; where it cannot, an approach in usual wind is assumed
+    legible = min(max((span - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
+    flying = _CRAB_SIGMA_RAD + min(2.0 * legible, 1.0) * (_CRAB_SIGMA - _CRAB_SIGMA_RAD)
+    crab = _ROLLING_CRAB_SIGMA + airborne * (flying - _ROLLING_CRAB_SIGMA)
     sigma = (crab * span, _PITCH_SIGMA * span)
     nose, covariance = locate_nose(outline, (middle, middle_sigma), thickest_t, level_forward, sigma, (span, edge))
     # crab is read from how the fuselage's rows lie: of a small silhouette they say less than its thickest place does
-    legible = min(max((span - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
     nose[0] = legible * nose[0] + (1.0 - legible) * (body + _LEAD_PER_SPAN * level_forward[0])
     # a silhouette of the wrong width has lost or gained more than its tips
     covariance += (_MISFIT_SHARE * (width - span)) ** 2 * np.eye(2)
@@ -188,7 +190,9 @@ def _thickest(membership: NDArray[np.float32], radius: float) -> FloatArray:
 
     A wing that blur has thickened holds a disc, too, but then its neighbours along the wing hold one as well.
     """
-    response = cv2.filter2D(membership, cv2.CV_32F, disc_kernel(round(radius / _RADIUS_STEP_PX)), borderType=cv2.BORDER_CONSTANT)
+    response = cv2.filter2D(
+        membership, cv2.CV_32F, disc_kernel(round(radius / _RADIUS_STEP_PX)), borderType=cv2.BORDER_CONSTANT
+    )
     angle = _wing_angle(membership)
     dx, dy = _FLANK_RADII * radius * math.cos(angle), _FLANK_RADII * radius * math.sin(angle)
     size = (response.shape[1], response.shape[0])
@@ -196,7 +200,7 @@ def _thickest(membership: NDArray[np.float32], radius: float) -> FloatArray:
     for sign in (1.0, -1.0):
         shift = np.array([[1.0, 0.0, sign * dx], [0.0, 1.0, sign * dy]])
         flanks += np.asarray(cv2.warpAffine(response, shift, size), np.float32)
-    return _summit(response, flanks)
+    return _summit(np.asarray(response, np.float32), np.asarray(flanks, np.float32))
 
 
 @njit(cache=True, nogil=True)
