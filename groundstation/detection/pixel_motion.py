@@ -45,6 +45,7 @@ class PixelMotion:
         self._pp, self._pv, self._vv = sigma_px**2, 0.0, speed_sigma**2
         self._least, self._most = least_shake_px**2, most_shake_px**2
         self._shake = max(self._least, min((0.5 * sigma_px) ** 2, self._most))
+        self._before = place_px
 
     @property
     def sigma_px(self) -> float:
@@ -66,6 +67,7 @@ class PixelMotion:
 
     def predict(self, dt_s: float) -> None:
         """Go on by ``dt_s``."""
+        self._before = (self.u_px, self.v_px)
         self.u_px += self.du_px_s * dt_s
         self.v_px += self.dv_px_s * dt_s
         noise = _ACCELERATION_PX_S2**2
@@ -73,10 +75,10 @@ class PixelMotion:
         self._pv += dt_s * self._vv + 0.5 * noise * dt_s**3
         self._vv += noise * dt_s**2
 
-    def shift(self, du_px: float, dv_px: float) -> None:
-        """Follow a measured motion of the whole picture between two frames."""
-        self.u_px += du_px
-        self.v_px += dv_px
+    def go_with(self, shift_px: FloatArray) -> None:
+        """Take the measured motion (2,) of the whole picture for the last prediction, in place of the velocity."""
+        self.u_px = self._before[0] + float(shift_px[0])
+        self.v_px = self._before[1] + float(shift_px[1])
 
     def coast(self, dt_s: float) -> None:
         """Take note of a frame without a measurement: the velocity is trusted less and less."""

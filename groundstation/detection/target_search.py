@@ -17,7 +17,6 @@ _FORGET_AFTER = 3  # frames without a candidate
 _MAX_HOPEFULS = 12
 _MOVING_WEIGHT = 1.3
 _KNOWN_WEIGHT = 2.0
-_GAP_S = 0.5  # frames farther apart than this say nothing about motion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +112,7 @@ class TargetSearch:
 
         ``known_size_px`` is the longer side of a target that was lost: what has that size counts more.
         """
-        if self._newest_s is not None and not 0.0 < t_s - self._newest_s <= _GAP_S:
+        if self._newest_s is not None and t_s <= self._newest_s:
             self.reset()
         self._newest_s = t_s
         candidates = [c for c in self._finder.find(image, t_s) if c.score >= self._config.least_score]

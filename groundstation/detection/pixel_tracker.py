@@ -1,0 +1,360 @@
+"""One camera, pixels only: find the target, follow it from frame to frame, find it again after a loss.
+
+Nothing is known of the lens, of where the camera points or of what is flown. What is predicted is the target's
+place in the picture; what moves it besides its own flight is the camera, seen in the picture's background.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.detection.acquisition import AcquisitionConfig
+from groundstation.detection.config import DetectionConfig
+from groundstation.detection.detector import DetectionHint, Detector
+from groundstation.detection.local_search import LocalSearch, Sight
+from groundstation.detection.picture_shift import picture_shift, small_copy
+from groundstation.detection.pixel_motion import PixelMotion
+from groundstation.detection.roi import place_roi
+from groundstation.detection.target_search import Found, SearchConfig, TargetSearch, overlaps
+from groundstation.messages import Detection, Miss, MissReason, Roi, TrackStatus
+
+Box = tuple[float, float, float, float]
+Look = tuple[Roi | None, Detection | Miss]
+
+_GIVEN_SPAN_SIGMA = 0.5
+_SIGHT_SIGMA_PX = 3.0
+_SIZE_RATE = 0.2
+_SURPRISE_SIGMAS = 3.5
+_LEAST_SURPRISE_PX = 6.0
+_SIMILAR_SIZE, _ALIKE = 2.0, 1.5
+_LEAST_SIZE_PX = 8.0  # smaller sizes are all alike
+_LEAST_MISSES = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PixelTrackerConfig:
+    """Tuning of the tracker of one camera.
+
+    Attributes
+    ----------
+    detection, acquisition, search : tuning of its parts. The prediction is good to some pixels, so that little
+        has to be added to the target's size in the region of interest.
+    least_shake_px, most_shake_px : bounds of what a frame brings beyond constant velocity, one sigma.
+    search_after : after so many misses running the whole frame is searched, too.
+    lost_after_s : a target that has not been seen for so long is lost.
+    proof_s, proof_share : a target found by searching is dropped if fewer than this share of the frames in the
+        time after show it.
+    size_change : a silhouette whose length differs by more than this factor is looked at twice ...
+    check_s : and any silhouette is, once in this time.
+    """
+
+    detection: DetectionConfig = field(default_factory=lambda: DetectionConfig(roi_basic_px=(100, 64)))
+    acquisition: AcquisitionConfig = field(default_factory=AcquisitionConfig)
+    search: SearchConfig = field(default_factory=SearchConfig)
+    least_shake_px: float = 2.0
+    most_shake_px: float = 20.0
+    search_after: int = 2
+    lost_after_s: float = 3.0
+    proof_s: float = 1.0
+    proof_share: float = 0.5
+    size_change: float = 1.4
+    check_s: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PixelTrack:
+    """What is known after one frame.
+
+    Attributes
+    ----------
+    t_s : the frame's time.
+    status : ``tracking`` where ``result`` is a detection, ``coasting`` where a target is expected and not seen.
+    result : what was seen in this frame, or why nothing.
+    roi : where it was looked for, None if the whole frame was searched.
+    predicted_px : (2,) where it was expected, None if nothing was.
+    """
+
+    t_s: float
+    status: TrackStatus
+    result: Detection | Miss
+    roi: Roi | None
+    predicted_px: FloatArray | None
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Target:
+    """What is held of the target: its motion, its size and how it has been doing."""
+
+    motion: PixelMotion
+    size_px: tuple[float, float]
+    begun_s: float
+    newest_s: float
+    seen_s: float
+    checked_s: float
+    box: Box
+    proven: bool
+    span_px: float | None
+    whole_px: float | None = None  # its length as second looks have shown it
+    misses: int = 0
+    frames: int = 0
+    seen: int = 0
+    small: ImageArray | None = None
+
+
+class PixelTracker:
+    """Follows one target through the frames of one camera.
+
+    Parameters
+    ----------
+    image_size_px : (w, h) of every frame.
+    config : the tuning.
+    """
+
+    def __init__(self, image_size_px: tuple[int, int], config: PixelTrackerConfig | None = None) -> None:
+        self._config = config if config is not None else PixelTrackerConfig()
+        self._image_size = image_size_px
+        self._detector = Detector(self._config.detection, image_size_px)
+        self._search = TargetSearch(self._config.search, self._config.acquisition, image_size_px)
+        self._local = LocalSearch(self._config.acquisition)
+        self._target: _Target | None = None
+
+    def reset(self) -> None:
+        """Forget the target and everything that might become one."""
+        self._target = None
+        self._detector.reset()
+        self._search.reset()
+
+    def start(self, image: ImageArray, t_s: float, box: Box) -> PixelTrack:
+        """Begin with the target inside ``box`` (x, y, w, h in px) of a frame (h, w, 3) BGR; return what is there.
+
+        The box may be loose: what stands out in it is the target.
+        """
+        self.reset()
+        sight = self._local.inside(image, box)
+        x, y, w, h = box if sight is None else sight.box
+        place = (x + 0.5 * w, y + 0.5 * h) if sight is None else (float(sight.centre_px[0]), float(sight.centre_px[1]))
+        # labels and hand-drawn boxes are larger than what is in them
+        size = (0.7 * w, 0.7 * h) if sight is None else (w, h)
+        target = self._begin(t_s, place, size, None, 2.0 + 0.1 * max(w, h))
+        target.proven = True
+        target.whole_px = None if sight is None else sight.size_px
+        return self._follow(target, image, t_s)
+
+    def step(self, image: ImageArray, t_s: float) -> PixelTrack:
+        """Look at the next frame, (h, w, 3) BGR, taken at ``t_s``, later than the last one."""
+        target = self._target
+        if target is None:
+            return self._find(image, t_s)
+        target.motion.predict(t_s - target.newest_s)
+        return self._follow(target, image, t_s)
+
+    # ------------------------------------------------------------------------------------ without a target
+    def _find(self, image: ImageArray, t_s: float) -> PixelTrack:
+        """Search the whole frame; a target that is sure is looked at at once."""
+        track = self._take(image, t_s, self._search.look(image, t_s))
+        if track is not None:
+            return track
+        status = TrackStatus.ACQUIRING if self._search.promising else TrackStatus.SEARCHING
+        miss = Miss(reason=MissReason.NOT_ACQUIRED)
+        return PixelTrack(t_s=t_s, status=status, result=miss, roi=None, predicted_px=None)
+
+    def _take(self, image: ImageArray, t_s: float, found: Found | None) -> PixelTrack | None:
+        """Begin with a confirmed target; None if there is none or the detector does not see it there."""
+        if found is None:
+            return None
+        c = found.candidate
+        held = self._target
+        target = self._begin(t_s, (c.u_px, c.v_px), c.box[2:], found.velocity_px_s, 2.0 + 0.05 * max(c.box[2:]))
+        target.whole_px = max(c.box[2:])
+        roi, result = self._look(target, image)
+        if isinstance(result, Detection) and overlaps(result.box, c.box):
+            self._search.reset()
+            self._saw(target, result, t_s)
+            target.small = small_copy(image)
+            place = target.motion.place()
+            return PixelTrack(t_s=t_s, status=TrackStatus.TRACKING, result=result, roi=roi, predicted_px=place)
+        self._target = held
+        self._detector.reset()
+        self._search.drop(c.box)
+        return None
+
+    def _begin(
+        self,
+        t_s: float,
+        place: tuple[float, float],
+        size: tuple[float, float],
+        velocity: tuple[float, float] | None,
+        sigma_px: float,
+    ) -> _Target:
+        c = self._config
+        self._detector.reset()
+        self._target = _Target(
+            motion=PixelMotion(
+                place, velocity, sigma_px=sigma_px, least_shake_px=c.least_shake_px, most_shake_px=c.most_shake_px
+            ),
+            size_px=size,
+            begun_s=t_s,
+            newest_s=t_s,
+            seen_s=t_s,
+            checked_s=t_s,
+            box=(place[0] - 0.5 * size[0], place[1] - 0.5 * size[1], size[0], size[1]),
+            proven=False,
+            span_px=size[0],
+        )
+        return self._target
+
+    # --------------------------------------------------------------------------------------- with a target
+    def _follow(self, target: _Target, image: ImageArray, t_s: float) -> PixelTrack:
+        """Look where the target is expected and, where that is not enough, wider."""
+        small, target.small = target.small, small_copy(image)
+        dt_s, target.newest_s = t_s - target.newest_s, t_s
+        target.frames += 1
+        predicted = target.motion.place()
+        roi, result = self._look(target, image)
+        if isinstance(result, Miss) or self._doubtful(target, result, t_s):
+            roi, result = self._look_again(target, image, small, (roi, result))
+        if isinstance(result, Detection):
+            self._saw(target, result, t_s)
+            status = TrackStatus.TRACKING
+            return PixelTrack(t_s=t_s, status=status, result=result, roi=roi, predicted_px=predicted)
+        target.misses += 1
+        target.motion.coast(dt_s)
+        if target.misses >= self._config.search_after:
+            size = max(target.size_px)
+            track = self._take(image, t_s, self._search.look(image, t_s, size))
+            if track is not None:
+                return track
+        status = TrackStatus.COASTING
+        if self._is_lost(target, t_s) or self._is_false(target, t_s):
+            status = TrackStatus.LOST
+            self._target = None
+            self._detector.reset()
+        return PixelTrack(t_s=t_s, status=status, result=result, roi=roi, predicted_px=predicted)
+
+    def _look(self, target: _Target, image: ImageArray) -> Look:
+        """Let the detector look where the motion says."""
+        place, covariance = target.motion.place(), target.motion.covariance()
+        roi = place_roi(place, covariance, target.size_px, self._config.detection, self._image_size)
+        if roi is None:
+            return None, Miss(reason=MissReason.OUT_OF_VIEW)
+        hint = DetectionHint(
+            predicted_px=place,
+            predicted_covariance_px2=covariance,
+            expected_span_px=target.span_px,
+            span_sigma_ratio=_GIVEN_SPAN_SIGMA,
+        )
+        return roi, self._detector.detect(image, roi, hint)
+
+    def _look_at(self, target: _Target, image: ImageArray, sight: Sight) -> Look:
+        """Let the detector look at something that stands out."""
+        place, covariance = sight.centre_px, (_SIGHT_SIGMA_PX + 0.05 * sight.size_px) ** 2 * np.eye(2)
+        roi = place_roi(place, covariance, sight.box[2:], self._config.detection, self._image_size)
+        if roi is None:
+            return None, Miss(reason=MissReason.OUT_OF_VIEW)
+        hint = DetectionHint(
+            predicted_px=place,
+            predicted_covariance_px2=covariance,
+            expected_span_px=sight.box[2],
+            span_sigma_ratio=_GIVEN_SPAN_SIGMA,
+        )
+        return roi, self._detector.detect(image, roi, hint)
+
+    def _doubtful(self, target: _Target, seen: Detection, t_s: float) -> bool:
+        """Return whether a detection has to be looked at twice: another size, a jump, or simply its time."""
+        c = self._config
+        known = max(target.size_px) if target.whole_px is None else target.whole_px
+        if not _alike(max(seen.box[2], seen.box[3]), known, c.size_change) or t_s - target.checked_s > c.check_s:
+            return True
+        off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
+        return off > max(_SURPRISE_SIGMAS * target.motion.sigma_px, _LEAST_SURPRISE_PX)
+
+    def _look_again(self, target: _Target, image: ImageArray, small: ImageArray | None, first: Look) -> Look:
+        """Follow the picture's own motion, and compare with what stands out around the place."""
+        look = first
+        target.checked_s = target.newest_s
+        if isinstance(look[1], Miss) and small is not None and target.small is not None:
+            shift = picture_shift(small, target.small, target.box)
+            if shift is not None:
+                target.motion.go_with(shift)
+                look = self._look(target, image)
+        place = target.motion.place() if isinstance(look[1], Miss) else look[1].centroid_px
+        size = max(target.size_px)
+        reach = size + 3.0 * target.motion.sigma_px + (_LEAST_SURPRISE_PX if isinstance(look[1], Miss) else 0.0)
+        sights = self._local.around(image, place, reach)
+        if isinstance(look[1], Detection):
+            return self._whole(target, image, sights, (look[0], look[1]))
+        similar = [s for s in sights if _alike(s.size_px, size, _SIMILAR_SIZE)]
+        near = [s for s in similar if float(np.hypot(*(s.centre_px - place))) <= reach]
+        if near:
+            best = min(near, key=lambda s: float(np.hypot(*(s.centre_px - place))) / reach - 0.02 * s.score)
+            again = self._look_at(target, image, best)
+            if isinstance(again[1], Detection):
+                return again
+        return look
+
+    def _whole(
+        self, target: _Target, image: ImageArray, sights: list[Sight], look: tuple[Roi | None, Detection]
+    ) -> Look:
+        """Return the look at the whole thing where the detector has seen a part of it only.
+
+        What is whole was learnt by earlier second looks: beside a pole or before a cloud they see more than that.
+        """
+        part = max(look[1].box[2], look[1].box[3])
+        sight = next((s for s in sights if _holds(s.box, look[1].centroid_px)), None)
+        if sight is None:
+            return look
+        if target.whole_px is None:
+            if _alike(sight.size_px, part, _ALIKE):
+                target.whole_px = sight.size_px
+            return look
+        if not _alike(sight.size_px, target.whole_px, _ALIKE):
+            return look
+        target.whole_px += _SIZE_RATE * (sight.size_px - target.whole_px)
+        if _alike(sight.size_px, part, self._config.size_change) or sight.size_px < part:
+            return look
+        self._detector.reset()
+        again = self._look_at(target, image, sight)
+        return again if isinstance(again[1], Detection) else look
+
+    def _saw(self, target: _Target, seen: Detection, t_s: float) -> None:
+        """Take a detection."""
+        size = (seen.box[2], seen.box[3])
+        target.motion.correct(seen.centroid_px, 1.0 + 0.05 * max(size))
+        rate = 1.0 if target.seen == 0 else _SIZE_RATE
+        if not seen.cut:
+            target.size_px = (
+                target.size_px[0] + rate * (size[0] - target.size_px[0]),
+                target.size_px[1] + rate * (size[1] - target.size_px[1]),
+            )
+        target.box = seen.box
+        target.span_px = None  # the detector's own memory is better now
+        target.seen_s = t_s
+        if target.misses:
+            self._search.reset()
+        target.misses = 0
+        target.seen += 1
+
+    def _is_lost(self, target: _Target, t_s: float) -> bool:
+        return t_s - target.seen_s > self._config.lost_after_s and target.misses >= _LEAST_MISSES
+
+    def _is_false(self, target: _Target, t_s: float) -> bool:
+        """Return whether a target that was found by searching fails to show itself."""
+        if target.proven or t_s - target.begun_s < self._config.proof_s:
+            return False
+        if target.seen < self._config.proof_share * target.frames:
+            return True
+        target.proven = True
+        return False
+
+
+def _alike(a_px: float, b_px: float, ratio: float) -> bool:
+    """Return whether two sizes differ by no more than a ratio."""
+    a, b = max(a_px, _LEAST_SIZE_PX), max(b_px, _LEAST_SIZE_PX)
+    return max(a, b) <= ratio * min(a, b)
+
+
+def _holds(box: Box, point: FloatArray) -> bool:
+    """Return whether a point (2,) lies in a box."""
+    return bool(box[0] <= point[0] <= box[0] + box[2] and box[1] <= point[1] <= box[1] + box[3])
