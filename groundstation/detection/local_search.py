@@ -5,7 +5,7 @@ takes a part for the whole because it did so before.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from groundstation.detection.acquisition import AcquisitionConfig, Candidate, Ca
 Box = tuple[float, float, float, float]
 
 _LEAST_HALF_PX = 80.0
-_LEAST_SCORE = 4.0
-_LOOSE = 1.3  # how much larger than the box that was given a target may be
+_LEAST_SCORE = 3.0
+_BEYOND, _BEYOND_PX = 0.1, 2.0  # how far out of the box that was given a target may reach
+_CENTRED = 0.35  # how far from its middle, as a share of its size
 _STEP_PX = 32  # windows grow in such steps
 
 
@@ -38,18 +39,21 @@ class LocalSearch:
     """Looks at a window of a picture with the whole-frame finder."""
 
     def __init__(self, config: AcquisitionConfig) -> None:
-        self._config = config
+        # here it is known where to look: what stands before the ground counts as much as what hangs in the sky
+        self._config = replace(config, ground_weight=1.0)
 
     def inside(self, image: ImageArray, box: Box) -> Sight | None:
         """Return what stands out most inside a loose box; None if nothing does."""
         x, y, w, h = box
-        found = [
-            s
-            for s in self.around(image, np.array([x + 0.5 * w, y + 0.5 * h]), max(w, h))
-            if x <= s.centre_px[0] <= x + w and y <= s.centre_px[1] <= y + h and _fits(s.box, box)
-        ]
-        # of several the larger, unless it is much fainter: a part of an aircraft is no aircraft
-        return max(found, key=lambda s: s.score * math.sqrt(s.size_px), default=None)
+        middle = np.array([x + 0.5 * w, y + 0.5 * h])
+
+        def worth(sight: Sight) -> float:
+            off = (sight.centre_px - middle) / (_CENTRED * np.array([w, h]))
+            # of several the larger, unless it is much fainter: a part of an aircraft is no aircraft
+            return sight.score * math.sqrt(sight.size_px) * math.exp(-0.5 * float(off @ off))
+
+        found = [s for s in self.around(image, middle, max(w, h)) if _within(s.box, box)]
+        return max(found, key=worth, default=None)
 
     def around(self, image: ImageArray, place_px: FloatArray, reach_px: float) -> list[Sight]:
         """Return what stands out within about ``reach_px`` of a place (2,), most conspicuous first."""
@@ -69,8 +73,11 @@ def _span(centre: float, half: int, limit: int) -> tuple[int, int]:
     return max(middle - half, 0), min(middle + half, limit)
 
 
-def _fits(box: Box, given: Box) -> bool:
-    return box[2] <= _LOOSE * given[2] and box[3] <= _LOOSE * given[3]
+def _within(box: Box, given: Box) -> bool:
+    """Return whether a box lies in another one, but for a little."""
+    beyond_x, beyond_y = _BEYOND * given[2] + _BEYOND_PX, _BEYOND * given[3] + _BEYOND_PX
+    across = given[0] - beyond_x <= box[0] and box[0] + box[2] <= given[0] + given[2] + beyond_x
+    return across and given[1] - beyond_y <= box[1] and box[1] + box[3] <= given[1] + given[3] + beyond_y
 
 
 def _moved(c: Candidate, x0: int, y0: int) -> Sight:

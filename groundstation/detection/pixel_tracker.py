@@ -5,7 +5,7 @@ place in the picture; what moves it besides its own flight is the camera, seen i
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from groundstation.detection.picture_shift import picture_shift, small_copy
 from groundstation.detection.pixel_motion import PixelMotion
 from groundstation.detection.roi import place_roi
 from groundstation.detection.target_search import Found, SearchConfig, TargetSearch, overlaps
+from groundstation.detection.working_picture import WorkingPicture
 from groundstation.messages import Detection, Miss, MissReason, Roi, TrackStatus
 
 Box = tuple[float, float, float, float]
@@ -114,7 +115,8 @@ class PixelTracker:
 
     def __init__(self, image_size_px: tuple[int, int], config: PixelTrackerConfig | None = None) -> None:
         self._config = config if config is not None else PixelTrackerConfig()
-        self._image_size = image_size_px
+        self._picture = WorkingPicture(image_size_px)
+        self._image_size = image_size_px = self._picture.size_px
         self._detector = Detector(self._config.detection, image_size_px)
         self._search = TargetSearch(self._config.search, self._config.acquisition, image_size_px)
         self._local = LocalSearch(self._config.acquisition)
@@ -132,23 +134,29 @@ class PixelTracker:
         The box may be loose: what stands out in it is the target.
         """
         self.reset()
-        sight = self._local.inside(image, box)
-        x, y, w, h = box if sight is None else sight.box
-        place = (x + 0.5 * w, y + 0.5 * h) if sight is None else (float(sight.centre_px[0]), float(sight.centre_px[1]))
-        # labels and hand-drawn boxes are larger than what is in them
-        size = (0.7 * w, 0.7 * h) if sight is None else (w, h)
+        working = self._picture.prepare(image)
+        x, y, w, h = (v * self._picture.scale for v in box)
+        sight = self._local.inside(working, (x, y, w, h))
+        if sight is None:
+            # a box drawn by hand is larger than what is in it
+            place, size = (x + 0.5 * w, y + 0.5 * h), (0.7 * w, 0.7 * h)
+        else:
+            place, size = (float(sight.centre_px[0]), float(sight.centre_px[1])), sight.box[2:]
         target = self._begin(t_s, place, size, None, 2.0 + 0.1 * max(w, h))
         target.proven = True
         target.whole_px = None if sight is None else sight.size_px
-        return self._follow(target, image, t_s)
+        return _in_full(self._follow(target, working, t_s), self._picture.scale)
 
     def step(self, image: ImageArray, t_s: float) -> PixelTrack:
         """Look at the next frame, (h, w, 3) BGR, taken at ``t_s``, later than the last one."""
         target = self._target
+        working = self._picture.prepare(image)
         if target is None:
-            return self._find(image, t_s)
-        target.motion.predict(t_s - target.newest_s)
-        return self._follow(target, image, t_s)
+            track = self._find(working, t_s)
+        else:
+            target.motion.predict(t_s - target.newest_s)
+            track = self._follow(target, working, t_s)
+        return _in_full(track, self._picture.scale)
 
     # ------------------------------------------------------------------------------------ without a target
     def _find(self, image: ImageArray, t_s: float) -> PixelTrack:
@@ -279,40 +287,40 @@ class PixelTracker:
             if shift is not None:
                 target.motion.go_with(shift)
                 look = self._look(target, image)
-        place = target.motion.place() if isinstance(look[1], Miss) else look[1].centroid_px
-        size = max(target.size_px)
-        reach = size + 3.0 * target.motion.sigma_px + (_LEAST_SURPRISE_PX if isinstance(look[1], Miss) else 0.0)
+        missed = isinstance(look[1], Miss)
+        place = target.motion.place()
+        known = max(target.size_px) if target.whole_px is None else target.whole_px
+        reach = known + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX
         sights = self._local.around(image, place, reach)
         if isinstance(look[1], Detection):
-            return self._whole(target, image, sights, (look[0], look[1]))
-        similar = [s for s in sights if _alike(s.size_px, size, _SIMILAR_SIZE)]
+            sight = next((s for s in sights if overlaps(s.box, look[1].box)), None)
+            if sight is not None and _alike(sight.size_px, known, _SIMILAR_SIZE):
+                return self._whole(target, image, sight, (look[0], look[1]))
+        similar = [s for s in sights if _alike(s.size_px, known, _SIMILAR_SIZE)]
         near = [s for s in similar if float(np.hypot(*(s.centre_px - place))) <= reach]
         if near:
             best = min(near, key=lambda s: float(np.hypot(*(s.centre_px - place))) / reach - 0.02 * s.score)
             again = self._look_at(target, image, best)
-            if isinstance(again[1], Detection):
+            if isinstance(again[1], Detection) and (missed or overlaps(again[1].box, best.box)):
                 return again
         return look
 
     def _whole(
-        self, target: _Target, image: ImageArray, sights: list[Sight], look: tuple[Roi | None, Detection]
+        self, target: _Target, image: ImageArray, sight: Sight, look: tuple[Roi | None, Detection]
     ) -> Look:
-        """Return the look at the whole thing where the detector has seen a part of it only.
+        """Return the look at the whole thing where the detector has seen a part of it, or more than that.
 
-        What is whole was learnt by earlier second looks: beside a pole or before a cloud they see more than that.
+        What is whole was learnt by earlier second looks: beside a pole or before a cloud they see more.
         """
-        part = max(look[1].box[2], look[1].box[3])
-        sight = next((s for s in sights if _holds(s.box, look[1].centroid_px)), None)
-        if sight is None:
-            return look
+        seen = max(look[1].box[2], look[1].box[3])
         if target.whole_px is None:
-            if _alike(sight.size_px, part, _ALIKE):
+            if _alike(sight.size_px, seen, _ALIKE):
                 target.whole_px = sight.size_px
             return look
         if not _alike(sight.size_px, target.whole_px, _ALIKE):
             return look
         target.whole_px += _SIZE_RATE * (sight.size_px - target.whole_px)
-        if _alike(sight.size_px, part, self._config.size_change) or sight.size_px < part:
+        if _alike(sight.size_px, seen, self._config.size_change):
             return look
         self._detector.reset()
         again = self._look_at(target, image, sight)
@@ -358,3 +366,28 @@ def _alike(a_px: float, b_px: float, ratio: float) -> bool:
 def _holds(box: Box, point: FloatArray) -> bool:
     """Return whether a point (2,) lies in a box."""
     return bool(box[0] <= point[0] <= box[0] + box[2] and box[1] <= point[1] <= box[1] + box[3])
+
+
+def _in_full(track: PixelTrack, scale: int) -> PixelTrack:
+    """Return a track of the working picture in px of the full one."""
+    if scale == 1:
+        return track
+    offset = 0.5 * (scale - 1)
+    roi, result, predicted = track.roi, track.result, track.predicted_px
+    if roi is not None:
+        roi = Roi(x=roi.x // scale, y=roi.y // scale, w=max(roi.w // scale, 1), h=max(roi.h // scale, 1))
+    if isinstance(result, Detection):
+        x, y, w, h = result.box
+        result = replace(
+            result,
+            u_px=(result.u_px - offset) / scale,
+            v_px=(result.v_px - offset) / scale,
+            covariance_px2=result.covariance_px2 / scale**2,
+            centroid_px=(result.centroid_px - offset) / scale,
+            box=((x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5, w / scale, h / scale),
+            area_px=result.area_px / scale**2,
+            contour_px=((result.contour_px - offset) / scale).astype(np.float32),
+        )
+    if predicted is not None:
+        predicted = (predicted - offset) / scale
+    return replace(track, roi=roi, result=result, predicted_px=predicted)
