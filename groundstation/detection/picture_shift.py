@@ -1,6 +1,6 @@
-"""How far the whole picture has moved since the last frame: pan, tilt and shake of the camera.
+"""What the whole picture has done since the last frame: a pan, tilt or shake of the camera, or a cut.
 
-Measured on small grey copies by the motion of corners, those of the target left out. An even sky shows nothing;
+The shift is measured on small grey copies by the motion of corners, those of the target left out. An even sky shows nothing;
 then there is no answer.
 """
 
@@ -16,6 +16,9 @@ _LEAST_CORNERS = 8
 _AGREE_PX, _AGREE_SHARE = 0.7, 0.6  # so many corners move alike, to so many px of the copy
 _WINDOW, _LEVELS = (11, 11), 3
 _MARGIN_PX = 3  # around the target, px of the copy
+_BIN = 8  # grey levels
+_OTHER_GREYS, _ALL_OTHER_GREYS = 0.08, 0.3  # share of the pixels that changed their bin of the histogram
+_ALIKE = 0.7  # correlation
 
 
 def small_copy(image: ImageArray) -> ImageArray:
@@ -59,3 +62,16 @@ def picture_shift(
     if int(agree.sum()) < max(_LEAST_CORNERS, _AGREE_SHARE * len(corners)):
         return None
     return np.asarray(REDUCTION * steps[agree].mean(axis=0), np.float64)
+
+
+def is_cut(old: ImageArray, new: ImageArray) -> bool:
+    """Return whether two small copies show different scenes: a pan moves what is seen, a cut replaces it."""
+    bins = 256 // _BIN
+    before, after = (np.bincount((c // _BIN).ravel(), minlength=bins) / c.size for c in (old, new))
+    changed = 0.5 * float(np.abs(after - before).sum())
+    if changed < _OTHER_GREYS:
+        return False
+    if changed > _ALL_OTHER_GREYS:
+        return True
+    a, b = old.astype(np.float64) - old.mean(), new.astype(np.float64) - new.mean()
+    return float((a * b).sum()) < _ALIKE * float(np.sqrt((a * a).sum() * (b * b).sum()))

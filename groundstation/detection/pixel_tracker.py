@@ -14,7 +14,7 @@ from groundstation.detection.acquisition import AcquisitionConfig
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.local_search import LocalSearch, Sight
-from groundstation.detection.picture_shift import picture_shift, small_copy
+from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
 from groundstation.detection.pixel_motion import PixelMotion
 from groundstation.detection.roi import place_roi
 from groundstation.detection.target_search import Found, SearchConfig, TargetSearch, overlaps
@@ -29,9 +29,12 @@ _SIGHT_SIGMA_PX = 3.0
 _SIZE_RATE = 0.2
 _SURPRISE_SIGMAS = 3.5
 _LEAST_SURPRISE_PX = 6.0
-_SIMILAR_SIZE, _ALIKE = 2.0, 1.5
+_SIMILAR_SIZE, _UNSURE_SIZE, _ALIKE = 2.0, 3.0, 1.5
 _LEAST_SIZE_PX = 8.0  # smaller sizes are all alike
+import os
+_CNR=float(os.environ.get('CNR','3'))
 _LEAST_MISSES = 10
+_NEAR, _SPEED_PER_S = 0.1, 0.3  # how far off a missed target may appear again, as shares of the picture's width
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +47,7 @@ class PixelTrackerConfig:
         has to be added to the target's size in the region of interest.
     least_shake_px, most_shake_px : bounds of what a frame brings beyond constant velocity, one sigma.
     search_after : after so many misses running the whole frame is searched, too.
+    another_after_s : and after so long anything else that is found replaces the target, wherever it is.
     lost_after_s : a target that has not been seen for so long is lost.
     proof_s, proof_share : a target found by searching is dropped if fewer than this share of the frames in the
         time after show it.
@@ -51,12 +55,13 @@ class PixelTrackerConfig:
     check_s : and any silhouette is, once in this time.
     """
 
-    detection: DetectionConfig = field(default_factory=lambda: DetectionConfig(roi_basic_px=(100, 64)))
+    detection: DetectionConfig = field(default_factory=lambda: DetectionConfig(roi_basic_px=(100, 64), min_contrast_to_noise=_CNR))
     acquisition: AcquisitionConfig = field(default_factory=AcquisitionConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
     least_shake_px: float = 2.0
     most_shake_px: float = 20.0
     search_after: int = 2
+    another_after_s: float = 1.0
     lost_after_s: float = 3.0
     proof_s: float = 1.0
     proof_share: float = 0.5
@@ -222,6 +227,9 @@ class PixelTracker:
         predicted = target.motion.place()
         roi, result = self._look(target, image)
         if isinstance(result, Miss) or self._doubtful(target, result, t_s):
+            if small is not None and is_cut(small, target.small):
+                self.reset()
+                return self._find(image, t_s)
             roi, result = self._look_again(target, image, small, (roi, result))
         if isinstance(result, Detection):
             self._saw(target, result, t_s)
@@ -230,8 +238,8 @@ class PixelTracker:
         target.misses += 1
         target.motion.coast(dt_s)
         if target.misses >= self._config.search_after:
-            size = max(target.size_px)
-            track = self._take(image, t_s, self._search.look(image, t_s, size))
+            found = self._search.look(image, t_s, max(target.size_px))
+            track = self._take(image, t_s, found if found is None or self._likely(target, found, t_s) else None)
             if track is not None:
                 return track
         status = TrackStatus.COASTING
@@ -296,7 +304,8 @@ class PixelTracker:
             sight = next((s for s in sights if overlaps(s.box, look[1].box)), None)
             if sight is not None and _alike(sight.size_px, known, _SIMILAR_SIZE):
                 return self._whole(target, image, sight, (look[0], look[1]))
-        similar = [s for s in sights if _alike(s.size_px, known, _SIMILAR_SIZE)]
+        ratio = _SIMILAR_SIZE if target.whole_px is not None else _UNSURE_SIZE
+        similar = [s for s in sights if _alike(s.size_px, known, ratio)]
         near = [s for s in similar if float(np.hypot(*(s.centre_px - place))) <= reach]
         if near:
             best = min(near, key=lambda s: float(np.hypot(*(s.centre_px - place))) / reach - 0.02 * s.score)
@@ -343,6 +352,14 @@ class PixelTracker:
             self._search.reset()
         target.misses = 0
         target.seen += 1
+
+    def _likely(self, target: _Target, found: Found, t_s: float) -> bool:
+        """Return whether what was found may be the target that is missed, or has been missed for long enough."""
+        gone_s = t_s - target.seen_s
+        c = found.candidate
+        away = float(np.hypot(*(np.array([c.u_px, c.v_px]) - target.motion.place())))
+        share = away / self._image_size[0]
+        return gone_s > self._config.another_after_s or share < _NEAR + _SPEED_PER_S * gone_s
 
     def _is_lost(self, target: _Target, t_s: float) -> bool:
         return t_s - target.seen_s > self._config.lost_after_s and target.misses >= _LEAST_MISSES
