@@ -34,6 +34,10 @@ _LEAST_SIZE_PX = 8.0  # smaller sizes are all alike
 import os
 _CNR=float(os.environ.get('CNR','3'))
 _LEAST_MISSES = 10
+_CLEAR_SCORE = 8.0  # sigmas: what stands out so much is seen as it is
+_ALONE = 2.0  # how much more conspicuous than all else a target far from its place has to be
+_WIDER = 0.15  # how much wider a second look goes after each miss, as a share of the picture's width
+_UNSURE_CHECK = 0.15
 _NEAR, _SPEED_PER_S = 0.1, 0.3  # how far off a missed target may appear again, as shares of the picture's width
 
 
@@ -281,7 +285,8 @@ class PixelTracker:
         """Return whether a detection has to be looked at twice: another size, a jump, or simply its time."""
         c = self._config
         known = max(target.size_px) if target.whole_px is None else target.whole_px
-        if not _alike(max(seen.box[2], seen.box[3]), known, c.size_change) or t_s - target.checked_s > c.check_s:
+        pause_s = c.check_s if target.whole_px is not None else _UNSURE_CHECK * c.check_s
+        if not _alike(max(seen.box[2], seen.box[3]), known, c.size_change) or t_s - target.checked_s > pause_s:
             return True
         off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
         return off > max(_SURPRISE_SIGMAS * target.motion.sigma_px, _LEAST_SURPRISE_PX)
@@ -299,16 +304,17 @@ class PixelTracker:
         place = target.motion.place()
         known = max(target.size_px) if target.whole_px is None else target.whole_px
         reach = known + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX
-        sights = self._local.around(image, place, reach)
+        # a target that is not where it was expected may be anywhere a moment later
+        wider = _WIDER * target.misses * self._image_size[0]
+        sights = self._local.around(image, place, reach + wider)
         if isinstance(look[1], Detection):
             sight = next((s for s in sights if overlaps(s.box, look[1].box)), None)
             if sight is not None and _alike(sight.size_px, known, _SIMILAR_SIZE):
                 return self._whole(target, image, sight, (look[0], look[1]))
         ratio = _SIMILAR_SIZE if target.whole_px is not None else _UNSURE_SIZE
         similar = [s for s in sights if _alike(s.size_px, known, ratio)]
-        near = [s for s in similar if float(np.hypot(*(s.centre_px - place))) <= reach]
-        if near:
-            best = min(near, key=lambda s: float(np.hypot(*(s.centre_px - place))) / reach - 0.02 * s.score)
+        best = _best(similar, place, reach, sights)
+        if best is not None:
             again = self._look_at(target, image, best)
             if isinstance(again[1], Detection) and (missed or overlaps(again[1].box, best.box)):
                 return again
@@ -323,9 +329,9 @@ class PixelTracker:
         """
         seen = max(look[1].box[2], look[1].box[3])
         if target.whole_px is None:
-            if _alike(sight.size_px, seen, _ALIKE):
-                target.whole_px = sight.size_px
-            return look
+            if sight.score < _CLEAR_SCORE and not _alike(sight.size_px, seen, _ALIKE):
+                return look
+            target.whole_px = sight.size_px
         if not _alike(sight.size_px, target.whole_px, _ALIKE):
             return look
         target.whole_px += _SIZE_RATE * (sight.size_px - target.whole_px)
@@ -372,6 +378,22 @@ class PixelTracker:
             return True
         target.proven = True
         return False
+
+
+def _best(similar: list[Sight], place: FloatArray, reach_px: float, all_of_them: list[Sight]) -> Sight | None:
+    """Return the sight that is most likely the target: one near the place (2,), or one that nothing else equals."""
+
+    def off(sight: Sight) -> float:
+        return float(np.hypot(*(sight.centre_px - place))) / reach_px
+
+    near = [s for s in similar if off(s) <= 1.0]
+    if near:
+        return min(near, key=lambda s: off(s) - 0.02 * s.score)
+    best = max(similar, key=lambda s: s.score, default=None)
+    if best is None or best.score < _CLEAR_SCORE:
+        return None
+    rivals = [s.score for s in all_of_them if not overlaps(s.box, best.box)]
+    return best if best.score >= _ALONE * max(rivals, default=0.0) else None
 
 
 def _alike(a_px: float, b_px: float, ratio: float) -> bool:
