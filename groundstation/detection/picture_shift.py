@@ -1,7 +1,7 @@
 """What the whole picture has done since the last frame: a pan, tilt or shake of the camera, or a cut.
 
-The shift is measured on small grey copies by the motion of corners, those of the target left out. An even sky shows nothing;
-then there is no answer.
+The shift is measured on small grey copies by the motion of corners, those of the target left out. An even sky
+shows nothing; then there is no answer.
 """
 
 import cv2
@@ -30,9 +30,7 @@ def small_copy(image: ImageArray) -> ImageArray:
     return np.asarray(cv2.resize(half, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def picture_shift(
-    old: ImageArray, new: ImageArray, target_box: tuple[float, float, float, float]
-) -> FloatArray | None:
+def picture_shift(old: ImageArray, new: ImageArray, target_box: tuple[float, float, float, float]) -> FloatArray | None:
     """Return how far (2,) the scene has moved between two small copies, in px of the full image; None if unseen.
 
     ``target_box`` is x, y, w, h in the old full image: what moves by itself.
@@ -42,9 +40,8 @@ def picture_shift(
     x, y, bw, bh = (v / REDUCTION for v in target_box)
     x0, y0 = max(int(x) - _MARGIN_PX, 0), max(int(y) - _MARGIN_PX, 0)
     mask[y0 : max(int(y + bh) + _MARGIN_PX + 1, 0), x0 : max(int(x + bw) + _MARGIN_PX + 1, 0)] = 0
-    found = cv2.goodFeaturesToTrack(old, _CORNERS, _QUALITY, _APART_PX, mask=mask)
-    if found is None:
-        return None
+    best = cv2.goodFeaturesToTrack(old, _CORNERS, _QUALITY, _APART_PX, mask=mask)
+    found = np.zeros((0, 1, 2), np.float32) if best is None else np.asarray(best, np.float32)
     mean = cv2.blur(old.astype(np.float32), (_PATCH, _PATCH))
     square = cv2.blur(old.astype(np.float32) ** 2, (_PATCH, _PATCH))
     columns, rows = found.reshape(-1, 2).astype(np.intp).T

@@ -4,7 +4,6 @@ Nothing is known of the lens, of where the camera points or of what is flown. Wh
 place in the picture; what moves it besides its own flight is the camera, seen in the picture's background.
 """
 
-import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,8 +30,6 @@ _SURPRISE_SIGMAS = 3.5
 _LEAST_SURPRISE_PX = 6.0
 _SIMILAR_SIZE, _UNSURE_SIZE, _ALIKE = 2.0, 3.0, 1.5
 _LEAST_SIZE_PX = 8.0  # smaller sizes are all alike
-import os
-_CNR=float(os.environ.get('CNR','3'))
 _LEAST_MISSES = 10
 _CLEAR_SCORE = 8.0  # sigmas: what stands out so much is seen as it is
 _ALONE = 2.0  # how much more conspicuous than all else a target far from its place has to be
@@ -48,7 +45,7 @@ class PixelTrackerConfig:
     Attributes
     ----------
     detection, acquisition, search : tuning of its parts. The prediction is good to some pixels, so that little
-        has to be added to the target's size in the region of interest.
+        has to be added to the target's size in the region of interest, and a fainter target is believed there.
     least_shake_px, most_shake_px : bounds of what a frame brings beyond constant velocity, one sigma.
     search_after : after so many misses running the whole frame is searched, too.
     another_after_s : and after so long anything else that is found replaces the target, wherever it is.
@@ -59,7 +56,9 @@ class PixelTrackerConfig:
     check_s : and any silhouette is, once in this time.
     """
 
-    detection: DetectionConfig = field(default_factory=lambda: DetectionConfig(roi_basic_px=(100, 64), min_contrast_to_noise=_CNR))
+    detection: DetectionConfig = field(
+        default_factory=lambda: DetectionConfig(roi_basic_px=(100, 64), min_contrast_to_noise=2.2)
+    )
     acquisition: AcquisitionConfig = field(default_factory=AcquisitionConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
     least_shake_px: float = 2.0
@@ -320,9 +319,7 @@ class PixelTracker:
                 return again
         return look
 
-    def _whole(
-        self, target: _Target, image: ImageArray, sight: Sight, look: tuple[Roi | None, Detection]
-    ) -> Look:
+    def _whole(self, target: _Target, image: ImageArray, sight: Sight, look: tuple[Roi | None, Detection]) -> Look:
         """Return the look at the whole thing where the detector has seen a part of it, or more than that.
 
         What is whole was learnt by earlier second looks: beside a pole or before a cloud they see more.

@@ -16,7 +16,9 @@ _VELOCITY_GAIN = 0.4
 _FORGET_AFTER = 3  # frames without a candidate
 _MAX_HOPEFULS = 12
 _MOVING_WEIGHT = 1.3
-_KNOWN_WEIGHT = 2.0
+_KNOWN_WEIGHT, _KNOWN_RATIO = 2.0, 2.0
+_LEAST_SIZE_PX = 4.0
+_ENOUGH = 60.0  # sigmas: beyond it more contrast says no more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,9 +90,7 @@ def overlaps(a: tuple[float, float, float, float], b: tuple[float, float, float,
 class TargetSearch:
     """Searches the frames of one camera for one target, frame after frame."""
 
-    def __init__(
-        self, config: SearchConfig, acquisition: AcquisitionConfig, image_size_px: tuple[int, int]
-    ) -> None:
+    def __init__(self, config: SearchConfig, acquisition: AcquisitionConfig, image_size_px: tuple[int, int]) -> None:
         self._config = config
         self._finder = CandidateFinder(acquisition, image_size_px)
         self._hopefuls: list[_Hopeful] = []
@@ -136,9 +136,7 @@ class TargetSearch:
             _advance(hopeful, best, t_s, _worth(best, known_size_px))
         self._hopefuls = [h for h in self._hopefuls if h.missed <= _FORGET_AFTER]
         for c in rest[: max(0, _MAX_HOPEFULS - len(self._hopefuls))]:
-            self._hopefuls.append(
-                _Hopeful(newest=c, first_s=t_s, newest_s=t_s, scores=[_worth(c, known_size_px)])
-            )
+            self._hopefuls.append(_Hopeful(newest=c, first_s=t_s, newest_s=t_s, scores=[_worth(c, known_size_px)]))
 
     def _decide(self, t_s: float) -> Found | None:
         """Return the best one if it is sure and no other comes near it."""
@@ -161,10 +159,10 @@ class TargetSearch:
 
 def _worth(c: Candidate, known_size_px: float | None) -> float:
     weight = _MOVING_WEIGHT if c.moving else 1.0
-    if known_size_px is not None and max(size_of(c.box), 4.0) / max(known_size_px, 4.0) < 2.0:
-        if max(known_size_px, 4.0) / max(size_of(c.box), 4.0) < 2.0:
-            weight *= _KNOWN_WEIGHT
-    return weight * min(c.score, 60.0)
+    if known_size_px is not None:
+        small, large = sorted((max(size_of(c.box), _LEAST_SIZE_PX), max(known_size_px, _LEAST_SIZE_PX)))
+        weight *= _KNOWN_WEIGHT if large < _KNOWN_RATIO * small else 1.0
+    return weight * min(c.score, _ENOUGH)
 
 
 def _nearest(hopeful: _Hopeful, candidates: list[Candidate], t_s: float) -> Candidate | None:
