@@ -8,7 +8,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from groundstation.detection.pixel_tracker import PixelTrack, PixelTracker
+from groundstation.detection.pixel_track import PixelTrack
+from groundstation.detection.pixel_tracker import PixelTracker
 from groundstation.errors import InputError
 from groundstation.messages import TrackStatus
 from groundstation.sinks.overlay_video import OverlayVideo, draw_track

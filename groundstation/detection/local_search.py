@@ -11,6 +11,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
+from groundstation.detection.target_search import overlaps
 
 Box = tuple[float, float, float, float]
 
@@ -19,6 +20,9 @@ _LEAST_SCORE = 3.0
 _BEYOND, _BEYOND_PX = 0.1, 2.0  # how far out of the box that was given a target may reach
 _CENTRED = 0.35  # how far from its middle, as a share of its size
 _STEP_PX = 32  # windows grow in such steps
+_LEAST_SIZE_PX = 8.0  # smaller sizes are all alike
+CLEAR_SCORE = 8.0  # sigmas: what stands out so much is seen as it is
+_ALONE = 2.0  # how much more conspicuous than all else a target far from its place has to be
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,3 +87,25 @@ def _within(box: Box, given: Box) -> bool:
 def _moved(c: Candidate, x0: int, y0: int) -> Sight:
     x, y, w, h = c.box
     return Sight(centre_px=np.array([c.u_px + x0, c.v_px + y0]), box=(x + x0, y + y0, w, h), score=c.score)
+
+
+def best_sight(similar: list[Sight], place: FloatArray, reach_px: float, all_of_them: list[Sight]) -> Sight | None:
+    """Return the sight that is most likely the target: one near the place (2,), or one that nothing else equals."""
+
+    def off(sight: Sight) -> float:
+        return float(np.hypot(*(sight.centre_px - place))) / reach_px
+
+    near = [s for s in similar if off(s) <= 1.0]
+    if near:
+        return min(near, key=lambda s: off(s) - 0.02 * s.score)
+    best = max(similar, key=lambda s: s.score, default=None)
+    if best is None or best.score < CLEAR_SCORE:
+        return None
+    rivals = [s.score for s in all_of_them if not overlaps(s.box, best.box)]
+    return best if best.score >= _ALONE * max(rivals, default=0.0) else None
+
+
+def alike(a_px: float, b_px: float, ratio: float) -> bool:
+    """Return whether two sizes differ by no more than a ratio."""
+    a, b = max(a_px, _LEAST_SIZE_PX), max(b_px, _LEAST_SIZE_PX)
+    return max(a, b) <= ratio * min(a, b)

@@ -4,17 +4,18 @@ Nothing is known of the lens, of where the camera points or of what is flown. Wh
 place in the picture; what moves it besides its own flight is the camera, seen in the picture's background.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import ImageArray
 from groundstation.detection.acquisition import AcquisitionConfig
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import DetectionHint, Detector
-from groundstation.detection.local_search import LocalSearch, Sight
+from groundstation.detection.local_search import CLEAR_SCORE, LocalSearch, Sight, alike, best_sight
 from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
 from groundstation.detection.pixel_motion import PixelMotion
+from groundstation.detection.pixel_track import PixelTrack, in_full
 from groundstation.detection.roi import place_roi
 from groundstation.detection.target_search import Found, SearchConfig, TargetSearch, overlaps
 from groundstation.detection.working_picture import WorkingPicture
@@ -29,10 +30,7 @@ _SIZE_RATE = 0.2
 _SURPRISE_SIGMAS = 3.5
 _LEAST_SURPRISE_PX = 6.0
 _SIMILAR_SIZE, _UNSURE_SIZE, _ALIKE = 2.0, 3.0, 1.5
-_LEAST_SIZE_PX = 8.0  # smaller sizes are all alike
 _LEAST_MISSES = 10
-_CLEAR_SCORE = 8.0  # sigmas: what stands out so much is seen as it is
-_ALONE = 2.0  # how much more conspicuous than all else a target far from its place has to be
 _WIDER = 0.15  # how much wider a second look goes after each miss, as a share of the picture's width
 _UNSURE_CHECK = 0.15
 _NEAR, _SPEED_PER_S = 0.1, 0.3  # how far off a missed target may appear again, as shares of the picture's width
@@ -70,26 +68,6 @@ class PixelTrackerConfig:
     proof_share: float = 0.5
     size_change: float = 1.4
     check_s: float = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PixelTrack:
-    """What is known after one frame.
-
-    Attributes
-    ----------
-    t_s : the frame's time.
-    status : ``tracking`` where ``result`` is a detection, ``coasting`` where a target is expected and not seen.
-    result : what was seen in this frame, or why nothing.
-    roi : where it was looked for, None if the whole frame was searched.
-    predicted_px : (2,) where it was expected, None if nothing was.
-    """
-
-    t_s: float
-    status: TrackStatus
-    result: Detection | Miss
-    roi: Roi | None
-    predicted_px: FloatArray | None
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -153,7 +131,7 @@ class PixelTracker:
         target = self._begin(t_s, place, size, None, 2.0 + 0.1 * max(w, h))
         target.proven = True
         target.whole_px = None if sight is None else sight.size_px
-        return _in_full(self._follow(target, working, t_s), self._picture.scale)
+        return in_full(self._follow(target, working, t_s), self._picture.scale)
 
     def step(self, image: ImageArray, t_s: float) -> PixelTrack:
         """Look at the next frame, (h, w, 3) BGR, taken at ``t_s``, later than the last one."""
@@ -164,7 +142,7 @@ class PixelTracker:
         else:
             target.motion.predict(t_s - target.newest_s)
             track = self._follow(target, working, t_s)
-        return _in_full(track, self._picture.scale)
+        return in_full(track, self._picture.scale)
 
     # ------------------------------------------------------------------------------------ without a target
     def _find(self, image: ImageArray, t_s: float) -> PixelTrack:
@@ -284,8 +262,13 @@ class PixelTracker:
         """Return whether a detection has to be looked at twice: another size, a jump, or simply its time."""
         c = self._config
         known = max(target.size_px) if target.whole_px is None else target.whole_px
-        pause_s = c.check_s if target.whole_px is not None else _UNSURE_CHECK * c.check_s
-        if not _alike(max(seen.box[2], seen.box[3]), known, c.size_change) or t_s - target.checked_s > pause_s:
+        size, since_s = max(seen.box[2], seen.box[3]), t_s - target.checked_s
+        # a size that keeps differing is not asked about in every frame
+        soon = since_s > _UNSURE_CHECK * c.check_s
+        other = not alike(size, known, c.size_change)
+        if since_s > c.check_s or (soon and (other or target.whole_px is None)):
+            return True
+        if other and not alike(size, max(target.size_px), c.size_change):
             return True
         off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
         return off > max(_SURPRISE_SIGMAS * target.motion.sigma_px, _LEAST_SURPRISE_PX)
@@ -308,11 +291,11 @@ class PixelTracker:
         sights = self._local.around(image, place, reach + wider)
         if isinstance(look[1], Detection):
             sight = next((s for s in sights if overlaps(s.box, look[1].box)), None)
-            if sight is not None and _alike(sight.size_px, known, _SIMILAR_SIZE):
+            if sight is not None and alike(sight.size_px, known, _SIMILAR_SIZE):
                 return self._whole(target, image, sight, (look[0], look[1]))
         ratio = _SIMILAR_SIZE if target.whole_px is not None else _UNSURE_SIZE
-        similar = [s for s in sights if _alike(s.size_px, known, ratio)]
-        best = _best(similar, place, reach, sights)
+        similar = [s for s in sights if alike(s.size_px, known, ratio)]
+        best = best_sight(similar, place, reach, sights)
         if best is not None:
             again = self._look_at(target, image, best)
             if isinstance(again[1], Detection) and (missed or overlaps(again[1].box, best.box)):
@@ -326,13 +309,13 @@ class PixelTracker:
         """
         seen = max(look[1].box[2], look[1].box[3])
         if target.whole_px is None:
-            if sight.score < _CLEAR_SCORE and not _alike(sight.size_px, seen, _ALIKE):
+            if sight.score < CLEAR_SCORE and not alike(sight.size_px, seen, _ALIKE):
                 return look
             target.whole_px = sight.size_px
-        if not _alike(sight.size_px, target.whole_px, _ALIKE):
+        if not alike(sight.size_px, target.whole_px, _ALIKE):
             return look
         target.whole_px += _SIZE_RATE * (sight.size_px - target.whole_px)
-        if _alike(sight.size_px, seen, self._config.size_change):
+        if alike(sight.size_px, seen, self._config.size_change):
             return look
         self._detector.reset()
         again = self._look_at(target, image, sight)
@@ -375,55 +358,3 @@ class PixelTracker:
             return True
         target.proven = True
         return False
-
-
-def _best(similar: list[Sight], place: FloatArray, reach_px: float, all_of_them: list[Sight]) -> Sight | None:
-    """Return the sight that is most likely the target: one near the place (2,), or one that nothing else equals."""
-
-    def off(sight: Sight) -> float:
-        return float(np.hypot(*(sight.centre_px - place))) / reach_px
-
-    near = [s for s in similar if off(s) <= 1.0]
-    if near:
-        return min(near, key=lambda s: off(s) - 0.02 * s.score)
-    best = max(similar, key=lambda s: s.score, default=None)
-    if best is None or best.score < _CLEAR_SCORE:
-        return None
-    rivals = [s.score for s in all_of_them if not overlaps(s.box, best.box)]
-    return best if best.score >= _ALONE * max(rivals, default=0.0) else None
-
-
-def _alike(a_px: float, b_px: float, ratio: float) -> bool:
-    """Return whether two sizes differ by no more than a ratio."""
-    a, b = max(a_px, _LEAST_SIZE_PX), max(b_px, _LEAST_SIZE_PX)
-    return max(a, b) <= ratio * min(a, b)
-
-
-def _holds(box: Box, point: FloatArray) -> bool:
-    """Return whether a point (2,) lies in a box."""
-    return bool(box[0] <= point[0] <= box[0] + box[2] and box[1] <= point[1] <= box[1] + box[3])
-
-
-def _in_full(track: PixelTrack, scale: int) -> PixelTrack:
-    """Return a track of the working picture in px of the full one."""
-    if scale == 1:
-        return track
-    offset = 0.5 * (scale - 1)
-    roi, result, predicted = track.roi, track.result, track.predicted_px
-    if roi is not None:
-        roi = Roi(x=roi.x // scale, y=roi.y // scale, w=max(roi.w // scale, 1), h=max(roi.h // scale, 1))
-    if isinstance(result, Detection):
-        x, y, w, h = result.box
-        result = replace(
-            result,
-            u_px=(result.u_px - offset) / scale,
-            v_px=(result.v_px - offset) / scale,
-            covariance_px2=result.covariance_px2 / scale**2,
-            centroid_px=(result.centroid_px - offset) / scale,
-            box=((x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5, w / scale, h / scale),
-            area_px=result.area_px / scale**2,
-            contour_px=((result.contour_px - offset) / scale).astype(np.float32),
-        )
-    if predicted is not None:
-        predicted = (predicted - offset) / scale
-    return replace(track, roi=roi, result=result, predicted_px=predicted)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.pixel_tracker import PixelTrack
+from groundstation.detection.pixel_track import PixelTrack
 from groundstation.errors import InputError
 from groundstation.messages import Detection
 

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from types import TracebackType
 
-from groundstation.detection.pixel_tracker import PixelTrack
+from groundstation.detection.pixel_track import PixelTrack
 from groundstation.errors import InputError
 from groundstation.messages import Detection
 

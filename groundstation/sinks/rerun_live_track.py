@@ -7,7 +7,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.pixel_tracker import PixelTrack
+from groundstation.detection.pixel_track import PixelTrack
 from groundstation.messages import Detection, TrackStatus
 from groundstation.sinks import rerun_tree as tree
 from groundstation.sinks.rerun_columns import CORNER_FROM_CENTRE_PX, outline_pieces
