@@ -15,6 +15,7 @@ from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.local_search import CLEAR_SCORE, LocalSearch, Sight, alike, best_sight
 from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
 from groundstation.detection.pixel_motion import PixelMotion
+from groundstation.detection.pixel_target import PixelTarget
 from groundstation.detection.pixel_track import PixelTrack, in_full
 from groundstation.detection.roi import place_roi
 from groundstation.detection.target_search import Found, SearchConfig, TargetSearch, overlaps
@@ -70,26 +71,6 @@ class PixelTrackerConfig:
     check_s: float = 1.0
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
-class _Target:
-    """What is held of the target: its motion, its size and how it has been doing."""
-
-    motion: PixelMotion
-    size_px: tuple[float, float]
-    begun_s: float
-    newest_s: float
-    seen_s: float
-    checked_s: float
-    box: Box
-    proven: bool
-    span_px: float | None
-    whole_px: float | None = None  # its length as second looks have shown it
-    misses: int = 0
-    frames: int = 0
-    seen: int = 0
-    small: ImageArray | None = None
-
-
 class PixelTracker:
     """Follows one target through the frames of one camera.
 
@@ -106,7 +87,7 @@ class PixelTracker:
         self._detector = Detector(self._config.detection, image_size_px)
         self._search = TargetSearch(self._config.search, self._config.acquisition, image_size_px)
         self._local = LocalSearch(self._config.acquisition)
-        self._target: _Target | None = None
+        self._target: PixelTarget | None = None
 
     def reset(self) -> None:
         """Forget the target and everything that might become one."""
@@ -181,10 +162,10 @@ class PixelTracker:
         size: tuple[float, float],
         velocity: tuple[float, float] | None,
         sigma_px: float,
-    ) -> _Target:
+    ) -> PixelTarget:
         c = self._config
         self._detector.reset()
-        self._target = _Target(
+        self._target = PixelTarget(
             motion=PixelMotion(
                 place, velocity, sigma_px=sigma_px, least_shake_px=c.least_shake_px, most_shake_px=c.most_shake_px
             ),
@@ -200,7 +181,7 @@ class PixelTracker:
         return self._target
 
     # --------------------------------------------------------------------------------------- with a target
-    def _follow(self, target: _Target, image: ImageArray, t_s: float) -> PixelTrack:
+    def _follow(self, target: PixelTarget, image: ImageArray, t_s: float) -> PixelTrack:
         """Look where the target is expected and, where that is not enough, wider."""
         small, target.small = target.small, small_copy(image)
         dt_s, target.newest_s = t_s - target.newest_s, t_s
@@ -230,7 +211,7 @@ class PixelTracker:
             self._detector.reset()
         return PixelTrack(t_s=t_s, status=status, result=result, roi=roi, predicted_px=predicted)
 
-    def _look(self, target: _Target, image: ImageArray) -> Look:
+    def _look(self, target: PixelTarget, image: ImageArray) -> Look:
         """Let the detector look where the motion says."""
         place, covariance = target.motion.place(), target.motion.covariance()
         roi = place_roi(place, covariance, target.size_px, self._config.detection, self._image_size)
@@ -244,7 +225,7 @@ class PixelTracker:
         )
         return roi, self._detector.detect(image, roi, hint)
 
-    def _look_at(self, target: _Target, image: ImageArray, sight: Sight) -> Look:
+    def _look_at(self, target: PixelTarget, image: ImageArray, sight: Sight) -> Look:
         """Let the detector look at something that stands out."""
         place, covariance = sight.centre_px, (_SIGHT_SIGMA_PX + 0.05 * sight.size_px) ** 2 * np.eye(2)
         roi = place_roi(place, covariance, sight.box[2:], self._config.detection, self._image_size)
@@ -258,7 +239,7 @@ class PixelTracker:
         )
         return roi, self._detector.detect(image, roi, hint)
 
-    def _doubtful(self, target: _Target, seen: Detection, t_s: float) -> bool:
+    def _doubtful(self, target: PixelTarget, seen: Detection, t_s: float) -> bool:
         """Return whether a detection has to be looked at twice: another size, a jump, or simply its time."""
         c = self._config
         known = max(target.size_px) if target.whole_px is None else target.whole_px
@@ -273,7 +254,7 @@ class PixelTracker:
         off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
         return off > max(_SURPRISE_SIGMAS * target.motion.sigma_px, _LEAST_SURPRISE_PX)
 
-    def _look_again(self, target: _Target, image: ImageArray, small: ImageArray | None, first: Look) -> Look:
+    def _look_again(self, target: PixelTarget, image: ImageArray, small: ImageArray | None, first: Look) -> Look:
         """Follow the picture's own motion, and compare with what stands out around the place."""
         look = first
         target.checked_s = target.newest_s
@@ -298,11 +279,15 @@ class PixelTracker:
         best = best_sight(similar, place, reach, sights)
         if best is not None:
             again = self._look_at(target, image, best)
-            if isinstance(again[1], Detection) and (missed or overlaps(again[1].box, best.box)):
+            if not missed and target.whole_px is None and best.score >= CLEAR_SCORE and not _shows(again, best):
+                # what the detector has learnt so far may have been more than the target
+                self._detector.reset()
+                again = self._look_at(target, image, best)
+            if _shows(again, best) or (missed and isinstance(again[1], Detection)):
                 return again
         return look
 
-    def _whole(self, target: _Target, image: ImageArray, sight: Sight, look: tuple[Roi | None, Detection]) -> Look:
+    def _whole(self, target: PixelTarget, image: ImageArray, sight: Sight, look: tuple[Roi | None, Detection]) -> Look:
         """Return the look at the whole thing where the detector has seen a part of it, or more than that.
 
         What is whole was learnt by earlier second looks: beside a pole or before a cloud they see more.
@@ -321,7 +306,7 @@ class PixelTracker:
         again = self._look_at(target, image, sight)
         return again if isinstance(again[1], Detection) else look
 
-    def _saw(self, target: _Target, seen: Detection, t_s: float) -> None:
+    def _saw(self, target: PixelTarget, seen: Detection, t_s: float) -> None:
         """Take a detection."""
         size = (seen.box[2], seen.box[3])
         target.motion.correct(seen.centroid_px, 1.0 + 0.05 * max(size))
@@ -339,7 +324,7 @@ class PixelTracker:
         target.misses = 0
         target.seen += 1
 
-    def _likely(self, target: _Target, found: Found, t_s: float) -> bool:
+    def _likely(self, target: PixelTarget, found: Found, t_s: float) -> bool:
         """Return whether what was found may be the target that is missed, or has been missed for long enough."""
         gone_s = t_s - target.seen_s
         c = found.candidate
@@ -347,10 +332,10 @@ class PixelTracker:
         share = away / self._image_size[0]
         return gone_s > self._config.another_after_s or share < _NEAR + _SPEED_PER_S * gone_s
 
-    def _is_lost(self, target: _Target, t_s: float) -> bool:
+    def _is_lost(self, target: PixelTarget, t_s: float) -> bool:
         return t_s - target.seen_s > self._config.lost_after_s and target.misses >= _LEAST_MISSES
 
-    def _is_false(self, target: _Target, t_s: float) -> bool:
+    def _is_false(self, target: PixelTarget, t_s: float) -> bool:
         """Return whether a target that was found by searching fails to show itself."""
         if target.proven or t_s - target.begun_s < self._config.proof_s:
             return False
@@ -358,3 +343,8 @@ class PixelTracker:
             return True
         target.proven = True
         return False
+
+
+def _shows(look: Look, sight: Sight) -> bool:
+    """Return whether a look has seen what stands out there."""
+    return isinstance(look[1], Detection) and overlaps(look[1].box, sight.box)

@@ -60,25 +60,25 @@ class LiveTrackView:
         send.set_time(tree.TIMELINE, duration=np.timedelta64(round(track.t_s * 1e9), "ns"))
         picture = rr.Image(image, color_model=rr.ColorModel.BGR).compress(jpeg_quality=_JPEG_QUALITY)
         send.log(PICTURE, picture)
-        roi, found = track.roi, track.result
-        if roi is None:
-            send.log(f"{PICTURE}/roi", rr.Clear(recursive=False))
-        else:
-            send.log(f"{PICTURE}/roi", _box(roi.x, roi.y, roi.w, roi.h))
-        if isinstance(found, Detection):
-            x, y, w, h = found.box
-            send.log(f"{PICTURE}/box", _box(x + CORNER_FROM_CENTRE_PX, y + CORNER_FROM_CENTRE_PX, w, h))
-            send.log(f"{PICTURE}/contour", rr.LineStrips2D.from_fields(strips=outline_pieces(found.contour_px)))
-            point = np.array([[found.u_px, found.v_px]]) + CORNER_FROM_CENTRE_PX
-            send.log(f"{PICTURE}/target", rr.Points2D.from_fields(positions=point))
-        else:
-            for entity in ("box", "contour", "target"):
-                send.log(f"{PICTURE}/{entity}", rr.Clear(recursive=False))
+        found = track.result if isinstance(track.result, Detection) else None
+        # an entity without elements clears what was drawn before
+        strips = [] if found is None else outline_pieces(found.contour_px)
+        points = [] if found is None else [(found.u_px + CORNER_FROM_CENTRE_PX, found.v_px + CORNER_FROM_CENTRE_PX)]
+        roi = None if track.roi is None else (track.roi.x, track.roi.y, track.roi.w, track.roi.h)
+        send.log(f"{PICTURE}/roi", _boxes(roi))
+        send.log(f"{PICTURE}/box", _boxes(None if found is None else found.box, CORNER_FROM_CENTRE_PX))
+        send.log(f"{PICTURE}/contour", rr.LineStrips2D.from_fields(strips=strips))
+        send.log(f"{PICTURE}/target", rr.Points2D.from_fields(positions=points))
         if track.status is not self._status:
             self._status = track.status
             level = "INFO" if track.status in _GOOD else "WARN"
             send.log(STATUS, rr.TextLog(track.status.value, level=level))
 
 
-def _box(x: float, y: float, w: float, h: float) -> rr.Boxes2D:
-    return rr.Boxes2D.from_fields(centers=[(x + 0.5 * w, y + 0.5 * h)], half_sizes=[(0.5 * w, 0.5 * h)])
+def _boxes(box: tuple[float, float, float, float] | None, offset_px: float = 0.0) -> rr.Boxes2D:
+    """Return one box x, y, w, h, or none."""
+    if box is None:
+        return rr.Boxes2D.from_fields(centers=[], half_sizes=[])
+    x, y, w, h = box
+    centre = (x + 0.5 * w + offset_px, y + 0.5 * h + offset_px)
+    return rr.Boxes2D.from_fields(centers=[centre], half_sizes=[(0.5 * w, 0.5 * h)])

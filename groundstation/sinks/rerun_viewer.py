@@ -74,6 +74,8 @@ def open_live_stream(application: str, environment: Mapping[str, str]) -> rr.Rec
     if code is not None:
         raise ViewerError(f"the viewer stopped at once (exit code {code}); --save-video writes a file")
     stream = rr.RecordingStream(application, send_properties=False)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
     stream.connect_grpc(f"rerun+http://127.0.0.1:{port}/proxy")
     return stream
 
