@@ -104,7 +104,7 @@ class Csrt:
             pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
             subprocess.run([*pip, CSRT_PACKAGE], check=True)
             (CSRT_FOLDER / "installed").touch()
-        worker = [str(python), str(Path(__file__).with_name("csrt_worker.py"))]
+        worker = [str(python), str(Path(__file__).parent / "csrt" / "worker.py")]
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
         self._process = subprocess.Popen(worker, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
 
