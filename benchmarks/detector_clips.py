@@ -1,51 +1,130 @@
-"""Follow the aircraft of real clips from its first box and print the share of frames in which it was hit.
+"""Track the aircraft of real clips with one camera and print the share of frames in which it was hit.
 
-usage: GROUNDSTATION_DATA=… python benchmarks/detector_clips.py [CLIP …]
+usage: GROUNDSTATION_DATA=… python benchmarks/detector_clips.py [--acquire] [--every N] [--half] [--noise SIGMA]
+       [--kind contrail] [--csrt] [CLIP …]
 
-Each segment of kind "aircraft" starts on its first box. No calibration and no filter: the prediction is the
-last target point moved on at constant velocity. A hit is a target point inside the labelled box or within
-10 px of its centre; wrong is a point that is neither; the rest are misses.
+Each segment is tracked on its own: started on its first box or, with --acquire, found by searching; then frames are
+scored from 0.5 s on. A hit is a target point inside the labelled box or within 10 px of its centre (5 px at half
+resolution); wrong is a point that is neither; the rest are misses. Times are of one update of the tracker on one
+core, without decoding. Without --kind, segments of kind "contrail" (the target is the trail's head) are reported
+after those of kind "aircraft", and do not count in their total.
+
+--csrt runs OpenCV's CSRT on the same frames in the same run, in a virtual environment of its own (build/csrt-venv).
 """
 
+import argparse
 import csv
 import os
+import subprocess
 import sys
 import time
+import venv
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from groundstation.arrays import FloatArray, ImageArray
-from groundstation.detection.config import DetectionConfig
-from groundstation.detection.detector import DetectionHint, Detector, warm_up
-from groundstation.detection.roi import place_roi
-from groundstation.messages import Detection, Miss, MissReason
+from groundstation.arrays import ImageArray
+from groundstation.detection.pixel_tracker import PixelTracker
+from groundstation.messages import Detection
+from groundstation.warm_up import warm_up
 
 Box = tuple[float, float, float, float]
-SIGMA_PX = 6.0  # camera shake and pans that no model foresees
-VELOCITY_GAIN = 0.3
-MAX_SIGMA_PX = 40.0
+RATE_HZ = 30.0
+SETTLED_S = 0.5
+NEAR_PX = 10.0
+CSRT_FOLDER = Path("build/csrt-venv")
+CSRT_PACKAGE = "opencv-contrib-python-headless<5"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """A stretch of a clip with one aircraft in it."""
+    """A stretch of a clip with one target in it."""
 
     clip: str
     first: int
     last: int
+    kind: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mode:
+    """How the frames are degraded, and whether the tracker is told where to start."""
+
+    acquire: bool
+    every: int
+    half: bool
+    noise: float
+
+
+@dataclass(kw_only=True)
+class Tally:
+    """Counts over labelled frames, and times."""
+
+    labelled: int = 0
+    hits: int = 0
+    wrong: int = 0
+    elapsed_s: list[float] = field(default_factory=list)
+    csrt_hits: int = 0
+    csrt_s: list[float] = field(default_factory=list)
+
+    def add(self, other: "Tally") -> None:
+        """Add the counts and times of another one."""
+        self.labelled += other.labelled
+        self.hits += other.hits
+        self.wrong += other.wrong
+        self.elapsed_s += other.elapsed_s
+        self.csrt_hits += other.csrt_hits
+        self.csrt_s += other.csrt_s
+
+    def line(self, name: str) -> str:
+        """Return one line of the printed table."""
+        n, ms = max(self.labelled, 1), 1e3 * np.array(self.elapsed_s or [0.0])
+        text = (
+            f"{name:24s} frames {self.labelled:4d} hit {self.hits / n:7.2%} wrong {self.wrong / n:7.2%} "
+            f"median {np.median(ms):5.2f} ms p99 {np.percentile(ms, 99):6.2f} ms"
+        )
+        if self.csrt_s:
+            median = float(np.median(self.csrt_s))
+            ratio = float(np.median(self.elapsed_s)) / median
+            text += f" | CSRT hit {self.csrt_hits / n:7.2%} median {1e3 * median:5.2f} ms, ours {ratio:.3f} of it"
+        return text
+
+
+class Csrt:
+    """OpenCV's CSRT in a process of its own."""
+
+    def __init__(self) -> None:
+        python = CSRT_FOLDER / "bin" / "python"
+        if not (CSRT_FOLDER / "installed").is_file():
+            print(f"installing {CSRT_PACKAGE} into {CSRT_FOLDER}", file=sys.stderr)
+            venv.create(CSRT_FOLDER, with_pip=True, clear=True)
+            pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+            subprocess.run([*pip, CSRT_PACKAGE], check=True)
+            (CSRT_FOLDER / "installed").touch()
+        worker = [str(python), str(Path(__file__).parent / "csrt" / "worker.py")]
+        environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+        self._process = subprocess.Popen(worker, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+
+    def step(self, image: ImageArray, box: Box | None) -> tuple[float, Box | None]:
+        """Begin in a box or update; return the time in s and the box found."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        size = f"{image.shape[1]} {image.shape[0]}"
+        head = "next" if box is None else f"{size} {' '.join(str(v) for v in box)}"
+        self._process.stdin.write(head.encode() + b"\n" + np.ascontiguousarray(image).tobytes())
+        self._process.stdin.flush()
+        elapsed, *found = (float(v) for v in self._process.stdout.readline().split())
+        return elapsed, (found[0], found[1], found[2], found[3]) if len(found) == 4 else None
 
 
 def read_segments(folder: Path) -> list[Segment]:
     with (folder / "segments.csv").open() as file:
         rows = list(csv.DictReader(file))
     return [
-        Segment(clip=r["clip"], first=int(r["first_frame"]), last=int(r["last_frame"]))
-        for r in rows
-        if r["kind"] == "aircraft"
+        Segment(clip=r["clip"], first=int(r["first_frame"]), last=int(r["last_frame"]), kind=r["kind"]) for r in rows
     ]
 
 
@@ -59,107 +138,94 @@ def read_boxes(folder: Path) -> dict[str, dict[int, Box]]:
     return boxes
 
 
-def read_frames(path: Path, first: int, last: int) -> Iterator[tuple[int, ImageArray]]:
+def read_frames(path: Path, first: int, last: int, mode: Mode) -> Iterator[tuple[int, ImageArray]]:
+    """Yield every n-th frame, degraded as the mode says."""
+    generator = np.random.default_rng(1)
     video = cv2.VideoCapture(str(path))
-    index = 0
-    while index <= last:
-        good, image = video.read()
+    for index in range(last + 1):
+        good = video.grab()
         if not good:
             break
-        if index >= first:
-            yield index, np.asarray(image, np.uint8)
-        index += 1
+        if index < first or (index - first) % mode.every:
+            continue
+        image = np.asarray(video.retrieve()[1], np.uint8)
+        if mode.half:
+            half = (image.shape[1] // 2, image.shape[0] // 2)
+            image = np.asarray(cv2.resize(image, half, interpolation=cv2.INTER_AREA), np.uint8)
+        if mode.noise > 0:
+            noisy = image + generator.normal(0.0, mode.noise, image.shape)
+            image = np.clip(np.round(noisy), 0, 255).astype(np.uint8)
+        yield index, image
     video.release()
 
 
-class Follower:
-    """A detector with the plainest of predictions: the last point at constant velocity."""
-
-    def __init__(self, image_size_px: tuple[int, int], box: Box) -> None:
-        self.config = DetectionConfig()
-        self.image_size_px = image_size_px
-        self.detector = Detector(self.config, image_size_px)
-        self.point: FloatArray = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
-        self.velocity: FloatArray = np.zeros(2)
-        self.variance = max(SIGMA_PX, 0.15 * max(box[2], box[3])) ** 2
-        self.size: tuple[float, float] | None = (box[2], box[3])
-        self.span: float | None = 0.7 * box[2]  # the labels are loose
-        self.elapsed_s: list[float] = []
-
-    def step(self, image: ImageArray) -> Detection | Miss:
-        """Look at the next frame."""
-        predicted = self.point + self.velocity
-        covariance = self.variance * np.eye(2)
-        roi = place_roi(predicted, covariance, self.size, self.config, self.image_size_px)
-        if roi is None:
-            return Miss(reason=MissReason.OUT_OF_VIEW)
-        hint = DetectionHint(
-            predicted_px=predicted,
-            predicted_covariance_px2=covariance,
-            expected_span_px=self.span,
-            span_sigma_ratio=0.5,
-        )
-        start = time.perf_counter()
-        result = self.detector.detect(image, roi, hint)
-        self.elapsed_s.append(time.perf_counter() - start)
-        if isinstance(result, Miss):
-            self.point = predicted
-            self.velocity *= 0.9
-            self.variance = min(1.5 * self.variance, MAX_SIGMA_PX**2)
-            return result
-        found = np.array([result.u_px, result.v_px])
-        self.velocity = self.velocity + VELOCITY_GAIN * (found - predicted)
-        self.point, self.variance = found, SIGMA_PX**2
-        self.size, self.span = (result.box[2], result.box[3]), None
-        return result
-
-
-def is_hit(point: Detection, box: Box) -> bool:
+def is_hit(u: float, v: float, box: Box, near_px: float) -> bool:
     x, y, w, h = box
-    near = float(np.hypot(point.u_px - x - w / 2, point.v_px - y - h / 2)) < 10
-    return near or (x <= point.u_px <= x + w and y <= point.v_px <= y + h)
+    inside = x <= u <= x + w and y <= v <= y + h
+    return inside or float(np.hypot(u - x - w / 2, v - y - h / 2)) < near_px
 
 
-def run_segment(folder: Path, segment: Segment, boxes: dict[int, Box]) -> tuple[int, int, int, list[float]]:
-    """Return frames labelled, hit and wrong, and the times."""
-    labelled = [f for f in sorted(boxes) if segment.first <= f <= segment.last]
-    if not labelled:
-        return 0, 0, 0, []
-    follower: Follower | None = None
-    hits = wrong = 0
-    for index, image in read_frames(folder / f"{segment.clip}.mp4", labelled[0], segment.last):
-        if follower is None:
-            follower = Follower((image.shape[1], image.shape[0]), boxes[index])
-        result = follower.step(image)
-        if index in boxes and isinstance(result, Detection):
-            hit = is_hit(result, boxes[index])
-            hits += hit
-            wrong += not hit
-    return len(labelled), hits, wrong, follower.elapsed_s if follower is not None else []
+def run_segment(folder: Path, segment: Segment, boxes: dict[int, Box], mode: Mode, csrt: Csrt | None) -> Tally:
+    scale = 0.5 if mode.half else 1.0
+    labels = {f: (b[0] * scale, b[1] * scale, b[2] * scale, b[3] * scale) for f, b in boxes.items()}
+    inside = [f for f in sorted(labels) if segment.first <= f <= segment.last]
+    tally = Tally()
+    tracker: PixelTracker | None = None
+    frames = read_frames(folder / f"{segment.clip}.mp4", inside[0], segment.last, mode) if inside else iter(())
+    for index, image in frames:
+        label, first = labels.get(index), tracker is None
+        if tracker is None:
+            tracker = PixelTracker((image.shape[1], image.shape[0]))
+        began = time.perf_counter()
+        if first and not mode.acquire and label is not None:
+            track = tracker.start(image, index / RATE_HZ, label)
+        else:
+            track = tracker.step(image, index / RATE_HZ)
+        tally.elapsed_s.append(time.perf_counter() - began)
+        beside: Box | None = None
+        if csrt is not None:
+            elapsed, beside = csrt.step(image, label if first else None)
+            if not first:
+                tally.csrt_s.append(elapsed)
+        if label is None or (mode.acquire and index - inside[0] < SETTLED_S * RATE_HZ):
+            continue
+        tally.labelled += 1
+        if isinstance(track.result, Detection):
+            hit = is_hit(track.result.u_px, track.result.v_px, label, NEAR_PX * scale)
+            tally.hits += hit
+            tally.wrong += not hit
+        if first or beside is not None:
+            x, y, w, h = label if beside is None else beside
+            tally.csrt_hits += is_hit(x + 0.5 * w, y + 0.5 * h, label, NEAR_PX * scale)
+    return tally
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--acquire", action="store_true", help="do not tell where the target is")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="every N-th frame only")
+    parser.add_argument("--half", action="store_true", help="at half resolution")
+    parser.add_argument("--noise", type=float, default=0.0, metavar="SIGMA", help="with added noise, grey levels")
+    parser.add_argument("--kind", choices=("aircraft", "contrail"), help="one kind of segment only")
+    parser.add_argument("--csrt", action="store_true", help="run OpenCV's CSRT beside")
+    parser.add_argument("clips", nargs="*", metavar="CLIP", help="parts of clip names")
+    options = parser.parse_args()
+    mode = Mode(acquire=options.acquire, every=options.every, half=options.half, noise=options.noise)
     folder = Path(os.environ["GROUNDSTATION_DATA"]) / "aircraft-clips"
+    csrt = Csrt() if options.csrt else None
     warm_up()
     cv2.setNumThreads(1)
-    boxes = read_boxes(folder)
-    totals = np.zeros(3)
-    times: list[float] = []
-    for segment in read_segments(folder):
-        if len(sys.argv) > 1 and segment.clip not in sys.argv[1:]:
-            continue
-        labelled, hits, wrong, elapsed = run_segment(folder, segment, boxes.get(segment.clip, {}))
-        if labelled == 0:
-            continue
-        totals += (labelled, hits, wrong)
-        times += elapsed
-        share = hits / labelled
-        print(
-            f"{segment.clip} {segment.first:3d}-{segment.last:3d} frames {labelled:3d} hit {share:6.1%} "
-            f"wrong {wrong / labelled:6.1%} median {1e3 * np.median(elapsed):5.2f} ms"
-        )
-    print(f"all: hit {totals[1] / totals[0]:.2%} wrong {totals[2] / totals[0]:.2%} of {totals[0]:.0f}")
-    print(f"time per frame: median {1e3 * np.median(times):.2f} ms, p99 {1e3 * np.percentile(times, 99):.2f} ms")
+    boxes, segments = read_boxes(folder), read_segments(folder)
+    for kind in ("aircraft", "contrail") if options.kind is None else (options.kind,):
+        total = Tally()
+        for segment in segments:
+            if segment.kind != kind or (options.clips and not any(c in segment.clip for c in options.clips)):
+                continue
+            tally = run_segment(folder, segment, boxes.get(segment.clip, {}), mode, csrt)
+            if tally.labelled:
+                print(tally.line(f"{segment.clip} {segment.first:3d}-{segment.last:3d}"), flush=True)
+            total.add(tally)
+        print(total.line(f"{kind}: all") + "\n", flush=True)
 
 
 if __name__ == "__main__":

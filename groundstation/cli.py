@@ -1,6 +1,7 @@
 """The command line: `groundstation COMMAND …`."""
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Mapping, MutableMapping, Sequence
@@ -19,6 +20,15 @@ _REPLAY_MORE = """example:
 
 exit code: 0 done; 1 the recording is at fault, and what came before the fault
 is written; 2 wrong usage; 130 interrupted"""
+_TRACK = """Try the detector on any video of one camera, without calibration: find the aircraft,
+follow it, find it again after a loss, and write its pixel in each frame."""
+_TRACK_MORE = """example:
+  groundstation track approach.mp4 --out approach.csv --save-video approach-seen.mp4
+
+FILE has one row for each frame: frame,t_s,u_px,v_px,x_px,y_px,w_px,h_px,status
+
+exit code: 0 done; 1 the video is at fault, and what came before the fault is
+written; 2 wrong usage; 130 interrupted"""
 _CONFIG = """Print the whole tuning as TOML, with every default that FILE does not change: a file to start from for
 replay's --config."""
 # FFmpeg and OpenCV write straight to the terminal; our own line says what is wrong
@@ -34,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     _silence(os.environ, _QUIET)
     try:
-        return _config(options) if options.command == "config" else _replay(options)
+        return _COMMANDS[options.command](options)
     except BrokenPipeError:
         # whoever read our output has gone, as in `… | head`; nothing more can be said there
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -65,6 +75,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"groundstation {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     _add_replay(commands)
+    _add_track(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
@@ -94,6 +105,59 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     recording = replay.add_mutually_exclusive_group()
     recording.add_argument("--view", action="store_true", help="open the Rerun recording when done")
     recording.add_argument("--no-rerun", action="store_true", help="do not write session.rrd")
+
+
+def _add_track(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    track = commands.add_parser(
+        "track",
+        help="one video of one camera in, the aircraft's pixel in each frame out",
+        description=_TRACK,
+        epilog=_TRACK_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    track.add_argument("video", type=Path, metavar="VIDEO", help="any video file that OpenCV reads")
+    track.add_argument("--out", type=Path, required=True, metavar="FILE", help="the table to write, CSV")
+    track.add_argument(
+        "--init", type=_box, metavar="X,Y,W,H", help="the aircraft is in this box of the first frame, px"
+    )
+    track.add_argument("--from-frame", type=int, default=0, metavar="N", help="start at this frame, counted from 0")
+    track.add_argument("--to-frame", type=int, metavar="M", help="stop after this frame")
+    track.add_argument("--view", action="store_true", help="show it live in the Rerun viewer")
+    track.add_argument("--save-video", type=Path, metavar="FILE.mp4", help="write the pictures with what was found")
+
+
+def _box(text: str) -> tuple[float, float, float, float]:
+    """Return the four numbers of --init."""
+    try:
+        x, y, w, h = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = w = h = math.nan
+    if not all(math.isfinite(v) for v in (x, y, w, h)) or w <= 0 or h <= 0:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted X,Y,W,H in px, W and H above 0")
+    return x, y, w, h
+
+
+def _track(options: argparse.Namespace) -> int:
+    """Track, print the summary and the paths; 1 if the video was cut short by a fault."""
+    from groundstation.track_video import TrackRequest, format_track_summary, track_video
+
+    request = TrackRequest(
+        video=options.video,
+        out=options.out,
+        init=options.init,
+        from_frame=options.from_frame,
+        to_frame=options.to_frame,
+        save_video=options.save_video,
+        view=options.view,
+    )
+    with ProgressLine(sys.stderr, "track", "frame") as line:
+        result = track_video(request, line.update, os.environ)
+    print(format_track_summary(result))
+    for path in result.files:
+        print(f"wrote {path}")
+    if result.fault is not None:
+        print(f"groundstation: fault in the video: {result.fault}", file=sys.stderr)
+    return 0 if result.fault is None else 1
 
 
 def _config(options: argparse.Namespace) -> int:
@@ -134,3 +198,6 @@ def _replay(options: argparse.Namespace) -> int:
             print(f"groundstation: {notice}", file=sys.stderr)
         open_viewer(options.out / "session.rrd", os.environ)
     return 0 if result.fault is None else 1
+
+
+_COMMANDS = {"replay": _replay, "track": _track, "config": _config}

@@ -9,8 +9,9 @@ from tqdm import tqdm
 class ProgressLine:
     """A progress bar while a run lasts; where the stream is no terminal, it writes only now and then."""
 
-    def __init__(self, stream: TextIO, label: str) -> None:
+    def __init__(self, stream: TextIO, label: str, unit: str = "pair") -> None:
         self._stream = stream
+        self._unit = unit
         self._label = label
         self._terminal = stream.isatty()
         self._bar: tqdm[Never] | None = None
@@ -27,15 +28,15 @@ class ProgressLine:
         if self._bar is not None:
             self._bar.close()
 
-    def update(self, done: int, total: int) -> None:
-        """Say that ``done`` of ``total`` pairs are answered."""
+    def update(self, done: int, total: int | None) -> None:
+        """Say that ``done`` of ``total`` are answered; None where nobody knows how many there are."""
         self._wipe()
         bar = self._bar
         if bar is None:
             bar = self._bar = tqdm(
                 total=total,
                 desc=self._label,
-                unit="pair",
+                unit=self._unit,
                 file=self._stream,
                 mininterval=0.1 if self._terminal else 10.0,
                 dynamic_ncols=self._terminal,

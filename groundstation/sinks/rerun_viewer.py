@@ -1,10 +1,13 @@
 """Opening a recording in Rerun's viewer, as a program of its own."""
 
 import shutil
+import socket
 import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+
+import rerun as rr
 
 from groundstation.errors import GroundstationError
 
@@ -42,20 +45,61 @@ def open_viewer(path: Path, environment: Mapping[str, str]) -> subprocess.Popen[
     if not path.is_file():
         raise ViewerError(f"{path}: no such recording")
     browser = f"in a browser: rerun --web-viewer --bind 127.0.0.1 {path}"
-    if sys.platform.startswith("linux") and not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")):
+    if not _has_display(environment):
         raise ViewerError(f"no display to show {path} on; on a desktop: rerun {path}; {browser}")
-    process = subprocess.Popen(
-        viewer_command(path),
+    process = _start(viewer_command(path), environment)
+    code = _stopped(process)
+    if code is not None and code != 0:
+        raise ViewerError(f"the viewer stopped at once (exit code {code}); try it {browser}")
+    return process
+
+
+def live_viewer_command(port: int) -> list[str]:
+    """Return the command that opens a viewer waiting for data on a port of this machine, and of no other."""
+    return [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
+
+
+def open_live_stream(application: str, environment: Mapping[str, str]) -> rr.RecordingStream:
+    """Open the desktop viewer and return a stream that it shows as the data come.
+
+    ``environment`` is the caller's (os.environ). Raises `ViewerError` where there is no display or the viewer
+    stops at once.
+    """
+    if not _has_display(environment):
+        raise ViewerError("no display for --view; --save-video writes the same pictures into a file")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = int(free.getsockname()[1])
+    code = _stopped(_start(live_viewer_command(port), environment))
+    if code is not None:
+        raise ViewerError(f"the viewer stopped at once (exit code {code}); --save-video writes a file")
+    stream = rr.RecordingStream(application, send_properties=False)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    stream.connect_grpc(f"rerun+http://127.0.0.1:{port}/proxy")
+    return stream
+
+
+def _has_display(environment: Mapping[str, str]) -> bool:
+    return not sys.platform.startswith("linux") or bool(
+        environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")
+    )
+
+
+def _start(command: list[str], environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        command,
         env=viewer_environment(environment),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
+
+
+def _stopped(process: subprocess.Popen[bytes]) -> int | None:
+    """Return the exit code of a viewer that stops at once, None if it goes on."""
     try:
-        code = process.wait(timeout=STARTUP_S)
+        return process.wait(timeout=STARTUP_S)
     except subprocess.TimeoutExpired:
-        return process
-    if code != 0:
-        raise ViewerError(f"the viewer stopped at once (exit code {code}); try it {browser}")
-    return process
+        return None

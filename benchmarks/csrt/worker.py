@@ -1,0 +1,35 @@
+"""Run OpenCV's CSRT tracker over the frames that come in on standard input, and answer with its times.
+
+Started by detector_clips.py in a virtual environment of its own: CSRT is in opencv-contrib-python-headless below 5
+only. Each request is a line `W H X Y W H`, to begin in a box, or `next`, then the frame as raw bytes; each answer
+is a line: the time of the update in s, and the box, or nothing where it was lost.
+"""
+
+import sys
+import time
+
+import cv2
+import numpy as np
+
+
+def main() -> None:
+    cv2.setNumThreads(1)
+    tracker, size = None, (0, 0)
+    requests = sys.stdin.buffer
+    while line := requests.readline().split():
+        if line[0] != b"next":
+            size = (int(line[0]), int(line[1]))
+        image = np.frombuffer(requests.read(3 * size[0] * size[1]), np.uint8).reshape(size[1], size[0], 3)
+        if line[0] != b"next":
+            tracker = cv2.TrackerCSRT_create()
+            tracker.init(image, tuple(round(float(v)) for v in line[2:6]))
+            print("0", flush=True)
+            continue
+        began = time.perf_counter()
+        good, box = tracker.update(image)
+        elapsed = time.perf_counter() - began
+        print(elapsed, *(box if good else ()), flush=True)
+
+
+if __name__ == "__main__":
+    main()

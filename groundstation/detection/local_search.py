@@ -1,0 +1,111 @@
+"""A second look around one place of a picture, without any memory: what stands out there, and how large is it?
+
+It is slower than the detector and knows nothing of the target, so it neither loses a target that has jumped nor
+takes a part for the whole because it did so before.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
+from groundstation.detection.target_search import overlaps
+
+Box = tuple[float, float, float, float]
+
+_LEAST_HALF_PX = 80.0
+_LEAST_SCORE = 3.0
+_BEYOND, _BEYOND_PX = 0.1, 2.0  # how far out of the box that was given a target may reach
+_CENTRED = 0.35  # how far from its middle, as a share of its size
+_STEP_PX = 32  # windows grow in such steps
+_LEAST_SIZE_PX = 8.0  # smaller sizes are all alike
+CLEAR_SCORE = 8.0  # sigmas: what stands out so much is seen as it is
+_ALONE = 2.0  # how much more conspicuous than all else a target far from its place has to be
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sight:
+    """Something that stands out: ``centre_px`` (2,), ``box`` x, y, w, h in px, and its score in sigmas."""
+
+    centre_px: FloatArray
+    box: Box
+    score: float
+
+    @property
+    def size_px(self) -> float:
+        """The longer side of the box."""
+        return max(self.box[2], self.box[3])
+
+
+class LocalSearch:
+    """Looks at a window of a picture with the whole-frame finder."""
+
+    def __init__(self, config: AcquisitionConfig) -> None:
+        # here it is known where to look: what stands before the ground counts as much as what hangs in the sky
+        self._config = replace(config, ground_weight=1.0)
+
+    def inside(self, image: ImageArray, box: Box) -> Sight | None:
+        """Return what stands out most inside a loose box; None if nothing does."""
+        x, y, w, h = box
+        middle = np.array([x + 0.5 * w, y + 0.5 * h])
+
+        def worth(sight: Sight) -> float:
+            off = (sight.centre_px - middle) / (_CENTRED * np.array([w, h]))
+            # of several the larger, unless it is much fainter: a part of an aircraft is no aircraft
+            return sight.score * math.sqrt(sight.size_px) * math.exp(-0.5 * float(off @ off))
+
+        found = [s for s in self.around(image, middle, max(w, h)) if _within(s.box, box)]
+        return max(found, key=worth, default=None)
+
+    def around(self, image: ImageArray, place_px: FloatArray, reach_px: float) -> list[Sight]:
+        """Return what stands out within about ``reach_px`` of a place (2,), most conspicuous first."""
+        h, w = image.shape[:2]
+        half = math.ceil((max(_LEAST_HALF_PX, reach_px + 24.0)) / _STEP_PX) * _STEP_PX
+        x0, x1 = _span(float(place_px[0]), half, w)
+        y0, y1 = _span(float(place_px[1]), half, h)
+        if x1 - x0 < _STEP_PX or y1 - y0 < _STEP_PX:
+            return []
+        window = np.ascontiguousarray(image[y0:y1, x0:x1])
+        finder = CandidateFinder(self._config, (x1 - x0, y1 - y0))
+        return [_moved(c, x0, y0) for c in finder.find(window, 0.0) if c.score >= _LEAST_SCORE]
+
+
+def _span(centre: float, half: int, limit: int) -> tuple[int, int]:
+    middle = min(max(round(centre), 0), limit)
+    return max(middle - half, 0), min(middle + half, limit)
+
+
+def _within(box: Box, given: Box) -> bool:
+    """Return whether a box lies in another one, but for a little."""
+    beyond_x, beyond_y = _BEYOND * given[2] + _BEYOND_PX, _BEYOND * given[3] + _BEYOND_PX
+    across = given[0] - beyond_x <= box[0] and box[0] + box[2] <= given[0] + given[2] + beyond_x
+    return across and given[1] - beyond_y <= box[1] and box[1] + box[3] <= given[1] + given[3] + beyond_y
+
+
+def _moved(c: Candidate, x0: int, y0: int) -> Sight:
+    x, y, w, h = c.box
+    return Sight(centre_px=np.array([c.u_px + x0, c.v_px + y0]), box=(x + x0, y + y0, w, h), score=c.score)
+
+
+def best_sight(similar: list[Sight], place: FloatArray, reach_px: float, all_of_them: list[Sight]) -> Sight | None:
+    """Return the sight that is most likely the target: one near the place (2,), or one that nothing else equals."""
+
+    def off(sight: Sight) -> float:
+        return float(np.hypot(*(sight.centre_px - place))) / reach_px
+
+    near = [s for s in similar if off(s) <= 1.0]
+    if near:
+        return min(near, key=lambda s: off(s) - 0.02 * s.score)
+    best = max(similar, key=lambda s: s.score, default=None)
+    if best is None or best.score < CLEAR_SCORE:
+        return None
+    rivals = [s.score for s in all_of_them if not overlaps(s.box, best.box)]
+    return best if best.score >= _ALONE * max(rivals, default=0.0) else None
+
+
+def alike(a_px: float, b_px: float, ratio: float) -> bool:
+    """Return whether two sizes differ by no more than a ratio."""
+    a, b = max(a_px, _LEAST_SIZE_PX), max(b_px, _LEAST_SIZE_PX)
+    return max(a, b) <= ratio * min(a, b)

@@ -1,0 +1,53 @@
+"""What the tracker of one camera knows after a frame."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.messages import Detection, Miss, Roi, TrackStatus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PixelTrack:
+    """What is known after one frame.
+
+    Attributes
+    ----------
+    t_s : the frame's time.
+    status : ``tracking`` where ``result`` is a detection, ``coasting`` where a target is expected and not seen.
+    result : what was seen in this frame, or why nothing.
+    roi : where it was looked for, None if the whole frame was searched.
+    predicted_px : (2,) where it was expected, None if nothing was.
+    """
+
+    t_s: float
+    status: TrackStatus
+    result: Detection | Miss
+    roi: Roi | None
+    predicted_px: FloatArray | None
+
+
+def in_full(track: PixelTrack, scale: int) -> PixelTrack:
+    """Return a track of the working picture in px of the full one."""
+    if scale == 1:
+        return track
+    offset = 0.5 * (scale - 1)
+    roi, result, predicted = track.roi, track.result, track.predicted_px
+    if roi is not None:
+        roi = Roi(x=roi.x // scale, y=roi.y // scale, w=max(roi.w // scale, 1), h=max(roi.h // scale, 1))
+    if isinstance(result, Detection):
+        x, y, w, h = result.box
+        result = replace(
+            result,
+            u_px=(result.u_px - offset) / scale,
+            v_px=(result.v_px - offset) / scale,
+            covariance_px2=result.covariance_px2 / scale**2,
+            centroid_px=(result.centroid_px - offset) / scale,
+            box=((x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5, w / scale, h / scale),
+            area_px=result.area_px / scale**2,
+            contour_px=((result.contour_px - offset) / scale).astype(np.float32),
+        )
+    if predicted is not None:
+        predicted = (predicted - offset) / scale
+    return replace(track, roi=roi, result=result, predicted_px=predicted)

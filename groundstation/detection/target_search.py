@@ -1,0 +1,194 @@
+"""Finding one target by looking at whole frames, and making sure of it over several of them.
+
+The finder proposes what stands out in each frame. What is there in most of a few frames running, moves smoothly,
+keeps its size and stands out more than anything else is a target; one frame alone never is.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+from groundstation.arrays import ImageArray
+from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
+
+_GATE_PX, _GATE_SIZES = 14.0, 0.7  # how far a candidate may be from where its forerunner leads
+_SIZE_RATIO = 2.5
+_VELOCITY_GAIN = 0.4
+_FORGET_AFTER = 3  # frames without a candidate
+_MAX_HOPEFULS = 12
+_MOVING_WEIGHT = 1.3
+_KNOWN_WEIGHT, _KNOWN_RATIO = 2.0, 2.0
+_LEAST_SIZE_PX = 4.0
+_ENOUGH = 60.0  # sigmas: beyond it more contrast says no more
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchConfig:
+    """Tuning of the confirmation.
+
+    Attributes
+    ----------
+    frames : a target has been seen in so many frames ...
+    span_s : ... over at least this time.
+    seen_share : in at least this share of the frames since it was first seen.
+    least_score : what stands out less, in sigmas of its surroundings, is noise.
+    clear_lead : its weight is at least so many times that of anything else ...
+    undecided_s : ... until so much time has passed; then the best one is taken.
+    """
+
+    frames: int = 4
+    span_s: float = 0.1
+    seen_share: float = 0.7
+    least_score: float = 5.0
+    clear_lead: float = 1.4
+    undecided_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.frames < 2 or self.span_s < 0 or not 0 < self.seen_share <= 1 or self.clear_lead < 1:
+            raise ValueError("frames ≥ 2, span_s ≥ 0, seen_share in (0, 1] and clear_lead ≥ 1 are needed")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """A confirmed target: its candidate in the newest frame, and its velocity (u, v) in px/s."""
+
+    candidate: Candidate
+    velocity_px_s: tuple[float, float]
+
+
+@dataclass(slots=True, kw_only=True)
+class _Hopeful:
+    """Something seen in several frames."""
+
+    newest: Candidate
+    first_s: float
+    newest_s: float
+    velocity_px_s: tuple[float, float] = (0.0, 0.0)
+    seen: int = 1
+    frames: int = 1
+    missed: int = 0
+    scores: list[float] = field(default_factory=list)
+
+    def place(self, t_s: float) -> tuple[float, float]:
+        dt = t_s - self.newest_s
+        return self.newest.u_px + self.velocity_px_s[0] * dt, self.newest.v_px + self.velocity_px_s[1] * dt
+
+    def weight(self) -> float:
+        """Return the mean score, less for the frames that did not show it."""
+        return sum(self.scores) / self.frames
+
+
+def size_of(box: tuple[float, float, float, float]) -> float:
+    """Return the longer side of a box x, y, w, h."""
+    return max(box[2], box[3])
+
+
+def overlaps(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+    """Return whether two boxes x, y, w, h have a common part."""
+    return a[0] < b[0] + b[2] and b[0] < a[0] + a[2] and a[1] < b[1] + b[3] and b[1] < a[1] + a[3]
+
+
+class TargetSearch:
+    """Searches the frames of one camera for one target, frame after frame."""
+
+    def __init__(self, config: SearchConfig, acquisition: AcquisitionConfig, image_size_px: tuple[int, int]) -> None:
+        self._config = config
+        self._finder = CandidateFinder(acquisition, image_size_px)
+        self._hopefuls: list[_Hopeful] = []
+        self._newest_s: float | None = None
+
+    @property
+    def promising(self) -> bool:
+        """Whether something has been seen more than once."""
+        return any(h.seen >= 2 for h in self._hopefuls)
+
+    def reset(self) -> None:
+        """Forget all that has been seen."""
+        self._finder.reset()
+        self._hopefuls.clear()
+        self._newest_s = None
+
+    def look(self, image: ImageArray, t_s: float, known_size_px: float | None = None) -> Found | None:
+        """Look at one frame, (h, w, 3) BGR; return the target once it is sure.
+
+        ``known_size_px`` is the longer side of a target that was lost: what has that size counts more.
+        """
+        if self._newest_s is not None and t_s <= self._newest_s:
+            self.reset()
+        self._newest_s = t_s
+        candidates = [c for c in self._finder.find(image, t_s) if c.score >= self._config.least_score]
+        self._follow(candidates, t_s, known_size_px)
+        return self._decide(t_s)
+
+    def drop(self, box: tuple[float, float, float, float]) -> None:
+        """Forget what lies at ``box``: it has turned out not to be a target."""
+        self._hopefuls = [h for h in self._hopefuls if not overlaps(h.newest.box, box)]
+
+    def _follow(self, candidates: list[Candidate], t_s: float, known_size_px: float | None) -> None:
+        """Join candidates to what was seen before; what is left begins anew."""
+        rest = list(candidates)
+        for hopeful in sorted(self._hopefuls, key=lambda h: (-h.seen, -h.weight())):
+            hopeful.frames += 1
+            best = _nearest(hopeful, rest, t_s)
+            if best is None:
+                hopeful.missed += 1
+                continue
+            rest.remove(best)
+            _advance(hopeful, best, t_s, _worth(best, known_size_px))
+        self._hopefuls = [h for h in self._hopefuls if h.missed <= _FORGET_AFTER]
+        for c in rest[: max(0, _MAX_HOPEFULS - len(self._hopefuls))]:
+            self._hopefuls.append(_Hopeful(newest=c, first_s=t_s, newest_s=t_s, scores=[_worth(c, known_size_px)]))
+
+    def _decide(self, t_s: float) -> Found | None:
+        """Return the best one if it is sure and no other comes near it."""
+        c = self._config
+        ranked = sorted(self._hopefuls, key=lambda h: -h.weight() * min(h.seen, c.frames))
+        if not ranked:
+            return None
+        best = ranked[0]
+        if best.newest_s < t_s or best.seen < c.frames or t_s - best.first_s < c.span_s:
+            return None
+        if best.seen < c.seen_share * best.frames:
+            return None
+        # several readings of one thing do not compete
+        rivals = [h for h in ranked[1:] if not overlaps(h.newest.box, best.newest.box) and h.newest_s == t_s]
+        lead = best.weight() / max((h.weight() for h in rivals), default=1e-9)
+        if lead < c.clear_lead and t_s - best.first_s < c.undecided_s:
+            return None
+        return Found(candidate=best.newest, velocity_px_s=best.velocity_px_s)
+
+
+def _worth(c: Candidate, known_size_px: float | None) -> float:
+    weight = _MOVING_WEIGHT if c.moving else 1.0
+    if known_size_px is not None:
+        small, large = sorted((max(size_of(c.box), _LEAST_SIZE_PX), max(known_size_px, _LEAST_SIZE_PX)))
+        weight *= _KNOWN_WEIGHT if large < _KNOWN_RATIO * small else 1.0
+    return weight * min(c.score, _ENOUGH)
+
+
+def _nearest(hopeful: _Hopeful, candidates: list[Candidate], t_s: float) -> Candidate | None:
+    """Return the candidate that goes on with ``hopeful`` best."""
+    u, v = hopeful.place(t_s)
+    old = max(size_of(hopeful.newest.box), 3.0)
+    reach = (_GATE_PX + _GATE_SIZES * old) * (1 + hopeful.missed)
+    best, least = None, math.inf
+    for c in candidates:
+        ratio = max(size_of(c.box), 3.0) / old
+        if not 1.0 / _SIZE_RATIO <= ratio <= _SIZE_RATIO:
+            continue
+        distance = math.hypot(c.u_px - u, c.v_px - v) + 5.0 * abs(math.log(ratio))
+        if distance <= reach and distance < least:
+            best, least = c, distance
+    return best
+
+
+def _advance(hopeful: _Hopeful, c: Candidate, t_s: float, worth: float) -> None:
+    """Take a candidate as the newest sight of ``hopeful``."""
+    dt = t_s - hopeful.newest_s
+    u, v = hopeful.place(t_s)
+    gain = 1.0 if hopeful.seen == 1 else _VELOCITY_GAIN
+    du, dv = hopeful.velocity_px_s
+    hopeful.velocity_px_s = (du + gain * (c.u_px - u) / dt, dv + gain * (c.v_px - v) / dt)
+    hopeful.newest, hopeful.newest_s = c, t_s
+    hopeful.seen += 1
+    hopeful.missed = 0
+    hopeful.scores.append(worth)

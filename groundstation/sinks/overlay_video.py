@@ -1,0 +1,98 @@
+"""What the tracker of one camera sees, drawn into its pictures, and these written as a video."""
+
+from pathlib import Path
+from types import TracebackType
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from groundstation.arrays import ImageArray
+from groundstation.detection.pixel_track import PixelTrack
+from groundstation.errors import InputError
+from groundstation.messages import Detection
+
+Colour = tuple[int, int, int]
+
+# BGR
+_ROI: Colour = (90, 225, 255)
+_CONTOUR: Colour = (120, 230, 120)
+_BOX: Colour = (255, 220, 90)
+_TARGET: Colour = (60, 60, 255)
+_TEXT: Colour = (255, 255, 255)
+_SHADOW: Colour = (0, 0, 0)
+_CROSS_PX = 9
+_BOX_MARGIN_PX = 3  # the box is drawn around the silhouette, not over its rim
+_SHIFT = 4  # cv2 draws lines to 1/16 px
+# 4 characters of 8 bits, as OpenCV packs them
+_MP4V = sum(ord(c) << 8 * i for i, c in enumerate("mp4v"))
+
+
+def draw_track(image: ImageArray, index: int, track: PixelTrack) -> ImageArray:
+    """Return a copy of a frame (h, w, 3) BGR with region of interest, outline, box, target point and status."""
+    picture = image.copy()
+    if track.roi is not None:
+        r = track.roi
+        cv2.rectangle(picture, (r.x, r.y), (r.x + r.w - 1, r.y + r.h - 1), _ROI, 1)
+    if isinstance(track.result, Detection):
+        found = track.result
+        cv2.polylines(picture, _pieces(found.contour_px), True, _CONTOUR, 1, cv2.LINE_AA, _SHIFT)
+        x, y, w, h = found.box
+        corner, opposite = (
+            (round(x) - _BOX_MARGIN_PX, round(y) - _BOX_MARGIN_PX),
+            (
+                round(x + w) + _BOX_MARGIN_PX,
+                round(y + h) + _BOX_MARGIN_PX,
+            ),
+        )
+        cv2.rectangle(picture, corner, opposite, _BOX, 1)
+        cv2.drawMarker(picture, (round(found.u_px), round(found.v_px)), _TARGET, cv2.MARKER_CROSS, _CROSS_PX, 1)
+    _write(picture, f"{index}  {track.t_s:.2f} s  {track.status.value}")
+    return picture
+
+
+def _pieces(contour_px: NDArray[np.float32]) -> list[NDArray[np.int32]]:
+    """Return the closed pieces of an outline (n, 2) that rows of NaN separate, in 1/16 px."""
+    gaps = np.isnan(contour_px[:, 0])
+    pieces = np.split(contour_px, np.flatnonzero(gaps))
+    whole = [p[~np.isnan(p[:, 0])] for p in pieces]
+    return [np.round(p * 2**_SHIFT).astype(np.int32).reshape(-1, 1, 2) for p in whole if len(p)]
+
+
+def _write(picture: ImageArray, text: str) -> None:
+    """Write a line at the top, readable on any background."""
+    scale = max(0.4, picture.shape[1] / 1600)
+    place = (6, round(6 + 26 * scale))
+    for colour, width in ((_SHADOW, 3), (_TEXT, 1)):
+        cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, width, cv2.LINE_AA)
+
+
+class OverlayVideo:
+    """An MP4 video of drawn frames.
+
+    Parameters
+    ----------
+    path : the file, `….mp4`; an older one is replaced.
+    size_px : (w, h) of every frame.
+    rate_hz : frames per second.
+    """
+
+    def __init__(self, path: Path, size_px: tuple[int, int], rate_hz: float) -> None:
+        try:
+            # OpenCV does not say why it cannot write
+            path.open("wb").close()
+        except OSError as fault:
+            raise InputError(str(path), got=str(fault.strerror), wanted="a video that can be written") from fault
+        self._writer = cv2.VideoWriter(str(path), _MP4V, rate_hz, size_px)
+        if not self._writer.isOpened():
+            raise InputError(str(path), got="a file that OpenCV cannot write", wanted="an .mp4 file of a usual size")
+
+    def __enter__(self) -> "OverlayVideo":
+        return self
+
+    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        self._writer.release()
+
+    def write(self, picture: ImageArray) -> None:
+        """Append a drawn frame (h, w, 3) BGR."""
+        self._writer.write(picture)

@@ -1,0 +1,80 @@
+"""Made-up films of a small aircraft before sky and hills, seen by a camera that may pan and shake."""
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+
+SIZE = (480, 360)
+RATE_HZ = 30.0
+Box = tuple[float, float, float, float]
+Place = tuple[float, float]
+
+
+def panorama(rng: np.random.Generator, size: tuple[int, int] = (1400, 700), horizon: int = 430) -> ImageArray:
+    """Return a wide sky over textured hills."""
+    w, h = size
+    y = np.linspace(0.0, 1.0, h)[:, None]
+    sky = 150.0 + 50.0 * y + np.linspace(0.0, 10.0, w)[None, :]
+    texture = sum(cv2.GaussianBlur(rng.normal(0.0, 14.0 * s, (h, w)), (0, 0), float(s)) for s in (2, 5))
+    hills = 80.0 + np.asarray(texture)
+    edge = horizon + 12.0 * np.sin(np.arange(w) / 60.0)
+    scene = np.where(np.arange(h)[:, None] > edge[None, :], hills, sky)
+    return np.repeat(np.clip(scene, 0, 255).astype(np.uint8)[:, :, None], 3, axis=2)
+
+
+@dataclass(kw_only=True)
+class Film:
+    """A camera that looks at part of a panorama, and an aircraft given in the panorama's px.
+
+    ``look(k)`` is the upper-left corner of the view, ``fly(k)`` the aircraft's middle, or None where it is hidden.
+    """
+
+    scene: ImageArray
+    rng: np.random.Generator
+    span_px: float = 26.0
+    level: float = -70.0
+    noise: float = 1.0
+    corner: Place = (300.0, 150.0)
+    pan_px: Place = (0.0, 0.0)
+    start: Place = (420.0, 300.0)
+    speed_px: Place = (2.0, 0.3)
+    hidden: range = field(default_factory=lambda: range(0))
+    jumps: dict[int, Place] = field(default_factory=dict)
+
+    def view(self, k: int) -> Place:
+        """Return the upper-left corner of frame ``k`` in the panorama."""
+        jump = np.sum([v for n, v in self.jumps.items() if n <= k] or [(0.0, 0.0)], axis=0)
+        return self.corner[0] + k * self.pan_px[0] + jump[0], self.corner[1] + k * self.pan_px[1] + jump[1]
+
+    def place(self, k: int) -> FloatArray:
+        """Return the middle of the aircraft (2,) in frame ``k``."""
+        x, y = self.view(k)
+        return np.array([self.start[0] + k * self.speed_px[0] - x, self.start[1] + k * self.speed_px[1] - y])
+
+    def box(self, k: int) -> Box:
+        """Return a loose box around the aircraft in frame ``k``."""
+        u, v = self.place(k)
+        return u - 0.65 * self.span_px, v - 0.4 * self.span_px, 1.3 * self.span_px, 0.8 * self.span_px
+
+    def frame(self, k: int) -> ImageArray:
+        """Return frame ``k``, (h, w, 3)."""
+        x, y = self.view(k)
+        shifted = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]])
+        picture = cv2.warpAffine(self.scene, shifted, SIZE, flags=cv2.INTER_LINEAR).astype(np.float64)
+        if k not in self.hidden:
+            picture += self.level * self._silhouette(k)[:, :, None]
+        picture = cv2.GaussianBlur(picture, (0, 0), 0.7) + self.rng.normal(0.0, self.noise, picture.shape)
+        return np.clip(np.round(picture), 0, 255).astype(np.uint8)
+
+    def _silhouette(self, k: int) -> FloatArray:
+        """Return wing, body and fin of the aircraft, (h, w) from 0 to 1."""
+        shape = np.zeros((SIZE[1], SIZE[0]))
+        u, v = self.place(k)
+        for x0, y0, x1, y1 in ((-0.5, -0.03, 0.5, 0.04), (-0.07, -0.1, 0.07, 0.12), (-0.02, -0.25, 0.02, 0.0)):
+            corner = (round((u + x0 * self.span_px) * 16), round((v + y0 * self.span_px) * 16))
+            opposite = (round((u + x1 * self.span_px) * 16), round((v + y1 * self.span_px) * 16))
+            cv2.rectangle(shape, corner, opposite, 1.0, cv2.FILLED, cv2.LINE_AA, 4)
+        return shape
