@@ -21,6 +21,7 @@ PHI_LIMIT = 3.0
 # added to |∇φ|² so that a flat φ can still move: next to nothing for the oracle, a slope of 0.1 for the band
 _FLAT_ORACLE = 1e-12
 _FLAT_BAND = 1e-2
+_LEAST_INSIDE = 0.5  # of the level that the target is expected to reach
 AT_REST = 0.02  # a change of φ per iteration that still counts as motion
 _ASLEEP = 0.001  # one that need not be followed up
 
@@ -113,7 +114,8 @@ def start(u: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float
             if inside[i, j] and u[i, j] > mean_in:
                 m_high += u[i, j]
                 n_high += 1
-    c1 = m_high / n_high if n_high else 1.0
+    # a contour that misses the target holds nothing but noise, and half of that stands out, too
+    c1 = max(m_high / n_high, _LEAST_INSIDE) if n_high else 1.0
     phi = np.empty(u.shape, np.float32)
     middle = 0.5 * (c1 + c2)
     gain = 8.0 * PHI_LIMIT * (1.0 if c1 > c2 else 0.0)
