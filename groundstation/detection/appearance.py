@@ -39,6 +39,15 @@ def mean_colour(
     return total / max(n, 1)
 
 
+@njit(cache=True, nogil=True)
+def _distance(seen: FloatArray, mean: FloatArray, variance: FloatArray, slack: float) -> float:
+    """Return the root mean square of the features' deviations in sigmas."""
+    total = 0.0
+    for k in range(seen.size):
+        total += (seen[k] - mean[k]) ** 2 / ((slack * _TOLERANCE[k]) ** 2 + variance[k])
+    return math.sqrt(total / seen.size)
+
+
 def features(colour: FloatArray, width: float, height: float, area: float) -> FloatArray:
     """Return the (5,) features of one silhouette."""
     shape = [math.log(max(height, 1.0) / max(width, 1.0)), math.log(max(area, 1.0) / max(width, 1.0) ** 2)]
@@ -58,8 +67,7 @@ class Appearance:
         if self.frames < _ENOUGH_FRAMES:
             return 0.0
         slack = 1.0 + _SMALL_PX / max(width, 1.0) * 0.5 + _AGEING_PER_MISS * misses
-        variance = (slack * _TOLERANCE) ** 2 + self.variance
-        return math.sqrt(float(np.mean((seen - self.mean) ** 2 / variance)))
+        return float(_distance(seen, self.mean, self.variance, slack))
 
     def learn(self, seen: FloatArray, rate: float) -> "Appearance":
         """Return the appearance after one more confident frame."""

@@ -24,7 +24,8 @@ class Memory:
 
 def choose(regions: Regions, look: Look, memory: Memory | None, config: DetectionConfig) -> Group | Miss:
     """Pick the group that is the target, or say why none is."""
-    sigma = math.sqrt(float(np.linalg.eigvalsh(look.covariance)[-1]))
+    uu, vv, uv = float(look.covariance[0, 0]), float(look.covariance[1, 1]), float(look.covariance[0, 1])
+    sigma = math.sqrt(0.5 * (uu + vv) + math.hypot(0.5 * (uu - vv), uv))
     span = look.span if look.span is not None else UNKNOWN_SPAN_PX
     x, y = look.predicted
     groups = groups_around(
@@ -86,9 +87,11 @@ def _score(group: Group, look: Look, heaviest: float, unlike: float, config: Det
 
 def _distance(group: Group, look: Look) -> float:
     """Return the squared distance of a group from the prediction in sigmas; its nose may be off its centre."""
-    spread = look.covariance + (1.0 + (0.15 * group.width) ** 2) * np.eye(2)
-    offset = group.centre - look.predicted
-    return float(offset @ np.linalg.solve(spread, offset))
+    off_centre = 1.0 + (0.15 * group.width) ** 2
+    a, b = float(look.covariance[0, 0]) + off_centre, float(look.covariance[1, 1]) + off_centre
+    c = float(look.covariance[0, 1])
+    x, y = float(group.centre[0] - look.predicted[0]), float(group.centre[1] - look.predicted[1])
+    return (b * x * x - 2.0 * c * x * y + a * y * y) / (a * b - c * c)
 
 
 def features_of(group: Group, regions: Regions, look: Look) -> FloatArray:

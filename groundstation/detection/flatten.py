@@ -17,6 +17,7 @@ from groundstation.arrays import ImageArray
 Float32Array = NDArray[np.float32]
 
 _BLOCKS = 5  # across the median's window
+_ALIKE = 12  # squared grey levels over three channels: not worth looking at the neighbours
 _FLAT = 6  # grey levels between neighbouring blocks that interpolation bridges
 
 
@@ -92,21 +93,25 @@ def _subtract(
 
 
 @njit(cache=True, nogil=True, inline="always")
+def _apart(blue: int, green: int, red: int, median: ImageArray, p: int, q: int) -> tuple[int, int, int]:
+    """Return how far a colour is from a block's; whole numbers without a sign would wrap."""
+    return blue - np.int32(median[p, q, 0]), green - np.int32(median[p, q, 1]), red - np.int32(median[p, q, 2])
+
+
+@njit(cache=True, nogil=True, inline="always")
 def _nearest(image: ImageArray, median: ImageArray, a: int, b: int, i: int, j: int, out: Float32Array) -> None:
     """Write one pixel's difference from the one of the nine nearest blocks that it resembles most."""
     blue, green, red = np.int32(image[i, j, 0]), np.int32(image[i, j, 1]), np.int32(image[i, j, 2])
-    least = np.int32(1 << 30)
-    d_blue, d_green, d_red = np.int32(0), np.int32(0), np.int32(0)
-    for p in range(max(a - 1, 0), min(a + 2, median.shape[0])):
-        for q in range(max(b - 1, 0), min(b + 2, median.shape[1])):
-            # whole numbers without a sign would wrap
-            e0 = blue - np.int32(median[p, q, 0])
-            e1 = green - np.int32(median[p, q, 1])
-            e2 = red - np.int32(median[p, q, 2])
-            misfit = e0 * e0 + e1 * e1 + e2 * e2
-            if misfit < least:
-                least = misfit
-                d_blue, d_green, d_red = e0, e1, e2
+    d_blue, d_green, d_red = _apart(blue, green, red, median, a, b)
+    least = d_blue * d_blue + d_green * d_green + d_red * d_red
+    if least > _ALIKE:
+        for p in range(max(a - 1, 0), min(a + 2, median.shape[0])):
+            for q in range(max(b - 1, 0), min(b + 2, median.shape[1])):
+                e0, e1, e2 = _apart(blue, green, red, median, p, q)
+                misfit = e0 * e0 + e1 * e1 + e2 * e2
+                if misfit < least:
+                    least = misfit
+                    d_blue, d_green, d_red = e0, e1, e2
     out[0, i, j] = 0.114 * d_blue + 0.587 * d_green + 0.299 * d_red
     out[1, i, j] = 0.5 * (d_blue - d_red)
     out[2, i, j] = 0.5 * d_green - 0.25 * (d_blue + d_red)

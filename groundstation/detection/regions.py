@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from groundstation.arrays import FloatArray
 
 LabelArray = NDArray[np.int32]
+Rows = dict[int, list[float]]
 _MAX_REGIONS = 400
 _MAX_SEEDS = 8
 _LEAST_SHARE = 0.01
@@ -126,79 +127,81 @@ def groups_around(
     ``rim_is_open`` says for the left, top, right and bottom edge
     whether the scene goes on beyond it (a region there is part of something larger).
     """
-    table = regions.table
-    if table.shape[0] <= 1:
-        return []
     h, w = regions.labels.shape
-    keep = [int(k) for k in np.argsort(-table[1:, _MASS])[:_MAX_REGIONS] + 1 if table[k, _PEAK] >= min_peak]
-    opened = {k for k in keep if _touches(table[k], w, h, rim_is_open)}
-    keep = [k for k in keep if k not in opened]
+    order = (np.argsort(-regions.table[1:, _MASS])[:_MAX_REGIONS] + 1).tolist()
+    # plain numbers: a look has a handful of regions, and every call on an array of ten costs more than the sum
+    rows: Rows = {k: regions.table[k].tolist() for k in order if regions.table[k, _PEAK] >= min_peak}
+    opened = {k for k, row in rows.items() if _touches(row, w, h, rim_is_open)}
+    keep = [k for k in rows if k not in opened]
     groups: list[Group] = []
     seen: set[tuple[int, ...]] = set()
     for seed in keep:
-        row = table[seed]
+        row = rows[seed]
         dx = max(row[_X0] - near[0], near[0] - row[_X1] + 1, 0.0)
         dy = max(row[_Y0] - near[1], near[1] - row[_Y1] + 1, 0.0)
         if math.hypot(dx, dy) > reach:
             continue
         # a seed stands for itself, too: what lies close by may be another object
-        for members in (_grow(seed, keep, table, span, tallest), (seed,)):
+        for members in (_grow(seed, keep, rows, span, tallest), (seed,)):
             if members not in seen:
                 seen.add(members)
-                groups.append(_group(members, table))
+                groups.append(_group(members, rows))
         if len(groups) >= 2 * _MAX_SEEDS:
             break
     return groups
 
 
-def _touches(row: FloatArray, w: int, h: int, edges: tuple[bool, bool, bool, bool]) -> bool:
+def _touches(row: list[float], w: int, h: int, edges: tuple[bool, bool, bool, bool]) -> bool:
     """Return whether a region touches an edge beyond which the scene goes on."""
     left, top, right, bottom = edges
-    return bool(
-        (left and row[_X0] <= 0) or (top and row[_Y0] <= 0) or (right and row[_X1] >= w) or (bottom and row[_Y1] >= h)
-    )
+    return (left and row[_X0] <= 0) or (top and row[_Y0] <= 0) or (right and row[_X1] >= w) or (bottom and row[_Y1] >= h)
 
 
-def _grow(seed: int, keep: list[int], table: FloatArray, span: float | None, tallest: float) -> tuple[int, ...]:
+def _grow(seed: int, keep: list[int], rows: Rows, span: float | None, tallest: float) -> tuple[int, ...]:
     """Return the seed's label with those of the pieces close enough to belong to it, sorted."""
     members = {seed}
-    box = table[seed, _X0 : _Y1 + 1].copy()
-    largest = 1.25 * span if span is not None else 3.0 * max(box[2] - box[0], box[3] - box[1], 8.0)
-    gap = max(2.0, 0.12 * (span if span is not None else max(box[2] - box[0], box[3] - box[1])))
+    x0, y0, x1, y1 = rows[seed][_X0 : _Y1 + 1]
+    mass = rows[seed][_MASS]
+    largest = 1.25 * span if span is not None else 3.0 * max(x1 - x0, y1 - y0, 8.0)
+    gap = max(2.0, 0.12 * (span if span is not None else max(x1 - x0, y1 - y0)))
+    highest = max(tallest * largest, 8.0)
     changed = True
     while changed:
         changed = False
         for k in keep:
-            if k in members or table[k, _MASS] > table[seed, _MASS]:
+            row = rows[k]
+            if k in members or row[_MASS] > mass or row[_MASS] < _LEAST_SHARE * mass:
                 continue
-            other = table[k, _X0 : _Y1 + 1]
-            dx = max(other[0] - box[2], box[0] - other[2], 0.0)
-            dy = max(other[1] - box[3], box[1] - other[3], 0.0)
+            a0, b0, a1, b1 = row[_X0 : _Y1 + 1]
+            apart = max(a0 - x1, x0 - a1, b0 - y1, y0 - b1, 0.0)
             # a speck belongs only if it all but touches; a severed wing may lie farther off
-            longest = max(other[2] - other[0], other[3] - other[1])
-            if max(dx, dy) > max(2.0, min(gap, longest)) or table[k, _MASS] < _LEAST_SHARE * table[seed, _MASS]:
+            if apart > max(2.0, min(gap, max(a1 - a0, b1 - b0))):
                 continue
-            union = np.concatenate([np.minimum(box[:2], other[:2]), np.maximum(box[2:], other[2:])])
-            if union[2] - union[0] > largest or union[3] - union[1] > max(tallest * largest, 8.0):
+            left, top, right, bottom = min(x0, a0), min(y0, b0), max(x1, a1), max(y1, b1)
+            if right - left > largest or bottom - top > highest:
                 continue
             members.add(k)
-            box = union
+            x0, y0, x1, y1 = left, top, right, bottom
             changed = True
     return tuple(sorted(members))
 
 
-def _group(members: tuple[int, ...], table: FloatArray) -> Group:
+def _group(members: tuple[int, ...], rows: Rows) -> Group:
     """Sum up the members."""
-    rows = table[list(members)]
-    mass, area = float(rows[:, _MASS].sum()), float(rows[:, _AREA].sum())
-    x0, y0 = rows[:, _X0].min(), rows[:, _Y0].min()
-    x1, y1 = rows[:, _X1].max(), rows[:, _Y1].max()
+    those = [rows[k] for k in members]
+    mass, area = sum(r[_MASS] for r in those), sum(r[_AREA] for r in those)
+    x, y = sum(r[_MASS_X] for r in those), sum(r[_MASS_Y] for r in those)
     return Group(
         labels=members,
-        box=(int(x0), int(y0), int(x1), int(y1)),
+        box=(
+            int(min(r[_X0] for r in those)),
+            int(min(r[_Y0] for r in those)),
+            int(max(r[_X1] for r in those)),
+            int(max(r[_Y1] for r in those)),
+        ),
         area=area,
         mass=mass,
-        centre=np.array([rows[:, _MASS_X].sum(), rows[:, _MASS_Y].sum()]) / max(mass, 1e-9),
+        centre=np.array([x, y]) / max(mass, 1e-9),
         contrast=mass / max(area, 1.0),
-        rim=bool(rows[:, _RIM].any()),
+        rim=any(r[_RIM] > 0 for r in those),
     )
