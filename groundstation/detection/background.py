@@ -9,11 +9,13 @@ another one shows. Where no kept frame knows the scene, the caller falls back on
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.detection.flatten import Plane, opponents, planes
 
 Float32Array = NDArray[np.float32]
 Box = tuple[int, int, int, int]
@@ -27,7 +29,7 @@ _MIN_TEXTURED = 40
 _MAX_SHIFT_SIGMA_PX = 0.1
 _MAX_MISFIT = 6.0  # grey levels, mean over the textured pixels
 _COARSE_STEP, _COARSE_REACH = 4, 10
-_GOOD_FIT = 4.0  # grey levels: no need to look at older frames
+_GOOD_FIT = 8.0  # grey levels: no need to look at older frames
 _UNKNOWN = 1e9
 _MIN_EDGE_PX, _MAX_EDGE_PX = 0.15, 0.25  # misregistration and interpolation, as px of the local gradient
 _CLIPPED = 30.0  # grey levels
@@ -232,6 +234,28 @@ def _difference(
                 edge[i, j] = gain * max(slope_0, slope_1, slope_2)
 
 
+@njit(cache=True, nogil=True, fastmath=True)
+def _steepness(plane: Plane, gain: float, edge: Float32Array) -> None:
+    """Raise ``edge`` to the plane's slope times ``gain``, inside its rim."""
+    scale = np.float32(0.5 * gain)
+    for i in range(1, plane.shape[0] - 1):
+        for j in range(1, plane.shape[1] - 1):
+            across = abs(np.int32(plane[i, j + 1]) - np.int32(plane[i, j - 1]))
+            down = abs(np.int32(plane[i + 1, j]) - np.int32(plane[i - 1, j]))
+            edge[i, j] = max(edge[i, j], scale * np.float32(across + down))
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _weigh(residual: Float32Array, valid: Box, hole: Box, misfit: Float32Array) -> None:
+    """Write how badly a frame fits, where it is ``valid`` and does not show the target (``hole``)."""
+    for i in range(valid[1], valid[3]):
+        for j in range(valid[0], valid[2]):
+            misfit[i, j] = abs(residual[0, i, j]) + np.float32(2) * (abs(residual[1, i, j]) + abs(residual[2, i, j]))
+    for i in range(max(hole[1], 0), min(hole[3], misfit.shape[0])):
+        for j in range(max(hole[0], 0), min(hole[2], misfit.shape[1])):
+            misfit[i, j] = np.float32(_UNKNOWN)
+
+
 class BackgroundMemory:
     """Whole frames of one camera with the target's place in each, and their shift to the newest image.
 
@@ -271,14 +295,29 @@ class BackgroundMemory:
         edge = np.zeros((h, w), np.float32)
         misfit = np.full((h, w), np.float32(_UNKNOWN))
         newest = self._order[0]
+        dx, dy = float(self._shifts[newest, 0]), float(self._shifts[newest, 1])
+        frame, hidden = self._frames[newest], _as_box(self._hidden[newest])
+        x0, y0 = origin[0] + dx, origin[1] + dy
+        under = np.array([[1.0, 0.0, x0], [0.0, 1.0, y0]])
+        shifted = cv2.warpAffine(frame, under, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+        window = image[origin[1] : origin[1] + h, origin[0] : origin[0] + w]
+        ground = planes(shifted)
+        opponents(planes(window), ground, residual)
+        for plane in ground:
+            _steepness(plane, self._edge_px, edge)
+        last = (math.floor(frame.shape[1] - 1 - x0), math.floor(frame.shape[0] - 1 - y0))
+        valid = (max(math.ceil(-x0), 0), max(math.ceil(-y0), 0), min(last[0], w), min(last[1], h))
+        top_left = (math.ceil(hidden[0] - x0), math.ceil(hidden[1] - y0))
+        hole = (*top_left, math.ceil(hidden[2] - x0), math.ceil(hidden[3] - y0))
+        _weigh(residual, valid, hole, misfit)
         # older frames serve where the target may be, and where the newest one hides the scene
-        hole = self._hidden[newest] - np.tile(self._shifts[newest], 2)
-        near = _part(target, (hole[0], hole[1], hole[2], hole[3]), origin, size)
-        for k in self._order:
+        near = _union(
+            (target[0] - origin[0], target[1] - origin[1], target[2] - origin[0], target[3] - origin[1]), hole, size
+        )
+        for k in self._order[1:]:
             shift = (float(self._shifts[k, 0]), float(self._shifts[k, 1]))
-            within = (0, 0, w, h) if k == newest else near
-            frame, hidden = self._frames[k], _as_box(self._hidden[k])
-            _difference(image, origin, within, frame, shift, hidden, self._edge_px, residual, edge, misfit)
+            hidden = _as_box(self._hidden[k])
+            _difference(image, origin, near, self._frames[k], shift, hidden, self._edge_px, residual, edge, misfit)
         return Difference(residual=residual, edge=edge, known=misfit < _UNKNOWN)
 
     def _register(self, image: ImageArray, origin: tuple[int, int], size: tuple[int, int], target: Box) -> bool:
@@ -320,11 +359,10 @@ class BackgroundMemory:
         self._age = 0
 
 
-def _part(a: Box, b: tuple[float, float, float, float], origin: tuple[int, int], size: tuple[int, int]) -> Box:
-    """Return the box in a window that holds two boxes of the image."""
-    x0, y0 = max(int(min(a[0], b[0])) - origin[0], 0), max(int(min(a[1], b[1])) - origin[1], 0)
-    x1, y1 = math.ceil(max(a[2], b[2])) - origin[0], math.ceil(max(a[3], b[3])) - origin[1]
-    return x0, y0, min(x1, size[0]), min(y1, size[1])
+def _union(a: Box, b: Box, size: tuple[int, int]) -> Box:
+    """Return the box that holds two boxes, within a window of this size."""
+    x0, y0 = max(min(a[0], b[0]), 0), max(min(a[1], b[1]), 0)
+    return x0, y0, min(max(a[2], b[2]), size[0]), min(max(a[3], b[3]), size[1])
 
 
 def _as_box(row: NDArray[np.int64]) -> Box:

@@ -6,6 +6,7 @@ it resembles most, so that both sides of the edge come out flat and only what ne
 """
 
 import math
+from typing import cast
 
 import cv2
 import numpy as np
@@ -15,85 +16,60 @@ from numpy.typing import NDArray
 from groundstation.arrays import ImageArray
 
 Float32Array = NDArray[np.float32]
+Plane = NDArray[np.uint8] | NDArray[np.float32]
+Planes = tuple[Plane, Plane, Plane]
 
 _BLOCKS = 5  # across the median's window
 _ALIKE = 12  # squared grey levels over three channels: not worth looking at the neighbours
+_NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 _FLAT = 6  # grey levels between neighbouring blocks that interpolation bridges
 
 
-@njit(cache=True, nogil=True)
 def _block_means(image: ImageArray, step: int) -> ImageArray:
-    """Return the (⌈h/step⌉, ⌈w/step⌉, 3) means of square blocks; those at the far edges may be cut."""
+    """Return the (⌈h/step⌉, ⌈w/step⌉, 3) means of square blocks; the last ones repeat the image's edge."""
     h, w = image.shape[:2]
     rows, columns = (h + step - 1) // step, (w + step - 1) // step
-    means = np.empty((rows, columns, 3), np.uint8)
-    total = np.empty(3 * columns, np.int32)
-    for a in range(rows):
-        total[:] = 0
-        first, last = a * step, min((a + 1) * step, h)
-        for i in range(first, last):
-            for b in range(columns):
-                s0, s1, s2 = 0, 0, 0
-                for j in range(b * step, min((b + 1) * step, w)):
-                    s0 += image[i, j, 0]
-                    s1 += image[i, j, 1]
-                    s2 += image[i, j, 2]
-                total[3 * b] += s0
-                total[3 * b + 1] += s1
-                total[3 * b + 2] += s2
-        for b in range(columns):
-            n = (last - first) * (min((b + 1) * step, w) - b * step)
-            for c in range(3):
-                means[a, b, c] = (total[3 * b + c] + n // 2) // n
-    return means
+    padded = cv2.copyMakeBorder(image, 0, rows * step - h, 0, columns * step - w, cv2.BORDER_REPLICATE)
+    return np.asarray(cv2.resize(padded, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-@njit(cache=True, nogil=True)
 def _edges(median: ImageArray) -> NDArray[np.bool_]:
     """Return the blocks whose neighbourhood holds an edge."""
-    rows, columns = median.shape[:2]
-    found = np.zeros((rows, columns), np.bool_)
-    for a in range(rows):
-        for b in range(columns):
-            for c in range(3):
-                low, high = 255, 0
-                for p in range(max(a - 1, 0), min(a + 2, rows)):
-                    for q in range(max(b - 1, 0), min(b + 2, columns)):
-                        low, high = min(low, median[p, q, c]), max(high, median[p, q, c])
-                if high - low > _FLAT:
-                    found[a, b] = True
-                    break
-    return found
+    spread = cv2.subtract(cv2.dilate(median, _NEIGHBOURHOOD), cv2.erode(median, _NEIGHBOURHOOD))
+    widest = cv2.max(cv2.max(spread[:, :, 0], spread[:, :, 1]), spread[:, :, 2])
+    return np.asarray(widest > _FLAT, np.bool_)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _subtract(
-    image: ImageArray,
-    smooth: Float32Array,
-    median: ImageArray,
-    edges: NDArray[np.bool_],
-    step: int,
-    out: Float32Array,
-) -> None:
-    """Write grey, blue minus red and green minus magenta of the image less its background into (3, h, w)."""
-    h, w = image.shape[:2]
-    for i in range(h):
-        for j in range(w):
-            blue = np.float32(image[i, j, 0]) - smooth[i, j, 0]
-            green = np.float32(image[i, j, 1]) - smooth[i, j, 1]
-            red = np.float32(image[i, j, 2]) - smooth[i, j, 2]
-            out[0, i, j] = np.float32(0.114) * blue + np.float32(0.587) * green + np.float32(0.299) * red
-            out[1, i, j] = np.float32(0.5) * (blue - red)
-            out[2, i, j] = np.float32(0.5) * green - np.float32(0.25) * (blue + red)
-        a = i // step
-        for b in range(median.shape[1]):
+def opponents(colour: Planes, ground: Planes, out: Float32Array) -> None:
+    """Write grey, blue minus red and green minus magenta of a colour less another, plane by plane, into (3, h, w)."""
+    blue, green, red = colour
+    blue_0, green_0, red_0 = ground
+    for i in range(out.shape[1]):
+        for j in range(out.shape[2]):
+            b = np.float32(blue[i, j]) - np.float32(blue_0[i, j])
+            g = np.float32(green[i, j]) - np.float32(green_0[i, j])
+            r = np.float32(red[i, j]) - np.float32(red_0[i, j])
+            out[0, i, j] = np.float32(0.114) * b + np.float32(0.587) * g + np.float32(0.299) * r
+            out[1, i, j] = np.float32(0.5) * (b - r)
+            out[2, i, j] = np.float32(0.5) * g - np.float32(0.25) * (b + r)
+
+
+@njit(cache=True, nogil=True)
+def _keep_edges(image: ImageArray, median: ImageArray, edges: NDArray[np.bool_], step: int, out: Float32Array) -> None:
+    """Where a block has an edge in its neighbourhood, take for each pixel the block that it resembles most."""
+    for a in range(edges.shape[0]):
+        for b in range(edges.shape[1]):
             if edges[a, b]:
-                for j in range(b * step, min((b + 1) * step, w)):
-                    _nearest(image, median, a, b, i, j, out)
+                for i in range(a * step, min((a + 1) * step, image.shape[0])):
+                    for j in range(b * step, min((b + 1) * step, image.shape[1])):
+                        _nearest(image, median, a, b, i, j, out)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _apart(blue: int, green: int, red: int, median: ImageArray, p: int, q: int) -> tuple[int, int, int]:
+def _apart(
+    blue: np.int32, green: np.int32, red: np.int32, median: ImageArray, p: int, q: int
+) -> tuple[np.int32, np.int32, np.int32]:
     """Return how far a colour is from a block's; whole numbers without a sign would wrap."""
     return blue - np.int32(median[p, q, 0]), green - np.int32(median[p, q, 1]), red - np.int32(median[p, q, 2])
 
@@ -117,6 +93,12 @@ def _nearest(image: ImageArray, median: ImageArray, a: int, b: int, i: int, j: i
     out[2, i, j] = 0.5 * d_green - 0.25 * (d_blue + d_red)
 
 
+def planes(image: NDArray[np.generic]) -> Planes:
+    """Return blue, green and red of an image (h, w, 3), each (h, w) and contiguous."""
+    blue, green, red = cv2.split(np.asarray(image))
+    return cast(Planes, (blue, green, red))
+
+
 def flatten(image: ImageArray, window: float) -> Float32Array:
     """Return the image less its background.
 
@@ -134,5 +116,8 @@ def flatten(image: ImageArray, window: float) -> Float32Array:
     out = np.empty((3, *image.shape[:2]), np.float32)
     rows, columns = median.shape[:2]
     smooth = cv2.resize(median.astype(np.float32), (columns * step, rows * step), interpolation=cv2.INTER_LINEAR)
-    _subtract(image, np.asarray(smooth, np.float32), median, _edges(median), step, out)
+    h, w = image.shape[:2]
+    # plane by plane: pixels of three bytes would keep the compiler from working on many at a time
+    opponents(planes(image), planes(smooth[:h, :w]), out)
+    _keep_edges(image, median, _edges(median), step, out)
     return out

@@ -29,11 +29,12 @@ def _bin(value: float, width: float, bins: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _palette(residual: Float32Array, width: FloatArray, keep_out: tuple[int, int, int, int]) -> Float32Array:
-    """Return what is left of each colour bin's contrast, by its share among the residuals outside the box."""
+    """Return the smoothed share of each colour bin among the residuals outside the box."""
     x0, y0, x1, y1 = keep_out
     shape = (_BINS[0], _BINS[1], _BINS[2])
     count = np.zeros(shape, np.int32)
-    n = 0
+    used = np.empty((shape[0] * shape[1] * shape[2], 3), np.int32)
+    n, bins = 0, 0
     for i in range(0, residual.shape[1], 2):
         for j in range(0, residual.shape[2], 2):
             if y0 <= i < y1 and x0 <= j < x1:
@@ -41,37 +42,34 @@ def _palette(residual: Float32Array, width: FloatArray, keep_out: tuple[int, int
             a = _bin(residual[0, i, j], width[0], shape[0])
             b = _bin(residual[1, i, j], width[1], shape[1])
             c = _bin(residual[2, i, j], width[2], shape[2])
+            if count[a, b, c] == 0:
+                used[bins, 0], used[bins, 1], used[bins, 2] = a, b, c
+                bins += 1
             count[a, b, c] += 1
             n += 1
     share = np.zeros(shape, np.float32)
-    for a in range(shape[0]):
-        for b in range(shape[1]):
-            for c in range(shape[2]):
-                if count[a, b, c] == 0:
-                    continue
-                value = np.float32(count[a, b, c] / n)
-                for p in range(max(a - 1, 0), min(a + 2, shape[0])):
-                    for q in range(max(b - 1, 0), min(b + 2, shape[1])):
-                        for r in range(max(c - 1, 0), min(c + 2, shape[2])):
-                            share[p, q, r] += value
-    low, high = math.log(_COMMON), math.log(_RARE)
-    for a in range(shape[0]):
-        for b in range(shape[1]):
-            for c in range(shape[2]):
-                rarity = (math.log(share[a, b, c]) - low) / (high - low) if share[a, b, c] > _RARE else 1.0
-                share[a, b, c] = max(0.0, rarity)
+    for k in range(bins):
+        a, b, c = used[k]
+        value = np.float32(count[a, b, c] / n)
+        for p in range(max(a - 1, 0), min(a + 2, shape[0])):
+            for q in range(max(b - 1, 0), min(b + 2, shape[1])):
+                for r in range(max(c - 1, 0), min(c + 2, shape[2])):
+                    share[p, q, r] += value
     return share
 
 
 @njit(cache=True, nogil=True)
-def _discount(residual: Float32Array, width: FloatArray, left: Float32Array, contrast: Float32Array) -> None:
+def _discount(residual: Float32Array, width: FloatArray, share: Float32Array, contrast: Float32Array) -> None:
     """Scale the contrast of each pixel down where its colour is common in the surroundings."""
+    low, high = math.log(_COMMON), math.log(_RARE)
     for i in range(contrast.shape[0]):
         for j in range(contrast.shape[1]):
             if contrast[i, j] > _NOISE:
-                a = _bin(residual[0, i, j], width[0], left.shape[0])
-                b = _bin(residual[1, i, j], width[1], left.shape[1])
-                contrast[i, j] *= left[a, b, _bin(residual[2, i, j], width[2], left.shape[2])]
+                a = _bin(residual[0, i, j], width[0], share.shape[0])
+                b = _bin(residual[1, i, j], width[1], share.shape[1])
+                p = share[a, b, _bin(residual[2, i, j], width[2], share.shape[2])]
+                if p > _RARE:
+                    contrast[i, j] *= max(0.0, (math.log(p) - low) / (high - low))
 
 
 def discount_common_colours(

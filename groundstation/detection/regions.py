@@ -154,7 +154,9 @@ def groups_around(
 def _touches(row: list[float], w: int, h: int, edges: tuple[bool, bool, bool, bool]) -> bool:
     """Return whether a region touches an edge beyond which the scene goes on."""
     left, top, right, bottom = edges
-    return (left and row[_X0] <= 0) or (top and row[_Y0] <= 0) or (right and row[_X1] >= w) or (bottom and row[_Y1] >= h)
+    return (
+        (left and row[_X0] <= 0) or (top and row[_Y0] <= 0) or (right and row[_X1] >= w) or (bottom and row[_Y1] >= h)
+    )
 
 
 def _grow(seed: int, keep: list[int], rows: Rows, span: float | None, tallest: float) -> tuple[int, ...]:
