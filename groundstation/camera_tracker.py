@@ -28,7 +28,7 @@ _UNKNOWN_SPAN_SIGMA = 0.7
 _LEARNT_AFTER = 10
 _LEARNING_RATE = 0.1
 # contrast on all channels is measured in one of so many detections: it is for the report, not for the detector
-_CONTRAST_EVERY = 10
+_CONTRAST_EVERY = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -5,10 +5,12 @@ maximum-likelihood point, which weighs each ray by its own noise, and gives its 
 back into the filter, except to start it.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.station import LensError, Ray, StationGeometry
@@ -52,10 +54,14 @@ def midpoint(rays: Sequence[Ray]) -> tuple[FloatArray, float] | None:
         across = np.eye(3) - np.outer(r.direction_runway, r.direction_runway)
         A += across
         b += across @ r.origin_runway_m
-    if np.linalg.cond(A) > 1.0 / _MIN_RAY_ANGLE_SINE**2:
+    if not _solvable(A, 1.0 / _MIN_RAY_ANGLE_SINE**2):
         return None
     point = np.asarray(np.linalg.solve(A, b), dtype=np.float64)
-    distances = [np.linalg.norm(np.cross(point - r.origin_runway_m, r.direction_runway)) for r in rays]
+    distances = []
+    for r in rays:
+        to = point - r.origin_runway_m
+        along = float(to @ r.direction_runway)
+        distances.append(math.sqrt(max(float(to @ to) - along * along, 0.0)))
     return point, 2.0 * float(max(distances))
 
 
@@ -103,11 +109,42 @@ def _normal_equations(views: Sequence[View], point: FloatArray) -> _Normal:
         projection = v.station.project(point, v.pan_rad, v.tilt_rad)
         if projection is None:
             return _Normal(information=information, gradient=gradient, chi2=chi2, in_front=False)
-        J = projection.jacobian[:, :3]
-        weight = np.linalg.inv(pixel_covariance(v, projection.jacobian))
         residual = v.pixel - projection.pixel
-        information += J.T @ weight @ J
-        gradient += J.T @ weight @ residual
-        chi2 += float(residual @ weight @ residual)
-    solvable = bool(np.linalg.cond(information) < 1e14)
-    return _Normal(information=information, gradient=gradient, chi2=chi2, in_front=solvable)
+        chi2 += _add_view(information, gradient, residual, projection.jacobian, v.covariance_px2, v.angle_sigma_rad)
+    return _Normal(information=information, gradient=gradient, chi2=chi2, in_front=_solvable(information, 1e14))
+
+
+@njit(cache=True, nogil=True)
+def _add_view(
+    information: FloatArray,
+    gradient: FloatArray,
+    residual: FloatArray,
+    jacobian: FloatArray,
+    covariance_px2: FloatArray,
+    angle_sigma_rad: float,
+) -> float:
+    """Add one camera's share to the normal equations in place; returns its χ²."""
+    S = covariance_px2.copy()
+    for a in range(2):
+        for b in range(2):
+            for k in range(3, 5):
+                S[a, b] += angle_sigma_rad**2 * jacobian[a, k] * jacobian[b, k]
+    det = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0]
+    weight = np.array([[S[1, 1], -S[0, 1]], [-S[1, 0], S[0, 0]]]) / det
+    chi2 = 0.0
+    for a in range(2):
+        for b in range(2):
+            w = weight[a, b]
+            chi2 += residual[a] * w * residual[b]
+            for i in range(3):
+                gradient[i] += jacobian[a, i] * w * residual[b]
+                for j in range(3):
+                    information[i, j] += jacobian[a, i] * w * jacobian[b, j]
+    return chi2
+
+
+@njit(cache=True, nogil=True)
+def _solvable(A: FloatArray, most: float) -> bool:
+    """Return whether a symmetric matrix (3, 3) is positive and conditioned better than ``most``."""
+    values = np.linalg.eigvalsh(A)
+    return bool(values[0] > 0.0 and values[-1] < most * values[0])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
+from groundstation.detection import registration
 from groundstation.detection.appearance import first_look
 from groundstation.detection.background import BackgroundMemory, Difference
 from groundstation.detection.choice import Memory, choose, features_of
@@ -199,6 +200,7 @@ def _outline(member: NDArray[np.uint8], look: Look, corner: FloatArray) -> NDArr
 
 def warm_up() -> None:
     """Compile every kernel by a few looks at a small synthetic scene that moves behind its target."""
+    registration.warm_up()
     y, x = np.mgrid[0:96, 0:160]
     scene = (150 + 40 * ((x // 9 + y // 7) % 2)).astype(np.uint8)
     detector = Detector(DetectionConfig(), (160, 96))

@@ -17,10 +17,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
-from groundstation.detection.background import Box, Difference
+from groundstation.detection.background import Difference
 from groundstation.detection.config import Channel, DetectionConfig
 from groundstation.detection.flatten import flatten
 from groundstation.detection.palette import discount_common_colours
+from groundstation.detection.registration import Box
 from groundstation.messages import Roi
 
 Float32Array = NDArray[np.float32]

@@ -1,4 +1,4 @@
-"""The extended Kalman filter over the aircraft and the PTUs, on filterpy's `ExtendedKalmanFilter`.
+"""The extended Kalman filter over the aircraft and the PTUs, on filterpy's filter.
 
 Every reading is an update of its own at its own time: an encoder reading of a station, a pixel of a camera.
 Updates are in Joseph form. The paper's Section 4.2; its lost equations are written out in docs/derivation.md.
@@ -8,10 +8,10 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.compiled_filter import CompiledKalmanFilter, innovation_covariance
 from groundstation.estimation.config import EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.field_of_view import paper_weight, probability_in_view
 from groundstation.estimation.measurement import PixelPrediction, encoder_jacobian, predict_pixel
@@ -48,7 +48,7 @@ class StationEkf:
         self._config = config
         self._motion = MotionModel(self.layout, config.acceleration_psd_m2_s3, config.ptu_acceleration_psd_rad2_s3)
         self._gate = float(chi2.ppf(config.gate_probability, 2))
-        self._filter = ExtendedKalmanFilter(dim_x=self.layout.size, dim_z=2)
+        self._filter = CompiledKalmanFilter(dim_x=self.layout.size, dim_z=2)
         self._filter.x = np.zeros(self.layout.size)
         self._filter.P = np.zeros((self.layout.size, self.layout.size))
         self._read: set[str] = set()
@@ -143,13 +143,14 @@ class StationEkf:
         rate = x[rates]
         extra = self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
         R = np.diag(sigma_rad**2 + extra + (clock_sigma_s * rate) ** 2)
-        predicted = H @ x
+        predicted = x[where] + ahead_s * rate
         residual = np.array([wrap_rad(angles_rad[k] - predicted[k]) for k in range(2)])
-        S = H @ P @ H.T + R
-        nis = float(residual @ np.linalg.solve(S, residual))
-        accepted = bool(np.all(np.abs(residual) <= self._config.encoder_gate_sigma * np.sqrt(np.diag(S))))
+        S = innovation_covariance(P, H, R)
+        nis = _squared_sigmas(residual, S)
+        allowed = self._config.encoder_gate_sigma**2
+        accepted = all(residual[k] ** 2 <= allowed * S[k, k] for k in range(2))
         if accepted:
-            self._filter.update(predicted + residual, lambda _: H, lambda _: predicted, R=R)
+            self._filter.correct(residual, H, R)
         else:
             diagonal = np.arange(where.start, where.stop)
             P[diagonal, diagonal] += residual**2
@@ -182,22 +183,28 @@ class StationEkf:
         if prediction is None:
             return None
         H = prediction.jacobian
-        spread = H @ self._filter.P @ H.T
+        spread = self.pixel_covariance(prediction)
         residual = pixel - prediction.pixel
         S = spread + covariance_px2
-        nis = float(residual @ np.linalg.solve(S, residual))
+        nis = _squared_sigmas(residual, S)
         accepted = nis <= self._gate
         if accepted:
-            R, z = covariance_px2, pixel
+            R, moved = covariance_px2, residual
             size = self._stations[station].image_size_px
             if self._config.out_of_view is OutOfViewWeighting.PAPER:
                 T = paper_weight(prediction.pixel, size, self._config.paper_border_sigma_px)
-                z = T * pixel + (1.0 - T) * prediction.pixel
+                moved = T * residual
             else:
                 R = covariance_px2 / max(probability_in_view(prediction.pixel, spread, size), 1e-6)
-            self._filter.update(z, lambda _: H, lambda _: prediction.pixel, R=R)
+            self._filter.correct(moved, H, R)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 
     def pixel_covariance(self, prediction: PixelPrediction) -> FloatArray:
         """Return the (2, 2) covariance of a predicted pixel."""
-        return prediction.jacobian @ self._filter.P @ prediction.jacobian.T
+        return innovation_covariance(self._filter.P, prediction.jacobian, np.zeros((2, 2)))
+
+
+def _squared_sigmas(residual: FloatArray, S: FloatArray) -> float:
+    """Return residualᵀ S⁻¹ residual of two numbers."""
+    a, b = float(residual[0]), float(residual[1])
+    return (S[1, 1] * a * a - (S[0, 1] + S[1, 0]) * a * b + S[0, 0] * b * b) / (S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])

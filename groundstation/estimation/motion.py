@@ -6,9 +6,13 @@ rate: over Δt it adds PSD·[[Δt³/3, Δt²/2], [Δt²/2, Δt]] to each (positi
 """
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.state import StateLayout
+
+IndexArray = NDArray[np.int64]
 
 
 class MotionModel:
@@ -42,16 +46,28 @@ class MotionModel:
 
     def transition(self, dt_s: float) -> FloatArray:
         """Return F, (n, n), over ``dt_s`` seconds (which may be negative)."""
-        F = np.eye(self._size)
-        F[self._pair_of] = dt_s
-        return F
+        return _transition(self._size, *self._pair_of, dt_s)
 
     def process_noise(self, dt_s: float) -> FloatArray:
         """Return Q, (n, n), gathered over ``|dt_s|`` seconds."""
-        value, slope = self._pair_of
-        dt = abs(dt_s)
-        Q = np.zeros((self._size, self._size))
-        Q[value, value] = self._psd * (dt**3 / 3.0)
-        Q[slope, slope] = self._psd * dt
-        Q[value, slope] = Q[slope, value] = self._psd * (np.sign(dt_s) * dt**2 / 2.0)
-        return Q
+        return _process_noise(self._size, *self._pair_of, self._psd, dt_s)
+
+
+@njit(cache=True, nogil=True)
+def _transition(size: int, values: IndexArray, slopes: IndexArray, dt_s: float) -> FloatArray:
+    F = np.eye(size)
+    for k in range(values.size):
+        F[values[k], slopes[k]] = dt_s
+    return F
+
+
+@njit(cache=True, nogil=True)
+def _process_noise(size: int, values: IndexArray, slopes: IndexArray, psd: FloatArray, dt_s: float) -> FloatArray:
+    dt = abs(dt_s)
+    Q = np.zeros((size, size))
+    for k in range(values.size):
+        a, b = values[k], slopes[k]
+        Q[a, a] = psd[k] * dt**3 / 3.0
+        Q[b, b] = psd[k] * dt
+        Q[a, b] = Q[b, a] = psd[k] * np.sign(dt_s) * dt**2 / 2.0
+    return Q

@@ -1,0 +1,162 @@
+"""Bringing one frame under another by a shift: textured pixels, a coarse raster, robust Gauss-Newton.
+
+Rows of ``textured`` pixels are x, y, grey, ∂x, ∂y in full-image coordinates; a shift (sx, sy) leads from the new
+image to the reference, where ``hidden`` x0, y0, x1, y1 is left out.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from groundstation.arrays import FloatArray, ImageArray
+
+Box = tuple[int, int, int, int]
+
+_MIN_TEXTURE = 3.0  # grey levels per px: gradients below it are noise
+MIN_TEXTURED = 40
+_COARSE_STEP, _COARSE_REACH = 4, 10
+_MIN_EDGE_PX, MAX_EDGE_PX = 0.15, 0.25  # misregistration and interpolation, as px of the local gradient
+_CLIPPED = 30.0  # grey levels
+
+
+@njit(cache=True, nogil=True)
+def _grey(image: ImageArray, y: int, x: int) -> float:
+    return 0.114 * image[y, x, 0] + 0.587 * image[y, x, 1] + 0.299 * image[y, x, 2]
+
+
+@njit(cache=True, nogil=True)
+def textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], keep_out: Box) -> FloatArray:
+    """Return the textured pixels of a window as rows x, y, grey, ∂x, ∂y (full-image coordinates)."""
+    x0, y0 = origin
+    w, h = size
+    height, width = image.shape[:2]
+    rows = np.empty((((h + 1) // 2) * ((w + 1) // 2), 5))
+    n = 0
+    for y in range(max(y0, 1), min(y0 + h, height - 1), 2):
+        for x in range(max(x0, 1), min(x0 + w, width - 1), 2):
+            if keep_out[0] <= x < keep_out[2] and keep_out[1] <= y < keep_out[3]:
+                continue
+            gx = 0.5 * (_grey(image, y, x + 1) - _grey(image, y, x - 1))
+            gy = 0.5 * (_grey(image, y + 1, x) - _grey(image, y - 1, x))
+            if gx * gx + gy * gy < _MIN_TEXTURE * _MIN_TEXTURE:
+                continue
+            rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3], rows[n, 4] = x, y, _grey(image, y, x), gx, gy
+            n += 1
+    return rows[:n]
+
+
+@njit(cache=True, nogil=True)
+def _sample(image: ImageArray, x: float, y: float) -> float:
+    """Return the grey level between pixels, or −1 outside."""
+    ix, iy = math.floor(x), math.floor(y)
+    if ix < 0 or iy < 0 or ix + 1 >= image.shape[1] or iy + 1 >= image.shape[0]:
+        return -1.0
+    fx, fy = x - ix, y - iy
+    top = (1 - fx) * _grey(image, iy, ix) + fx * _grey(image, iy, ix + 1)
+    return (1 - fy) * top + fy * ((1 - fx) * _grey(image, iy + 1, ix) + fx * _grey(image, iy + 1, ix + 1))
+
+
+@njit(cache=True, nogil=True)
+def mean_misfit(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float, every: int) -> float:
+    """Return the mean clipped difference of the textured pixels at one shift."""
+    total, n = 0.0, 0
+    for k in range(0, rows.shape[0], every):
+        x, y = rows[k, 0] + sx, rows[k, 1] + sy
+        if hidden[0] <= x < hidden[2] and hidden[1] <= y < hidden[3]:
+            continue
+        value = _sample(reference, x, y)
+        if value >= 0:
+            total += min(abs(value - rows[k, 2]), 30.0)
+            n += 1
+    return total / n if 3 * n * every >= rows.shape[0] else 1e9
+
+
+@njit(cache=True, nogil=True)
+def coarse(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> tuple[float, float]:
+    """Return the best shift on a coarse raster around a guess."""
+    every = max(rows.shape[0] // 300, 1)
+    best, bx, by = 1e9, sx, sy
+    for i in range(-_COARSE_REACH, _COARSE_REACH + 1):
+        for j in range(-_COARSE_REACH, _COARSE_REACH + 1):
+            tx, ty = sx + j * _COARSE_STEP, sy + i * _COARSE_STEP
+            value = mean_misfit(rows, reference, hidden, tx, ty, every)
+            if value < best:
+                best, bx, by = value, tx, ty
+    return bx, by
+
+
+@njit(cache=True, nogil=True)
+def refine(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> tuple[float, float, float]:
+    """Return the sub-pixel shift by robust Gauss-Newton, and its sigma in px (large when undetermined)."""
+    sigma = 1e9
+    for _ in range(10):
+        hxx, hxy, hyy, bx, by, square, n = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
+        for k in range(rows.shape[0]):
+            x, y = rows[k, 0] + sx, rows[k, 1] + sy
+            if hidden[0] <= x < hidden[2] and hidden[1] <= y < hidden[3]:
+                continue
+            value = _sample(reference, x, y)
+            if value < 0:
+                continue
+            e, gx, gy = value - rows[k, 2], rows[k, 3], rows[k, 4]
+            weight = 1.0 / (1.0 + (e / 8.0) ** 2)
+            hxx += weight * gx * gx
+            hxy += weight * gx * gy
+            hyy += weight * gy * gy
+            bx += weight * gx * e
+            by += weight * gy * e
+            square += weight * e * e
+            n += 1
+        determinant = hxx * hyy - hxy * hxy
+        if n < MIN_TEXTURED or determinant <= 1e-9:
+            return sx, sy, 1e9
+        dx, dy = (hyy * bx - hxy * by) / determinant, (hxx * by - hxy * bx) / determinant
+        length = math.hypot(dx, dy)
+        if length > 2.0:
+            dx, dy = 2.0 * dx / length, 2.0 * dy / length
+        sx -= dx
+        sy -= dy
+        smallest = 0.5 * (hxx + hyy) - math.sqrt(0.25 * (hxx - hyy) ** 2 + hxy * hxy)
+        sigma = math.sqrt(square / n / max(smallest, 1e-9))
+        if length < 0.01:
+            break
+    return sx, sy, sigma
+
+
+@njit(cache=True, nogil=True)
+def misplacement(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> float:
+    """Return how far, in px, the scene still lies off after the shift: how misfits grow with the gradient."""
+    n, s_g, s_e, s_gg, s_ge = 0, 0.0, 0.0, 0.0, 0.0
+    for k in range(rows.shape[0]):
+        x, y = rows[k, 0] + sx, rows[k, 1] + sy
+        if hidden[0] <= x < hidden[2] and hidden[1] <= y < hidden[3]:
+            continue
+        value = _sample(reference, x, y)
+        if value < 0:
+            continue
+        g = rows[k, 3] ** 2 + rows[k, 4] ** 2
+        e = min((value - rows[k, 2]) ** 2, _CLIPPED**2)
+        n += 1
+        s_g += g
+        s_e += e
+        s_gg += g * g
+        s_ge += g * e
+    spread = n * s_gg - s_g * s_g
+    if spread <= 0.0:
+        return MAX_EDGE_PX
+    # the gradient across a misplacement is on average 1/√2 of its length
+    square = 2.0 * (n * s_ge - s_g * s_e) / spread
+    return min(max(math.sqrt(max(square, 0.0)), _MIN_EDGE_PX), MAX_EDGE_PX)
+
+
+def warm_up() -> None:
+    """Compile every kernel, those too that only a lost scene calls."""
+    y, x = np.mgrid[0:40, 0:60]
+    picture = np.repeat((120 + 60 * ((x // 5 + y // 4) % 2)).astype(np.uint8)[:, :, None], 3, axis=2)
+    rows = textured(picture, (0, 0), (60, 40), (0, 0, 0, 0))
+    nothing = (0, 0, 0, 0)
+    coarse(rows, picture, nothing, 0.0, 0.0)
+    refine(rows, picture, nothing, 0.0, 0.0)
+    mean_misfit(rows, picture, nothing, 0.0, 0.0, 1)
+    misplacement(rows, picture, nothing, 0.0, 0.0)
