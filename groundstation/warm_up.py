@@ -8,8 +8,11 @@ from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.detector import warm_up as warm_up_detector
 from groundstation.detection.roi import place_roi
+from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.ekf import StationEkf
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
+from groundstation.triangulation import View, triangulate
 
 _WIDTH, _HEIGHT = 640, 480
 _SPAN_PX, _LARGE_SPAN_PX = 60.0, 320.0
@@ -24,16 +27,10 @@ def warm_up() -> None:
         principal_point_px=np.array([319.5, 239.5]),
         distortion=np.zeros(5),
     )
-    geometry = StationGeometry(
-        name="warm-up",
-        ptu_position_m=np.zeros(3),
-        runway_from_base_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
-        head_from_camera_wxyz=np.array([0.5**0.5, -(0.5**0.5), 0.0, 0.0]),
-        camera_in_head_m=np.zeros(3),
-        lens=lens,
-    )
+    geometry = _station(np.zeros(3), lens)
     geometry.project(np.array([0.0, 50.0, 0.0]), 0.0, 0.0)
     geometry.ray(10.0, 10.0, 0.0, 0.0)
+    _warm_up_estimation(geometry)
     warm_up_detector()
     finder = CandidateFinder(AcquisitionConfig(), lens.image_size_px, lens)
     config = DetectionConfig()
@@ -54,6 +51,47 @@ def warm_up() -> None:
     if roi is not None:
         detector.reset()
         detector.detect(_picture(place, _LARGE_SPAN_PX), roi, hint)
+
+
+def _warm_up_estimation(geometry: StationGeometry) -> None:
+    """Run the filter's and the triangulation's kernels once."""
+    ekf = StationEkf({geometry.name: geometry}, (geometry.name,), EstimationConfig())
+    ekf.predict_to(0.0)
+    for k in range(2):
+        ekf.update_encoder(geometry.name, (0.0, 0.0), 1e-3, 0.0, 0.0)
+        ekf.predict_to(0.1 * (k + 1))
+    ekf.start_target(np.array([0.0, 50.0, 0.0]), np.array([0.0, -20.0, 0.0]), np.eye(6))
+    prediction = ekf.predict_pixel(geometry.name)
+    if prediction is not None:
+        ekf.update_pixel(geometry.name, prediction.pixel, np.eye(2))
+    target = np.array([2.0, 50.0, 0.0])
+    views = []
+    for station in (geometry, _station(np.array([5.0, 0.0, 0.0]), geometry.lens)):
+        projection = station.project(target, 0.0, 0.0)
+        if projection is not None:
+            views.append(
+                View(
+                    station=station,
+                    pixel=projection.pixel,
+                    covariance_px2=np.eye(2),
+                    pan_rad=0.0,
+                    tilt_rad=0.0,
+                    angle_sigma_rad=1e-4,
+                )
+            )
+    triangulate(views)
+
+
+def _station(position_m: FloatArray, lens: Lens) -> StationGeometry:
+    """Return a station (3,) that looks along y."""
+    return StationGeometry(
+        name="warm-up",
+        ptu_position_m=position_m,
+        runway_from_base_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        head_from_camera_wxyz=np.array([0.5**0.5, -(0.5**0.5), 0.0, 0.0]),
+        camera_in_head_m=np.zeros(3),
+        lens=lens,
+    )
 
 
 def _picture(place: FloatArray, span_px: float = _SPAN_PX) -> ImageArray:

@@ -29,6 +29,7 @@ _MEMORY_RATE = 0.3
 _MISSES_TO_FORGET = 5
 _TRUSTED_CONTRAST = 5.0
 _FAINTER = 0.6
+_MOST_DOUBT_PER_SPAN, _MOST_DOUBT_PX = 0.4, 3.0
 _NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 _MISSES_TO_FORGET_LOOKS = 30
 
@@ -157,6 +158,9 @@ class Detector:
                 return Miss(reason=MissReason.CUT, detail="the image border cuts the nose off")
             # what is missing may have been the wider part
             covariance = covariance + (0.05 * group.width * look.scale) ** 2 * np.eye(2)
+        doubt = math.sqrt(float(covariance[0, 0] + covariance[1, 1]))
+        if doubt > _MOST_DOUBT_PER_SPAN * width * look.scale + _MOST_DOUBT_PX:
+            return Miss(reason=MissReason.NO_REGION, detail=f"the target point is uncertain by {doubt:.0f} px")
         # a bird over the aircraft makes one silhouette with it, in about the right place, but not its nose
         away = point - look.full(look.predicted)
         spread = covariance + look.covariance * look.scale**2 + np.eye(2)
