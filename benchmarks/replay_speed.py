@@ -1,10 +1,11 @@
 """How fast a session replays: against its own length, and against decoding its videos alone in the same run.
 
-    python benchmarks/replay_speed.py [SESSION] [--repeats N]
+    python benchmarks/replay_speed.py [SESSION] [--pairs N] [--repeats N]
 
-Decoding alone is one thread per video, nothing done with the frames. Replays alternate with it, so that a busy
-machine slows both; medians are printed. Imports and compilation are done before the first measurement and are
-not counted; neither are evaluation and report, which come after the last frame.
+Decoding alone is one thread per video, nothing done with the frames. The session is played over and over until so
+many pairs have gone by, replays in turn with decoding, so that a busy machine slows both; the medians of some such
+runs are printed. Imports and compilation are done before the first measurement and are not counted; neither are
+evaluation and report, which come after the last frame. Every replay acquires its target anew.
 """
 
 import argparse
@@ -19,6 +20,7 @@ import cv2
 from groundstation.replay import ReplayRequest, replay
 
 ROOT = Path(__file__).resolve().parent.parent
+WAYS = {"replay without Rerun": False, "replay, all outputs": True}
 
 
 def decode_alone(session: Path) -> float:
@@ -47,29 +49,40 @@ def replayed(session: Path, *, rerun: bool) -> dict[str, float]:
     return {**speed, **{f"latency {k}": v for k, v in result.evaluation.summary["latency_ms"].items()}}
 
 
+def one_run(session: Path, pairs: int) -> dict[str, list[float]]:
+    """Return the seconds of each way of playing, over as many rounds as give ``pairs``, and the latencies."""
+    got: dict[str, list[float]] = {"pairs": [], "decoding alone": [], "latency p50": [], "latency p99": []}
+    got |= {name: [] for name in WAYS}
+    while sum(got["pairs"]) < pairs:
+        got["decoding alone"].append(decode_alone(session))
+        for name, rerun in WAYS.items():
+            speed = replayed(session, rerun=rerun)
+            got[name].append(speed["replay_s"])
+        got["pairs"].append(speed["replay_s"] * speed["epochs_per_s"])
+        got["latency p50"].append(speed["latency p50"])
+        got["latency p99"].append(speed["latency p99"])
+    return got
+
+
 def main() -> None:
     """Print the medians and their ratios."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("session", type=Path, nargs="?", default=ROOT / "recordings" / "landing-1")
-    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--pairs", type=int, default=3000, help="play the session until so many pairs have gone by")
+    parser.add_argument("--repeats", type=int, default=3)
     options = parser.parse_args()
     replayed(options.session, rerun=True)
-    alone, plain, full = [], [], []
-    for _ in range(options.repeats):
-        alone.append(decode_alone(options.session))
-        plain.append(replayed(options.session, rerun=False))
-        full.append(replayed(options.session, rerun=True))
-    base = statistics.median(alone)
-    print(f"decoding alone            {base:7.2f} s")
-    for name, runs in (("replay without Rerun", plain), ("replay, all outputs", full)):
-        seconds = statistics.median(r["replay_s"] for r in runs)
-        pairs = statistics.median(r["epochs_per_s"] for r in runs)
-        real = statistics.median(r["times_real_time"] for r in runs)
-        latency = statistics.median(r["latency p50"] for r in runs), statistics.median(r["latency p99"] for r in runs)
-        print(
-            f"{name:25s} {seconds:7.2f} s, {pairs:6.1f} pairs/s, {real:5.1f} × real time, "
-            f"{seconds / base:4.2f} × decoding, latency {latency[0]:.1f} ms median, {latency[1]:.1f} ms at 99 %"
-        )
+    runs = [one_run(options.session, options.pairs) for _ in range(options.repeats)]
+    pairs = sum(runs[0]["pairs"])
+    print(f"{pairs:.0f} pairs a run, {options.repeats} runs, medians")
+    alone = statistics.median(sum(r["decoding alone"]) for r in runs)
+    print(f"decoding alone            {alone:7.2f} s, {pairs / alone:6.1f} pairs/s")
+    for name in WAYS:
+        seconds = statistics.median(sum(r[name]) for r in runs)
+        ratio = statistics.median(sum(r[name]) / sum(r["decoding alone"]) for r in runs)
+        print(f"{name:25s} {seconds:7.2f} s, {pairs / seconds:6.1f} pairs/s, {ratio:4.2f} × decoding")
+    middle, tail = (statistics.median(v for r in runs for v in r[key]) for key in ("latency p50", "latency p99"))
+    print(f"latency with all outputs  {middle:.1f} ms median, {tail:.1f} ms at 99 %")
 
 
 if __name__ == "__main__":
