@@ -63,7 +63,8 @@ def test_near_a_horizon_what_remains_is_what_neither_side_explains(rng: np.rando
     inner = slice(75, 65 + window)
     left = flatten(image, window)[:2, 46, inner]
     apart = [np.abs(left - side[:, inner]).max(axis=0) for side in (above, below)]
-    assert np.minimum(*apart).max() < 6
+    # one block stands for up to a block and a half of shaded sky to either side
+    assert np.minimum(*apart).max() < 12
 
 
 @settings(max_examples=30)
