@@ -13,6 +13,7 @@ One thread; times are its processor time. Tables and pictures go to DIR, default
 
 import argparse
 import math
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -125,7 +126,11 @@ def real_starts(session: Session) -> dict[str, Start]:
     for scene in scenes(session, SEED, last_epoch=max(EPOCHS)):
         if scene.frame.station == station and scene.frame.epoch in EPOCHS:
             name = f"{session.name}, {scene.frame.t_s:.1f} s, {scene.background}, {scene.silhouette.width_px} px wide"
-            found[name] = look_once(scene, CONFIG, region(scene.hint.predicted_px, scene.frame.image.shape))
+            start = look_once(scene, CONFIG, region(scene.hint.predicted_px, scene.frame.image.shape))
+            if start is None:
+                print(f"{name}: nothing to divide at first sight, left out", file=sys.stderr)
+            else:
+                found[name] = start
     return found
 
 

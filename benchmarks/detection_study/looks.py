@@ -137,8 +137,11 @@ def _time_segmentation(detector: Detector) -> list[float]:
     return spent
 
 
-def look_once(scene: Scene, config: DetectionConfig, roi: Roi) -> tuple[Float32Array, MaskArray]:
-    """Return what a fresh detector gives its segmentation in this ROI: the scalar image and the start's inside."""
+def look_once(scene: Scene, config: DetectionConfig, roi: Roi) -> tuple[Float32Array, MaskArray] | None:
+    """Return what a fresh detector gives its segmentation in this ROI: the scalar image and the start's inside.
+
+    None where it sees nothing to divide: on the ground a fresh one has not learnt the background yet.
+    """
     image = scene.frame.image
     detector = Detector(config, (image.shape[1], image.shape[0]))
     segment, taken = detector._segment, []
@@ -149,9 +152,7 @@ def look_once(scene: Scene, config: DetectionConfig, roi: Roi) -> tuple[Float32A
 
     detector._segment = taking
     detector.detect(image, roi, scene.hint)
-    if not taken:
-        raise ValueError(f"at {scene.frame.t_s:.2f} s the detector gave up before its segmentation")
-    return taken[0]
+    return taken[0] if taken else None
 
 
 def _holds(roi: Roi, x: float, y: float, right: float, down: float) -> bool:
