@@ -123,7 +123,7 @@ def test_takeoff_status_says_where_there_is_no_fix(takeoff: Replayed) -> None:
     """Out of view, and the right camera's nose behind the bird (frame 112, 6.10 s): no claim of tracking.
 
     In the frames on either side (109–115) the bird is beside the nose, over one wing or behind it, as the pictures
-    show: where a pixel is claimed there, it is the nose's, to 2.5 px.
+    show: where a pixel is claimed there, it is the nose's, to a twentieth of the span.
     """
     hidden = ~np.isfinite(takeoff.truth["left_u_px"]) | ~np.isfinite(takeoff.truth["right_u_px"])
     hidden[112] = True
@@ -136,8 +136,8 @@ def test_takeoff_status_says_where_there_is_no_fix(takeoff: Replayed) -> None:
     claims = [(k, found[k]) for k in beside if found[k]["status"] == "ok"]
     assert len(claims) >= 4
     for k, row in claims:
-        assert float(row["u_px"]) == pytest.approx(takeoff.truth["right_u_px"][k], abs=2.5)
-        assert float(row["v_px"]) == pytest.approx(takeoff.truth["right_v_px"][k], abs=2.5)
+        assert float(row["u_px"]) == pytest.approx(takeoff.truth["right_u_px"][k], abs=4.5)
+        assert float(row["v_px"]) == pytest.approx(takeoff.truth["right_v_px"][k], abs=4.5)
 
 
 def test_takeoff_dgps_clock(takeoff: Replayed) -> None:
