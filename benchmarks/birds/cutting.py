@@ -47,6 +47,11 @@ class Flock:
         """The bird's usual length."""
         return float(np.median([s.length_px for s in self.sprites]))
 
+    @property
+    def colour(self) -> FloatArray:
+        """The core's usual colour (3,) as a share of the sky's."""
+        return np.asarray(np.median([s.colour for s in self.sprites], axis=0))
+
     def sprite(self, k: int) -> Sprite:
         """Return the bird in frame ``k``; the film runs to and fro."""
         n = len(self.sprites)

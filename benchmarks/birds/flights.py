@@ -16,6 +16,7 @@ _LEAST_RELATIVE_PX = 2.0  # a frame: a slower one keeps the aircraft company
 _CLEAR_PX = 4.0  # between the boxes when the tracker is started
 _DARKER, _DARKEST = (1.0, 1.7), 0.15
 _CRISP, _BLUR_PX = 1.5, 0.7  # beyond this enlargement edges are sharpened, and blurred again as a lens does
+_MOST_ENLARGED = 5.0
 _TRIES = 200
 
 
@@ -70,7 +71,8 @@ def draw_flight(
         miss, angle = float(generator.uniform(0.0, _MISS_PX)), float(generator.uniform(0.0, 2 * math.pi))
         with_camera = bool(generator.integers(2))
         lead = int(generator.integers(_LEAD_FRAMES[0], _LEAD_FRAMES[1] + 1))
-        flock = flocks[int(generator.integers(len(flocks)))]
+        fit = _fit(flocks, ratio * max(boxes[begin][2:] if begin in boxes else (0.0,)))
+        flock = fit[int(generator.integers(len(fit)))]
         sprite, darker = int(generator.integers(len(flock.sprites))), float(generator.uniform(*_DARKER))
         if end - begin < lead + _LEAST_AFTER:
             continue
@@ -111,6 +113,12 @@ def draw_flight(
             darker=darker,
         )
     return None
+
+
+def _fit(flocks: list[Flock], length_px: float) -> list[Flock]:
+    """Return the birds that need not be enlarged much to a length, at least the largest three."""
+    largest = sorted(flocks, key=lambda f: -f.length_px)
+    return [f for k, f in enumerate(largest) if k < 3 or _MOST_ENLARGED * f.length_px >= length_px]
 
 
 def _middles(boxes: dict[int, Box], begin: int, end: int) -> FloatArray:
@@ -175,7 +183,7 @@ class Painter:
         rows, columns = np.nonzero(part[:, :, 0] > 0.3)
         if len(rows) == 0:
             return image, None
-        share = np.clip(1.0 - flight.darker * (1.0 - sprite.colour), _DARKEST, 0.95)
+        share = np.clip(1.0 - flight.darker * (1.0 - flight.flock.colour), _DARKEST, 0.95)
         painted = image.copy()
         window = image[top:bottom, left:right]
         blended = (1.0 - part) * window + part * (share * self.sky)
@@ -187,5 +195,3 @@ class Painter:
 def local_sky(image: ImageArray, box: Box) -> FloatArray:
     """Return the colour (3,) of the sky around a box."""
     return np.asarray(np.median(sky_around(image, box).reshape(-1, 3), axis=0))
-
-

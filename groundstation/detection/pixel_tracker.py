@@ -4,21 +4,19 @@ Nothing is known of the lens, of where the camera points or of what is flown. Wh
 place in the picture; what moves it besides its own flight is the camera, seen in the picture's background.
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.acquisition import AcquisitionConfig
-from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.local_search import CLEAR_SCORE, LocalSearch, Sight, alike, best_sight
 from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
+from groundstation.detection.pixel_identity import Identity, looks_of
 from groundstation.detection.pixel_motion import PixelMotion
 from groundstation.detection.pixel_target import PixelTarget
 from groundstation.detection.pixel_track import PixelTrack, in_full
+from groundstation.detection.pixel_tracker_config import PixelTrackerConfig
 from groundstation.detection.roi import place_roi
-from groundstation.detection.target_search import Found, SearchConfig, TargetSearch, overlaps
+from groundstation.detection.target_search import Found, TargetSearch, overlaps
 from groundstation.detection.working_picture import WorkingPicture
 from groundstation.messages import Detection, Miss, MissReason, Roi, TrackStatus
 
@@ -34,41 +32,9 @@ _SIMILAR_SIZE, _UNSURE_SIZE, _ALIKE = 2.0, 3.0, 1.5
 _LEAST_MISSES = 10
 _WIDER = 0.15  # how much wider a second look goes after each miss, as a share of the picture's width
 _UNSURE_CHECK = 0.15
+_PATH_SIGMAS, _ON_PATH, _IN_PLACE = 3.5, 0.35, 0.5
+_MOST_SIGHTS = 3  # that are looked at on the target's own path
 _NEAR, _SPEED_PER_S = 0.1, 0.3  # how far off a missed target may appear again, as shares of the picture's width
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PixelTrackerConfig:
-    """Tuning of the tracker of one camera.
-
-    Attributes
-    ----------
-    detection, acquisition, search : tuning of its parts. The prediction is good to some pixels, so that little
-        has to be added to the target's size in the region of interest, and a fainter target is believed there.
-    least_shake_px, most_shake_px : bounds of what a frame brings beyond constant velocity, one sigma.
-    search_after : after so many misses running the whole frame is searched, too.
-    another_after_s : and after so long anything else that is found replaces the target, wherever it is.
-    lost_after_s : a target that has not been seen for so long is lost.
-    proof_s, proof_share : a target found by searching is dropped if fewer than this share of the frames in the
-        time after show it.
-    size_change : a silhouette whose length differs by more than this factor is looked at twice ...
-    check_s : and any silhouette is, once in this time.
-    """
-
-    detection: DetectionConfig = field(
-        default_factory=lambda: DetectionConfig(roi_basic_px=(100, 64), min_contrast_to_noise=2.2)
-    )
-    acquisition: AcquisitionConfig = field(default_factory=AcquisitionConfig)
-    search: SearchConfig = field(default_factory=SearchConfig)
-    least_shake_px: float = 2.0
-    most_shake_px: float = 20.0
-    search_after: int = 2
-    another_after_s: float = 1.0
-    lost_after_s: float = 3.0
-    proof_s: float = 1.0
-    proof_share: float = 0.5
-    size_change: float = 1.4
-    check_s: float = 1.0
 
 
 class PixelTracker:
@@ -144,7 +110,7 @@ class PixelTracker:
         target = self._begin(t_s, (c.u_px, c.v_px), c.box[2:], found.velocity_px_s, 2.0 + 0.05 * max(c.box[2:]))
         target.whole_px = max(c.box[2:])
         roi, result = self._look(target, image)
-        if isinstance(result, Detection) and overlaps(result.box, c.box):
+        if isinstance(result, Detection) and overlaps(result.box, c.box) and self._may_be(held, image, result, t_s):
             self._search.reset()
             self._saw(target, result, t_s)
             target.small = small_copy(image)
@@ -193,8 +159,8 @@ class PixelTracker:
                 self.reset()
                 return self._find(image, t_s)
             roi, result = self._look_again(target, image, small, (roi, result))
+        roi, result = self._judge(target, image, (roi, result), t_s)
         if isinstance(result, Detection):
-            self._saw(target, result, t_s)
             status = TrackStatus.TRACKING
             return PixelTrack(t_s=t_s, status=status, result=result, roi=roi, predicted_px=predicted)
         target.misses += 1
@@ -242,7 +208,7 @@ class PixelTracker:
     def _doubtful(self, target: PixelTarget, seen: Detection, t_s: float) -> bool:
         """Return whether a detection has to be looked at twice: another size, a jump, or simply its time."""
         c = self._config
-        known = max(target.size_px) if target.whole_px is None else target.whole_px
+        known = target.length_px
         size, since_s = max(seen.box[2], seen.box[3]), t_s - target.checked_s
         # a size that keeps differing is not asked about in every frame
         soon = since_s > _UNSURE_CHECK * c.check_s
@@ -265,7 +231,7 @@ class PixelTracker:
                 look = self._look(target, image)
         missed = isinstance(look[1], Miss)
         place = target.motion.place()
-        known = max(target.size_px) if target.whole_px is None else target.whole_px
+        known = target.length_px
         reach = known + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX
         # a target that is not where it was expected may be anywhere a moment later
         wider = _WIDER * target.misses * self._image_size[0]
@@ -286,6 +252,63 @@ class PixelTracker:
             if _shows(again, best) or (missed and isinstance(again[1], Detection)):
                 return again
         return look
+
+    def _judge(self, target: PixelTarget, image: ImageArray, look: Look, t_s: float) -> Look:
+        """Take what is the target; where something else is seen in its place, look for it on its own path.
+
+        What looks like something else but is in the target's place, as a bird before it is, is returned without
+        being learnt from; what is elsewhere is a miss.
+        """
+        identity, seen = target.identity, look[1]
+        if isinstance(seen, Detection):
+            looks = looks_of(image, seen)
+            as_before = seen.cut or identity.unlikeness(looks) <= self._config.unlikeness
+            if identity.doubt_s is None:
+                if as_before:
+                    self._saw(target, seen, t_s)
+                    if not seen.cut:
+                        identity.learn(looks, target.motion, target.size_px, target.whole_px, t_s)
+                    return look
+                target.go_back(t_s)
+                as_before = identity.unlikeness(looks) <= self._config.unlikeness
+            if as_before and _on_path(target, seen, _ON_PATH):
+                self._saw(target, seen, t_s)
+                identity.confirm(target.motion, t_s)
+                return look
+        if identity.doubt_s is None:
+            return look
+        other = self._on_its_path(target, image)
+        if isinstance(other[1], Detection):
+            self._saw(target, other[1], t_s)
+            identity.confirm(target.motion, t_s)
+            return other
+        # whatever the detector has just learnt is not the target
+        self._detector.reset()
+        target.span_px = target.size_px[0]
+        if not isinstance(seen, Detection):
+            return look
+        if not _on_path(target, seen, _IN_PLACE):
+            return look[0], Miss(reason=MissReason.AMBIGUOUS, detail="something else, away from the target's path")
+        if t_s - identity.doubt_s > self._config.accept_s:
+            target.identity = Identity()
+            self._saw(target, seen, t_s)
+        return look
+
+    def _on_its_path(self, target: PixelTarget, image: ImageArray) -> Look:
+        """Return the look at something that looks like the target and is where its own path leads."""
+        place = target.motion.place()
+        reach = target.length_px + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX
+        sights = [
+            s for s in self._local.around(image, place, reach) if alike(s.size_px, target.length_px, _SIMILAR_SIZE)
+        ]
+        for sight in sorted(sights, key=lambda s: float(np.hypot(*(s.centre_px - place))))[:_MOST_SIGHTS]:
+            self._detector.reset()
+            look = self._look_at(target, image, sight)
+            seen = look[1]
+            if isinstance(seen, Detection) and _on_path(target, seen, _ON_PATH):
+                if target.identity.unlikeness(looks_of(image, seen)) <= self._config.unlikeness:
+                    return look
+        return None, Miss(reason=MissReason.NO_REGION)
 
     def _whole(self, target: PixelTarget, image: ImageArray, sight: Sight, look: tuple[Roi | None, Detection]) -> Look:
         """Return the look at the whole thing where the detector has seen a part of it, or more than that.
@@ -332,6 +355,12 @@ class PixelTracker:
         share = away / self._image_size[0]
         return gone_s > self._config.another_after_s or share < _NEAR + _SPEED_PER_S * gone_s
 
+    def _may_be(self, held: PixelTarget | None, image: ImageArray, seen: Detection, t_s: float) -> bool:
+        """Return whether something that was found may be the target that is missed, by its looks."""
+        if held is None or t_s - held.seen_s > self._config.another_after_s:
+            return True
+        return held.identity.unlikeness(looks_of(image, seen)) <= self._config.unlikeness
+
     def _is_lost(self, target: PixelTarget, t_s: float) -> bool:
         return t_s - target.seen_s > self._config.lost_after_s and target.misses >= _LEAST_MISSES
 
@@ -343,6 +372,12 @@ class PixelTracker:
             return True
         target.proven = True
         return False
+
+
+def _on_path(target: PixelTarget, seen: Detection, sizes: float) -> bool:
+    """Return whether something is where the target's path leads, to some sigmas and a share of its size."""
+    off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
+    return off <= _PATH_SIGMAS * target.motion.sigma_px + sizes * target.length_px
 
 
 def _shows(look: Look, sight: Sight) -> bool:
