@@ -76,11 +76,14 @@ class Identity:
     frames : how many frames it has learnt from.
     doubt_s : since when what is seen looks like something else; None if it does not.
     calm : frames running that have looked as before, since then.
+    other, other_s : what is seen instead, and since when it has looked the same.
     """
 
     frames: int = 0
     doubt_s: float | None = None
     calm: int = 0
+    other: "Identity | None" = None
+    other_s: float = 0.0
     _known: deque[Known] = field(default_factory=lambda: deque(maxlen=_BEFORE))
 
     def unlikeness(self, looks: FloatArray) -> float:
@@ -114,8 +117,18 @@ class Identity:
 
     def doubt(self, t_s: float) -> Known:
         """Begin to doubt; return what was known before the change may have begun."""
-        self.doubt_s, self.calm = t_s, 0
+        self.doubt_s, self.calm, self.other = t_s, 0, None
         return self._known[0]
+
+    def stays_other(self, looks: FloatArray, motion: PixelMotion, most: float, t_s: float) -> float:
+        """Take note of a frame that looks otherwise; return for how long in s it has looked the same.
+
+        A bird flaps, comes and goes; a target that has turned or flown before another background stays as it is.
+        """
+        if self.other is None or self.other.unlikeness(looks) > most:
+            self.other, self.other_s = Identity(), t_s
+        self.other.learn(looks, motion, (0.0, 0.0), None, t_s)
+        return t_s - self.other_s
 
     def confirm(self, motion: PixelMotion, t_s: float) -> None:
         """Take note of a frame that looks as before; a few running end the doubt."""

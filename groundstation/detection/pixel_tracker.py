@@ -4,6 +4,8 @@ Nothing is known of the lens, of where the camera points or of what is flown. Wh
 place in the picture; what moves it besides its own flight is the camera, seen in the picture's background.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from groundstation.arrays import ImageArray
@@ -33,6 +35,7 @@ _LEAST_MISSES = 10
 _WIDER = 0.15  # how much wider a second look goes after each miss, as a share of the picture's width
 _UNSURE_CHECK = 0.15
 _PATH_SIGMAS, _ON_PATH, _IN_PLACE = 3.5, 0.35, 0.5
+_CLOSE_PX = (36, 36)  # so little is looked at around something, where something else is not far
 _MOST_SIGHTS = 3  # that are looked at on the target's own path
 _NEAR, _SPEED_PER_S = 0.1, 0.3  # how far off a missed target may appear again, as shares of the picture's width
 
@@ -191,10 +194,13 @@ class PixelTracker:
         )
         return roi, self._detector.detect(image, roi, hint)
 
-    def _look_at(self, target: PixelTarget, image: ImageArray, sight: Sight) -> Look:
-        """Let the detector look at something that stands out."""
+    def _look_at(self, image: ImageArray, sight: Sight, basic_px: tuple[int, int] | None = None) -> Look:
+        """Let the detector look at something that stands out, with ``basic_px`` around it."""
         place, covariance = sight.centre_px, (_SIGHT_SIGMA_PX + 0.05 * sight.size_px) ** 2 * np.eye(2)
-        roi = place_roi(place, covariance, sight.box[2:], self._config.detection, self._image_size)
+        config = self._config.detection
+        if basic_px is not None:
+            config = replace(config, roi_basic_px=basic_px)
+        roi = place_roi(place, covariance, sight.box[2:], config, self._image_size)
         if roi is None:
             return None, Miss(reason=MissReason.OUT_OF_VIEW)
         hint = DetectionHint(
@@ -244,11 +250,11 @@ class PixelTracker:
         similar = [s for s in sights if alike(s.size_px, known, ratio)]
         best = best_sight(similar, place, reach, sights)
         if best is not None:
-            again = self._look_at(target, image, best)
+            again = self._look_at(image, best)
             if not missed and target.whole_px is None and best.score >= CLEAR_SCORE and not _shows(again, best):
                 # what the detector has learnt so far may have been more than the target
                 self._detector.reset()
-                again = self._look_at(target, image, best)
+                again = self._look_at(image, best)
             if _shows(again, best) or (missed and isinstance(again[1], Detection)):
                 return again
         return look
@@ -289,25 +295,36 @@ class PixelTracker:
             return look
         if not _on_path(target, seen, _IN_PLACE):
             return look[0], Miss(reason=MissReason.AMBIGUOUS, detail="something else, away from the target's path")
-        if t_s - identity.doubt_s > self._config.accept_s:
+        looks = looks_of(image, seen)
+        if identity.stays_other(looks, target.motion, self._config.unlikeness, t_s) > self._config.accept_s:
             target.identity = Identity()
             self._saw(target, seen, t_s)
         return look
 
     def _on_its_path(self, target: PixelTarget, image: ImageArray) -> Look:
-        """Return the look at something that looks like the target and is where its own path leads."""
+        """Return the look at something that looks like the target and is where its own path leads.
+
+        Once it has been missed, a moving camera may have brought it farther than that.
+        """
         place = target.motion.place()
-        reach = target.length_px + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX
+        wider = min(_WIDER * target.misses, _NEAR + _WIDER) * self._image_size[0]
+        reach = target.length_px + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX + wider
         sights = [
             s for s in self._local.around(image, place, reach) if alike(s.size_px, target.length_px, _SIMILAR_SIZE)
         ]
-        for sight in sorted(sights, key=lambda s: float(np.hypot(*(s.centre_px - place))))[:_MOST_SIGHTS]:
+        tried: list[Box] = []
+        for sight in sorted(sights, key=lambda s: float(np.hypot(*(s.centre_px - place)))):
+            # several readings of one thing need not all be looked at
+            if len(tried) >= _MOST_SIGHTS or any(overlaps(sight.box, t) for t in tried):
+                continue
+            tried.append(sight.box)
             self._detector.reset()
-            look = self._look_at(target, image, sight)
+            look = self._look_at(image, sight, _CLOSE_PX)
             seen = look[1]
-            if isinstance(seen, Detection) and _on_path(target, seen, _ON_PATH):
-                if target.identity.unlikeness(looks_of(image, seen)) <= self._config.unlikeness:
-                    return look
+            if not isinstance(seen, Detection) or not _on_path(target, seen, _ON_PATH, wider):
+                continue
+            if target.identity.unlikeness(looks_of(image, seen)) <= self._config.unlikeness:
+                return look
         return None, Miss(reason=MissReason.NO_REGION)
 
     def _whole(self, target: PixelTarget, image: ImageArray, sight: Sight, look: tuple[Roi | None, Detection]) -> Look:
@@ -326,7 +343,7 @@ class PixelTracker:
         if alike(sight.size_px, seen, self._config.size_change):
             return look
         self._detector.reset()
-        again = self._look_at(target, image, sight)
+        again = self._look_at(image, sight)
         return again if isinstance(again[1], Detection) else look
 
     def _saw(self, target: PixelTarget, seen: Detection, t_s: float) -> None:
@@ -374,10 +391,10 @@ class PixelTracker:
         return False
 
 
-def _on_path(target: PixelTarget, seen: Detection, sizes: float) -> bool:
+def _on_path(target: PixelTarget, seen: Detection, sizes: float, wider_px: float = 0.0) -> bool:
     """Return whether something is where the target's path leads, to some sigmas and a share of its size."""
     off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
-    return off <= _PATH_SIGMAS * target.motion.sigma_px + sizes * target.length_px
+    return off <= _PATH_SIGMAS * target.motion.sigma_px + sizes * target.length_px + wider_px
 
 
 def _shows(look: Look, sight: Sight) -> bool:
