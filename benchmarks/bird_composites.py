@@ -8,7 +8,7 @@ frames, and composited over the `aircraft` segments of aircraft-clips: scaled to
 aircraft's silhouette, in the local sky's light, on straight paths in any direction that pass the middle of its
 labelled box within 0–40 px at 3–25 px a frame; half of them go with the camera's motion (pan, shake), the others
 cross the picture at constant speed. The tracker is started on a labelled box 1–2 s before the closest approach and
-runs until 1.5 s after the overlap (or the end of the segment, at least 1 s).
+runs until 1.5 s after the overlap (or the end of the segment, at least 1 s). No flight goes across a cut.
 
 A hit is a target point inside the labelled box or within 10 px of its middle; wrong is a frame with a point that is
 no hit. The overlap ends with the last frame in which the bird's box and the labelled box have a common part.
@@ -38,7 +38,8 @@ from groundstation.warm_up import warm_up
 SPEEDS_PX = ((3.0, 8.0), (8.0, 15.0), (15.0, 25.0))
 RATIOS = ((0.3, 0.6), (0.6, 1.0), (1.0, 1.5), (1.5, 2.0))
 LATE_S = 0.5
-LEAST_FRAMES = 100  # shorter segments have no room
+SHORTEST = 75  # frames: shorter segments have no room
+CUT_PX, CUT_RATIO = 30.0, 1.4
 
 
 @dataclass(kw_only=True)
@@ -81,9 +82,10 @@ def plan(folder: Path, each: int, seed: int, clips: list[str]) -> list[tuple[int
     flocks = read_flocks(folder / "bird-clips")
     boxes = read_boxes(folder / "aircraft-clips")
     segments = [
-        (s.clip, s.first, s.last)
+        (s.clip, first, last)
         for s in read_segments(folder / "aircraft-clips")
-        if s.kind == "aircraft" and s.last - s.first >= LEAST_FRAMES and (not clips or any(c in s.clip for c in clips))
+        for first, last in between_cuts(boxes[s.clip], s.first, s.last)
+        if s.kind == "aircraft" and last - first >= SHORTEST and (not clips or any(c in s.clip for c in clips))
     ]
     flights: list[tuple[int, tuple[int, int], Flight]] = []
     order: list[tuple[str, int, int]] = []
@@ -99,6 +101,20 @@ def plan(folder: Path, each: int, seed: int, clips: list[str]) -> list[tuple[int
                     flights.append((len(flights), (i, j), flight))
                     found += 1
     return flights
+
+
+def between_cuts(boxes: dict[int, Box], first: int, last: int) -> list[tuple[int, int]]:
+    """Return the parts of a segment, first and last frame: where its box has another place and size, there is a cut."""
+    parts, begin = [], first
+    for frame in range(first + 1, last + 1):
+        if frame not in boxes or frame - 1 not in boxes:
+            continue
+        (x, y, w, h), (a, b, c, d) = boxes[frame], boxes[frame - 1]
+        step = float(np.hypot(x + w / 2 - a - c / 2, y + h / 2 - b - d / 2))
+        if step > CUT_PX and max(w / c, c / w) > CUT_RATIO:
+            parts.append((begin, frame - 1))
+            begin = frame
+    return [*parts, (begin, last)]
 
 
 def read_clip(path: Path, wanted: set[int]) -> dict[int, ImageArray]:
