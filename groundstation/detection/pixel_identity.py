@@ -91,7 +91,7 @@ class Identity:
         if self.frames < _KNOWN_AFTER:
             return 0.0
         known = self._known[0 if self.doubt_s is not None else -1]
-        length = math.exp(min(looks[-1], known.mean[-1]))
+        length = math.exp(0.5 * (looks[-1] + known.mean[-1]))
         variance = ((1.0 + _SMALL_PX / length) * _TOLERANCE) ** 2 + known.variance
         return math.sqrt(float(np.mean((looks - known.mean) ** 2 / variance)))
 

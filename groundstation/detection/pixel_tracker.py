@@ -36,6 +36,8 @@ _WIDER = 0.15  # how much wider a second look goes after each miss, as a share o
 _UNSURE_CHECK = 0.15
 _PATH_SIGMAS, _ON_PATH, _IN_PLACE = 3.5, 0.35, 0.5
 _CLOSE_PX = (36, 36)  # so little is looked at around something, where something else is not far
+_ASIDE_SIGMAS = 2.0
+_FAR_OFF = 0.6  # how much less unlike something far from the path may look
 _MOST_SIGHTS = 3  # that are looked at on the target's own path
 _NEAR, _SPEED_PER_S = 0.1, 0.3  # how far off a missed target may appear again, as shares of the picture's width
 
@@ -271,7 +273,15 @@ class PixelTracker:
             as_before = seen.cut or identity.unlikeness(looks) <= self._config.unlikeness
             if identity.doubt_s is None:
                 if as_before:
+                    aside = _aside(target, seen)
+                    if aside:
+                        # of two that look alike, the one that is where the path leads
+                        other = self._on_its_path(target, image)
+                        look, seen = (other, other[1]) if isinstance(other[1], Detection) else (look, seen)
+                        looks = looks_of(image, seen)
                     self._saw(target, seen, t_s)
+                    if aside:
+                        target.span_px = seen.box[2]
                     if not seen.cut:
                         identity.learn(looks, target.motion, target.size_px, target.whole_px, t_s)
                     return look
@@ -323,7 +333,8 @@ class PixelTracker:
             seen = look[1]
             if not isinstance(seen, Detection) or not _on_path(target, seen, _ON_PATH, wider):
                 continue
-            if target.identity.unlikeness(looks_of(image, seen)) <= self._config.unlikeness:
+            most = self._config.unlikeness * (1.0 if _on_path(target, seen, _ON_PATH) else _FAR_OFF)
+            if target.identity.unlikeness(looks_of(image, seen)) <= most:
                 return look
         return None, Miss(reason=MissReason.NO_REGION)
 
@@ -395,6 +406,12 @@ def _on_path(target: PixelTarget, seen: Detection, sizes: float, wider_px: float
     """Return whether something is where the target's path leads, to some sigmas and a share of its size."""
     off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
     return off <= _PATH_SIGMAS * target.motion.sigma_px + sizes * target.length_px + wider_px
+
+
+def _aside(target: PixelTarget, seen: Detection) -> bool:
+    """Return whether something is beside the place where the target is expected."""
+    off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
+    return off > max(_ASIDE_SIGMAS * target.motion.sigma_px, 0.5 * target.length_px, _LEAST_SURPRISE_PX)
 
 
 def _shows(look: Look, sight: Sight) -> bool:
