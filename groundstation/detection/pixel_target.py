@@ -1,8 +1,10 @@
 """The one target that a tracker in pixels holds."""
 
-from dataclasses import dataclass
+import copy
+from dataclasses import dataclass, field
 
 from groundstation.arrays import ImageArray
+from groundstation.detection.pixel_identity import Identity
 from groundstation.detection.pixel_motion import PixelMotion
 
 
@@ -23,6 +25,7 @@ class PixelTarget:
     misses : frames running that did not show it.
     frames, seen : how many frames it was looked for in, and how many showed it.
     small : the newest frame's small copy.
+    identity : what it looks like, and whether what is seen is still the target.
     """
 
     motion: PixelMotion
@@ -39,3 +42,16 @@ class PixelTarget:
     frames: int = 0
     seen: int = 0
     small: ImageArray | None = None
+    identity: Identity = field(default_factory=Identity)
+
+    @property
+    def length_px(self) -> float:
+        """Its length as second looks have shown it, or else as the detector has."""
+        return max(self.size_px) if self.whole_px is None else self.whole_px
+
+    def go_back(self, t_s: float) -> None:
+        """Return to the path and size from before what is seen began to look like something else."""
+        known = self.identity.doubt(t_s)
+        self.motion = copy.copy(known.motion)
+        self.motion.predict(t_s - known.t_s)
+        self.size_px, self.whole_px = known.size_px, known.whole_px

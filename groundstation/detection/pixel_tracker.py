@@ -4,21 +4,21 @@ Nothing is known of the lens, of where the camera points or of what is flown. Wh
 place in the picture; what moves it besides its own flight is the camera, seen in the picture's background.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 import numpy as np
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.acquisition import AcquisitionConfig
-from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.local_search import CLEAR_SCORE, LocalSearch, Sight, alike, best_sight
 from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
+from groundstation.detection.pixel_identity import Identity, looks_of
 from groundstation.detection.pixel_motion import PixelMotion
 from groundstation.detection.pixel_target import PixelTarget
 from groundstation.detection.pixel_track import PixelTrack, in_full
+from groundstation.detection.pixel_tracker_config import PixelTrackerConfig
 from groundstation.detection.roi import place_roi
-from groundstation.detection.target_search import Found, SearchConfig, TargetSearch, overlaps
+from groundstation.detection.target_search import Found, TargetSearch, overlaps
 from groundstation.detection.working_picture import WorkingPicture
 from groundstation.messages import Detection, Miss, MissReason, Roi, TrackStatus
 
@@ -34,41 +34,12 @@ _SIMILAR_SIZE, _UNSURE_SIZE, _ALIKE = 2.0, 3.0, 1.5
 _LEAST_MISSES = 10
 _WIDER = 0.15  # how much wider a second look goes after each miss, as a share of the picture's width
 _UNSURE_CHECK = 0.15
+_PATH_SIGMAS, _ON_PATH, _IN_PLACE = 3.5, 0.35, 0.5
+_CLOSE_PX = (36, 36)  # so little is looked at around something, where something else is not far
+_ASIDE_SIGMAS = 2.0
+_FAR_OFF = 0.6  # how much less unlike something far from the path may look
+_MOST_SIGHTS = 3  # that are looked at on the target's own path
 _NEAR, _SPEED_PER_S = 0.1, 0.3  # how far off a missed target may appear again, as shares of the picture's width
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PixelTrackerConfig:
-    """Tuning of the tracker of one camera.
-
-    Attributes
-    ----------
-    detection, acquisition, search : tuning of its parts. The prediction is good to some pixels, so that little
-        has to be added to the target's size in the region of interest, and a fainter target is believed there.
-    least_shake_px, most_shake_px : bounds of what a frame brings beyond constant velocity, one sigma.
-    search_after : after so many misses running the whole frame is searched, too.
-    another_after_s : and after so long anything else that is found replaces the target, wherever it is.
-    lost_after_s : a target that has not been seen for so long is lost.
-    proof_s, proof_share : a target found by searching is dropped if fewer than this share of the frames in the
-        time after show it.
-    size_change : a silhouette whose length differs by more than this factor is looked at twice ...
-    check_s : and any silhouette is, once in this time.
-    """
-
-    detection: DetectionConfig = field(
-        default_factory=lambda: DetectionConfig(roi_basic_px=(100, 64), min_contrast_to_noise=2.2)
-    )
-    acquisition: AcquisitionConfig = field(default_factory=AcquisitionConfig)
-    search: SearchConfig = field(default_factory=SearchConfig)
-    least_shake_px: float = 2.0
-    most_shake_px: float = 20.0
-    search_after: int = 2
-    another_after_s: float = 1.0
-    lost_after_s: float = 3.0
-    proof_s: float = 1.0
-    proof_share: float = 0.5
-    size_change: float = 1.4
-    check_s: float = 1.0
 
 
 class PixelTracker:
@@ -144,7 +115,7 @@ class PixelTracker:
         target = self._begin(t_s, (c.u_px, c.v_px), c.box[2:], found.velocity_px_s, 2.0 + 0.05 * max(c.box[2:]))
         target.whole_px = max(c.box[2:])
         roi, result = self._look(target, image)
-        if isinstance(result, Detection) and overlaps(result.box, c.box):
+        if isinstance(result, Detection) and overlaps(result.box, c.box) and self._may_be(held, image, result, t_s):
             self._search.reset()
             self._saw(target, result, t_s)
             target.small = small_copy(image)
@@ -193,8 +164,8 @@ class PixelTracker:
                 self.reset()
                 return self._find(image, t_s)
             roi, result = self._look_again(target, image, small, (roi, result))
+        roi, result = self._judge(target, image, (roi, result), t_s)
         if isinstance(result, Detection):
-            self._saw(target, result, t_s)
             status = TrackStatus.TRACKING
             return PixelTrack(t_s=t_s, status=status, result=result, roi=roi, predicted_px=predicted)
         target.misses += 1
@@ -225,10 +196,13 @@ class PixelTracker:
         )
         return roi, self._detector.detect(image, roi, hint)
 
-    def _look_at(self, target: PixelTarget, image: ImageArray, sight: Sight) -> Look:
-        """Let the detector look at something that stands out."""
+    def _look_at(self, image: ImageArray, sight: Sight, basic_px: tuple[int, int] | None = None) -> Look:
+        """Let the detector look at something that stands out, with ``basic_px`` around it."""
         place, covariance = sight.centre_px, (_SIGHT_SIGMA_PX + 0.05 * sight.size_px) ** 2 * np.eye(2)
-        roi = place_roi(place, covariance, sight.box[2:], self._config.detection, self._image_size)
+        config = self._config.detection
+        if basic_px is not None:
+            config = replace(config, roi_basic_px=basic_px)
+        roi = place_roi(place, covariance, sight.box[2:], config, self._image_size)
         if roi is None:
             return None, Miss(reason=MissReason.OUT_OF_VIEW)
         hint = DetectionHint(
@@ -242,7 +216,7 @@ class PixelTracker:
     def _doubtful(self, target: PixelTarget, seen: Detection, t_s: float) -> bool:
         """Return whether a detection has to be looked at twice: another size, a jump, or simply its time."""
         c = self._config
-        known = max(target.size_px) if target.whole_px is None else target.whole_px
+        known = target.length_px
         size, since_s = max(seen.box[2], seen.box[3]), t_s - target.checked_s
         # a size that keeps differing is not asked about in every frame
         soon = since_s > _UNSURE_CHECK * c.check_s
@@ -265,7 +239,7 @@ class PixelTracker:
                 look = self._look(target, image)
         missed = isinstance(look[1], Miss)
         place = target.motion.place()
-        known = max(target.size_px) if target.whole_px is None else target.whole_px
+        known = target.length_px
         reach = known + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX
         # a target that is not where it was expected may be anywhere a moment later
         wider = _WIDER * target.misses * self._image_size[0]
@@ -278,14 +252,91 @@ class PixelTracker:
         similar = [s for s in sights if alike(s.size_px, known, ratio)]
         best = best_sight(similar, place, reach, sights)
         if best is not None:
-            again = self._look_at(target, image, best)
+            again = self._look_at(image, best)
             if not missed and target.whole_px is None and best.score >= CLEAR_SCORE and not _shows(again, best):
                 # what the detector has learnt so far may have been more than the target
                 self._detector.reset()
-                again = self._look_at(target, image, best)
+                again = self._look_at(image, best)
             if _shows(again, best) or (missed and isinstance(again[1], Detection)):
                 return again
         return look
+
+    def _judge(self, target: PixelTarget, image: ImageArray, look: Look, t_s: float) -> Look:
+        """Take what is the target; where something else is seen in its place, look for it on its own path.
+
+        What looks like something else but is in the target's place, as a bird before it is, is returned without
+        being learnt from; what is elsewhere is a miss.
+        """
+        identity, seen = target.identity, look[1]
+        if isinstance(seen, Detection):
+            looks = looks_of(image, seen)
+            as_before = seen.cut or identity.unlikeness(looks) <= self._config.unlikeness
+            if identity.doubt_s is None:
+                if as_before:
+                    aside = _aside(target, seen)
+                    if aside:
+                        # of two that look alike, the one that is where the path leads
+                        other = self._on_its_path(target, image)
+                        look, seen = (other, other[1]) if isinstance(other[1], Detection) else (look, seen)
+                        looks = looks_of(image, seen)
+                    self._saw(target, seen, t_s)
+                    if aside:
+                        target.span_px = seen.box[2]
+                    if not seen.cut:
+                        identity.learn(looks, target.motion, target.size_px, target.whole_px, t_s)
+                    return look
+                target.go_back(t_s)
+                as_before = identity.unlikeness(looks) <= self._config.unlikeness
+            if as_before and _on_path(target, seen, _ON_PATH):
+                self._saw(target, seen, t_s)
+                identity.confirm(target.motion, t_s)
+                return look
+        if identity.doubt_s is None:
+            return look
+        other = self._on_its_path(target, image)
+        if isinstance(other[1], Detection):
+            self._saw(target, other[1], t_s)
+            identity.confirm(target.motion, t_s)
+            return other
+        # whatever the detector has just learnt is not the target
+        self._detector.reset()
+        target.span_px = target.size_px[0]
+        if not isinstance(seen, Detection):
+            return look
+        if not _on_path(target, seen, _IN_PLACE):
+            return look[0], Miss(reason=MissReason.AMBIGUOUS, detail="something else, away from the target's path")
+        looks = looks_of(image, seen)
+        if identity.stays_other(looks, target.motion, self._config.unlikeness, t_s) > self._config.accept_s:
+            target.identity = Identity()
+            self._saw(target, seen, t_s)
+        return look
+
+    def _on_its_path(self, target: PixelTarget, image: ImageArray) -> Look:
+        """Return the look at something that looks like the target and is where its own path leads.
+
+        Once it has been missed, a moving camera may have brought it farther than that.
+        """
+        place = target.motion.place()
+        wider = min(_WIDER * target.misses, _NEAR + _WIDER) * self._image_size[0]
+        reach = target.length_px + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX + wider
+        sights = [
+            s for s in self._local.around(image, place, reach) if alike(s.size_px, target.length_px, _SIMILAR_SIZE)
+        ]
+        tried: list[Box] = []
+        for sight in sorted(sights, key=lambda s: float(np.hypot(*(s.centre_px - place)))):
+            # several readings of one thing need not all be looked at
+            if len(tried) >= _MOST_SIGHTS or any(overlaps(sight.box, t) for t in tried):
+                continue
+            tried.append(sight.box)
+            self._detector.reset()
+            look = self._look_at(image, sight, _CLOSE_PX)
+            seen = look[1]
+            if not isinstance(seen, Detection) or not _on_path(target, seen, _ON_PATH, wider):
+                continue
+            most = self._config.unlikeness * (1.0 if _on_path(target, seen, _ON_PATH) else _FAR_OFF)
+            if target.identity.unlikeness(looks_of(image, seen)) <= most:
+                return look
+        return None, Miss(reason=MissReason.NO_REGION)
 
     def _whole(self, target: PixelTarget, image: ImageArray, sight: Sight, look: tuple[Roi | None, Detection]) -> Look:
         """Return the look at the whole thing where the detector has seen a part of it, or more than that.
@@ -303,7 +354,7 @@ class PixelTracker:
         if alike(sight.size_px, seen, self._config.size_change):
             return look
         self._detector.reset()
-        again = self._look_at(target, image, sight)
+        again = self._look_at(image, sight)
         return again if isinstance(again[1], Detection) else look
 
     def _saw(self, target: PixelTarget, seen: Detection, t_s: float) -> None:
@@ -332,6 +383,12 @@ class PixelTracker:
         share = away / self._image_size[0]
         return gone_s > self._config.another_after_s or share < _NEAR + _SPEED_PER_S * gone_s
 
+    def _may_be(self, held: PixelTarget | None, image: ImageArray, seen: Detection, t_s: float) -> bool:
+        """Return whether something that was found may be the target that is missed, by its looks."""
+        if held is None or t_s - held.seen_s > self._config.another_after_s:
+            return True
+        return held.identity.unlikeness(looks_of(image, seen)) <= self._config.unlikeness
+
     def _is_lost(self, target: PixelTarget, t_s: float) -> bool:
         return t_s - target.seen_s > self._config.lost_after_s and target.misses >= _LEAST_MISSES
 
@@ -343,6 +400,18 @@ class PixelTracker:
             return True
         target.proven = True
         return False
+
+
+def _on_path(target: PixelTarget, seen: Detection, sizes: float, wider_px: float = 0.0) -> bool:
+    """Return whether something is where the target's path leads, to some sigmas and a share of its size."""
+    off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
+    return off <= _PATH_SIGMAS * target.motion.sigma_px + sizes * target.length_px + wider_px
+
+
+def _aside(target: PixelTarget, seen: Detection) -> bool:
+    """Return whether something is beside the place where the target is expected."""
+    off = float(np.hypot(*(seen.centroid_px - target.motion.place())))
+    return off > max(_ASIDE_SIGMAS * target.motion.sigma_px, 0.5 * target.length_px, _LEAST_SURPRISE_PX)
 
 
 def _shows(look: Look, sight: Sight) -> bool:
