@@ -242,7 +242,8 @@ def main() -> None:
         f"\nseed {options.seed}; wrong: frames with a point off the aircraft, of all; missed: frames after the overlap"
     )
     print(
-        f"{'size x, px a frame':26s} {'n':>5s} {'captured':>8s} {'late':>5s} {'wrong':>13s} {'missed':>12s} back 95 %, max"
+        f"{'size x, px a frame':26s} {'n':>5s} {'captured':>8s} {'late':>5s} {'wrong':>13s} {'missed':>12s}"
+        " back 95 %, max"
     )
     for (i, j), tally in sorted(cells.items()):
         print(tally.line(f"{RATIOS[i][0]:.1f}–{RATIOS[i][1]:.1f} x  {SPEEDS_PX[j][0]:.0f}–{SPEEDS_PX[j][1]:.0f} px"))

@@ -105,7 +105,7 @@ def contrast_of(image: ImageArray, box: Box) -> tuple[FloatArray, FloatArray]:
 def length_in(image: ImageArray, box: Box) -> float:
     """Return the length in px of what stands out in a loose box, at least 3; of an even box three quarters of it."""
     _, mask = contrast_of(image, box)
-    count, labels, table, centres = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    count, _, table, centres = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     middle = 0.5 * np.array([mask.shape[1], mask.shape[0]])
     best = None
     for k in range(1, count):
@@ -141,7 +141,7 @@ def cut_out(image: ImageArray, box: Box, before: tuple[float, float] | None = No
         return None
     worth = table[1:, cv2.CC_STAT_AREA].astype(np.float64)
     if before is not None:
-        away = np.hypot(*(centres[1:] + (x0, y0) - before).T)
+        away = np.hypot(*(centres[1:] + np.array([x0, y0]) - np.array(before)).T)
         worth *= np.exp(-0.5 * (away / _STEP_PX) ** 2)
     k = 1 + int(np.argmax(worth))
     x, y, w, h, _ = (int(v) for v in table[k])

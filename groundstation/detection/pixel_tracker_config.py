@@ -42,4 +42,4 @@ class PixelTrackerConfig:
     size_change: float = 1.4
     check_s: float = 1.0
     unlikeness: float = 0.8
-    accept_s: float = 0.5
+    accept_s: float = 1.5
