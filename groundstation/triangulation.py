@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
+from groundstation.geometry import kernels
 from groundstation.geometry.station import LensError, Ray, StationGeometry
 from groundstation.messages import Triangulation
 
@@ -32,16 +33,6 @@ class View:
     pan_rad: float
     tilt_rad: float
     angle_sigma_rad: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Normal:
-    """Normal equations of the reprojection: information (3, 3), gradient (3,), χ² and whether all is in front."""
-
-    information: FloatArray
-    gradient: FloatArray
-    chi2: float
-    in_front: bool
 
 
 def midpoint(rays: Sequence[Ray]) -> tuple[FloatArray, float] | None:
@@ -75,46 +66,53 @@ def triangulate(views: Sequence[View]) -> Triangulation | None:
     if start is None:
         return None
     point, gap = start
-    best = point
-    normal = _normal_equations(views, best)
-    for _ in range(_STEPS):
-        if not normal.in_front:
-            return None
-        step = np.linalg.solve(normal.information, normal.gradient)
-        best = best + step
-        normal = _normal_equations(views, best)
-        if float(np.abs(step).max()) < _CONVERGED_M:
-            break
-    if not normal.in_front:
+    best, information, chi2 = _refine(
+        np.stack([v.station.packed for v in views]),
+        np.stack([v.pixel for v in views]),
+        np.stack([v.covariance_px2 for v in views]),
+        np.array([(v.pan_rad, v.tilt_rad, v.angle_sigma_rad) for v in views]),
+        point,
+    )
+    if chi2 < 0.0:
         return None
     return Triangulation(
         midpoint_runway_m=point,
         point_runway_m=best,
-        covariance_m2=np.asarray(np.linalg.inv(normal.information), dtype=np.float64),
+        covariance_m2=np.asarray(np.linalg.inv(information), dtype=np.float64),
         gap_m=gap,
-        residual_sigma=float(np.sqrt(normal.chi2)),
+        residual_sigma=math.sqrt(chi2),
     )
 
 
-def pixel_covariance(view: View, jacobian: FloatArray) -> FloatArray:
-    """Return pixel noise (2, 2) with the angles' noise carried into it by ∂pixel/∂(pan, tilt)."""
-    J = jacobian[:, 3:]
-    return view.covariance_px2 + view.angle_sigma_rad**2 * (J @ J.T)
+@njit(cache=True)
+def _refine(
+    stations: FloatArray, pixels: FloatArray, covariances: FloatArray, angles: FloatArray, start: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return the maximum-likelihood point (3,), its information (3, 3) and χ², −1 where there is no such point.
+
+    ``stations`` (n, 34) packed, ``pixels`` (n, 2) with ``covariances`` (n, 2, 2), ``angles`` (n, 3) pan, tilt and
+    their sigma; Gauss-Newton from ``start``, each view's noise taken at the newest point.
+    """
+    point, step = start.copy(), np.full(3, np.inf)
+    information, gradient = np.zeros((3, 3)), np.zeros(3)
+    pixel, jacobian, chi2 = np.empty(2), np.empty((2, 5)), 0.0
+    for k in range(_STEPS + 1):
+        information[:], gradient[:], chi2 = 0.0, 0.0, 0.0
+        for n in range(stations.shape[0]):
+            depth = kernels.project(stations[n], point, angles[n, 0], angles[n, 1], pixel, jacobian)
+            if depth < kernels.MIN_DEPTH_M:
+                return point, information, -1.0
+            chi2 += _add_view(information, gradient, pixels[n] - pixel, jacobian, covariances[n], angles[n, 2])
+        if not _solvable(information, 1e14):
+            return point, information, -1.0
+        if k == _STEPS or np.abs(step).max() < _CONVERGED_M:
+            break
+        step = np.linalg.solve(information, gradient)
+        point += step
+    return point, information, chi2
 
 
-def _normal_equations(views: Sequence[View], point: FloatArray) -> _Normal:
-    """Return the Gauss-Newton equations at one point."""
-    information, gradient, chi2 = np.zeros((3, 3)), np.zeros(3), 0.0
-    for v in views:
-        projection = v.station.project(point, v.pan_rad, v.tilt_rad)
-        if projection is None:
-            return _Normal(information=information, gradient=gradient, chi2=chi2, in_front=False)
-        residual = v.pixel - projection.pixel
-        chi2 += _add_view(information, gradient, residual, projection.jacobian, v.covariance_px2, v.angle_sigma_rad)
-    return _Normal(information=information, gradient=gradient, chi2=chi2, in_front=_solvable(information, 1e14))
-
-
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _add_view(
     information: FloatArray,
     gradient: FloatArray,
@@ -143,7 +141,7 @@ def _add_view(
     return chi2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _solvable(A: FloatArray, most: float) -> bool:
     """Return whether a symmetric matrix (3, 3) is positive and conditioned better than ``most``."""
     values = np.linalg.eigvalsh(A)

@@ -9,13 +9,12 @@ another one shows. Where no kept frame knows the scene, the caller falls back on
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.flatten import Plane, opponents, planes
+from groundstation.detection.flatten import Planes, planes
 from groundstation.detection.registration import (
     MAX_EDGE_PX,
     MIN_TEXTURED,
@@ -63,11 +62,24 @@ def _against(
     return np.float32(image[at[1], at[0], c]) - value, abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b)
 
 
+@njit(cache=True, nogil=True)
+def _unexplained(within: Box, misfit: Float32Array) -> NDArray[np.int32]:
+    """Return the places (n, 2), row and column, in a part x0, y0, x1, y1 of the window that no frame fits well yet."""
+    x0, y0, x1, y1 = within
+    places = np.empty((max(x1 - x0, 0) * max(y1 - y0, 0), 2), np.int32)
+    n = 0
+    for i in range(y0, y1):
+        for j in range(x0, x1):
+            places[n, 0], places[n, 1] = i, j
+            n += misfit[i, j] >= _GOOD_FIT
+    return places[:n]
+
+
 @njit(cache=True, nogil=True, fastmath=True)
 def _difference(
     image: ImageArray,
     corner: tuple[int, int],
-    within: Box,
+    places: NDArray[np.int32],
     frame: ImageArray,
     shift: tuple[float, float],
     hidden: Box,
@@ -75,11 +87,11 @@ def _difference(
     residual: Float32Array,
     edge: Float32Array,
     misfit: Float32Array,
-) -> None:
-    """Compare a part of the window with one kept frame, wherever no other frame has fitted well so far.
+) -> NDArray[np.int32]:
+    """Compare ``places`` of the window with one kept frame, and return those that it does not fit well, either.
 
-    ``corner`` is the window's place in the image, ``within`` x0, y0, x1, y1 the part, in the window. Each pixel
-    takes the frame that fits it best: what one frame shows of a passing bird is not background.
+    ``corner`` is the window's place in the image. Each pixel takes the frame that fits it best: what one frame shows
+    of a passing bird is not background.
     """
     height, width = frame.shape[:2]
     ox, oy = math.floor(shift[0]), math.floor(shift[1])
@@ -88,13 +100,12 @@ def _difference(
     weights = ((one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy)
     x0, y0 = corner[0] + ox, corner[1] + oy
     gain = half * np.float32(edge_px)
-    for i in range(max(within[1], -y0), min(within[3], height - 1 - y0)):
-        y = y0 + i
-        row_hidden = hidden[1] <= y + fy < hidden[3]
-        for j in range(max(within[0], -x0), min(within[2], width - 1 - x0)):
-            x = x0 + j
-            if misfit[i, j] < _GOOD_FIT or (row_hidden and hidden[0] <= x + fx < hidden[2]):
-                continue
+    left = 0
+    for n in range(places.shape[0]):
+        i, j = places[n, 0], places[n, 1]
+        x, y = x0 + j, y0 + i
+        inside = 0 <= x < width - 1 and 0 <= y < height - 1
+        if inside and not (hidden[1] <= y + fy < hidden[3] and hidden[0] <= x + fx < hidden[2]):
             at = (corner[0] + j, corner[1] + i)
             blue, slope_0 = _against(image, at, frame, x, y, weights, 0)
             green, slope_1 = _against(image, at, frame, x, y, weights, 1)
@@ -106,25 +117,66 @@ def _difference(
                 misfit[i, j] = fit
                 residual[0, i, j], residual[1, i, j], residual[2, i, j] = grey, blue_red, magenta
                 edge[i, j] = gain * max(slope_0, slope_1, slope_2)
+        if misfit[i, j] >= _GOOD_FIT:
+            places[left, 0], places[left, 1] = i, j
+            left += 1
+    return places[:left]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _steepness(plane: Plane, gain: float, edge: Float32Array) -> None:
-    """Raise ``edge`` to the plane's slope times ``gain``, inside its rim."""
-    scale = np.float32(0.5 * gain)
-    for i in range(1, plane.shape[0] - 1):
-        for j in range(1, plane.shape[1] - 1):
-            across = abs(np.int32(plane[i, j + 1]) - np.int32(plane[i, j - 1]))
-            down = abs(np.int32(plane[i + 1, j]) - np.int32(plane[i - 1, j]))
-            edge[i, j] = max(edge[i, j], scale * np.float32(across + down))
+def _compare(
+    window: Planes,
+    ground: Planes,
+    between: tuple[float, float],
+    edge_px: float,
+    residual: Float32Array,
+    edge: Float32Array,
+) -> None:
+    """Write the difference of a window (h, w) from a frame's planes (h + 1, w + 1), taken between their pixels.
+
+    ``between`` is how far right and down of each of the frame's pixels. Each channel is gone through on its own and
+    row by row, so that the compiler works on many pixels at a time.
+    """
+    h, w = edge.shape
+    fx, fy, one = np.float32(between[0]), np.float32(between[1]), np.float32(1)
+    w00, w01, w10, w11 = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
+    gain = np.float32(0.5 * edge_px)
+    apart = np.empty((3, w), np.float32)
+    for i in range(h):
+        for c in range(3):
+            new, upper, lower = window[c][i], ground[c][i], ground[c][i + 1]
+            for j in range(w):
+                a, b = np.float32(upper[j]), np.float32(upper[j + 1])
+                d, f = np.float32(lower[j]), np.float32(lower[j + 1])
+                apart[c, j] = np.float32(new[j]) - (w00 * a + w01 * b + w10 * d + w11 * f)
+                edge[i, j] = max(edge[i, j], gain * (abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b)))
+        for j in range(w):
+            b, g, r = apart[0, j], apart[1, j], apart[2, j]
+            residual[0, i, j] = np.float32(0.114) * b + np.float32(0.587) * g + np.float32(0.299) * r
+            residual[1, i, j] = np.float32(0.5) * (b - r)
+            residual[2, i, j] = np.float32(0.5) * g - np.float32(0.25) * (b + r)
+
+
+def _cut(frame: ImageArray, x: int, y: int, size: tuple[int, int]) -> Planes:
+    """Return the planes of a window (w, h) of a frame whose upper-left corner is (x, y); black beyond the frame."""
+    w, h = size
+    inside = frame[max(y, 0) : max(y + h, 0), max(x, 0) : max(x + w, 0)]
+    if inside.shape[:2] == (h, w):
+        return planes(inside)
+    window = np.zeros((h, w, 3), np.uint8)
+    top, left = max(-y, 0), max(-x, 0)
+    if inside.size:
+        window[top : top + inside.shape[0], left : left + inside.shape[1]] = inside
+    return planes(window)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _weigh(residual: Float32Array, valid: Box, hole: Box, misfit: Float32Array) -> None:
     """Write how badly a frame fits, where it is ``valid`` and does not show the target (``hole``)."""
     for i in range(valid[1], valid[3]):
+        grey, blue_red, magenta, row = residual[0, i], residual[1, i], residual[2, i], misfit[i]
         for j in range(valid[0], valid[2]):
-            misfit[i, j] = abs(residual[0, i, j]) + np.float32(2) * (abs(residual[1, i, j]) + abs(residual[2, i, j]))
+            row[j] = abs(grey[j]) + np.float32(2) * (abs(blue_red[j]) + abs(magenta[j]))
     for i in range(max(hole[1], 0), min(hole[3], misfit.shape[0])):
         for j in range(max(hole[0], 0), min(hole[2], misfit.shape[1])):
             misfit[i, j] = np.float32(_UNKNOWN)
@@ -169,16 +221,11 @@ class BackgroundMemory:
         edge = np.zeros((h, w), np.float32)
         misfit = np.full((h, w), np.float32(_UNKNOWN))
         newest = self._order[0]
-        dx, dy = float(self._shifts[newest, 0]), float(self._shifts[newest, 1])
         frame, hidden = self._frames[newest], _as_box(self._hidden[newest])
-        x0, y0 = origin[0] + dx, origin[1] + dy
-        under = np.array([[1.0, 0.0, x0], [0.0, 1.0, y0]])
-        shifted = cv2.warpAffine(frame, under, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-        window = image[origin[1] : origin[1] + h, origin[0] : origin[0] + w]
-        ground = planes(shifted)
-        opponents(planes(window), ground, residual)
-        for plane in ground:
-            _steepness(plane, self._edge_px, edge)
+        x0, y0 = origin[0] + float(self._shifts[newest, 0]), origin[1] + float(self._shifts[newest, 1])
+        ground = _cut(frame, math.floor(x0), math.floor(y0), (w + 1, h + 1))
+        window = planes(image[origin[1] : origin[1] + h, origin[0] : origin[0] + w])
+        _compare(window, ground, (x0 - math.floor(x0), y0 - math.floor(y0)), self._edge_px, residual, edge)
         last = (math.floor(frame.shape[1] - 1 - x0), math.floor(frame.shape[0] - 1 - y0))
         valid = (max(math.ceil(-x0), 0), max(math.ceil(-y0), 0), min(last[0], w), min(last[1], h))
         top_left = (math.ceil(hidden[0] - x0), math.ceil(hidden[1] - y0))
@@ -188,10 +235,11 @@ class BackgroundMemory:
         near = _union(
             (target[0] - origin[0], target[1] - origin[1], target[2] - origin[0], target[3] - origin[1]), hole, size
         )
+        open_px, out = _unexplained(near, misfit), (residual, edge, misfit)
         for k in self._order[1:]:
             shift = (float(self._shifts[k, 0]), float(self._shifts[k, 1]))
-            hidden = _as_box(self._hidden[k])
-            _difference(image, origin, near, self._frames[k], shift, hidden, self._edge_px, residual, edge, misfit)
+            frame, hidden = self._frames[k], _as_box(self._hidden[k])
+            open_px = _difference(image, origin, open_px, frame, shift, hidden, self._edge_px, *out)
         return Difference(residual=residual, edge=edge, known=misfit < _UNKNOWN)
 
     def _register(self, image: ImageArray, origin: tuple[int, int], size: tuple[int, int], target: Box) -> bool:

@@ -257,12 +257,15 @@ def evolve(
     iterations: int,
     stop_fraction: float,
     stop_after: int,
+    visits_per_px: float = 1e9,
 ) -> int:
     """Evolve φ in place, held within ±`PHI_LIMIT`, touching only pixels that move and their neighbours.
 
     Returns the iterations done. It has come to rest when φ moves at no more than ``stop_fraction`` of the pixels
     inside, ``stop_after`` times running. Then the whole grid is looked over with the means reached, so that no
-    region is forgotten, and the work goes on wherever something would still move.
+    region is forgotten, and the work goes on wherever something would still move. Where the means take scenery for
+    the target, most of the picture moves for long; ``visits_per_px`` bounds what is spent on that, as visits to a
+    pixel over the grid's pixels.
     """
     h, w = u.shape
     lambda1, lambda2 = np.float32(weights[2]), np.float32(weights[3])
@@ -272,6 +275,7 @@ def evolve(
     waiting = np.zeros(h * w, np.bool_)
     count = 0
     quiet = stop_after
+    left = visits_per_px * h * w
     for iteration in range(iterations):
         c1 = np.float32(inside / max(n, 1))
         c2 = np.float32((total - inside) / max(h * w - n, 1))
@@ -283,6 +287,9 @@ def evolve(
             if count <= stop_fraction * n:
                 return iteration
             quiet = 0
+        left -= count
+        if left < 0:
+            return iteration
         changed, coming = 0, 0
         for k in range(count):
             place = queue[k]

@@ -1,6 +1,7 @@
 """Which of the regions is the target: size, place, contrast and looks, or a named reason why none is."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,8 +41,11 @@ def choose(regions: Regions, look: Look, memory: Memory | None, config: Detectio
     if not groups:
         return Miss(reason=MissReason.NO_REGION, detail="no region of enough contrast near the prediction")
     heaviest = max(g.mass for g in groups)
-    unlike = {g.labels: _unlikeness(g, regions, look, memory) for g in groups}
-    scored = sorted(((_score(g, look, heaviest, unlike[g.labels], config), g) for g in groups), key=lambda s: -s[0])
+
+    def unlike(group: Group) -> float:
+        return _unlikeness(group, regions, look, memory)
+
+    scored = sorted(((_score(g, look, heaviest, unlike, config), g) for g in groups), key=lambda s: -s[0])
     best_score, best = scored[0]
     if best.contrast < config.min_contrast_to_noise:
         return Miss(reason=MissReason.LOW_CONTRAST, detail=f"contrast {best.contrast:.1f} sigma")
@@ -49,7 +53,7 @@ def choose(regions: Regions, look: Look, memory: Memory | None, config: Detectio
         nearest = min(groups, key=lambda g: float(np.hypot(*(g.centre - look.predicted))))
         if _distance(nearest, look) > config.gate_sigmas**2:
             return Miss(reason=MissReason.NO_REGION, detail="the nearest region is too far from the prediction")
-        if unlike[nearest.labels] > config.appearance_gate:
+        if unlike(nearest) > config.appearance_gate:
             return Miss(reason=MissReason.NO_REGION, detail="the nearest region looks unlike the target")
         return Miss(reason=MissReason.WRONG_SIZE, detail=f"{nearest.width} px wide, {span:.0f} px expected")
     for score, other in scored[1:]:
@@ -66,14 +70,14 @@ def _unlikeness(group: Group, regions: Regions, look: Look, memory: Memory | Non
     return memory.appearance.distance(seen, float(group.width * look.scale), memory.misses)
 
 
-def _score(group: Group, look: Look, heaviest: float, unlike: float, config: DetectionConfig) -> float:
-    """Return the log-likelihood of a group, −inf where a gate excludes it."""
+def _score(
+    group: Group, look: Look, heaviest: float, unlikeness: Callable[[Group], float], config: DetectionConfig
+) -> float:
+    """Return the log-likelihood of a group, −inf where a gate excludes it; its looks are asked for last."""
     distance = _distance(group, look)
     if distance > config.gate_sigmas**2 or group.width * look.scale < config.min_span_px:
         return -math.inf
-    if unlike > config.appearance_gate:
-        return -math.inf
-    score = -0.5 * distance - 0.5 * unlike**2 + math.log(group.mass / heaviest)
+    score = -0.5 * distance + math.log(group.mass / heaviest)
     if look.span is not None:
         # one pixel of blur at each tip besides what the hint allows
         sigma = math.hypot(look.span_sigma, 2.0 / look.span)
@@ -82,7 +86,8 @@ def _score(group: Group, look: Look, heaviest: float, unlike: float, config: Det
         if abs(deviation) > config.size_gate_sigmas and not (clipped and deviation < 0):
             return -math.inf
         score -= 0.5 * deviation**2
-    return score
+    unlike = unlikeness(group)
+    return -math.inf if unlike > config.appearance_gate else score - 0.5 * unlike**2
 
 
 def _distance(group: Group, look: Look) -> float:

@@ -50,8 +50,10 @@ class LevelSetConfig:
     iterations : at most this many.
     stop_fraction : stop when fewer than this fraction of the pixels inside changed sides ...
     stop_after : ... in this many iterations running.
+    visits_per_px : and at the latest when so many times the picture's pixels have been visited; a target takes
+        half of that, a contour that runs away over scenery would take twenty times as much.
 
-    The last three hold for every segmentation method.
+    Iterations and the two stops hold for every segmentation method.
     """
 
     mu: float = 0.02
@@ -65,8 +67,11 @@ class LevelSetConfig:
     iterations: int = 60
     stop_fraction: float = 0.01
     stop_after: int = 2
+    visits_per_px: float = 2.0
 
     def __post_init__(self) -> None:
+        if self.visits_per_px <= 0:
+            raise ValueError("visits_per_px must be > 0")
         if min(self.mu, self.lambda1, self.lambda2) < 0 or self.eps <= 0 or self.time_step <= 0:
             raise ValueError("mu, lambda1, lambda2 must be ≥ 0, eps and time_step > 0")
         if not 0 <= self.local_share <= 1 or not 0.5 <= self.local_sigma_px <= 100:

@@ -42,7 +42,10 @@ def _edges(median: ImageArray) -> NDArray[np.bool_]:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def opponents(colour: Planes, ground: Planes, out: Float32Array) -> None:
-    """Write grey, blue minus red and green minus magenta of a colour less another, plane by plane, into (3, h, w)."""
+    """Write grey, blue minus red and green minus magenta of a colour less another, plane by plane, into (3, h, w).
+
+    The planes may reach beyond h and w.
+    """
     blue, green, red = colour
     blue_0, green_0, red_0 = ground
     for i in range(out.shape[1]):
@@ -58,44 +61,56 @@ def opponents(colour: Planes, ground: Planes, out: Float32Array) -> None:
 @njit(cache=True, nogil=True)
 def _keep_edges(image: ImageArray, median: ImageArray, edges: NDArray[np.bool_], step: int, out: Float32Array) -> None:
     """Where a block has an edge in its neighbourhood, take for each pixel the block that it resembles most."""
+    near = np.empty((9, 3), np.int32)
     for a in range(edges.shape[0]):
         for b in range(edges.shape[1]):
             if edges[a, b]:
+                count = _neighbours(median, a, b, near)
                 for i in range(a * step, min((a + 1) * step, image.shape[0])):
                     for j in range(b * step, min((b + 1) * step, image.shape[1])):
-                        _nearest(image, median, a, b, i, j, out)
+                        _nearest(image, near, count, i, j, out)
+
+
+@njit(cache=True, nogil=True)
+def _neighbours(median: ImageArray, a: int, b: int, near: NDArray[np.int32]) -> int:
+    """Fill in the colours of a block and of those around it, its own first and none twice; return their count."""
+    count = 0
+    for k in range(9):
+        p, q = a + (k + 4) % 9 // 3 - 1, b + (k + 4) % 9 % 3 - 1
+        if 0 <= p < median.shape[0] and 0 <= q < median.shape[1]:
+            blue, green, red = np.int32(median[p, q, 0]), np.int32(median[p, q, 1]), np.int32(median[p, q, 2])
+            known = False
+            for m in range(count):
+                known |= near[m, 0] == blue and near[m, 1] == green and near[m, 2] == red
+            if not known:
+                near[count, 0], near[count, 1], near[count, 2] = blue, green, red
+                count += 1
+    return count
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _apart(
-    blue: np.int32, green: np.int32, red: np.int32, median: ImageArray, p: int, q: int
-) -> tuple[np.int32, np.int32, np.int32]:
-    """Return how far a colour is from a block's; whole numbers without a sign would wrap."""
-    return blue - np.int32(median[p, q, 0]), green - np.int32(median[p, q, 1]), red - np.int32(median[p, q, 2])
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _nearest(image: ImageArray, median: ImageArray, a: int, b: int, i: int, j: int, out: Float32Array) -> None:
-    """Write one pixel's difference from the one of the nine nearest blocks that it resembles most."""
+def _nearest(image: ImageArray, near: NDArray[np.int32], count: int, i: int, j: int, out: Float32Array) -> None:
+    """Write one pixel's difference from the one of the colours that it resembles most."""
+    # whole numbers without a sign would wrap
     blue, green, red = np.int32(image[i, j, 0]), np.int32(image[i, j, 1]), np.int32(image[i, j, 2])
-    d_blue, d_green, d_red = _apart(blue, green, red, median, a, b)
-    least = d_blue * d_blue + d_green * d_green + d_red * d_red
-    if least > _ALIKE:
-        for p in range(max(a - 1, 0), min(a + 2, median.shape[0])):
-            for q in range(max(b - 1, 0), min(b + 2, median.shape[1])):
-                e0, e1, e2 = _apart(blue, green, red, median, p, q)
-                misfit = e0 * e0 + e1 * e1 + e2 * e2
-                if misfit < least:
-                    least = misfit
-                    d_blue, d_green, d_red = e0, e1, e2
-    out[0, i, j] = 0.114 * d_blue + 0.587 * d_green + 0.299 * d_red
-    out[1, i, j] = 0.5 * (d_blue - d_red)
-    out[2, i, j] = 0.5 * d_green - 0.25 * (d_blue + d_red)
+    least, best = np.int32(2**30), 0
+    for k in range(count):
+        b, g, r = blue - near[k, 0], green - near[k, 1], red - near[k, 2]
+        misfit = np.int32(b * b + g * g + r * r)
+        if misfit < least:
+            least, best = misfit, k
+        if least <= _ALIKE:
+            break
+    b, g, r = blue - near[best, 0], green - near[best, 1], red - near[best, 2]
+    out[0, i, j] = 0.114 * b + 0.587 * g + 0.299 * r
+    out[1, i, j] = 0.5 * (b - r)
+    out[2, i, j] = 0.5 * g - 0.25 * (b + r)
 
 
 def planes(image: NDArray[np.generic]) -> Planes:
     """Return blue, green and red of an image (h, w, 3), each (h, w) and contiguous."""
-    blue, green, red = cv2.split(np.asarray(image))
+    # OpenCV takes a window of a larger image apart in four times the time that copying it first takes
+    blue, green, red = cv2.split(np.ascontiguousarray(image))
     return cast(Planes, (blue, green, red))
 
 
@@ -111,13 +126,20 @@ def flatten(image: ImageArray, window: float) -> Float32Array:
     -------
     (3, h, w) float32: grey, blue minus red and green minus magenta, in grey levels.
     """
+    image = np.ascontiguousarray(image)
     step = max(math.floor(window / _BLOCKS + 0.5), 1)
     median = np.asarray(cv2.medianBlur(_block_means(image, step), _BLOCKS), np.uint8)
     out = np.empty((3, *image.shape[:2]), np.float32)
     rows, columns = median.shape[:2]
-    smooth = cv2.resize(median.astype(np.float32), (columns * step, rows * step), interpolation=cv2.INTER_LINEAR)
-    h, w = image.shape[:2]
+    size = (columns * step, rows * step)
     # plane by plane: pixels of three bytes would keep the compiler from working on many at a time
-    opponents(planes(image), planes(smooth[:h, :w]), out)
-    _keep_edges(image, median, _edges(median), step, out)
+    colours, blocks = planes(image), planes(median)
+    blue, green, red = (
+        np.asarray(cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_LINEAR), np.float32)
+        for plane in blocks
+    )
+    opponents(colours, (blue, green, red), out)
+    edges = _edges(median)
+    if edges.any():
+        _keep_edges(image, median, edges, step, out)
     return out

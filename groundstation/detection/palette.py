@@ -22,13 +22,15 @@ _NOISE = 2.0  # sigmas: less is nothing in any case
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _bin(value: float, width: float, bins: int) -> int:
+def _bin(value: np.float32, per_level: np.float32, bins: int) -> int:
     """Return the palette bin of one residual."""
-    return min(max(int(value / width + 0.5 * bins), 0), bins - 1)
+    return min(max(int(value * per_level + np.float32(0.5 * bins)), 0), bins - 1)
 
 
 @njit(cache=True, nogil=True)
-def _palette(residual: Float32Array, width: FloatArray, keep_out: tuple[int, int, int, int]) -> Float32Array:
+def _palette(
+    residual: Float32Array, per_level: NDArray[np.float32], keep_out: tuple[int, int, int, int]
+) -> Float32Array:
     """Return the smoothed share of each colour bin among the residuals outside the box."""
     x0, y0, x1, y1 = keep_out
     shape = (_BINS[0], _BINS[1], _BINS[2])
@@ -39,9 +41,9 @@ def _palette(residual: Float32Array, width: FloatArray, keep_out: tuple[int, int
         for j in range(0, residual.shape[2], 2):
             if y0 <= i < y1 and x0 <= j < x1:
                 continue
-            a = _bin(residual[0, i, j], width[0], shape[0])
-            b = _bin(residual[1, i, j], width[1], shape[1])
-            c = _bin(residual[2, i, j], width[2], shape[2])
+            a = _bin(residual[0, i, j], per_level[0], shape[0])
+            b = _bin(residual[1, i, j], per_level[1], shape[1])
+            c = _bin(residual[2, i, j], per_level[2], shape[2])
             if count[a, b, c] == 0:
                 used[bins, 0], used[bins, 1], used[bins, 2] = a, b, c
                 bins += 1
@@ -59,17 +61,23 @@ def _palette(residual: Float32Array, width: FloatArray, keep_out: tuple[int, int
 
 
 @njit(cache=True, nogil=True)
-def _discount(residual: Float32Array, width: FloatArray, share: Float32Array, contrast: Float32Array) -> None:
+def _discount(
+    residual: Float32Array, per_level: NDArray[np.float32], share: Float32Array, contrast: Float32Array
+) -> None:
     """Scale the contrast of each pixel down where its colour is common in the surroundings."""
     low, high = math.log(_COMMON), math.log(_RARE)
+    factor = np.ones(share.size, np.float32)
+    shares = share.ravel()
+    for k in range(shares.size):
+        if shares[k] > _RARE:
+            factor[k] = max(0.0, (math.log(shares[k]) - low) / (high - low))
     for i in range(contrast.shape[0]):
         for j in range(contrast.shape[1]):
             if contrast[i, j] > _NOISE:
-                a = _bin(residual[0, i, j], width[0], share.shape[0])
-                b = _bin(residual[1, i, j], width[1], share.shape[1])
-                p = share[a, b, _bin(residual[2, i, j], width[2], share.shape[2])]
-                if p > _RARE:
-                    contrast[i, j] *= max(0.0, (math.log(p) - low) / (high - low))
+                a = _bin(residual[0, i, j], per_level[0], share.shape[0])
+                b = _bin(residual[1, i, j], per_level[1], share.shape[1])
+                c = _bin(residual[2, i, j], per_level[2], share.shape[2])
+                contrast[i, j] *= factor[(a * share.shape[1] + b) * share.shape[2] + c]
 
 
 def discount_common_colours(
@@ -80,5 +88,5 @@ def discount_common_colours(
     ``residual`` (3, h, w) is against the flattened background, ``sigmas`` (3,) its usual spread, ``keep_out``
     x0, y0, x1, y1 the place of the target.
     """
-    width = _BIN_SIGMAS * sigmas
-    _discount(residual, width, _palette(residual, width, keep_out), contrast)
+    per_level = (1.0 / (_BIN_SIGMAS * sigmas)).astype(np.float32)
+    _discount(residual, per_level, _palette(residual, per_level, keep_out), contrast)

@@ -40,5 +40,5 @@ def _chan_vese(u: Float32Array, inside: NDArray[np.bool_], config: LevelSetConfi
         evolve_local(u, phi, weights, local, config.eps, config.time_step, config.iterations, *stop)
     else:
         phi = chan_vese.start(u, inside)
-        chan_vese.evolve(u, phi, weights, config.eps, config.time_step, config.iterations, *stop)
+        chan_vese.evolve(u, phi, weights, config.eps, config.time_step, config.iterations, *stop, config.visits_per_px)
     return phi

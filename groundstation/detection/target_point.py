@@ -195,26 +195,38 @@ def _thickest(membership: NDArray[np.float32], radius: float) -> FloatArray:
     )
     angle = _wing_angle(membership)
     dx, dy = _FLANK_RADII * radius * math.cos(angle), _FLANK_RADII * radius * math.sin(angle)
-    size = (response.shape[1], response.shape[0])
-    flanks = np.zeros_like(response)
-    for sign in (1.0, -1.0):
-        shift = np.array([[1.0, 0.0, sign * dx], [0.0, 1.0, sign * dy]])
-        flanks += np.asarray(cv2.warpAffine(response, shift, size), np.float32)
-    return _summit(np.asarray(response, np.float32), np.asarray(flanks, np.float32))
+    return _summit(np.asarray(response, np.float32), dx, dy)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _less(rise: NDArray[np.float32], response: NDArray[np.float32], dx: float, dy: float, weight: float) -> None:
+    """Take the response, shifted by (dx, dy) and ``weight`` times, from ``rise``; it is nothing outside."""
+    h, w = response.shape
+    ix, iy = math.floor(dx), math.floor(dy)
+    fx, fy, one = np.float32(dx - ix), np.float32(dy - iy), np.float32(1)
+    gain = np.float32(weight)
+    w00, w01 = gain * (one - fx) * (one - fy), gain * fx * (one - fy)
+    w10, w11 = gain * (one - fx) * fy, gain * fx * fy
+    # four whole shifts: the inner loop has no condition, so that the compiler works on many pixels at a time
+    for down, right, share in ((0, 0, w00), (0, 1, w01), (1, 0, w10), (1, 1, w11)):
+        x, y = ix + right, iy + down
+        for i in range(max(-y, 0), min(h - y, h)):
+            for j in range(max(-x, 0), min(w - x, w)):
+                rise[i, j] -= share * response[i + y, j + x]
 
 
 @njit(cache=True, nogil=True)
-def _summit(response: NDArray[np.float32], flanks: NDArray[np.float32]) -> FloatArray:
-    """Return the centre (2,) of what comes close to the highest response less its flanks."""
+def _summit(response: NDArray[np.float32], dx: float, dy: float) -> FloatArray:
+    """Return the centre (2,) of what comes close to the highest response less its flanks, ±(dx, dy) away."""
     h, w = response.shape
-    highest = -np.inf
-    for i in range(h):
-        for j in range(w):
-            highest = max(highest, response[i, j] - 0.5 * _FLANK_WEIGHT * flanks[i, j])
+    rise = response.copy()
+    _less(rise, response, dx, dy, 0.5 * _FLANK_WEIGHT)
+    _less(rise, response, -dx, -dy, 0.5 * _FLANK_WEIGHT)
+    highest = rise.max()
     total, x, y = 1e-12, 0.0, 0.0
     for i in range(h):
         for j in range(w):
-            above = response[i, j] - 0.5 * _FLANK_WEIGHT * flanks[i, j] - 0.8 * highest
+            above = rise[i, j] - 0.8 * highest
             if above > 0.0:
                 total += above * above
                 x += above * above * j

@@ -11,7 +11,7 @@ from numba import njit
 from groundstation.arrays import FloatArray
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatArray:
     """Return S = H P Hᵀ + R, (m, m)."""
     m, n = H.shape
@@ -27,7 +27,7 @@ def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatA
     return S
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _correct(
     x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -71,7 +71,7 @@ def _correct(
     return new_x, new_P, K, S
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _carry(x: FloatArray, P: FloatArray, F: FloatArray, Q: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return F x and F P Fᵀ + Q; F is nearly diagonal."""
     n = x.size

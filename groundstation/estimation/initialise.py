@@ -125,31 +125,36 @@ class TrackInitiator:
     # -------------------------------------------------------------------------------------- geometry
     def _nearly_meeting(self, first: list[Sighting], second: list[Sighting]) -> list[tuple[Sighting, Sighting, float]]:
         """Return pairs whose rays pass close to each other, and how far ahead: a cheap test before the exact one."""
+        first, one = self._rays(first)
+        second, two = self._rays(second)
+        if not first or not second:
+            return []
+        # origins and directions (n, 1, 3) against (1, m, 3): all pairs at once
+        apart = two[None, :, 0] - one[:, None, 0]
+        normal = np.cross(one[:, None, 1], two[None, :, 1])
+        sine = np.maximum(np.linalg.norm(normal, axis=2), 1e-12)
+        gap = np.abs((apart * normal).sum(axis=2)) / sine
+        distance = (np.cross(apart, two[None, :, 1]) * normal).sum(axis=2) / sine**2
+        ahead = (distance >= self._config.min_range_m) & (distance <= self._config.max_range_m) & (sine >= 1e-5)
         pairs = []
-        for s in first:
-            for r in second:
-                try:
-                    one = self._ray(s)
-                    two = self._ray(r)
-                except LensError:
-                    continue
-                w = two[0] - one[0]
-                normal = np.cross(one[1], two[1])
-                sine = float(np.linalg.norm(normal))
-                if sine < 1e-5:
-                    continue
-                gap = abs(float(w @ normal)) / sine
-                distance = float(np.cross(w, two[1]) @ normal) / sine**2
-                if not self._config.min_range_m <= distance <= self._config.max_range_m:
-                    continue
-                noise = self._ray_sigma(s, distance) + self._ray_sigma(r, distance)
-                if gap <= (self._config.residual_gate_sigma + 1.0) * noise * distance:
-                    pairs.append((s, r, distance))
+        for i, j in np.argwhere(ahead):
+            far = float(distance[i, j])
+            noise = self._ray_sigma(first[i], far) + self._ray_sigma(second[j], far)
+            if gap[i, j] <= (self._config.residual_gate_sigma + 1.0) * noise * far:
+                pairs.append((first[i], second[j], far))
         return pairs
 
-    def _ray(self, s: Sighting) -> tuple[FloatArray, FloatArray]:
-        ray = self._stations[s.station].ray(s.pixel[0], s.pixel[1], s.pan_rad, s.tilt_rad)
-        return ray.origin_runway_m, ray.direction_runway
+    def _rays(self, sightings: list[Sighting]) -> tuple[list[Sighting], FloatArray]:
+        """Return the sightings whose pixel has a ray, and origin and direction of each, (n, 2, 3)."""
+        seen, rays = [], []
+        for s in sightings:
+            try:
+                ray = self._stations[s.station].ray(s.pixel[0], s.pixel[1], s.pan_rad, s.tilt_rad)
+            except LensError:
+                continue
+            seen.append(s)
+            rays.append((ray.origin_runway_m, ray.direction_runway))
+        return seen, np.array(rays)
 
     def _ray_sigma(self, s: Sighting, distance_m: float) -> float:
         focal = float(self._stations[s.station].lens.focal_px.mean())

@@ -53,7 +53,7 @@ class MotionModel:
         return _process_noise(self._size, *self._pair_of, self._psd, dt_s)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _transition(size: int, values: IndexArray, slopes: IndexArray, dt_s: float) -> FloatArray:
     F = np.eye(size)
     for k in range(values.size):
@@ -61,13 +61,13 @@ def _transition(size: int, values: IndexArray, slopes: IndexArray, dt_s: float) 
     return F
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _process_noise(size: int, values: IndexArray, slopes: IndexArray, psd: FloatArray, dt_s: float) -> FloatArray:
     dt = abs(dt_s)
     Q = np.zeros((size, size))
     for k in range(values.size):
         a, b = values[k], slopes[k]
-        Q[a, a] = psd[k] * dt**3 / 3.0
+        Q[a, a] = psd[k] * dt * dt * dt / 3.0
         Q[b, b] = psd[k] * dt
-        Q[a, b] = Q[b, a] = psd[k] * np.sign(dt_s) * dt**2 / 2.0
+        Q[a, b] = Q[b, a] = psd[k] * dt_s * dt / 2.0
     return Q

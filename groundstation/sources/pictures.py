@@ -14,6 +14,7 @@ from groundstation.arrays import ImageArray
 from groundstation.errors import SessionError
 from groundstation.session import Medium, MediumKind
 from groundstation.session.media import image_files, open_video, read_image, size_fault
+from groundstation.sources.frame_pool import FramePool
 from groundstation.sources.video_seek import seek
 from groundstation.toml_table import shown
 
@@ -63,6 +64,7 @@ class PictureReader:
         self._listed = int(indices[-1]) + 1 if listed is None and len(indices) else listed or 0
         self._whole = whole
         self._queue: queue.Queue[Picture | SessionError | None] = queue.Queue(maxsize=QUEUE_FRAMES)
+        self._pool = FramePool(size_px)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name=f"decode-{medium.path.name}", daemon=True)
 
@@ -144,7 +146,8 @@ class PictureReader:
                     if not capture.grab():
                         raise self._ended(capture, place)
                     place += 1
-                good, decoded = capture.read()
+                # a video of another size than the rig's gets memory of its own, and is refused
+                good, decoded = capture.read(self._pool.take())
                 if not good:
                     raise self._ended(capture, place)
                 place += 1
