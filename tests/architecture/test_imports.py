@@ -19,7 +19,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.config",),
     ("groundstation.epoch", "groundstation.track_life", "groundstation.warm_up"),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
-    ("groundstation.messages", "groundstation.rig", "groundstation.toml_table"),
+    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
     ("groundstation.geometry",),
     ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
 )
