@@ -1,6 +1,6 @@
 """Planning a site: read it, compute the forecast, write the table and the picture."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,14 +8,16 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.planning.forecast import Forecast, forecast, site_map
+from groundstation.planning.picture import draw_plan
 from groundstation.planning.site import Site
 from groundstation.planning.site_file import load_site
+from groundstation.planning.table import plan_csv
 
 # the map's grid: enough for smooth contours, a second to compute
 _MAP_COLUMNS, _MAP_ROWS = 31, 50
+_LINE_POINTS = 80
 _MAP_ROOM = 1.25
 _MAP_LEAST_M = 30.0
-_MAP_NEAREST_M = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,14 +37,11 @@ def plan(site_path: Path, out: Path | None) -> PlanResult:
     expected = forecast(site)
     files: tuple[Path, ...] = ()
     if out is not None:
-        from groundstation.planning.picture import draw_plan
-        from groundstation.planning.table import plan_csv
-
         x_m, y_m = _grid(site)
-        contents = {
-            ".csv": plan_csv(expected).encode(),
-            **draw_plan(site, expected, x_m, y_m, site_map(site, x_m, y_m)),
-        }
+        # lines want more points than a table has rows
+        fine = forecast(replace(site, step_m=min(site.step_m, (site.to_m - site.from_m) / _LINE_POINTS)))
+        pictures = draw_plan(site, fine, x_m, y_m, site_map(site, x_m, y_m))
+        contents = {".csv": plan_csv(expected).encode(), **pictures}
         out.mkdir(parents=True, exist_ok=True)
         files = tuple(out / f"plan{suffix}" for suffix in contents)
         for path, content in zip(files, contents.values(), strict=True):
@@ -54,5 +53,5 @@ def _grid(site: Site) -> tuple[FloatArray, FloatArray]:
     """Return x and y of the map, m: as wide as the stations stand, as long as the approach."""
     places = np.array([s.ptu_position_m for s in site.rig.stations])
     half_m = max(_MAP_LEAST_M, _MAP_ROOM * float(np.abs(places[:, 0]).max()), abs(site.aircraft.x_m) + _MAP_LEAST_M)
-    near_m = min(_MAP_NEAREST_M, site.from_m, float(places[:, 1].min()) + _MAP_NEAREST_M)
+    near_m = min(0.0, float(places[:, 1].min()))
     return np.linspace(-half_m, half_m, _MAP_COLUMNS), np.linspace(near_m, site.to_m, _MAP_ROWS)

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from groundstation.arrays import FloatArray, MaskArray
@@ -17,6 +18,8 @@ from groundstation.planning.site import Site
 # Okabe and Ito's palette, told apart with any colour vision; each line also has a dash of its own
 _FIX, _TRACK, _TOTAL, _WANTED = "#E69F00", "#0072B2", "#000000", "#CC79A7"
 _WANTED_DASHES: tuple[Any, ...] = ((0, (1, 1.5)), (0, (5, 1, 1, 1)), (0, (8, 2)))
+# white on yellow would be lost
+_EDGED = [withStroke(linewidth=3.2, foreground="#00204C")]
 _SIZE_IN = (6.4, 11.6)
 _DPI = 170
 _AXIS_NAMES = ("x, across", "y, along the runway", "z, up")
@@ -94,6 +97,23 @@ def _gapped(values: FloatArray, known: MaskArray) -> FloatArray:
     return np.where(known, values, np.nan)
 
 
+def _contours(ax: Axes, x_m: FloatArray, y_m: FloatArray, shown: Any, low: float, high: float) -> None:
+    """Draw the contours, their labels level and beside the flight path."""
+    levels = [v for v in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0) if low < v < high]
+    if not levels:
+        return
+    lines = ax.contour(y_m, x_m, shown, levels=levels, colors="white", linewidths=1.3)
+    lines.set(path_effects=_EDGED)
+    beside = x_m[len(x_m) // 4]
+    # a level is labelled where it crosses this row last: beside the stations it may cross more than once
+    row = np.log(shown[len(x_m) // 4].filled(np.nan))
+    for v in levels:
+        crossed = np.flatnonzero(np.diff(np.sign(row - np.log(v))))
+        if len(crossed):
+            place = (float(y_m[crossed[-1]]), float(beside))
+            ax.annotate(f"{v:g} m", place, fontsize=12, color="white", ha="center", path_effects=_EDGED)
+
+
 def _map_panel(figure: Figure, ax: Axes, site: Site, x_m: FloatArray, y_m: FloatArray, map_sigma_m: FloatArray) -> None:
     """Draw the site from above, range to the right as in the panels above it."""
     shown = np.ma.masked_invalid(np.clip(map_sigma_m.T, 1e-6, None))
@@ -107,21 +127,17 @@ def _map_panel(figure: Figure, ax: Axes, site: Site, x_m: FloatArray, y_m: Float
         bar.ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         bar.ax.xaxis.set_major_formatter(FuncFormatter(_metres))
         bar.ax.xaxis.set_minor_formatter(NullFormatter())
-        levels = [v for v in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0) if low < v < high]
-        if levels:
-            lines = ax.contour(y_m, x_m, shown, levels=levels, colors="white", linewidths=1.2)
-            ax.clabel(lines, fmt=lambda v: f"{v:g} m", fontsize=11)
+        _contours(ax, x_m, y_m, shown, low, high)
     glide = [site.aircraft.x_m, site.aircraft.x_m]
-    ax.plot([site.from_m, site.to_m], glide, color="white", lw=2.0, ls="--")
-    ax.annotate(
-        "", (site.from_m, glide[0]), (site.from_m + 0.12 * (site.to_m - site.from_m), glide[0]),
-        arrowprops={"arrowstyle": "-|>", "color": "white", "lw": 2.0},
-    )  # fmt: skip
+    ax.plot([site.from_m, site.to_m], glide, color="white", lw=2.0, ls="--", path_effects=_EDGED)
+    tip_m = site.from_m + 0.06 * (site.to_m - site.from_m)
+    arrow = {"arrowstyle": "-|>", "color": "white", "lw": 2.0, "mutation_scale": 22, "path_effects": _EDGED}
+    ax.annotate("", (site.from_m, glide[0]), (tip_m, glide[0]), arrowprops=arrow)
     for station in site.rig.stations:
         ax.plot(
             *station.ptu_position_m[1::-1], "^", ms=11, color="#D55E00", mec="white", mew=1.2, clip_on=False, zorder=5
         )
-    ax.set_xlim(y_m[0], y_m[-1])
+    ax.set_xlim(min(0.0, y_m[0]), y_m[-1])
     # x is to the right of someone looking along +y, which here is downwards
     ax.set_ylim(x_m[-1], x_m[0])
     ax.grid(visible=False)

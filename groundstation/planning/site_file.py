@@ -16,6 +16,9 @@ from groundstation.toml_table import Table, load_toml, quoted, shown
 SITE_FORMAT = "groundstation-site/1"
 MAX_FRAMES = 20_000
 MAX_RANGES = 200
+# ten degrees, metres or seconds: beyond it, small errors are no longer what is computed with
+_MOST_SIGMA = 10.0
+_FAR_M = 20_000.0
 _TOP = {"format", "name", "rig", "baseline_m", "height_m", "station"}
 _TABLES = {"camera", "ptu", "calibration", "aircraft", "range", "required_sigma_m"}
 _LENS = {"focal_mm", "pixel_um", "focal_px", "image_size_px"}
@@ -44,7 +47,9 @@ def load_site(path: Path) -> Site:
         )
     camera = top.table("camera")
     own_rig = "rig" in top
-    camera.refuse_unknown({"frame_rate_hz", "pixel_sigma_px", "min_silhouette_px"} | (set() if own_rig else _LENS))
+    camera.refuse_unknown({"frame_rate_hz", "pixel_sigma_px", "min_silhouette_px"} | _LENS)
+    for key in _LENS & camera.values.keys() if own_rig else ():
+        raise camera.fail(key, "it beside rig", "one of them: the rig has its own lenses")
     rig = _given_rig(top, path) if own_rig else _planned_rig(top, camera)
     calibration = top.table("calibration")
     calibration.refuse_unknown(_QUALITY.keys() | _CLOCKS)
@@ -52,8 +57,8 @@ def load_site(path: Path) -> Site:
         rig = _with_quality(rig, calibration)
     ranges = top.table("range")
     ranges.refuse_unknown({"from_m", "to_m", "step_m"})
-    from_m = ranges.number("from_m", 60.0, above=0.0)
-    to_m = ranges.number("to_m", 600.0, above=from_m, maximum=20_000.0)
+    from_m = ranges.number("from_m", 60.0, minimum=1.0)
+    to_m = ranges.number("to_m", 600.0, above=from_m, maximum=_FAR_M)
     step_m = ranges.number("step_m", (to_m - from_m) / 9.0, above=0.0)
     if (to_m - from_m) / step_m > MAX_RANGES:
         raise ranges.fail("step_m", f"{step_m:g}", f"at least {(to_m - from_m) / MAX_RANGES:g}: {MAX_RANGES} ranges")
@@ -65,8 +70,9 @@ def load_site(path: Path) -> Site:
     return Site(
         name=shown(top.text("name", path.stem), 200),
         rig=rig,
-        station_clock_sigma_s=calibration.number("camera_camera_s", 0.0, minimum=0.0) / math.sqrt(2.0),
-        pixel_sigma_px=camera.number("pixel_sigma_px", 1.0, above=0.0),
+        station_clock_sigma_s=calibration.number("camera_camera_s", 0.0, minimum=0.0, maximum=_MOST_SIGMA)
+        / math.sqrt(2.0),
+        pixel_sigma_px=camera.number("pixel_sigma_px", 1.0, minimum=0.001, maximum=1000.0),
         min_silhouette_px=camera.number("min_silhouette_px", 10.0, minimum=0.0),
         frame_rate_hz=rate_hz,
         aircraft=aircraft,
@@ -92,8 +98,8 @@ def _planned_rig(top: Table, camera: Table) -> Rig:
     lens = _lens(camera)
     ptu = top.table("ptu")
     ptu.refuse_unknown({"resolution_deg", "sigma_deg"})
-    resolution_deg = ptu.number("resolution_deg", minimum=0.0)
-    sigma_deg = ptu.number("sigma_deg", resolution_deg / math.sqrt(12.0), minimum=0.0)
+    resolution_deg = ptu.number("resolution_deg", minimum=0.0, maximum=_MOST_SIGMA)
+    sigma_deg = ptu.number("sigma_deg", resolution_deg / math.sqrt(12.0), minimum=0.0, maximum=_MOST_SIGMA)
     stations = [
         Station(
             name=name,
@@ -120,8 +126,8 @@ def _planned_rig(top: Table, camera: Table) -> Rig:
 def _places(top: Table) -> dict[str, tuple[float, float, float]]:
     """Return where the stations stand, by name."""
     if "baseline_m" in top:
-        half = 0.5 * top.number("baseline_m", above=0.0)
-        height_m = top.number("height_m", 1.5)
+        half = 0.5 * top.number("baseline_m", minimum=0.01, maximum=_FAR_M)
+        height_m = top.number("height_m", 1.5, minimum=-1000.0, maximum=1000.0)
         return {"left": (-half, 0.0, height_m), "right": (half, 0.0, height_m)}
     if "height_m" in top:
         raise top.fail("height_m", "it beside [[station]]", "the height as each station's third number")
@@ -137,6 +143,8 @@ def _places(top: Table) -> dict[str, tuple[float, float, float]]:
         if name in places or not name.replace("_", "a").replace("-", "a").isalnum():
             raise table.fail("name", quoted(name), "letters, digits, - and _, different for each station")
         x, y, z = (float(v) for v in table.vector("position_m", 3))
+        if max(abs(x), abs(y), abs(z)) > _FAR_M:
+            raise table.fail("position_m", quoted([x, y, z]), f"three numbers of at most {_FAR_M:g} m")
         places[name] = (x, y, z)
     return places
 
@@ -168,11 +176,11 @@ def _with_quality(rig: Rig, calibration: Table) -> Rig:
     names: list[str] = []
     variances: list[float] = []
     for key, (parameters, factor) in _QUALITY.items():
-        sigma = factor * calibration.number(key, 0.0, minimum=0.0)
+        sigma = factor * calibration.number(key, 0.0, minimum=0.0, maximum=_MOST_SIGMA)
         if sigma > 0.0:
             names += parameters
             variances += [sigma**2] * len(parameters)
-    clock = ClockModel(sigma_s=calibration.number("camera_ptu_s", 0.0, minimum=0.0))
+    clock = ClockModel(sigma_s=calibration.number("camera_ptu_s", 0.0, minimum=0.0, maximum=_MOST_SIGMA))
     stations = tuple(
         replace(
             station,
@@ -191,15 +199,15 @@ def _aircraft(table: Table) -> Aircraft:
     keys = {"span_m", "speed_m_s", "glide_deg", "touchdown_y_m", "x_m", "nose_height_m", "acceleration_psd_m2_s3"}
     table.refuse_unknown(keys)
     psd = table.vector("acceleration_psd_m2_s3", 3, (0.3, 0.6, 0.3))
-    if np.any(psd < 0.0):
-        raise table.fail("acceleration_psd_m2_s3", quoted(psd.tolist()), "three numbers ≥ 0")
+    if np.any(psd < 0.0) or np.any(psd > 1e6):
+        raise table.fail("acceleration_psd_m2_s3", quoted(psd.tolist()), "three numbers from 0 to a million")
     return Aircraft(
-        span_m=table.number("span_m", above=0.0),
-        speed_m_s=table.number("speed_m_s", above=0.0),
+        span_m=table.number("span_m", minimum=0.01, maximum=200.0),
+        speed_m_s=table.number("speed_m_s", minimum=0.1, maximum=1000.0),
         glide_rad=math.radians(table.number("glide_deg", 3.5, minimum=0.0, maximum=45.0)),
-        touchdown_y_m=table.number("touchdown_y_m", 0.0),
-        x_m=table.number("x_m", 0.0),
-        nose_height_m=table.number("nose_height_m", 0.3),
+        touchdown_y_m=table.number("touchdown_y_m", 0.0, minimum=-_FAR_M, maximum=_FAR_M),
+        x_m=table.number("x_m", 0.0, minimum=-_FAR_M, maximum=_FAR_M),
+        nose_height_m=table.number("nose_height_m", 0.3, minimum=-1000.0, maximum=1000.0),
         acceleration_psd_m2_s3=(float(psd[0]), float(psd[1]), float(psd[2])),
     )
 

@@ -66,8 +66,8 @@ def _notes(site: Site, f: Forecast) -> list[str]:
     blind = ~f.fix_known
     if blind.any():
         notes.append(f"no position at {_spans(f, blind)}: fewer than two stations see it there")
-    if len(f.groups) == 2:
-        notes.append("the calibration is taken as exact: give its sigmas in [calibration], or a rig with a covariance")
+    if not site.rig.calibration_covariance().names:
+        notes.append("the mounting is taken as exact: give its sigmas in [calibration], or a rig with a covariance")
     return notes
 
 
@@ -80,7 +80,7 @@ def verdict(f: Forecast, wanted: Requirement) -> str:
         return f"good enough for {what} at all ranges"
     tracked = np.flatnonzero(f.track_known & ~good)
     if not len(tracked):
-        why = "elsewhere it is not seen"
+        why = "elsewhere it is not followed" if good.any() else "it is never followed by two stations"
     else:
         k = int(tracked[np.argmin((f.track_sigma_m[tracked] / limit).max(axis=1))])
         axis = int(np.argmax(f.track_sigma_m[k] / limit))
