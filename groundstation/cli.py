@@ -29,8 +29,9 @@ FILE has one row for each frame: frame,t_s,u_px,v_px,x_px,y_px,w_px,h_px,status
 
 exit code: 0 done; 1 the video is at fault, and what came before the fault is
 written; 2 wrong usage; 130 interrupted"""
-_PLAN = """Plan a site: which accuracy to expect at which range, from stations, lens, pan-tilt units,
-the quality of the calibration, and the aircraft; before anyone drives out."""
+_PLAN = """Plan a site: which accuracy to expect at which range, from stations, lens,
+pan-tilt units, the quality of the calibration, and the aircraft; before anyone
+drives out."""
 _PLAN_MORE = """example:
   groundstation plan docs/site-example.toml --out out/plan
 

@@ -14,8 +14,10 @@ from groundstation.planning.observer import Observer
 from groundstation.planning.site import Site
 from groundstation.planning.site_file import load_site
 from groundstation.planning.table import format_plan, plan_csv, verdict
+from groundstation.rig import ClockModel, Rig
 from tests.complaints import complaint, only
 from tests.mutation import damaged
+from tests.stereo_rig import make_rig
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "docs" / "site-example.toml"
@@ -101,6 +103,34 @@ def test_clocks_move_the_point_along_the_track(tmp_path: Path) -> None:
     floor = np.sqrt(late.fix_sigma_m**2 - late.fix_noise_m**2)
     assert at(late, 200.0, floor)[1] == pytest.approx(25 * 0.02 / 2**0.5, rel=0.05)
     assert set(late.groups) == {"pixel noise", "encoder noise", "PTU clock"}
+
+
+def test_whose_clock_is_late(tmp_path: Path) -> None:
+    """A turning camera late by itself does no harm, its PTU's angles tell the motion; a fixed one is off by J·v."""
+    late = ClockModel(sigma_s=0.01)
+    site = load(tmp_path, EXACT)
+    rig = Rig(
+        stations=tuple(replace(s, camera_clock=late, ptu_clock=late) for s in make_rig().stations),
+    )
+    point, velocity = np.array([0.0, 300.0, 12.0]), np.array([1.0, -25.0, -1.0])
+    observer = Observer(replace(site, rig=rig))
+    assert observer.sources.names[:2] == ("left.camera_clock", "left.ptu_clock")
+    left = observer.looks(point, velocity)[0]
+    projected = left.view.geometry.project(point, left.view.pan_rad, left.view.tilt_rad)
+    assert projected is not None
+    moved = projected.jacobian[:, :3] @ velocity
+    np.testing.assert_allclose(left.by_source[:, 0], 0.0, atol=1e-9 * np.abs(moved).max())
+    np.testing.assert_allclose(left.by_source[:, 1], moved)
+    np.testing.assert_array_equal(left.by_source[:, 2:], 0.0)
+    still = Rig(stations=tuple(replace(s, fixed=True) for s in rig.stations))
+    fixed = Observer(replace(site, rig=still))
+    assert fixed.sources.names == ("left.camera_clock", "right.camera_clock")
+    left = fixed.looks(point, velocity)[0]
+    projected = left.view.geometry.project(point, 0.0, 0.0)
+    assert projected is not None
+    np.testing.assert_allclose(left.by_source[:, 0], projected.jacobian[:, :3] @ velocity)
+    assert left.turn_rad_s == 0.0
+    assert fixed.looks(np.array([200.0, 300.0, 12.0]), velocity) == [], "outside the picture of a fixed camera"
 
 
 def test_shares_add_up(tmp_path: Path) -> None:
