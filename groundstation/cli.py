@@ -29,6 +29,15 @@ FILE has one row for each frame: frame,t_s,u_px,v_px,x_px,y_px,w_px,h_px,status
 
 exit code: 0 done; 1 the video is at fault, and what came before the fault is
 written; 2 wrong usage; 130 interrupted"""
+_PLAN = """Plan a site: which accuracy to expect at which range, from stations, lens,
+pan-tilt units, the quality of the calibration, and the aircraft; before anyone
+drives out."""
+_PLAN_MORE = """example:
+  groundstation plan docs/site-example.toml --out out/plan
+
+DIR gets plan.csv, and the picture plan.png and plan.svg
+
+exit code: 0 done; 1 the site's file is at fault; 2 wrong usage; 130 interrupted"""
 _CONFIG = """Print the whole tuning as TOML, with every default that FILE does not change: a file to start from for
 replay's --config."""
 # FFmpeg and OpenCV write straight to the terminal; our own line says what is wrong
@@ -76,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     _add_replay(commands)
     _add_track(commands)
+    _add_plan(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
@@ -126,6 +136,18 @@ def _add_track(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     track.add_argument("--save-video", type=Path, metavar="FILE.mp4", help="write the pictures with what was found")
 
 
+def _add_plan(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    plan = commands.add_parser(
+        "plan",
+        help="a site on paper in, the accuracy to expect over range out",
+        description=_PLAN,
+        epilog=_PLAN_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    plan.add_argument("site", type=Path, metavar="SITE", help="the site, TOML (example: docs/site-example.toml)")
+    plan.add_argument("--out", type=Path, metavar="DIR", help="where table and picture go; made if missing")
+
+
 def _box(text: str) -> tuple[float, float, float, float]:
     """Return the four numbers of --init."""
     try:
@@ -158,6 +180,20 @@ def _track(options: argparse.Namespace) -> int:
     if result.fault is not None:
         print(f"groundstation: fault in the video: {result.fault}", file=sys.stderr)
     return 0 if result.fault is None else 1
+
+
+def _plan(options: argparse.Namespace) -> int:
+    """Print the forecast and the paths."""
+    from groundstation.plan import plan
+    from groundstation.planning.table import format_plan
+
+    result = plan(options.site, options.out)
+    print(format_plan(result.site, result.forecast))
+    if result.files:
+        print()
+    for path in result.files:
+        print(f"wrote {path}")
+    return 0
 
 
 def _config(options: argparse.Namespace) -> int:
@@ -200,4 +236,4 @@ def _replay(options: argparse.Namespace) -> int:
     return 0 if result.fault is None else 1
 
 
-_COMMANDS = {"replay": _replay, "track": _track, "config": _config}
+_COMMANDS = {"replay": _replay, "track": _track, "plan": _plan, "config": _config}

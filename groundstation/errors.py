@@ -33,6 +33,10 @@ class ConfigError(InputError):
     """A configuration file is not usable."""
 
 
+class SiteError(InputError):
+    """A description of a planned site is not usable."""
+
+
 class MissingExtraError(GroundstationError):
     """An optional part was asked for and its packages are not installed."""
 

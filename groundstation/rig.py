@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +10,11 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import RigError
+from groundstation.geometry.calibration import changed_station
 from groundstation.geometry.camera import Lens
+from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.geometry.station import StationGeometry
+from groundstation.rig_covariance import ParameterCovariance, read_covariance
 from groundstation.toml_table import Table, load_toml, quoted
 
 RIG_FORMAT = "stereo-ptu-rig/1"
@@ -21,8 +24,6 @@ MAX_STATIONS = 64
 MAX_NAME_CHARACTERS = 64
 # the worst quartz is a hundredth of this; beyond it, someone meant another unit
 MAX_DRIFT_PPM = 10_000.0
-# what printing a matrix with six digits may do to its correlations
-_COVARIANCE_ROUNDING = 1e-5
 
 _STATION_KEYS = frozenset(
     {
@@ -102,13 +103,32 @@ class Station:
             lens=self.lens,
         )
 
+    def changed(self, change: FloatArray) -> "Station":
+        """Return the station with a change (21,) of its calibration, by `geometry.calibration.changed_station`."""
+        changed = changed_station(self.geometry(), change)
+        return replace(
+            self,
+            ptu_position_m=changed.packed[9:12],
+            runway_from_base_wxyz=wxyz_from_matrix(changed.packed[0:9].reshape(3, 3)),
+            head_from_camera_wxyz=wxyz_from_matrix(changed.packed[12:21].reshape(3, 3)),
+            camera_in_head_m=changed.packed[21:24],
+            lens=changed.lens,
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rig:
-    """The stations of one set-up, in the file's order; ``path`` is where they were read."""
+    """The stations of one set-up, in the file's order.
+
+    Attributes
+    ----------
+    path : where they were read.
+    shared_covariance : the calibration's covariance over stations, its names ``station.parameter``; may be empty.
+    """
 
     stations: tuple[Station, ...]
     path: str = ""
+    shared_covariance: ParameterCovariance = field(default_factory=ParameterCovariance.nothing)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -120,6 +140,22 @@ class Rig:
             if station.name == name:
                 return station
         raise RigError(self.path, got=f"no station {name!r}", wanted="one of " + ", ".join(self.names))
+
+    def calibration_covariance(self) -> ParameterCovariance:
+        """Return the covariance of everything uncertain, names ``station.parameter``.
+
+        Each station's own block, and the shared one, which has none of their parameters.
+        """
+        blocks = [(tuple(f"{s.name}.{p}" for p in s.covariance_parameters), s.covariance) for s in self.stations]
+        blocks.append((self.shared_covariance.names, self.shared_covariance.matrix))
+        names = tuple(name for block, _ in blocks for name in block)
+        matrix = np.zeros((len(names), len(names)))
+        start = 0
+        for block, values in blocks:
+            stop = start + len(block)
+            matrix[start:stop, start:stop] = values
+            start = stop
+        return ParameterCovariance(names=names, matrix=matrix)
 
     def require_known(self, parts: Sequence[str] = PARTS) -> None:
         """Raise `RigError` if any station lacks one of ``parts``."""
@@ -137,7 +173,7 @@ def load_rig(path: Path) -> Rig:
     """Read a rig file; raises `RigError` with file, station and key of the first fault."""
     document = load_toml(path, RigError)
     top = Table(document, str(path), RigError)
-    top.refuse_unknown({"format", "station"})
+    top.refuse_unknown({"format", "station", "covariance"})
     if top.text("format") != RIG_FORMAT:
         raise top.fail("format", quoted(document["format"]), repr(RIG_FORMAT))
     rows = document.get("station", [])
@@ -149,7 +185,12 @@ def load_rig(path: Path) -> Rig:
     for name in names:
         if names.count(name) > 1:
             raise top.fail("station", f"two stations named {name!r}", "names that differ")
-    return Rig(stations=stations, path=str(path))
+    shared = read_covariance(top.table("covariance"), names)
+    for name in shared.names:
+        station, _, parameter = name.partition(".")
+        if parameter in stations[names.index(station)].covariance_parameters:
+            raise top.fail("covariance", f"{name!r}, which its station gives too", "each parameter once")
+    return Rig(stations=stations, path=str(path), shared_covariance=shared)
 
 
 def _station(row: dict[str, Any], number: int, path: str) -> Station:
@@ -168,7 +209,7 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
     identity = (1.0, 0.0, 0.0, 0.0)
     resolution_rad = np.radians(table.number("ptu_resolution_deg", 0.0, minimum=0.0))
     default_sigma_deg = float(np.degrees(resolution_rad) / np.sqrt(12.0))
-    names, matrix = _covariance(table.table("covariance"))
+    covariance = read_covariance(table.table("covariance"))
     return Station(
         name=name,
         fixed=fixed,
@@ -187,8 +228,8 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
         ptu_clock=parse_clock(table.table("ptu_clock")),
         camera_clock=parse_clock(table.table("camera_clock")) if "camera_clock" in table else None,
         readout_s=table.number("readout_s", 0.0),
-        covariance_parameters=names,
-        covariance=matrix,
+        covariance_parameters=covariance.names,
+        covariance=covariance.matrix,
         ptu_clock_given="ptu_clock" in table,
     )
 
@@ -239,41 +280,3 @@ def parse_clock(table: Table) -> ClockModel:
         drift_ppm=drift_ppm,
         sigma_s=table.number("sigma_s", 0.0, minimum=0.0),
     )
-
-
-def _covariance(table: Table) -> tuple[tuple[str, ...], FloatArray]:
-    """Parse the optional calibration covariance; symmetric, positive semi-definite, one row per name."""
-    if not table.values:
-        return (), np.zeros((0, 0))
-    table.refuse_unknown({"parameters", "matrix"})
-    names = table.values.get("parameters", [])
-    if not isinstance(names, list) or not all(isinstance(n, str) for n in names) or len(names) > 100:
-        raise table.fail("parameters", quoted(names), "a list of at most 100 names")
-    rows = table.values.get("matrix", [])
-    n = len(names)
-    if not isinstance(rows, list) or len(rows) != n:
-        raise table.fail("matrix", f"{len(rows)} rows" if isinstance(rows, list) else quoted(rows), f"{n} rows")
-    matrix = np.zeros((n, n))
-    for i, row in enumerate(rows):
-        matrix[i] = Table({"row": row}, f"{table.where}: matrix row {i + 1}", RigError).vector("row", n)
-    if fault := _covariance_fault(matrix):
-        raise table.fail("matrix", fault, "a covariance")
-    return tuple(names), matrix
-
-
-def _covariance_fault(matrix: FloatArray) -> str:
-    """Say why a matrix is no covariance; nothing where it is one."""
-    variances = np.diag(matrix)
-    if np.any(variances < 0):
-        return "a negative variance"
-    # judged as correlations: the parameters have different units
-    sigmas = np.sqrt(variances)
-    scale = np.outer(sigmas, sigmas)
-    if np.any(np.abs(matrix) / (1.0 + _COVARIANCE_ROUNDING) > scale):
-        return "a covariance larger than its variances allow"
-    correlation = np.divide(matrix, scale, out=np.zeros_like(matrix), where=scale > 0)
-    if np.any(np.abs(correlation - correlation.T) > _COVARIANCE_ROUNDING):
-        return "an unsymmetric matrix"
-    if len(matrix) and np.linalg.eigvalsh(correlation).min() < -_COVARIANCE_ROUNDING:
-        return "a negative variance along some direction"
-    return ""

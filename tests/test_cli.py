@@ -36,6 +36,7 @@ def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["--help"], ("replay", "config", "recorded stereo session in")),
         (["replay", "--help"], ("SESSION", "--out DIR", "--from S", "--no-rerun", "exit code", "example")),
         (["config", "--help"], ("--config FILE", "TOML")),
+        (["plan", "--help"], ("SITE", "--out DIR", "exit code", "example")),
         (["--version"], (__version__,)),
     ):
         with pytest.raises(SystemExit) as left:

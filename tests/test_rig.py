@@ -7,6 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from groundstation.errors import RigError
+from groundstation.geometry.calibration import changed_station
 from groundstation.rig import ClockModel, load_rig
 from tests.complaints import complaint, only
 from tests.mutation import damaged
@@ -54,12 +55,12 @@ def test_defaults(tmp_path: Path) -> None:
 
 def test_clocks_and_covariance(tmp_path: Path) -> None:
     more = "ptu_clock = { offset_s = 0.037, drift_ppm = 20 }\ncamera_clock = { offset_s = -0.02 }\n"
-    more += '[station.covariance]\nparameters = ["a", "b"]\nmatrix = [[4e-8, 2e-6], [2e-6, 1e-4]]\n'
+    more += '[station.covariance]\nparameters = ["focal.x", "ptu_position.z"]\nmatrix = [[4e-8, 2e-6], [2e-6, 1e-4]]\n'
     station = load(tmp_path, rig_text(["left", "right"], more={"right": more}))["right"]
     assert station.ptu_clock == ClockModel(offset_s=0.037, drift_ppm=20.0)
     assert station.ptu_clock.session_from_device(100.0) == pytest.approx(100.039)
     assert station.camera_clock == ClockModel(offset_s=-0.02)
-    assert station.covariance_parameters == ("a", "b")
+    assert station.covariance_parameters == ("focal.x", "ptu_position.z")
     assert station.covariance[1, 1] == 1e-4
 
 
@@ -125,14 +126,58 @@ def test_a_fault_names_station_and_key(tmp_path: Path, old: str, new: str, messa
     ],
 )
 def test_a_covariance_that_is_none(tmp_path: Path, matrix: str, message: str) -> None:
-    new = f'fixed = false\ncovariance = {{ parameters = ["a", "b"], matrix = {matrix} }}'
+    new = f'fixed = false\ncovariance = {{ parameters = ["focal.x", "focal.y"], matrix = {matrix} }}'
     assert message in edited(tmp_path, "fixed = false", new)
 
 
 def test_a_covariance_without_a_positive_eigenvalue_everywhere(tmp_path: Path) -> None:
     matrix = "[[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]]"
-    new = f'fixed = false\ncovariance = {{ parameters = ["a", "b", "c"], matrix = {matrix} }}'
+    names = '["ptu_position.x", "ptu_position.y", "ptu_position.z"]'
+    new = f"fixed = false\ncovariance = {{ parameters = {names}, matrix = {matrix} }}"
     assert "a negative variance along some direction" in edited(tmp_path, "fixed = false", new)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ('["pan"]', "covariance: parameters: got 'pan'; wanted one of runway_from_base.x, runway_from_base.y, "),
+        ('["focal.x", "focal.x"]', "covariance: parameters: got 'focal.x' twice; wanted names that differ"),
+        ('"focal.x"', "covariance: parameters: got 'focal.x'; wanted a list of at most"),
+    ],
+)
+def test_a_covariance_of_nothing_known(tmp_path: Path, parameters: str, message: str) -> None:
+    new = f"fixed = false\ncovariance = {{ parameters = {parameters}, matrix = [[1]] }}"
+    assert message in edited(tmp_path, "fixed = false", new)
+
+
+def with_shared(parameters: list[str], matrix: str, more: str = "") -> str:
+    own = 'covariance = { parameters = ["focal.x"], matrix = [[9]] }\n' + more
+    return rig_text(["left", "right"], more={"left": own}) + (
+        f"\n[covariance]\nparameters = {parameters}\nmatrix = {matrix}\n"
+    )
+
+
+def test_what_stations_share(tmp_path: Path) -> None:
+    """Two pans that are only known together stand in the rig's own table, beside what a station says of itself."""
+    pans = ["left.runway_from_base.z", "right.runway_from_base.z"]
+    rig = load(tmp_path, with_shared(pans, "[[4e-8, 3.9e-8], [3.9e-8, 4e-8]]"))
+    everything = rig.calibration_covariance()
+    assert everything.names == ("left.focal.x", *pans)
+    np.testing.assert_array_equal(everything.matrix, [[9, 0, 0], [0, 4e-8, 3.9e-8], [0, 3.9e-8, 4e-8]])
+    assert load(tmp_path, rig_text(["left", "right"])).calibration_covariance().names == ()
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["left.focal.x"], "covariance: got 'left.focal.x', which its station gives too; wanted each parameter once"),
+        (["third.focal.x"], "got 'third.focal.x'; wanted station.parameter with one of left, right"),
+        (["focal.x"], "got 'focal.x'; wanted station.parameter with one of left, right"),
+        (["left.pan"], "got 'left.pan'; wanted one of runway_from_base.x"),
+    ],
+)
+def test_what_stations_cannot_share(tmp_path: Path, names: list[str], message: str) -> None:
+    assert message in complaint(RigError, lambda: load(tmp_path, with_shared(names, "[[1]]")))
 
 
 def test_a_covariance_printed_with_six_digits_is_one(tmp_path: Path, rng: np.random.Generator) -> None:
@@ -140,8 +185,18 @@ def test_a_covariance_printed_with_six_digits_is_one(tmp_path: Path, rng: np.ran
     # three directions for four parameters: singular, as when two of them are only known together
     factor = scale[:, None] * rng.normal(size=(4, 3))
     rows = [[float(f"{v:.6g}") for v in row] for row in factor @ factor.T]
-    more = f'covariance = {{ parameters = ["a", "b", "c", "d"], matrix = {rows} }}'
+    names = '["focal.x", "focal.y", "distortion.k1", "distortion.k2"]'
+    more = f"covariance = {{ parameters = {names}, matrix = {rows} }}"
     assert load(tmp_path, rig_text(["left", "right"], more={"left": more}))["left"].covariance.shape == (4, 4)
+
+
+def test_a_changed_station_projects_as_its_changed_geometry(landing_1: Path, rng: np.random.Generator) -> None:
+    station = load_rig(landing_1 / "rig.toml")["left"]
+    change = rng.normal(0.0, 1.0, 21) * np.r_[[1e-3] * 3, [0.1] * 3, [1e-3] * 3, [0.01] * 3, [5.0] * 4, [0.01] * 5]
+    changed = station.changed(change)
+    expected = changed_station(station.geometry(), change)
+    np.testing.assert_allclose(changed.geometry().packed[:33], expected.packed[:33], atol=1e-12)
+    assert (changed.name, changed.ptu_clock, changed.covariance_parameters) == ("left", station.ptu_clock, ())
 
 
 def test_a_rig_without_orientation_sends_to_calibration(tmp_path: Path) -> None:

@@ -54,3 +54,12 @@ def rotation_z(angle_rad: float) -> FloatArray:
     """Return Rz, (3, 3): right-handed rotation about z."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def rotation_from_vector(vector_rad: FloatArray) -> FloatArray:
+    """Return exp([θ]×), (3, 3), of a rotation vector θ (3,) in rad: axis times angle, right-handed."""
+    x, y, z = (float(v) for v in vector_rad)
+    half = 0.5 * np.sqrt(x * x + y * y + z * z)
+    # sin(half)/(2·half) without a division by zero
+    share = 0.5 * np.sinc(half / np.pi)
+    return matrix_from_wxyz(np.array([np.cos(half), share * x, share * y, share * z]))

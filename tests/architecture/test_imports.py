@@ -11,15 +11,15 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 # From the top down: a module may import from its own layer and from those below it, never from above.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
-    ("groundstation.replay", "groundstation.track_video", "groundstation.progress"),
-    ("groundstation.run",),
+    ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
+    ("groundstation.run", "groundstation.planning"),
     ("groundstation.sources", "groundstation.sinks"),
     ("groundstation.session", "groundstation.evaluation"),
     ("groundstation.pipeline", "groundstation.target_keeper", "groundstation.camera_tracker"),
     ("groundstation.config",),
     ("groundstation.epoch", "groundstation.track_life", "groundstation.warm_up"),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
-    ("groundstation.messages", "groundstation.rig", "groundstation.toml_table"),
+    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
     ("groundstation.geometry",),
     ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
 )

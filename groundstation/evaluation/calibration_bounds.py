@@ -1,0 +1,153 @@
+"""What is possible with a calibration that is itself uncertain (docs/derivation.md, section 11).
+
+A nuisance is anything constant that moves pixels and is not the target: a calibration parameter, a clock's offset.
+It can be *considered*: the estimator ignores it and its effect is added, which is what a filter with a fixed
+calibration reaches. Or it can be *learned*: the estimator has it as a constant of its own, with its prior.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.evaluation.bounds import View, fix_covariance, motion_matrices, posterior_bound
+from groundstation.geometry.calibration import parameter_indices, project_with_calibration
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ConsiderBound:
+    """Noise and the effect of considered nuisances, kept apart so that each one's share can be told.
+
+    Attributes
+    ----------
+    noise : (…, k, k) the bound with every nuisance known: position in m² (k = 3), or position and velocity (k = 6).
+    sensitivity : (…, k, m) ∂estimate/∂nuisance, by the value that the estimator takes it to have.
+    """
+
+    noise: FloatArray
+    sensitivity: FloatArray
+
+    def covariance(self, nuisance_covariance: FloatArray) -> FloatArray:
+        """Return noise + S·P·Sᵀ, (…, k, k), for a covariance (m, m) of the nuisances."""
+        return self.noise + self.floor(nuisance_covariance)
+
+    def floor(self, nuisance_covariance: FloatArray) -> FloatArray:
+        """Return S·P·Sᵀ, (…, k, k): what no averaging takes away."""
+        return self.sensitivity @ nuisance_covariance @ np.swapaxes(self.sensitivity, -1, -2)
+
+
+def calibration_sensitivities(
+    point_runway_m: FloatArray, views: Sequence[View], names: Sequence[str]
+) -> list[FloatArray]:
+    """Return ∂pixel/∂nuisance (2, m) of each view for parameters named ``station.parameter``.
+
+    Zero where a parameter is another station's, or the point (3,) is not in front of the camera. Raises
+    `CalibrationError` for an unknown parameter.
+    """
+    split = [name.partition(".") for name in names]
+    columns = parameter_indices([parameter for _, _, parameter in split])
+    found = []
+    for view in views:
+        sensitivity = np.zeros((2, len(names)))
+        own = [k for k, (station, _, _) in enumerate(split) if station == view.geometry.name]
+        projected = project_with_calibration(view.geometry, point_runway_m, view.pan_rad, view.tilt_rad)
+        if projected is not None:
+            sensitivity[:, own] = projected.calibration_jacobian[:, [columns[k] for k in own]]
+        found.append(sensitivity)
+    return found
+
+
+def joint_information(
+    point_runway_m: FloatArray, views: Sequence[View], sensitivities: Sequence[FloatArray]
+) -> FloatArray:
+    """Return the information (3 + m, 3 + m) that the views hold on a point (3,) and the nuisances together.
+
+    ``sensitivities`` are ∂pixel/∂nuisance (2, m), one for each view. The first three rows and columns are
+    `bounds.fix_information`; zero without any view.
+    """
+    m = sensitivities[0].shape[1] if sensitivities else 0
+    information = np.zeros((3 + m, 3 + m))
+    for view, sensitivity in zip(views, sensitivities, strict=True):
+        projected = view.geometry.project(point_runway_m, view.pan_rad, view.tilt_rad)
+        if projected is None:
+            continue
+        by_angle = projected.jacobian[:, 3:]
+        noise = view.pixel_covariance_px2 + view.angle_sigma_rad**2 * by_angle @ by_angle.T
+        J = np.hstack([projected.jacobian[:, :3], sensitivity])
+        information += J.T @ np.linalg.solve(noise, J)
+    return information
+
+
+def fix_consider(joint: FloatArray) -> ConsiderBound | None:
+    """Return the single-fix bound from a joint information, or None where the views do not determine a point.
+
+    Weighted least squares that take a nuisance for δ too large are off by −Λ⁻¹·(Σ J_pᵀ W J_n)·δ.
+    """
+    noise = fix_covariance(joint[:3, :3])
+    if noise is None:
+        return None
+    return ConsiderBound(noise=noise, sensitivity=-noise @ joint[:3, 3:])
+
+
+def track_consider(
+    t_s: FloatArray,
+    joint: FloatArray,
+    acceleration_psd_m2_s3: FloatArray,
+    prior_position_sigma_m: float,
+    prior_velocity_sigma_m_s: float,
+) -> ConsiderBound:
+    """Return the bound (n, 6, …) of a track whose filter takes the nuisances as known.
+
+    Parameters
+    ----------
+    t_s : (n,) rising.
+    joint : (n, 3 + m, 3 + m) joint information of each epoch, zero where nothing was seen.
+    acceleration_psd_m2_s3, prior_… : as for `bounds.posterior_bound`.
+
+    Notes
+    -----
+    With P⁺ the bound after an update, S⁺ = (I − P⁺HᵀΛH)·F·S − P⁺Hᵀ·Λ_pn: errors pass through the filter's own
+    gain.
+    """
+    P = posterior_bound(t_s, joint[:, :3, :3], acceleration_psd_m2_s3, prior_position_sigma_m, prior_velocity_sigma_m_s)
+    sensitivity = np.zeros((len(t_s), 6, joint.shape[2] - 3))
+    S = sensitivity[0] if len(t_s) else np.zeros((6, 0))
+    for k in range(len(t_s)):
+        if k:
+            S = motion_matrices(float(t_s[k] - t_s[k - 1]), acceleration_psd_m2_s3)[0] @ S
+        S = S - P[k][:, :3] @ (joint[k, :3, :3] @ S[:3] + joint[k, :3, 3:])
+        sensitivity[k] = S
+    return ConsiderBound(noise=P, sensitivity=sensitivity)
+
+
+def track_learning(
+    t_s: FloatArray,
+    joint: FloatArray,
+    nuisance_covariance: FloatArray,
+    acceleration_psd_m2_s3: FloatArray,
+    prior_position_sigma_m: float,
+    prior_velocity_sigma_m_s: float,
+) -> FloatArray:
+    """Return the posterior bound (n, 6 + m, 6 + m) of position, velocity and constant nuisances.
+
+    Parameters are those of `track_consider`; ``nuisance_covariance`` (m, m) is what is known of them before.
+    """
+    m = joint.shape[2] - 3
+    seen = [0, 1, 2, *range(6, 6 + m)]
+    P = np.zeros((6 + m, 6 + m))
+    P[:6, :6] = np.diag([prior_position_sigma_m**2] * 3 + [prior_velocity_sigma_m_s**2] * 3)
+    P[6:, 6:] = nuisance_covariance
+    bound = np.zeros((len(t_s), 6 + m, 6 + m))
+    F, Q = np.eye(6 + m), np.zeros((6 + m, 6 + m))
+    for k in range(len(t_s)):
+        if k:
+            F[:6, :6], Q[:6, :6] = motion_matrices(float(t_s[k] - t_s[k - 1]), acceleration_psd_m2_s3)
+            P = F @ P @ F.T + Q
+        # as in `bounds.posterior_bound`: P⁺ = P (I + Λ P)⁻¹ needs no inverse of a singular matrix
+        gain = np.eye(6 + m)
+        gain[seen] += joint[k] @ P[seen]
+        P = np.linalg.solve(gain.T, P.T).T
+        P = 0.5 * (P + P.T)
+        bound[k] = P
+    return bound

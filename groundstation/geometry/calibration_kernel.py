@@ -1,0 +1,95 @@
+"""Compiled arithmetic: how a projected pixel moves with a station's calibration (docs/derivation.md, section 10).
+
+The order of the columns is that of `groundstation.geometry.calibration.CALIBRATION_PARAMETERS`. All of them but
+the lens's follow from ∂pixel/∂point: an error of the calibration acts as a shift of the point in some frame.
+"""
+
+import numpy as np
+from numba import njit
+
+from groundstation.arrays import FloatArray
+from groundstation.geometry.kernels import MIN_DEPTH_M, project
+
+CALIBRATION_SIZE = 21
+
+
+@njit(cache=True)
+def project_calibration(
+    s: FloatArray,
+    point: FloatArray,
+    pan: float,
+    tilt: float,
+    pixel: FloatArray,
+    jacobian: FloatArray,
+    calibration: FloatArray,
+) -> float:
+    """Project a runway-frame point (3,) and return its depth in m (the arrays are valid if > `MIN_DEPTH_M`).
+
+    ``s`` is the packed station; ``pixel`` (2,) and ``jacobian`` (2, 5) are filled as by `kernels.project`,
+    ``calibration`` (2, 21) with ∂(u, v)/∂calibration in px per rad, per m, per px and per unit.
+    """
+    depth = project(s, point, pan, tilt, pixel, jacobian)
+    if depth < MIN_DEPTH_M:
+        return depth
+    d = np.empty(3)
+    for k in range(3):
+        d[k] = point[k] - s[9 + k]
+    cp, sp, ct, st = np.cos(pan), np.sin(pan), np.cos(tilt), np.sin(tilt)
+    # columns of runway_from_head = runway_from_base · Rz(pan) · Rx(tilt)
+    runway_from_head = np.empty((3, 3))
+    for r in range(3):
+        r0, r1, r2 = s[3 * r], s[3 * r + 1], s[3 * r + 2]
+        forward = cp * r1 - sp * r0
+        runway_from_head[r, 0] = cp * r0 + sp * r1
+        runway_from_head[r, 1] = ct * forward + st * r2
+        runway_from_head[r, 2] = ct * r2 - st * forward
+    arm = np.empty(3)  # from the camera to the point, head frame
+    for k in range(3):
+        arm[k] = -s[21 + k]
+        for r in range(3):
+            arm[k] += runway_from_head[r, k] * d[r]
+    by_head = np.empty(3)
+    for row in range(2):
+        by_point = jacobian[row, :3]
+        for k in range(3):
+            by_head[k] = 0.0
+            for r in range(3):
+                by_head[k] += by_point[r] * runway_from_head[r, k]
+        # turning a frame by θ moves what it carries by −θ × arm; ∂/∂θ of g · (arm × θ) is g × arm
+        _cross(by_point, d, calibration[row, 0:3])
+        _cross(by_head, arm, calibration[row, 6:9])
+        for k in range(3):
+            calibration[row, 3 + k] = -by_point[k]
+            calibration[row, 9 + k] = -by_head[k]
+    _by_lens(s, (pixel[0] - s[26]) / s[24], (pixel[1] - s[27]) / s[25], arm, calibration)
+    return depth
+
+
+@njit(cache=True)
+def _cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True)
+def _by_lens(s: FloatArray, xd: float, yd: float, arm: FloatArray, calibration: FloatArray) -> None:
+    """Fill the columns of focal length, principal point and distortion; ``xd``, ``yd`` are the distorted point."""
+    calibration[:, 12:21] = 0.0
+    calibration[0, 12], calibration[1, 13] = xd, yd
+    calibration[0, 14], calibration[1, 15] = 1.0, 1.0
+    depth = s[14] * arm[0] + s[17] * arm[1] + s[20] * arm[2]
+    x = (s[12] * arm[0] + s[15] * arm[1] + s[18] * arm[2]) / depth
+    y = (s[13] * arm[0] + s[16] * arm[1] + s[19] * arm[2]) / depth
+    r2 = x * x + y * y
+    limit = s[33]
+    # as in `kernels.distort`: beyond the limit the radial factor is held and the tangential terms fade
+    q = r2 if r2 <= limit else limit
+    shrink = 1.0 if r2 <= limit else limit / r2
+    fx, fy = s[24], s[25]
+    radial = q
+    for column in (16, 17, 20):  # k1, k2, k3
+        calibration[0, column], calibration[1, column] = fx * x * radial, fy * y * radial
+        radial *= q
+    calibration[0, 18], calibration[1, 18] = fx * shrink * 2.0 * x * y, fy * shrink * (r2 + 2.0 * y * y)
+    calibration[0, 19], calibration[1, 19] = fx * shrink * (r2 + 2.0 * x * x), fy * shrink * 2.0 * x * y
