@@ -20,6 +20,7 @@ from groundstation.estimation.encoders import EncoderFeed
 from groundstation.estimation.field_of_view import probability_in_view
 from groundstation.estimation.initialise import Sighting
 from groundstation.estimation.measurement import PixelPrediction
+from groundstation.estimation.parameters import rig_prior
 from groundstation.estimation.trajectory_curve import Knot
 from groundstation.geometry.angles import wrap_rad
 from groundstation.messages import (
@@ -88,7 +89,7 @@ class Pipeline:
         self._cameras = {s.name: CameraTracker(s, config) for s in rig.stations}
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
-        self._ekf = StationEkf(geometries, turning, config.estimation)
+        self._ekf = StationEkf(geometries, turning, config.estimation, rig_prior(rig))
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._keeper = TargetKeeper(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
         self._synchroniser = Synchroniser(turning, config.synchronise, cameras=rig.names)

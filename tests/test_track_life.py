@@ -21,6 +21,12 @@ def started(found: bool) -> tuple[TrackLife, StationEkf]:
     return life, ekf
 
 
+def move(ekf: StationEkf, y_m: float) -> None:
+    kinematics = ekf.kinematics_at(0.0)
+    there = kinematics.position_runway_m + [0.0, y_m, 0.0]
+    ekf.start_target(there, kinematics.velocity_runway_m_s, kinematics.covariance)
+
+
 def test_no_fix_within_the_time_for_it_is_false() -> None:
     life, ekf = started(found=True)
     assert life.follow(False, ekf) is TrackStatus.ACQUIRING, "no estimate before the first fix"
@@ -40,9 +46,9 @@ def test_what_has_moved_away_is_believed_for_good() -> None:
     life, ekf = started(found=True)
     for k in range(5):
         life.fixed(k * 0.1)
-    ekf.state[ekf.layout.position] += [0.0, -15.0, 0.0]
+    move(ekf, -15.0)
     assert not life.is_false(2.0, ekf)
-    ekf.state[ekf.layout.position] += [0.0, 15.0, 0.0]
+    move(ekf, 15.0)
     assert not life.is_false(60.0, ekf)
 
 

@@ -1,14 +1,19 @@
 """filterpy's extended Kalman filter with its arithmetic compiled: the same equations, without the copies.
 
 A pair of frames brings a dozen encoder readings, each a prediction and a correction of its own, and for
-matrices of fourteen rows the interpreter takes far longer than the sums.
+matrices of fourteen rows and more the interpreter takes far longer than the sums. Besides filterpy's, `correct`
+knows states that are only considered (Schmidt 1966): their gain is zero, and Joseph's form, which holds for any
+gain, keeps their covariance and lets it into everybody else's.
 """
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numba import njit
+from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
+
+BoolArray = NDArray[np.bool_]
 
 
 @njit(cache=True)
@@ -29,46 +34,52 @@ def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatA
 
 @njit(cache=True)
 def _correct(
-    x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray
+    x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return state and covariance after one update in Joseph form, with the gain K and S."""
+    """Return state and covariance after one update in Joseph form, with the gain K and S.
+
+    (I − K H) P (I − K H)ᵀ + K R Kᵀ, multiplied out from the left in steps of n² m, since K and H are thin.
+    """
     m, n = H.shape
     PHt = np.zeros((n, m))
-    for i in range(n):
-        for a in range(m):
-            for j in range(n):
-                PHt[i, a] += P[i, j] * H[a, j]
-    S = innovation_covariance(P, H, R)
+    for a in range(m):
+        for j in range(n):
+            if H[a, j] != 0.0:
+                for i in range(n):
+                    PHt[i, a] += P[j, i] * H[a, j]
+    S = R.copy()
+    for a in range(m):
+        for j in range(n):
+            for b in range(m):
+                S[a, b] += H[a, j] * PHt[j, b]
     K = np.ascontiguousarray(np.linalg.solve(S, PHt.T).T)
-    new_x = x.copy()
-    left = np.zeros((n, n))
     for i in range(n):
-        left[i, i] = 1.0
+        if not estimated[i]:
+            K[i, :] = 0.0
+    new_x = x.copy()
+    half = P.copy()
+    for i in range(n):
         for a in range(m):
             new_x[i] += K[i, a] * residual[a]
             for j in range(n):
-                left[i, j] -= K[i, a] * H[a, j]
-    half = np.zeros((n, n))
-    for i in range(n):
-        for k in range(n):
-            if left[i, k] != 0.0:
-                for j in range(n):
-                    half[i, j] += left[i, k] * P[k, j]
-    KR = np.zeros((n, m))
+                half[i, j] -= K[i, a] * PHt[j, a]
+    # what is left of the right-hand factor: −(half Hᵀ) Kᵀ + K R Kᵀ
+    rest = np.zeros((n, m))
     for i in range(n):
         for a in range(m):
+            for j in range(n):
+                if H[a, j] != 0.0:
+                    rest[i, a] -= half[i, j] * H[a, j]
             for b in range(m):
-                KR[i, a] += K[i, b] * R[b, a]
-    new_P = np.zeros((n, n))
+                rest[i, a] += K[i, b] * R[b, a]
     for i in range(n):
-        for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += half[i, k] * left[j, k]
-            for a in range(m):
-                total += KR[i, a] * K[j, a]
-            new_P[i, j] = total
-    return new_x, new_P, K, S
+        for a in range(m):
+            for j in range(n):
+                half[i, j] += rest[i, a] * K[j, a]
+    for i in range(n):
+        for j in range(i):
+            half[i, j] = half[j, i] = 0.5 * (half[i, j] + half[j, i])
+    return new_x, half, K, S
 
 
 @njit(cache=True)
@@ -104,7 +115,12 @@ class CompiledKalmanFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filte
         """Carry state and covariance forward by ``F`` and ``Q``; there is no control input."""
         self.x, self.P = _carry(self.x, self.P, self.F, self.Q)
 
-    def correct(self, residual: FloatArray, H: FloatArray, R: FloatArray) -> None:
-        """Fuse a residual (m,) with Jacobian ``H`` (m, n) and noise ``R`` (m, m), in Joseph form."""
-        self.x, self.P, self.K, self.S = _correct(self.x, self.P, H, R, residual)
+    def correct(self, residual: FloatArray, H: FloatArray, R: FloatArray, estimated: BoolArray | None = None) -> None:
+        """Fuse a residual (m,) with Jacobian ``H`` (m, n) and noise ``R`` (m, m), in Joseph form.
+
+        States that are not ``estimated`` (n,) are considered only: they keep value and variance.
+        """
+        if estimated is None:
+            estimated = np.ones(self.x.size, np.bool_)
+        self.x, self.P, self.K, self.S = _correct(self.x, self.P, H, R, residual, estimated)
         self.y = residual

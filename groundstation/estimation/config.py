@@ -28,6 +28,14 @@ class OutOfViewWeighting(StrEnum):
     PAPER = "paper"
 
 
+class CalibrationUse(StrEnum):
+    """What becomes of the errors of rig and clocks that the filter carries."""
+
+    CONSIDER = "consider"  # they keep value and variance; the track's covariance contains what they cause
+    REFERENCE = "reference"  # learnt while a reference position is there, considered after
+    ESTIMATE = "estimate"  # always learnt, from the assumed motion, too
+
+
 class Predictor(StrEnum):
     """Which curve places the region of interest."""
 
@@ -43,8 +51,12 @@ class EstimationConfig:
 
     Attributes
     ----------
-    acceleration_psd_m2_s3 : (x, y, z) power spectral density of the aircraft's white acceleration; along the
-        runway it must cover flare, braking and brake release.
+    acceleration_psd_m2_s3 : (x, y, z) power spectral density of the aircraft's white acceleration in steady flight.
+    manoeuvre_psd_m2_s3 : the same in flare, braking and brake release; equal to the first, there is but one way of
+        flying.
+    steady_s, manoeuvre_s : how long the aircraft flies in either way, on average.
+    calibration : what becomes of the errors that rig.toml gives covariances for.
+    reference_hold_s : a reference counts as there for so long after its newest position.
     ptu_acceleration_psd_rad2_s3 : the same of each PTU axis.
     ptu_max_rate_deg_s : no PTU turns faster; a reading that says so is a spike.
     encoder_gate_sigma : a reading further from its prediction is held back until the next one confirms it.
@@ -65,6 +77,11 @@ class EstimationConfig:
     """
 
     acceleration_psd_m2_s3: tuple[float, float, float] = (1.0, 4.0, 2.0)
+    manoeuvre_psd_m2_s3: tuple[float, float, float] = (1.0, 4.0, 2.0)
+    steady_s: float = 8.0
+    manoeuvre_s: float = 2.0
+    calibration: CalibrationUse = CalibrationUse.REFERENCE
+    reference_hold_s: float = 0.5
     ptu_acceleration_psd_rad2_s3: float = 1e-3
     ptu_max_rate_deg_s: float = 120.0
     encoder_gate_sigma: float = 6.0

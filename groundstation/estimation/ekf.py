@@ -1,21 +1,25 @@
-"""The extended Kalman filter over the aircraft and the PTUs, on filterpy's filter.
+"""The extended Kalman filter over the aircraft, the PTUs and what is uncertain of rig and clocks.
 
-Every reading is an update of its own at its own time: an encoder reading of a station, a pixel of a camera.
-Updates are in Joseph form. The paper's Section 4.2; its lost equations are written out in docs/derivation.md.
+Every reading is an update of its own at its own time: an encoder reading of a station, a pixel of a camera, a
+reference position. Updates are in Joseph form. The paper's Section 4.2; its lost equations are written out in
+docs/derivation.md.
 """
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import CompiledKalmanFilter, innovation_covariance
-from groundstation.estimation.config import EstimationConfig, OutOfViewWeighting
+from groundstation.estimation.compiled_filter import innovation_covariance
+from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.field_of_view import paper_weight, probability_in_view
-from groundstation.estimation.measurement import PixelPrediction, encoder_jacobian, predict_pixel
+from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
+from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.motion import MotionModel
+from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.state import StateLayout, state_layout
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
@@ -25,51 +29,116 @@ from groundstation.messages import Innovation, Kinematics
 _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class EkfState:
+    """Everything that a filter is at one instant, to go back to."""
+
+    time_s: float | None
+    first_s: float | None
+    has_target: bool
+    bank: list[FloatArray]
+    read: frozenset[str]
+    newest_reference_s: float
+
+
 class StationEkf:
-    """Filter over one target and the turning stations.
+    """Filter over one target, the turning stations and the carried errors.
 
     Parameters
     ----------
     stations : geometry of every station by name.
     turning : names of the stations that have a PTU; their angles are states.
     config : tuning.
+    prior : the errors of calibration and clocks that are carried along; none by default.
 
     The target's six states exist only after `start_target`; before it their covariance is zero and they take
-    no part. Times are session seconds; the filter never goes back.
+    no part. Times are session seconds; the filter never goes back, but `restore` does.
     """
 
     def __init__(
-        self, stations: Mapping[str, StationGeometry], turning: tuple[str, ...], config: EstimationConfig
+        self,
+        stations: Mapping[str, StationGeometry],
+        turning: tuple[str, ...],
+        config: EstimationConfig,
+        prior: ParameterPrior | None = None,
     ) -> None:
-        self.layout: StateLayout = state_layout(turning)
+        prior = ParameterPrior.nothing() if prior is None else prior
+        prior.require_stations(tuple(stations))
+        self.layout: StateLayout = state_layout(turning, prior.names)
         self.time_s: float | None = None
         self.has_target = False
         self._stations = stations
         self._config = config
-        self._motion = MotionModel(self.layout, config.acceleration_psd_m2_s3, config.ptu_acceleration_psd_rad2_s3)
+        psds = [config.acceleration_psd_m2_s3]
+        if config.manoeuvre_psd_m2_s3 != config.acceleration_psd_m2_s3:
+            psds.append(config.manoeuvre_psd_m2_s3)
+        noise = config.ptu_acceleration_psd_rad2_s3
+        self._motions = [MotionModel(self.layout, psd, noise, prior.walk_psd) for psd in psds]
+        self._bank = ModeBank(self.layout.size, (config.steady_s, config.manoeuvre_s)[: len(psds)])
+        self._bank.place(self.layout.constant, np.zeros(len(prior.names)), prior.covariance)
         self._gate = float(chi2.ppf(config.gate_probability, 2))
-        self._filter = CompiledKalmanFilter(dim_x=self.layout.size, dim_z=2)
-        self._filter.x = np.zeros(self.layout.size)
-        self._filter.P = np.zeros((self.layout.size, self.layout.size))
+        self._reference_gate = float(chi2.ppf(config.gate_probability, 3))
+        self._pixels = {name: PixelModel(self.layout, geometry) for name, geometry in stations.items()}
+        self._encoders = {name: EncoderModel(self.layout, name) for name in turning}
+        self._reference = ReferenceModel(self.layout)
+        self._all = np.ones(self.layout.size, np.bool_)
+        self._moving = self._all.copy()
+        self._moving[self.layout.constant] = False
         self._read: set[str] = set()
+        self._first_s: float | None = None
+        self._newest_reference_s = -math.inf
 
     # ------------------------------------------------------------------------------------------ state
     @property
     def state(self) -> FloatArray:
-        """The state vector (n,), in the layout's order."""
-        return self._filter.x
+        """The state vector (n,), in the layout's order; not to be written to."""
+        return self._bank.x
 
     @property
     def covariance(self) -> FloatArray:
-        """The state's covariance (n, n)."""
-        return self._filter.P
+        """The state's covariance (n, n); not to be written to."""
+        return self._bank.P
+
+    @property
+    def manoeuvring(self) -> float:
+        """How likely it is that the aircraft manoeuvres, 0 … 1; 0 where the filter knows but one way of flying."""
+        return float(self._bank.weights[1]) if len(self._motions) > 1 else 0.0
+
+    @property
+    def learns(self) -> bool:
+        """Whether the carried errors are estimated now, and not only considered."""
+        match self._config.calibration:
+            case CalibrationUse.ESTIMATE:
+                return True
+            case CalibrationUse.CONSIDER:
+                return False
+            case CalibrationUse.REFERENCE:
+                now = -math.inf if self.time_s is None else self.time_s
+                return now - self._newest_reference_s <= self._config.reference_hold_s
+
+    def snapshot(self) -> EkfState:
+        """Return all that the filter is now."""
+        return EkfState(
+            self.time_s,
+            self._first_s,
+            self.has_target,
+            self._bank.snapshot(),
+            frozenset(self._read),
+            self._newest_reference_s,
+        )
+
+    def restore(self, saved: EkfState) -> None:
+        """Be again what the filter was at a `snapshot`."""
+        self.time_s, self._first_s, self.has_target = saved.time_s, saved.first_s, saved.has_target
+        self._bank.restore(saved.bank)
+        self._read, self._newest_reference_s = set(saved.read), saved.newest_reference_s
 
     def angles(self, station: str) -> tuple[float, float]:
         """Return (pan, tilt) in rad; zero for a fixed station."""
         where = self.layout.angles.get(station)
         if where is None:
             return 0.0, 0.0
-        pan, tilt = self._filter.x[where]
+        pan, tilt = self.state[where]
         return float(pan), float(tilt)
 
     def start_target(
@@ -77,18 +146,16 @@ class StationEkf:
     ) -> None:
         """Begin a target: (3,), (3,) in the runway frame and covariance (6, 6), as of ``age_s`` before now."""
         target = self.layout.target
-        self.drop_target()
-        F = self._motion.transition(age_s)[target, target]
-        self._filter.x[target] = F @ np.concatenate([position_m, velocity_m_s])
-        self._filter.P[target, target] = F @ covariance @ F.T + self._motion.process_noise(age_s)[target, target]
+        F = self._motions[-1].transition(age_s)[target, target]
+        Q = self._motions[-1].process_noise(age_s)[target, target]
+        start = F @ np.concatenate([position_m, velocity_m_s])
+        self._bank.place(target, start, F @ covariance @ F.T + Q)
+        self._bank.forget_modes()
         self.has_target = True
 
     def drop_target(self) -> None:
-        """Forget the target; the PTUs' angles stay."""
-        target = self.layout.target
-        self._filter.x[target] = 0.0
-        self._filter.P[target, :] = 0.0
-        self._filter.P[:, target] = 0.0
+        """Forget the target; the PTUs' angles and what was learnt of the rig stay."""
+        self._bank.place(self.layout.target, np.zeros(6), np.zeros((6, 6)))
         self.has_target = False
 
     def kinematics_at(self, t_s: float) -> Kinematics:
@@ -99,31 +166,32 @@ class StationEkf:
         """
         target = self.layout.target
         dt = t_s - (self.time_s if self.time_s is not None else t_s)
-        F = self._motion.transition(dt)[target, target]
-        Q = self._motion.process_noise(dt)[target, target]
-        x = F @ self._filter.x[target]
-        P = F @ self._filter.P[target, target] @ F.T + Q
+        F = self._motions[0].transition(dt)[target, target]
+        Q = np.zeros((6, 6))
+        for weight, motion in zip(self._bank.weights, self._motions, strict=True):
+            Q += weight * motion.process_noise(dt)[target, target]
+        x = F @ self.state[target]
+        P = F @ self.covariance[target, target] @ F.T + Q
         return Kinematics(position_runway_m=x[:3].copy(), velocity_runway_m_s=x[3:].copy(), covariance=0.5 * (P + P.T))
 
     # ------------------------------------------------------------------------------------- prediction
     def predict_to(self, t_s: float) -> None:
         """Carry the state forward to ``t_s``; an earlier time leaves it where it is."""
         if self.time_s is None:
-            self.time_s = t_s
+            self.time_s = self._first_s = t_s
         dt = t_s - self.time_s
         if dt <= 0.0:
             return
-        Q = self._motion.process_noise(dt)
+        noises = [motion.process_noise(dt) for motion in self._motions]
         if not self.has_target:
-            Q[self.layout.target, self.layout.target] = 0.0
-        self._filter.F = self._motion.transition(dt)
-        self._filter.Q = Q
-        self._filter.predict()
+            for Q in noises:
+                Q[self.layout.target, self.layout.target] = 0.0
+        self._bank.predict(self._motions[0].transition(dt), noises, dt)
         self.time_s = t_s
 
     def predict_pixel(self, station: str, row_dt_s: float = 0.0) -> PixelPrediction | None:
         """Return the target's predicted pixel in one camera now; None if behind it."""
-        return predict_pixel(self.layout, self._stations[station], self._filter.x, row_dt_s)
+        return self._pixels[station].predict(self.state, row_dt_s, self._age_s())
 
     # ---------------------------------------------------------------------------------------- updates
     def update_encoder(
@@ -131,44 +199,37 @@ class StationEkf:
     ) -> Innovation:
         """Fuse one reading of pan and tilt that was true ``ahead_s`` after the filter's time.
 
-        A reading beyond the gate is not used; the angles' covariance is widened by what it disagrees, since
-        either the reading is wrong or the PTU has jerked, and only the next reading can tell.
+        ``clock_sigma_s`` counts as noise of each reading unless the clock's error is carried as a state. A reading
+        beyond the gate is not used; the angles' covariance is widened by what it disagrees, since either the
+        reading is wrong or the PTU has jerked, and only the next reading can tell.
         """
-        where, rates = self.layout.angles[station], self.layout.rates[station]
-        x, P = self._filter.x, self._filter.P
         if station not in self._read:
             self.set_angles(station, angles_rad, (0.0, 0.0), sigma_rad)
             return Innovation(residual=np.zeros(2), covariance=np.eye(2) * sigma_rad**2, nis=0.0, dof=0, accepted=True)
-        H = encoder_jacobian(self.layout, station, ahead_s)
-        rate = x[rates]
-        extra = self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
-        R = np.diag(sigma_rad**2 + extra + (clock_sigma_s * rate) ** 2)
-        predicted = x[where] + ahead_s * rate
-        residual = np.array([wrap_rad(angles_rad[k] - predicted[k]) for k in range(2)])
-        S = innovation_covariance(P, H, R)
+        model = self._encoders[station]
+        expected = model.predict(self.state, ahead_s, self._age_s())
+        H = expected.jacobian
+        extra = sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
+        R = np.diag([extra, extra])
+        if not model.knows_its_clock:
+            R += np.diag((clock_sigma_s * self.state[self.layout.rates[station]]) ** 2)
+        residual = np.array([wrap_rad(angles_rad[k] - expected.value[k]) for k in range(2)])
+        S = innovation_covariance(self.covariance, H, R)
         nis = _squared_sigmas(residual, S)
         allowed = self._config.encoder_gate_sigma**2
         accepted = all(residual[k] ** 2 <= allowed * S[k, k] for k in range(2))
         if accepted:
-            self._filter.correct(residual, H, R)
+            self._bank.correct(residual, H, R, self._estimated(), telling=False)
         else:
-            diagonal = np.arange(where.start, where.stop)
-            P[diagonal, diagonal] += residual**2
+            self._bank.doubt(self.layout.angles[station], residual**2)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 
     def set_angles(
         self, station: str, angles_rad: tuple[float, float], rates_rad_s: tuple[float, float], sigma_rad: float
     ) -> None:
         """Start one PTU's states anew from readings, with no memory of before."""
-        where, rates = self.layout.angles[station], self.layout.rates[station]
-        for part, value, sigma in (
-            (where, angles_rad, sigma_rad),
-            (rates, rates_rad_s, _INITIAL_RATE_SIGMA_RAD_S),
-        ):
-            self._filter.P[part, :] = 0.0
-            self._filter.P[:, part] = 0.0
-            self._filter.x[part] = value
-            self._filter.P[part, part] = np.eye(2) * sigma**2
+        self._bank.place(self.layout.angles[station], np.array(angles_rad), np.eye(2) * sigma_rad**2)
+        self._bank.place(self.layout.rates[station], np.array(rates_rad_s), np.eye(2) * _INITIAL_RATE_SIGMA_RAD_S**2)
         self._read.add(station)
 
     def update_pixel(
@@ -196,15 +257,40 @@ class StationEkf:
                 moved = T * residual
             else:
                 R = covariance_px2 / max(probability_in_view(prediction.pixel, spread, size), 1e-6)
-            self._filter.correct(moved, H, R)
+            self._bank.correct(moved, H, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
+
+    def update_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0) -> Innovation:
+        """Fuse a reference position of the target (3,) with covariance (3, 3), stamped ``ahead_s`` after now.
+
+        For some time after it (`EstimationConfig.reference_hold_s`) the carried errors are learnt from pixels, too.
+        """
+        expected = self._reference.predict(self.state, ahead_s, self._age_s())
+        residual = position_m - expected.value
+        S = innovation_covariance(self.covariance, expected.jacobian, covariance_m2)
+        nis = float(residual @ np.linalg.solve(S, residual))
+        accepted = nis <= self._reference_gate
+        if accepted:
+            self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
+            self._bank.correct(residual, expected.jacobian, covariance_m2, self._estimated(), telling=True)
+        return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
 
     def pixel_covariance(self, prediction: PixelPrediction) -> FloatArray:
         """Return the (2, 2) covariance of a predicted pixel."""
-        return innovation_covariance(self._filter.P, prediction.jacobian, np.zeros((2, 2)))
+        return innovation_covariance(self.covariance, prediction.jacobian, np.zeros((2, 2)))
+
+    def _estimated(self) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+        """Return which states (n,) an update may move."""
+        return self._all if self.learns else self._moving
+
+    def _age_s(self) -> float:
+        """Return how long the filter has been running, for what drifts."""
+        return 0.0 if self.time_s is None or self._first_s is None else self.time_s - self._first_s
 
 
 def _squared_sigmas(residual: FloatArray, S: FloatArray) -> float:
     """Return residualᵀ S⁻¹ residual of two numbers."""
     a, b = float(residual[0]), float(residual[1])
-    return (S[1, 1] * a * a - (S[0, 1] + S[1, 0]) * a * b + S[0, 0] * b * b) / (S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
+    return float(
+        (S[1, 1] * a * a - (S[0, 1] + S[1, 0]) * a * b + S[0, 0] * b * b) / (S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
+    )

@@ -1,17 +1,27 @@
-"""The measurement models: a camera's pixel and a PTU's encoder angles, with their Jacobians over the state.
+"""The measurement models: a camera's pixel, a PTU's angles and a reference position, with their Jacobians.
 
 Pixel: the pinhole chain of docs/conventions.md. ∂pixel/∂angle is not zero; through it encoder noise is
 shared between pixel and angles, as the paper's Equation 5 has it. With a rolling shutter the row is exposed
-``row_dt_s`` after the stamp, and target and PTU have moved on by then.
+some time after the stamp, and with a clock error the whole picture is: by δ later the target is at p + δ·v and
+the PTU at its angle + δ·rate. So a clock error enters as the time does, and ∂z/∂δ is the pixel's own speed.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.parameters import DGPS_CLOCK
 from groundstation.estimation.state import StateLayout
+from groundstation.geometry import kernels
+from groundstation.geometry.calibration import changed_packed, parameter_indices
+from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration
 from groundstation.geometry.station import StationGeometry
+
+IndexArray = NDArray[np.int64]
+_NOWHERE = -1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,38 +33,158 @@ class PixelPrediction:
     depth_m: float
 
 
-def predict_pixel(
-    layout: StateLayout, station: StationGeometry, state: FloatArray, row_dt_s: float = 0.0
-) -> PixelPrediction | None:
-    """Return where the state (n,) puts the target in a station's image, or None if it is behind the camera."""
-    point = state[layout.position]
-    pan = tilt = 0.0
-    angles = layout.angles.get(station.name)
-    if row_dt_s:
-        point = point + row_dt_s * state[layout.velocity]
-    if angles is not None:
-        pan, tilt = state[angles]
-        if row_dt_s:
-            rates = state[layout.rates[station.name]]
-            pan, tilt = pan + row_dt_s * rates[0], tilt + row_dt_s * rates[1]
-    projection = station.project(point, pan, tilt)
-    if projection is None:
-        return None
-    H = np.zeros((2, layout.size))
-    H[:, layout.position] = projection.jacobian[:, :3]
-    if angles is not None:
-        H[:, angles] = projection.jacobian[:, 3:]
-    if row_dt_s:
-        H[:, layout.velocity] = row_dt_s * projection.jacobian[:, :3]
-        if angles is not None:
-            H[:, layout.rates[station.name]] = row_dt_s * projection.jacobian[:, 3:]
-    return PixelPrediction(pixel=projection.pixel, jacobian=H, depth_m=projection.depth_m)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinearPrediction:
+    """A predicted measurement (m,) with its Jacobian H (m, n) over the state."""
+
+    value: FloatArray
+    jacobian: FloatArray
 
 
-def encoder_jacobian(layout: StateLayout, station: str, ahead_s: float) -> FloatArray:
-    """Return H (2, n) of a PTU reading taken ``ahead_s`` after the state's time: angle + ahead · rate."""
-    H = np.zeros((2, layout.size))
-    angles, rates = layout.angles[station], layout.rates[station]
-    H[0, angles.start] = H[1, angles.start + 1] = 1.0
-    H[0, rates.start] = H[1, rates.start + 1] = ahead_s
-    return H
+class PixelModel:
+    """One station's camera: where the state puts the target in its image."""
+
+    def __init__(self, layout: StateLayout, geometry: StationGeometry) -> None:
+        self._geometry = geometry
+        self._size = layout.size
+        name = geometry.name
+        own = {p.removeprefix(f"{name}."): k for p, k in layout.parameters.items() if p.startswith(f"{name}.")}
+        calibration = {p: k for p, k in own.items() if "_clock." not in p}
+        self._columns = np.array(parameter_indices(list(calibration)), np.int64)
+        self._places = np.array(list(calibration.values()), np.int64)
+        angles, rates = layout.angles.get(name), layout.rates.get(name)
+        self._where = np.array(
+            [
+                layout.position.start,
+                layout.velocity.start,
+                _NOWHERE if angles is None else angles.start,
+                _NOWHERE if rates is None else rates.start,
+                own.get("camera_clock.offset", _NOWHERE),
+                own.get("camera_clock.drift", _NOWHERE),
+            ],
+            np.int64,
+        )
+
+    def predict(self, state: FloatArray, row_dt_s: float = 0.0, age_s: float = 0.0) -> PixelPrediction | None:
+        """Return the pixel of the state (n,), or None if the target is behind the camera.
+
+        ``row_dt_s`` is how long after the stamp the row is exposed, ``age_s`` how long clocks have drifted.
+        """
+        packed = self._geometry.packed
+        if self._columns.size:
+            change = np.zeros(CALIBRATION_SIZE)
+            change[self._columns] = state[self._places]
+            if change.any():
+                packed = changed_packed(packed, change)
+        pixel, H = np.empty(2), np.zeros((2, self._size))
+        depth = _predict_pixel(packed, state, self._where, self._columns, self._places, row_dt_s, age_s, pixel, H)
+        return None if depth < kernels.MIN_DEPTH_M else PixelPrediction(pixel=pixel, jacobian=H, depth_m=depth)
+
+
+@njit(cache=True)
+def _predict_pixel(
+    packed: FloatArray,
+    x: FloatArray,
+    where: IndexArray,
+    columns: IndexArray,
+    places: IndexArray,
+    row_dt_s: float,
+    age_s: float,
+    pixel: FloatArray,
+    H: FloatArray,
+) -> float:
+    """Fill the pixel (2,) and H (2, n), zero before; return the depth in m."""
+    at, speed, angles, rates, offset, drift = where
+    dt = row_dt_s
+    if offset >= 0:
+        dt += x[offset]
+    if drift >= 0:
+        dt += age_s * x[drift]
+    point = x[at : at + 3] + dt * x[speed : speed + 3]
+    pan, tilt = 0.0, 0.0
+    if angles >= 0:
+        pan, tilt = x[angles] + dt * x[rates], x[angles + 1] + dt * x[rates + 1]
+    jacobian, calibration = np.empty((2, 5)), np.empty((2, CALIBRATION_SIZE))
+    if columns.size == 0:
+        depth = kernels.project(packed, point, pan, tilt, pixel, jacobian)
+    else:
+        depth = project_calibration(packed, point, pan, tilt, pixel, jacobian, calibration)
+    if depth < kernels.MIN_DEPTH_M:
+        return depth
+    for row in range(2):
+        along = 0.0
+        for k in range(3):
+            H[row, at + k] = jacobian[row, k]
+            H[row, speed + k] = dt * jacobian[row, k]
+            along += jacobian[row, k] * x[speed + k]
+        if angles >= 0:
+            for k in range(2):
+                H[row, angles + k] = jacobian[row, 3 + k]
+                H[row, rates + k] = dt * jacobian[row, 3 + k]
+                along += jacobian[row, 3 + k] * x[rates + k]
+        if offset >= 0:
+            H[row, offset] = along
+        if drift >= 0:
+            H[row, drift] = age_s * along
+        for k in range(columns.size):
+            H[row, places[k]] = calibration[row, columns[k]]
+    return depth
+
+
+class EncoderModel:
+    """One station's PTU: the angles that a reading should show."""
+
+    def __init__(self, layout: StateLayout, station: str) -> None:
+        self._layout = layout
+        self._angles, self._rates = layout.angles[station], layout.rates[station]
+        self._offset = layout.parameters.get(f"{station}.ptu_clock.offset")
+        self._drift = layout.parameters.get(f"{station}.ptu_clock.drift")
+
+    @property
+    def knows_its_clock(self) -> bool:
+        """Whether the clock's error is a state of the filter."""
+        return self._offset is not None
+
+    def predict(self, state: FloatArray, ahead_s: float, age_s: float = 0.0) -> LinearPrediction:
+        """Return pan and tilt (2,) of a reading stamped ``ahead_s`` after the state's time."""
+        dt = ahead_s
+        if self._offset is not None:
+            dt += float(state[self._offset])
+        if self._drift is not None:
+            dt += age_s * float(state[self._drift])
+        rates = state[self._rates]
+        H = np.zeros((2, self._layout.size))
+        angle, rate = self._angles.start, self._rates.start
+        H[0, angle] = H[1, angle + 1] = 1.0
+        H[0, rate] = H[1, rate + 1] = dt
+        if self._offset is not None:
+            H[:, self._offset] = rates
+        if self._drift is not None:
+            H[:, self._drift] = age_s * rates
+        return LinearPrediction(value=state[self._angles] + dt * rates, jacobian=H)
+
+
+class ReferenceModel:
+    """A DGPS position: the target's own, shifted along its path by the reference clock's error."""
+
+    def __init__(self, layout: StateLayout) -> None:
+        self._layout = layout
+        self._offset = layout.parameters.get(f"{DGPS_CLOCK}.offset")
+        self._drift = layout.parameters.get(f"{DGPS_CLOCK}.drift")
+
+    def predict(self, state: FloatArray, ahead_s: float, age_s: float = 0.0) -> LinearPrediction:
+        """Return the position (3,) of a fix stamped ``ahead_s`` after the state's time."""
+        dt = ahead_s
+        if self._offset is not None:
+            dt += float(state[self._offset])
+        if self._drift is not None:
+            dt += age_s * float(state[self._drift])
+        velocity = state[self._layout.velocity]
+        H = np.zeros((3, self._layout.size))
+        H[:, self._layout.position] = np.eye(3)
+        H[:, self._layout.velocity] = dt * np.eye(3)
+        if self._offset is not None:
+            H[:, self._offset] = velocity
+        if self._drift is not None:
+            H[:, self._drift] = age_s * velocity
+        return LinearPrediction(value=state[self._layout.position] + dt * velocity, jacobian=H)

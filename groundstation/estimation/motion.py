@@ -2,8 +2,11 @@
 
 The paper drives its model with one impulse of acceleration per step (G = [Δt·I; I]); here the noise is a
 continuous white acceleration of given power spectral density, so that the same tuning holds at any frame
-rate: over Δt it adds PSD·[[Δt³/3, Δt²/2], [Δt²/2, Δt]] to each (position, velocity) pair.
+rate: over Δt it adds PSD·[[Δt³/3, Δt²/2], [Δt²/2, Δt]] to each (position, velocity) pair. Errors of calibration and
+clocks stay as they are, or walk.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
@@ -23,15 +26,17 @@ class MotionModel:
     layout : the state's layout.
     acceleration_psd_m2_s3 : (3,) white-acceleration PSD of the target along x, y, z.
     ptu_acceleration_psd_rad2_s3 : the same of each PTU axis.
+    walk_psd : (m,) how fast the variance of each carried error grows, unit²/s; none walks by default.
     """
 
-    __slots__ = ("_pair_of", "_psd", "_size")
+    __slots__ = ("_first_constant", "_pair_of", "_psd", "_size", "_walk")
 
     def __init__(
         self,
         layout: StateLayout,
-        acceleration_psd_m2_s3: tuple[float, float, float],
+        acceleration_psd_m2_s3: Sequence[float],
         ptu_acceleration_psd_rad2_s3: float,
+        walk_psd: FloatArray | None = None,
     ) -> None:
         values = [*range(layout.position.start, layout.position.stop)]
         slopes = [*range(layout.velocity.start, layout.velocity.stop)]
@@ -43,6 +48,8 @@ class MotionModel:
         self._pair_of = (np.array(values), np.array(slopes))
         self._psd = np.array(psd)
         self._size = layout.size
+        self._walk = np.zeros(len(layout.parameters)) if walk_psd is None else walk_psd
+        self._first_constant = layout.constant.start
 
     def transition(self, dt_s: float) -> FloatArray:
         """Return F, (n, n), over ``dt_s`` seconds (which may be negative)."""
@@ -50,7 +57,7 @@ class MotionModel:
 
     def process_noise(self, dt_s: float) -> FloatArray:
         """Return Q, (n, n), gathered over ``|dt_s|`` seconds."""
-        return _process_noise(self._size, *self._pair_of, self._psd, dt_s)
+        return _process_noise(self._size, *self._pair_of, self._psd, self._first_constant, self._walk, dt_s)
 
 
 @njit(cache=True)
@@ -62,7 +69,15 @@ def _transition(size: int, values: IndexArray, slopes: IndexArray, dt_s: float) 
 
 
 @njit(cache=True)
-def _process_noise(size: int, values: IndexArray, slopes: IndexArray, psd: FloatArray, dt_s: float) -> FloatArray:
+def _process_noise(
+    size: int,
+    values: IndexArray,
+    slopes: IndexArray,
+    psd: FloatArray,
+    first_constant: int,
+    walk_psd: FloatArray,
+    dt_s: float,
+) -> FloatArray:
     dt = abs(dt_s)
     Q = np.zeros((size, size))
     for k in range(values.size):
@@ -70,4 +85,6 @@ def _process_noise(size: int, values: IndexArray, slopes: IndexArray, psd: Float
         Q[a, a] = psd[k] * dt * dt * dt / 3.0
         Q[b, b] = psd[k] * dt
         Q[a, b] = Q[b, a] = psd[k] * dt_s * dt / 2.0
+    for k in range(walk_psd.size):
+        Q[first_constant + k, first_constant + k] = walk_psd[k] * dt
     return Q

@@ -2,7 +2,8 @@
 
 Order: target position and velocity (runway frame, m and m/s), then for each turning station its pan and
 tilt (rad), then for each its pan and tilt rates (rad/s): 6 + 4 N numbers, 14 for two stations (the
-paper's Equation 4). A fixed station has no angles to estimate and takes no place.
+paper's Equation 4). A fixed station has no angles to estimate and takes no place. Behind these stand the
+errors of calibration and clocks that are carried along, if any (`groundstation.estimation.parameters`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,13 +14,15 @@ from dataclasses import dataclass
 class StateLayout:
     """Named slices of the state vector.
 
-    ``angles`` and ``rates`` map the name of a turning station to its slice of two: pan, tilt.
+    ``angles`` and ``rates`` map the name of a turning station to its slice of two: pan, tilt. ``parameters`` maps
+    the name of a calibration or clock error to its place.
     """
 
     position: slice
     velocity: slice
     angles: Mapping[str, slice]
     rates: Mapping[str, slice]
+    parameters: Mapping[str, int]
     size: int
 
     @property
@@ -27,15 +30,27 @@ class StateLayout:
         """Position and velocity together, six numbers."""
         return slice(self.position.start, self.velocity.stop)
 
+    @property
+    def moving(self) -> slice:
+        """What changes by itself: target, angles and rates."""
+        return slice(0, self.size - len(self.parameters))
 
-def state_layout(turning_stations: Sequence[str]) -> StateLayout:
-    """Return the layout for these turning stations, in this order."""
+    @property
+    def constant(self) -> slice:
+        """The errors of calibration and clocks."""
+        return slice(self.size - len(self.parameters), self.size)
+
+
+def state_layout(turning_stations: Sequence[str], parameters: Sequence[str] = ()) -> StateLayout:
+    """Return the layout for these turning stations and carried errors, in this order."""
     n = len(turning_stations)
     first_rate = 6 + 2 * n
+    moving = 6 + 4 * n
     return StateLayout(
         position=slice(0, 3),
         velocity=slice(3, 6),
         angles={name: slice(6 + 2 * i, 8 + 2 * i) for i, name in enumerate(turning_stations)},
         rates={name: slice(first_rate + 2 * i, first_rate + 2 * i + 2) for i, name in enumerate(turning_stations)},
-        size=6 + 4 * n,
+        parameters={name: moving + k for k, name in enumerate(parameters)},
+        size=moving + len(parameters),
     )

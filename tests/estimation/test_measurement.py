@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from groundstation.estimation.measurement import encoder_jacobian, predict_pixel
+from groundstation.estimation.measurement import EncoderModel, PixelModel
 from groundstation.estimation.state import state_layout
 from tests.stereo_rig import aim, make_rig
 
@@ -22,15 +22,15 @@ def test_pixel_jacobian(rng: np.random.Generator, row_dt_s: float, point: tuple[
         x[layout.angles[name]] = np.array(aim(geometries[name], np.array(point))) + rng.normal(0, 0.01, 2)
         x[layout.rates[name]] = rng.normal(0, 0.2, 2)
     for name in rig.names:
-        prediction = predict_pixel(layout, geometries[name], x, row_dt_s)
+        prediction = PixelModel(layout, geometries[name]).predict(x, row_dt_s)
         assert prediction is not None
         twin = np.zeros_like(prediction.jacobian)
         for k in range(layout.size):
             h = 1e-6 if k >= 6 else 1e-5 * max(1.0, float(np.linalg.norm(point)))
             d = np.zeros(layout.size)
             d[k] = h
-            ahead = predict_pixel(layout, geometries[name], x + d, row_dt_s)
-            back = predict_pixel(layout, geometries[name], x - d, row_dt_s)
+            ahead = PixelModel(layout, geometries[name]).predict(x + d, row_dt_s)
+            back = PixelModel(layout, geometries[name]).predict(x - d, row_dt_s)
             assert ahead is not None
             assert back is not None
             twin[:, k] = (ahead.pixel - back.pixel) / (2 * h)
@@ -43,4 +43,6 @@ def test_encoder_jacobian_looks_ahead() -> None:
     x = np.zeros(layout.size)
     x[layout.angles["right"]] = 0.1, 0.2
     x[layout.rates["right"]] = 1.0, -2.0
-    np.testing.assert_allclose(encoder_jacobian(layout, "right", 0.01) @ x, [0.11, 0.18])
+    expected = EncoderModel(layout, "right").predict(x, 0.01)
+    np.testing.assert_allclose(expected.value, [0.11, 0.18])
+    np.testing.assert_allclose(expected.jacobian @ x, [0.11, 0.18])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from filterpy.kalman import ExtendedKalmanFilter
 
 from groundstation.estimation.config import EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.ekf import StationEkf
@@ -45,14 +46,15 @@ def started(weighting: OutOfViewWeighting, pan_off_rad: float) -> StationEkf:
 @pytest.mark.parametrize("weighting", list(OutOfViewWeighting))
 def test_well_inside_both_weightings_are_the_plain_update(weighting: OutOfViewWeighting) -> None:
     ekf = started(weighting, 0.0)
-    plain = started(weighting, 0.0)
+    plain = ExtendedKalmanFilter(dim_x=ekf.layout.size, dim_z=2)
+    plain.x, plain.P = ekf.state.copy(), ekf.covariance.copy()
     prediction = ekf.predict_pixel("left")
     assert prediction is not None
     z, R = prediction.pixel + [3.0, -2.0], np.eye(2)
     ekf.update_pixel("left", z, R)
-    plain._filter.update(z, lambda _: prediction.jacobian, lambda _: prediction.pixel, R=R)
-    np.testing.assert_allclose(ekf.state, plain.state, atol=1e-6)
-    np.testing.assert_allclose(ekf.covariance, plain.covariance, atol=1e-6)
+    plain.update(z, lambda _: prediction.jacobian, lambda _: prediction.pixel, R=R)
+    np.testing.assert_allclose(ekf.state, plain.x, atol=1e-6)
+    np.testing.assert_allclose(ekf.covariance, plain.P, atol=1e-6)
 
 
 def test_beyond_the_border_the_consistent_form_keeps_its_doubt_and_the_papers_does_not() -> None:

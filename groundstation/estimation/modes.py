@@ -1,0 +1,139 @@
+"""Interacting multiple models: one filter for each way of flying, weighed by how well it predicts.
+
+A glide and a flare need different process noise (docs/derivation.md, modes). Each mode is a filter of its own; before a
+prediction they are mixed by how likely the aircraft is to have changed its way (Blom & Bar-Shalom 1988), and each
+pixel shifts the weights by the likelihoods of its innovation. Measurements are linearised once, at the weighted mean.
+With one mode this is the plain filter, to the last bit.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+
+from groundstation.arrays import FloatArray
+from groundstation.estimation.compiled_filter import BoolArray, CompiledKalmanFilter
+
+_LEAST_WEIGHT = 1e-6
+
+
+class ModeBank:
+    """Filters of ``size`` states that share one target.
+
+    Parameters
+    ----------
+    stay_s : how long the aircraft keeps each way of flying, on average; as many as there are modes.
+    """
+
+    def __init__(self, size: int, stay_s: Sequence[float]) -> None:
+        self._filters = [CompiledKalmanFilter(dim_x=size, dim_z=2) for _ in stay_s]
+        for each in self._filters:
+            each.x, each.P = np.zeros(size), np.zeros((size, size))
+        self._stay_s = np.asarray(stay_s, dtype=np.float64)
+        # the shares of time that the aircraft spends in each
+        self._usual = self._stay_s / self._stay_s.sum()
+        self.weights: FloatArray = self._usual.copy()
+        self._mean: tuple[FloatArray, FloatArray] | None = None
+
+    @property
+    def x(self) -> FloatArray:
+        """The weighted mean (n,)."""
+        return self._mixture()[0]
+
+    @property
+    def P(self) -> FloatArray:  # noqa: N802 - as in every filter equation
+        """The covariance (n, n) of the mixture about its mean."""
+        return self._mixture()[1]
+
+    def snapshot(self) -> list[FloatArray]:
+        """Return all there is to know, to be given to `restore`."""
+        return [self.weights, *(a for f in self._filters for a in (f.x, f.P))]
+
+    def restore(self, saved: list[FloatArray]) -> None:
+        """Go back to a `snapshot`."""
+        self.weights, self._mean = saved[0], None
+        for k, each in enumerate(self._filters):
+            each.x, each.P = saved[1 + 2 * k].copy(), saved[2 + 2 * k].copy()
+
+    def forget_modes(self) -> None:
+        """Set the weights to what is usual: a new target, of whose flying nothing is known."""
+        self.weights, self._mean = self._usual.copy(), None
+
+    def place(self, part: slice, values: FloatArray, covariance: FloatArray) -> None:
+        """Set some states (k,) and their covariance (k, k), uncorrelated with the rest."""
+        self._mean = None
+        for each in self._filters:
+            each.P[part, :] = 0.0
+            each.P[:, part] = 0.0
+            each.x[part] = values
+            each.P[part, part] = covariance
+
+    def doubt(self, part: slice, variances: FloatArray) -> None:
+        """Add to the variances (k,) of some states."""
+        self._mean = None
+        diagonal = np.arange(part.start, part.stop)
+        for each in self._filters:
+            each.P[diagonal, diagonal] += variances
+
+    def predict(self, F: FloatArray, noises: Sequence[FloatArray], dt_s: float) -> None:
+        """Carry every mode forward by ``F`` and its own process noise over ``dt_s`` seconds."""
+        self._mean = None
+        if len(self._filters) > 1:
+            self._mix(dt_s)
+        for each, Q in zip(self._filters, noises, strict=True):
+            each.F, each.Q = F, Q
+            each.predict()
+
+    def correct(
+        self, residual: FloatArray, H: FloatArray, R: FloatArray, estimated: BoolArray, *, telling: bool
+    ) -> None:
+        """Fuse a residual (m,), taken at the weighted mean; if ``telling``, it shifts the weights, too."""
+        x = self.x
+        logs = np.zeros(len(self._filters))
+        for k, each in enumerate(self._filters):
+            own = residual if len(self._filters) == 1 else residual - H @ (each.x - x)
+            each.correct(own, H, R, estimated)
+            if telling and len(self._filters) > 1:
+                logs[k] = -0.5 * (own @ np.linalg.solve(each.S, own) + np.log(np.linalg.det(each.S)))
+        if telling:
+            weights = np.maximum(self.weights * np.exp(logs - logs.max()), _LEAST_WEIGHT)
+            self.weights = weights / weights.sum()
+        self._mean = None
+
+    def _mixture(self) -> tuple[FloatArray, FloatArray]:
+        if len(self._filters) == 1:
+            return self._filters[0].x, self._filters[0].P
+        if self._mean is None:
+            states, covariances = self._stacked()
+            self._mean = _moments(states, covariances, self.weights)
+        return self._mean
+
+    def _mix(self, dt_s: float) -> None:
+        """Let each mode start from where the aircraft may have come from into it."""
+        count = len(self._filters)
+        change = 1.0 - np.exp(-dt_s / self._stay_s)
+        switch = np.outer(change, np.ones(count)) / (count - 1)
+        np.fill_diagonal(switch, 1.0 - change)
+        joint = switch * self.weights[:, None]
+        self.weights = joint.sum(axis=0)
+        states, covariances = self._stacked()
+        for k, each in enumerate(self._filters):
+            each.x, each.P = _moments(states, covariances, joint[:, k] / self.weights[k])
+
+    def _stacked(self) -> tuple[FloatArray, FloatArray]:
+        return np.stack([f.x for f in self._filters]), np.stack([f.P for f in self._filters])
+
+
+@njit(cache=True)
+def _moments(states: FloatArray, covariances: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean (n,) and covariance (n, n) of a mixture of (r, n) and (r, n, n)."""
+    count, n = states.shape
+    x, P = np.zeros(n), np.zeros((n, n))
+    for k in range(count):
+        x += weights[k] * states[k]
+    for k in range(count):
+        away = states[k] - x
+        for i in range(n):
+            for j in range(n):
+                P[i, j] += weights[k] * (covariances[k, i, j] + away[i] * away[j])
+    return x, P

@@ -1,0 +1,99 @@
+"""The errors of calibration and clocks that the filter carries beside what moves.
+
+Each is a difference from what the rig file says, zero at first, with the covariance that the rig file gives. Names
+are ``station.parameter``: those of `groundstation.geometry.calibration`, and for clocks
+
+- ``camera_clock.offset`` in s: the camera's exposures were that much later than their stamps say,
+- ``ptu_clock.offset`` in s: likewise for the PTU's readings,
+- ``….drift``: how the offset grows, in s/s, from the filter's first instant on,
+
+and ``dgps_clock.offset``, ``dgps_clock.drift`` for the reference. An error that is *considered* keeps its value and
+its variance (Schmidt), and the track's covariance never sinks below what it causes; one that is *estimated* is
+learnt as any other state.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.errors import GroundstationError
+from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
+from groundstation.rig import Rig
+
+CLOCKS = ("camera_clock", "ptu_clock")
+CLOCK_PARTS = ("offset", "drift")
+DGPS_CLOCK = "dgps_clock"
+_STATION_NAMES = frozenset(
+    [*CALIBRATION_PARAMETERS, *(f"{clock}.{part}" for clock in CLOCKS for part in CLOCK_PARTS)],
+)
+_DGPS_NAMES = frozenset(f"{DGPS_CLOCK}.{part}" for part in CLOCK_PARTS)
+
+
+class ParameterError(GroundstationError):
+    """A carried error has an unknown name, or no covariance that could be one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ParameterPrior:
+    """What is known before: ``names`` of m errors, their ``covariance`` (m, m) and ``walk_psd`` (m,).
+
+    ``walk_psd`` is how fast each variance grows by itself, unit²/s: a tripod that settles. Zero for a constant.
+    """
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+    walk_psd: FloatArray
+
+    @classmethod
+    def nothing(cls) -> "ParameterPrior":
+        """Return the prior of no error: everything is taken as exact."""
+        return cls(names=(), covariance=np.zeros((0, 0)), walk_psd=np.zeros(0))
+
+    @classmethod
+    def independent(cls, names: Sequence[str], sigmas: Sequence[float]) -> "ParameterPrior":
+        """Return constants that have nothing to do with each other; ``sigmas`` (m,) in rad, m, px, s or s/s."""
+        spread = np.asarray(sigmas, dtype=np.float64)
+        return cls(names=tuple(names), covariance=np.diag(spread**2), walk_psd=np.zeros(len(spread)))
+
+    def __post_init__(self) -> None:
+        m = len(self.names)
+        if self.covariance.shape != (m, m) or self.walk_psd.shape != (m,):
+            got = f"a covariance {self.covariance.shape} and walks {self.walk_psd.shape} for {m} names"
+            raise ParameterError(f"got {got}; wanted ({m}, {m}) and ({m},)")
+        if len(set(self.names)) < m:
+            raise ParameterError(f"got a name twice in {', '.join(self.names)}; wanted each once")
+
+    def require_stations(self, stations: Sequence[str]) -> None:
+        """Raise `ParameterError` unless every name is a parameter of one of ``stations`` or of the DGPS clock."""
+        for name in self.names:
+            station, _, parameter = name.partition(".")
+            if name not in _DGPS_NAMES and (station not in stations or parameter not in _STATION_NAMES):
+                wanted = f"station.parameter with one of {', '.join(stations)}"
+                raise ParameterError(f"got the carried error {name!r}; wanted {wanted}")
+
+
+def rig_prior(rig: Rig) -> ParameterPrior:
+    """Return what the rig file says of its own errors: its covariance tables and the sigmas of its clocks."""
+    known = rig.calibration_covariance()
+    names, sigmas = [], []
+    for station in rig.stations:
+        clocks = {"camera_clock": station.camera_clock}
+        if not station.fixed:
+            clocks["ptu_clock"] = station.ptu_clock
+        for clock, model in clocks.items():
+            if model is not None and model.sigma_s > 0.0:
+                names.append(f"{station.name}.{clock}.offset")
+                sigmas.append(model.sigma_s)
+    # a parameter of no variance is exact: carrying it would only cost time
+    keep = [k for k in range(len(known.names)) if known.matrix[k, k] > 0.0]
+    count = len(keep)
+    covariance = np.zeros((count + len(names), count + len(names)))
+    covariance[:count, :count] = known.matrix[np.ix_(keep, keep)]
+    covariance[count:, count:] = np.diag(np.square(sigmas))
+    return ParameterPrior(
+        names=(*(known.names[k] for k in keep), *names),
+        covariance=covariance,
+        walk_psd=np.zeros(count + len(names)),
+    )
