@@ -33,6 +33,10 @@ class ConfigError(InputError):
     """A configuration file is not usable."""
 
 
+class ScenarioError(InputError):
+    """A simulated flight cannot be made as it is asked for."""
+
+
 class MissingExtraError(GroundstationError):
     """An optional part was asked for and its packages are not installed."""
 
