@@ -4,7 +4,7 @@ Cameras expose at the head's true angles, continuous in time; the encoder sits o
 gears. Both are (pan, tilt) in rad, rates in rad/s.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -76,7 +76,7 @@ class FirstOrderLoop:
     """rate = (command − angle)/τ within the limits: lags a steady turn by τ · rate."""
 
     time_constant_s: float = 0.1
-    limits: LoopLimits = LoopLimits()
+    limits: LoopLimits = field(default_factory=LoopLimits)
 
     def __post_init__(self) -> None:
         wanted = f"at least {10 * STEP_S:g} s, ten steps of the loop"
@@ -95,7 +95,7 @@ class SecondOrderLoop:
 
     natural_rad_s: float = 15.0
     damping: float = 0.8
-    limits: LoopLimits = LoopLimits()
+    limits: LoopLimits = field(default_factory=LoopLimits)
 
     def __post_init__(self) -> None:
         require_positive("SecondOrderLoop: damping", self.damping)
@@ -123,20 +123,18 @@ def pointing_history(
     count = int(np.ceil((span_s[1] - span_s[0] + _SETTLE_S) / STEP_S)) + 2
     wanted = f"at most {_MAX_STEPS} steps of {STEP_S:g} s"
     require(count <= _MAX_STEPS, "pointing_history: span_s", got=f"{count} steps", wanted=wanted)
-    t = span_s[0] - _SETTLE_S + STEP_S * np.arange(count)
-    delayed = trajectory.position(t - model.limits.command_delay_s)
+    t = span_s[0] - _SETTLE_S + STEP_S * np.arange(count, dtype=np.float64)
+    delayed = trajectory.position(np.asarray(t - model.limits.command_delay_s))
     # a target that passes behind the station does not turn the head once around
     command = np.unwrap(aim_many(geometry.packed, delayed), axis=0)
     motor, rate, head = np.empty_like(command), np.zeros_like(command), np.empty_like(command)
     motor[0] = head[0] = command[0]
+    limits = model.limits
+    fastest, hardest = limits.max_rate_rad_s, limits.max_acceleration_rad_s2
     for axis in range(2):
-        limits = model.limits
-        follow(
-            *(np.ascontiguousarray(command[:, axis]), STEP_S, model.gains),
-            *(limits.max_rate_rad_s, limits.max_acceleration_rad_s2, motor[:, axis], rate[:, axis]),
-        )
+        follow(command[:, axis], STEP_S, model.gains, fastest, hardest, motor[:, axis], rate[:, axis])
         play(motor[:, axis], limits.backlash_rad, head[:, axis])
-    return _Driven(start_s=float(t[0]), motor=motor, rate=rate, head=head, backlash_rad=model.limits.backlash_rad)
+    return _Driven(start_s=float(t[0]), motor=motor, rate=rate, head=head, backlash_rad=limits.backlash_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

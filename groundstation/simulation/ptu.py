@@ -13,6 +13,9 @@ from groundstation.simulation.pointing import IdealPointing, PointingHistory, Po
 from groundstation.simulation.stamps import believed_times
 
 MAX_READINGS = 2_000_000
+MAX_RATE_HZ = 1000.0
+# ten bytes at 115,200 baud take somewhat longer
+MESSAGE_S = 5e-4
 
 
 class StampedAt(StrEnum):
@@ -43,6 +46,8 @@ class PtuModel:
 
     def __post_init__(self) -> None:
         require_positive("PtuModel: rate_hz", self.rate_hz)
+        usual = self.rate_hz <= MAX_RATE_HZ
+        require(usual, "PtuModel: rate_hz", got=self.rate_hz, wanted=f"at most {MAX_RATE_HZ:g} Hz")
         require_not_negative("PtuModel: delay_s", self.delay_s)
         require_not_negative("PtuModel: delay_jitter_s", self.delay_jitter_s)
 
@@ -72,8 +77,9 @@ def read_ptu(
     t = (first + np.arange(count)) / model.rate_hz + model.phase_s
     angles = history.at(t).encoder_rad + generator.normal(size=(count, 2)) * true.ptu_sigma_rad
     angles = in_steps(angles, true.ptu_resolution_rad)
-    # a serial line keeps the order
-    arrival = np.maximum.accumulate(t + model.delay_s + generator.uniform(size=count) * model.delay_jitter_s)
+    arrival = t + model.delay_s
+    if model.delay_jitter_s:
+        arrival = _in_line(arrival + generator.uniform(size=count) * model.delay_jitter_s)
     stamped = arrival if model.stamped is StampedAt.ARRIVAL else t
     stamps = believed_times(stamped, true.ptu_clock, believed.ptu_clock)
     samples = tuple(
@@ -81,6 +87,12 @@ def read_ptu(
         for at, (pan, tilt) in zip(stamps, angles, strict=True)
     )
     return PtuReadings(samples=samples, arrival_s=arrival)
+
+
+def _in_line(arrival_s: FloatArray) -> FloatArray:
+    """Return arrivals (n,) in the order in which they were sent: a serial line has one message at a time."""
+    earliest = MESSAGE_S * np.arange(arrival_s.size)
+    return np.asarray(np.maximum.accumulate(arrival_s - earliest) + earliest)
 
 
 def in_steps(angles_rad: FloatArray, resolution_rad: float) -> FloatArray:

@@ -166,9 +166,9 @@ def _pixels_and_epochs(scenario: Scenario, looks: dict[str, Looks]) -> list[_Arr
         arrival = seen.t_s + scenario.cameras[name].latency_s
         stamps.append(stamp)
         through.append(arrival)
-        for k in np.flatnonzero(seen.reported):
+        for k in np.flatnonzero(seen.reported).tolist():
             u, v = seen.reported_px[k]
-            pixel = PixelMeasurement(t_s=float(stamp[k]), station=name, epoch=int(k), u_px=float(u), v_px=float(v))
+            pixel = PixelMeasurement(t_s=float(stamp[k]), station=name, epoch=k, u_px=float(u), v_px=float(v))
             arrivals.append(_Arrival(t_s=float(arrival[k]), rank=_PIXEL, event=pixel))
     names = tuple(looks)
     for k, (mean, last) in enumerate(zip(np.mean(stamps, axis=0), np.max(through, axis=0), strict=True)):
