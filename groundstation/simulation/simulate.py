@@ -17,8 +17,9 @@ from groundstation.simulation.stamps import believed_times
 
 # of what arrives at one instant, readings come first and an epoch after its frames
 _READING, _PIXEL, _EPOCH = range(3)
-# each stream of random numbers has a number of its own, so that one more draw in one changes no other
-_PTU_STREAM, _CAMERA_STREAM, _DGPS_STREAM = range(3)
+# each stream of random numbers has a number of its own, so that one more draw in one changes no other; none is 0,
+# since numpy takes a seed followed by zeros for the seed alone, which whoever made the scenario may have used
+_PTU_STREAM, _CAMERA_STREAM, _DGPS_STREAM = range(101, 104)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -38,12 +38,12 @@ def test_places_are_east_north_up_of_the_first_row(tmp_path: Path) -> None:
         ([*ROWS, "100.4,51.64,-2.52,9,1"], "log.csv: line 5: got timestamp = 100.4, the same time"),
         ([*ROWS, "100.5,91.64,-2.52,9,1"], "log.csv: line 5: got Lat = 91.64; wanted at most 90"),
         ([*ROWS, "100.5,51.64,nan,9,1"], "log.csv: line 5: got Lng = 'nan'"),
-        ([*ROWS, "100.5,0,0,9,1"], "log.csv: line 5: got a place 5700 km from the first row's; wanted at most 50 km"),
+        ([*ROWS, "100.5,0,0,9,1"], "log.csv: line 5: got a place 5536 km from the first row's; wanted at most 50 km"),
     ],
 )
 def test_what_is_no_log_is_refused(tmp_path: Path, rows: list[str], says: str) -> None:
     said = complaint(SessionError, lambda: load_flight_log(write(tmp_path, rows)))
-    assert says.replace("5700", "") in said.replace("5720", "").replace("5718", "").replace("5719", "")
+    assert says in said
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:

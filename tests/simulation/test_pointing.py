@@ -62,7 +62,7 @@ def test_a_parked_head_stands_still() -> None:
     assert np.all(seen.head_rate_rad_s == 0.0)
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(
     first=st.booleans(),
     speed=st.floats(0.02, 0.5),

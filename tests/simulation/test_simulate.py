@@ -1,6 +1,7 @@
 """A whole simulated flight: exact without noise, wrong by what calibration and clocks make it, the same each time."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -70,7 +71,9 @@ def test_the_same_seed_gives_the_same_flight() -> None:
     first, again = simulate(scenario), simulate(replace(case_b(seed=11), dgps=DgpsModel()))
     assert first.events == again.events
     assert np.array_equal(first.arrival_s, again.arrival_s)
-    assert all(np.array_equal(a.position_runway_m, b.position_runway_m) for a, b in zip(first.dgps, again.dgps))
+    assert all(
+        np.array_equal(a.position_runway_m, b.position_runway_m) for a, b in zip(first.dgps, again.dgps, strict=True)
+    )
     assert simulate(case_b(seed=12)).events != first.events
 
 
@@ -105,7 +108,7 @@ def test_a_wrong_mount_makes_the_error_that_theory_says(
     scenario = exact()
     flight = simulate(replace(scenario, rig=perturbed(scenario.rig, errors)))
     assert flight.truth.position_runway_m[AT_200_M, 1] == pytest.approx(200.0)
-    for error, wanted in zip(error_of(flight)[AT_200_M], expected):
+    for error, wanted in zip(error_of(flight)[AT_200_M], expected, strict=True):
         if wanted is not None:
             assert error == pytest.approx(wanted, rel=0.02, abs=3e-3)
 
@@ -208,7 +211,7 @@ def test_events_come_as_a_live_system_receives_them() -> None:
     flight = simulate(scenario)
     assert np.all(np.diff(flight.arrival_s) >= 0)
     through: dict[int, float] = {}
-    for event, arrival in zip(flight.events, flight.arrival_s):
+    for event, arrival in zip(flight.events, flight.arrival_s, strict=True):
         if isinstance(event, PtuSample):
             delay = arrival - event.t_s
             assert delay >= 0.03 - 1e-9 if event.station == "left" else delay == pytest.approx(0.0, abs=1e-9)
@@ -218,7 +221,7 @@ def test_events_come_as_a_live_system_receives_them() -> None:
         else:
             assert arrival >= through[event.epoch]
             assert event.stations == ("left", "right")
-    assert any(b.t_s < a.t_s for a, b in zip(flight.events, flight.events[1:]))
+    assert any(b.t_s < a.t_s for a, b in pairwise(flight.events))
 
 
 def test_a_pair_that_nobody_saw_is_still_an_epoch() -> None:
