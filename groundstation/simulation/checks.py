@@ -14,6 +14,11 @@ def require(condition: bool, where: str, *, got: object, wanted: str) -> None:
         raise ScenarioError(where, got=str(got), wanted=wanted)
 
 
+def require_finite(where: str, value: float) -> None:
+    """Raise `ScenarioError` unless a number is finite."""
+    require(math.isfinite(value), where, got=value, wanted="a finite number")
+
+
 def require_positive(where: str, value: float) -> None:
     """Raise `ScenarioError` unless a number is finite and > 0."""
     require(math.isfinite(value) and value > 0, where, got=value, wanted="a finite number > 0")

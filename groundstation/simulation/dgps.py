@@ -7,7 +7,13 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.messages import DgpsFix
-from groundstation.simulation.checks import require, require_not_negative, require_positive, require_shape
+from groundstation.simulation.checks import (
+    require,
+    require_finite,
+    require_not_negative,
+    require_positive,
+    require_shape,
+)
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.simulation.window import FlightWindow
 
@@ -41,6 +47,7 @@ class DgpsModel:
 
     def __post_init__(self) -> None:
         require_positive("DgpsModel: rate_hz", self.rate_hz)
+        require_finite("DgpsModel: phase_s", self.phase_s)
         require_shape("DgpsModel: sigma_m", self.sigma_m, (3,))
         for sigma in self.sigma_m:
             require_not_negative("DgpsModel: sigma_m", float(sigma))

@@ -8,7 +8,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.messages import PtuSample
 from groundstation.rig import Station
-from groundstation.simulation.checks import require, require_not_negative, require_positive
+from groundstation.simulation.checks import require, require_finite, require_not_negative, require_positive
 from groundstation.simulation.pointing import IdealPointing, PointingHistory, PointingModel
 from groundstation.simulation.stamps import believed_times
 
@@ -46,6 +46,7 @@ class PtuModel:
 
     def __post_init__(self) -> None:
         require_positive("PtuModel: rate_hz", self.rate_hz)
+        require_finite("PtuModel: phase_s", self.phase_s)
         usual = self.rate_hz <= MAX_RATE_HZ
         require(usual, "PtuModel: rate_hz", got=self.rate_hz, wanted=f"at most {MAX_RATE_HZ:g} Hz")
         require_not_negative("PtuModel: delay_s", self.delay_s)

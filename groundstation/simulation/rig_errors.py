@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import matrix_from_wxyz, wxyz_from_matrix
 from groundstation.rig import ClockModel, Rig, Station
-from groundstation.simulation.checks import require, require_shape
+from groundstation.simulation.checks import require, require_finite, require_shape
 
 _VECTORS = ("mount_rad", "boresight_rad", "position_m", "camera_in_head_m")
+_NUMBERS = ("focal_share", "ptu_offset_s", "ptu_drift_ppm", "camera_offset_s", "camera_drift_ppm")
 
 
 def _zeros() -> FloatArray:
@@ -47,6 +48,8 @@ class StationErrors:
     def __post_init__(self) -> None:
         for name in _VECTORS:
             require_shape(f"StationErrors: {name}", np.asarray(getattr(self, name), dtype=np.float64), (3,))
+        for name in _NUMBERS:
+            require_finite(f"StationErrors: {name}", getattr(self, name))
         require(self.focal_share > -1, "StationErrors: focal_share", got=self.focal_share, wanted="above -1")
 
 

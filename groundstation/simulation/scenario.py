@@ -49,7 +49,8 @@ class Scenario:
     def __post_init__(self) -> None:
         require_positive("Scenario: frame_hz", self.frame_hz)
         require_not_negative("Scenario: lead_s", self.lead_s)
-        require(self.seed >= 0, "Scenario: seed", got=self.seed, wanted="a whole number ≥ 0")
+        whole = isinstance(self.seed, int) and self.seed >= 0
+        require(whole, "Scenario: seed", got=self.seed, wanted="a whole number ≥ 0")
         start, end = self.trajectory.span_s
         bounded = math.isfinite(start) and math.isfinite(end) and end > start
         require(bounded, "Scenario: trajectory", got=f"a span {start:g} to {end:g} s", wanted="an end after the start")

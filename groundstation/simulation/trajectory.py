@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.simulation.checks import require_positive, require_rising, require_shape
+from groundstation.simulation.checks import require_finite, require_positive, require_rising, require_shape
 
 
 class Trajectory(Protocol):
@@ -102,6 +102,7 @@ class Weave:
     period_s: float = 8.0
 
     def __post_init__(self) -> None:
+        require_finite("Weave: amplitude_m", self.amplitude_m)
         require_positive("Weave: period_s", self.period_s)
 
     @property
