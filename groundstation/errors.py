@@ -37,6 +37,10 @@ class SiteError(InputError):
     """A description of a planned site is not usable."""
 
 
+class ScenarioError(InputError):
+    """A simulated flight cannot be made as it is asked for."""
+
+
 class MissingExtraError(GroundstationError):
     """An optional part was asked for and its packages are not installed."""
 

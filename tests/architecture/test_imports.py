@@ -13,12 +13,13 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
     ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
     ("groundstation.run", "groundstation.planning"),
-    ("groundstation.sources", "groundstation.sinks"),
+    ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
     ("groundstation.pipeline", "groundstation.target_keeper", "groundstation.camera_tracker"),
     ("groundstation.config",),
     ("groundstation.epoch", "groundstation.track_life", "groundstation.warm_up"),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
+    ("groundstation.rig_toml",),
     ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
     ("groundstation.geometry",),
     ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
@@ -36,6 +37,7 @@ CORE = (
     "track_life",
     "target_keeper",
     "camera_tracker",
+    "simulation",
 )
 EDGE_LIBRARIES = {"serial", "rerun", "matplotlib"}
 CLOCKS_AND_FILES = {"time", "datetime", "os", "io", "socket", "subprocess", "tempfile", "shutil", "urllib", "threading"}

@@ -1,0 +1,22 @@
+"""Simulated flights at the level of angles and pixels, without pictures: time-ordered events and exact truth.
+
+A `Scenario` says what flies, what the stations are in truth, and what their user believes them to be;
+`simulate` turns it into a `SimulatedFlight`. Everything random comes from the scenario's seed.
+"""
+
+from groundstation.simulation.cases import case_b, case_c, standard_rig
+from groundstation.simulation.rig_errors import StationErrors, perturbed
+from groundstation.simulation.scenario import Scenario
+from groundstation.simulation.simulate import FlightTruth, SimulatedFlight, simulate
+
+__all__ = [
+    "FlightTruth",
+    "Scenario",
+    "SimulatedFlight",
+    "StationErrors",
+    "case_b",
+    "case_c",
+    "perturbed",
+    "simulate",
+    "standard_rig",
+]

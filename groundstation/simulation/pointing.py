@@ -1,0 +1,185 @@
+"""Where a station truly looks at any time: exactly at the target, nowhere else, or after it with a lag.
+
+Cameras expose at the head's true angles, continuous in time; the encoder sits on the motor's side of the
+gears. Both are (pan, tilt) in rad, rates in rad/s.
+"""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.geometry.station import StationGeometry
+from groundstation.simulation.checks import require, require_not_negative, require_positive
+from groundstation.simulation.kernels import aim_many, follow, play
+from groundstation.simulation.trajectory import Trajectory
+
+STEP_S = 0.001
+# the loop runs so long before it is looked at, so that its start is forgotten
+_SETTLE_S = 3.0
+_DIFFERENCE_S = 1e-4
+_MAX_STEPS = 4_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pointing:
+    """A station's state at n times: (pan, tilt) of head and of encoder shaft, rad; the head's rates, rad/s; (n, 2)."""
+
+    head_rad: FloatArray
+    head_rate_rad_s: FloatArray
+    encoder_rad: FloatArray
+
+
+class PointingHistory(Protocol):
+    """A station's pointing over the flight."""
+
+    def at(self, t_s: FloatArray) -> Pointing:
+        """Return the pointing at true session times (n,), s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdealPointing:
+    """The optical axis goes through the target point at every instant."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parked:
+    """The head stands still at these angles, rad; a fixed station stands at zero."""
+
+    pan_rad: float = 0.0
+    tilt_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopLimits:
+    """What each axis can do, and its play: rad/s, rad/s², s and rad.
+
+    ``command_delay_s`` is the age of the bearing that the loop is told. The head follows the motor within
+    ± half of ``backlash_rad``.
+    """
+
+    max_rate_rad_s: float = 1.0
+    max_acceleration_rad_s2: float = 10.0
+    command_delay_s: float = 0.0
+    backlash_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive("LoopLimits: max_rate_rad_s", self.max_rate_rad_s)
+        require_positive("LoopLimits: max_acceleration_rad_s2", self.max_acceleration_rad_s2)
+        require_not_negative("LoopLimits: command_delay_s", self.command_delay_s)
+        require_not_negative("LoopLimits: backlash_rad", self.backlash_rad)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstOrderLoop:
+    """rate = (command − angle)/τ within the limits: lags a steady turn by τ · rate."""
+
+    time_constant_s: float = 0.1
+    limits: LoopLimits = field(default_factory=LoopLimits)
+
+    def __post_init__(self) -> None:
+        wanted = f"at least {10 * STEP_S:g} s, ten steps of the loop"
+        enough = self.time_constant_s >= 10 * STEP_S
+        require(enough, "FirstOrderLoop: time_constant_s", got=self.time_constant_s, wanted=wanted)
+
+    @property
+    def gains(self) -> FloatArray:
+        """(1/τ,) for `follow`."""
+        return np.array([1.0 / self.time_constant_s])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondOrderLoop:
+    """Acceleration = ω² (command − angle) − 2ζω · rate within the limits: lags a steady turn by 2ζ/ω · rate."""
+
+    natural_rad_s: float = 15.0
+    damping: float = 0.8
+    limits: LoopLimits = field(default_factory=LoopLimits)
+
+    def __post_init__(self) -> None:
+        require_positive("SecondOrderLoop: damping", self.damping)
+        stable = 0 < self.natural_rad_s <= 0.1 / STEP_S
+        wanted = f"above 0, at most {0.1 / STEP_S:g} rad/s"
+        require(stable, "SecondOrderLoop: natural_rad_s", got=self.natural_rad_s, wanted=wanted)
+
+    @property
+    def gains(self) -> FloatArray:
+        """(ω², 2ζω) for `follow`."""
+        return np.array([self.natural_rad_s**2, 2.0 * self.damping * self.natural_rad_s])
+
+
+PointingModel = IdealPointing | Parked | FirstOrderLoop | SecondOrderLoop
+
+
+def pointing_history(
+    model: PointingModel, geometry: StationGeometry, trajectory: Trajectory, span_s: tuple[float, float]
+) -> PointingHistory:
+    """Return how a station of true ``geometry`` points over a span (s) while a trajectory is flown."""
+    if isinstance(model, IdealPointing):
+        return _Ideal(geometry=geometry, trajectory=trajectory)
+    if isinstance(model, Parked):
+        return _Still(pan_rad=model.pan_rad, tilt_rad=model.tilt_rad)
+    count = int(np.ceil((span_s[1] - span_s[0] + _SETTLE_S) / STEP_S)) + 2
+    wanted = f"at most {_MAX_STEPS} steps of {STEP_S:g} s"
+    require(count <= _MAX_STEPS, "pointing_history: span_s", got=f"{count} steps", wanted=wanted)
+    t = span_s[0] - _SETTLE_S + STEP_S * np.arange(count, dtype=np.float64)
+    delayed = trajectory.position(np.asarray(t - model.limits.command_delay_s))
+    # a target that passes behind the station does not turn the head once around
+    command = np.unwrap(aim_many(geometry.packed, delayed), axis=0)
+    motor, rate, head = np.empty_like(command), np.zeros_like(command), np.empty_like(command)
+    motor[0] = head[0] = command[0]
+    limits = model.limits
+    fastest, hardest = limits.max_rate_rad_s, limits.max_acceleration_rad_s2
+    for axis in range(2):
+        follow(command[:, axis], STEP_S, model.gains, fastest, hardest, motor[:, axis], rate[:, axis])
+        play(motor[:, axis], limits.backlash_rad, head[:, axis])
+    return _Driven(start_s=float(t[0]), motor=motor, rate=rate, head=head, backlash_rad=limits.backlash_rad)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ideal:
+    geometry: StationGeometry
+    trajectory: Trajectory
+
+    def at(self, t_s: FloatArray) -> Pointing:
+        angles, before, after = (
+            aim_many(self.geometry.packed, self.trajectory.position(t_s + step))
+            for step in (0.0, -_DIFFERENCE_S, _DIFFERENCE_S)
+        )
+        turned = (after - before + np.pi) % (2.0 * np.pi) - np.pi
+        return Pointing(head_rad=angles, head_rate_rad_s=turned / (2.0 * _DIFFERENCE_S), encoder_rad=angles)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Still:
+    pan_rad: float
+    tilt_rad: float
+
+    def at(self, t_s: FloatArray) -> Pointing:
+        angles = np.tile([self.pan_rad, self.tilt_rad], (t_s.size, 1))
+        return Pointing(head_rad=angles, head_rate_rad_s=np.zeros_like(angles), encoder_rad=angles)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Driven:
+    """A loop's states (n, 2) at steps of `STEP_S` from ``start_s``; acceleration is constant within a step."""
+
+    start_s: float
+    motor: FloatArray
+    rate: FloatArray
+    head: FloatArray
+    backlash_rad: float
+
+    def at(self, t_s: FloatArray) -> Pointing:
+        place = (t_s - self.start_s) / STEP_S
+        k = np.clip(np.floor(place).astype(np.int64), 0, len(self.motor) - 2)
+        s = (STEP_S * (place - k))[:, None]
+        bend = (self.rate[k + 1] - self.rate[k]) / STEP_S
+        motor = self.motor[k] + s * (self.rate[k] + 0.5 * s * bend)
+        half = 0.5 * self.backlash_rad
+        head = np.clip(self.head[k], motor - half, motor + half)
+        # the head moves with the motor where the gears touch in that direction
+        rate = self.rate[k] + s * bend
+        dragged = np.where(rate > 0, head <= motor - half, head >= motor + half)
+        return Pointing(head_rad=head, head_rate_rad_s=np.where(dragged, rate, 0.0), encoder_rad=motor)

@@ -1,0 +1,25 @@
+"""Stamps of clocks that are off: what a device writes, and what its user takes that to mean."""
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.rig import ClockModel
+
+_EXACT = ClockModel()
+
+
+def device_from_session(clock: ClockModel | None, t_session_s: FloatArray) -> FloatArray:
+    """Return what a device's clock shows at session times (n,), s; None is the session's own clock."""
+    own = _EXACT if clock is None else clock
+    return np.asarray((t_session_s - own.offset_s) / (1.0 + own.drift_ppm * 1e-6))
+
+
+def session_from_device(clock: ClockModel | None, t_device_s: FloatArray) -> FloatArray:
+    """Return the session times (n,) that a device's stamps (n,) stand for, s."""
+    own = _EXACT if clock is None else clock
+    return np.asarray(t_device_s + own.offset_s + own.drift_ppm * 1e-6 * t_device_s)
+
+
+def believed_times(t_s: FloatArray, true: ClockModel | None, believed: ClockModel | None) -> FloatArray:
+    """Return the session times (n,) that a user reads off the stamps taken at true times (n,), s."""
+    return session_from_device(believed, device_from_session(true, t_s))
