@@ -1,0 +1,274 @@
+"""One camera's frame: its angles, the look at it, and what the filter makes of what was seen.
+
+Each camera stands alone: a frame is used at its own time, whether or not its pair's other frame has come, so a lost
+camera is no special case.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.camera_tracker import CameraTracker, SpanModel
+from groundstation.config import Config
+from groundstation.epoch import EpochBook, EpochView
+from groundstation.estimation.config import Predictor
+from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.encoders import EncoderFeed
+from groundstation.estimation.field_of_view import probability_in_view
+from groundstation.estimation.initialise import Sighting
+from groundstation.estimation.measurement import PixelPrediction
+from groundstation.estimation.trajectory_curve import Knot
+from groundstation.geometry.angles import wrap_rad
+from groundstation.messages import (
+    CameraReport,
+    Detection,
+    DetectionStatus,
+    Frame,
+    Miss,
+    MissReason,
+    PixelMeasurement,
+)
+from groundstation.synchronise import AngleFault, AnglesAt, ReadyFrame
+from groundstation.target_keeper import TargetKeeper
+from groundstation.triangulation import View
+
+_MISS_STATUS = {
+    MissReason.AMBIGUOUS: DetectionStatus.AMBIGUOUS,
+    MissReason.CUT: DetectionStatus.CUT,
+    MissReason.OUT_OF_VIEW: DetectionStatus.OUT_OF_VIEW,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Angles:
+    """A station's pan and tilt at an exposure, with one sigma of each, in rad."""
+
+    pan_rad: float
+    tilt_rad: float
+    sigma_rad: float
+
+
+class FrameUpdate:
+    """Takes the frames of all cameras, one by one, and updates the one filter.
+
+    Parameters
+    ----------
+    cameras : what looks for the target in each camera's images, by station.
+    encoders, ekf, keeper, book : the filter and what surrounds it; shared with the pipeline.
+    span : what is known of the target's size.
+    stopwatch : a clock for measuring effort, in s.
+    keep_images : whether reports carry the images.
+    """
+
+    def __init__(
+        self,
+        cameras: Mapping[str, CameraTracker],
+        ekf: StationEkf,
+        encoders: EncoderFeed,
+        keeper: TargetKeeper,
+        book: EpochBook,
+        config: Config,
+        *,
+        span: SpanModel,
+        stopwatch: Callable[[], float],
+        keep_images: bool,
+    ) -> None:
+        self._cameras = cameras
+        self._ekf = ekf
+        self._encoders = encoders
+        self._keeper = keeper
+        self._book = book
+        self._config = config
+        self._span = span
+        self._stopwatch = stopwatch
+        self._keep_images = keep_images
+
+    def take(self, ready: ReadyFrame) -> CameraReport:
+        """Look at one camera's frame and update the filter, which stands at its time, with what was seen."""
+        record = ready.record
+        report = CameraReport(
+            t_s=record.t_s,
+            station=record.station,
+            epoch=record.epoch,
+            status=DetectionStatus.MISS,
+            result=Miss(reason=MissReason.LATE, detail="older than what was already used"),
+            roi=None,
+            predicted_px=None,
+            predicted_covariance_px2=None,
+            pan_rad=None,
+            tilt_rad=None,
+            innovation=None,
+            elapsed_s=0.0,
+            image=record.image if self._keep_images and isinstance(record, Frame) else None,
+        )
+        if ready.late:
+            return report
+        angles = self._angles(ready)
+        if angles is None:
+            fault = ready.angles.value if isinstance(ready.angles, AngleFault) else "PTU readings do not change"
+            return replace(report, result=Miss(reason=MissReason.NO_PTU_ANGLE, detail=fault))
+        report = replace(report, pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad)
+        started = self._stopwatch()
+        found = self._search(record, angles) if self._keeper.searches(record.t_s) else []
+        self._keeper.sighted(found)
+        if not self._ekf.has_target:
+            miss = Miss(reason=MissReason.NOT_ACQUIRED, detail=f"{len(found)} candidates")
+            return replace(report, result=miss, elapsed_s=self._stopwatch() - started)
+        prediction = self._ekf.predict_pixel(record.station)
+        if prediction is None:
+            miss = Miss(reason=MissReason.OUT_OF_VIEW, detail="behind the camera")
+            return replace(report, status=DetectionStatus.OUT_OF_VIEW, result=miss)
+        report = self._look(record, report, prediction)
+        report = replace(report, elapsed_s=self._stopwatch() - started)
+        return self._judge(record, report, angles) if isinstance(report.result, Detection) else report
+
+    def _angles(self, ready: ReadyFrame) -> _Angles | None:
+        """Return the angles at the exposure: interpolated, or the filter's if only the reading after it is missing."""
+        record, angles = ready.record, ready.angles
+        station = self._cameras[record.station].station
+        if station.fixed:
+            return _Angles(pan_rad=0.0, tilt_rad=0.0, sigma_rad=0.0)
+        if self._encoders.is_frozen(record.station):
+            return None
+        pan, tilt = self._ekf.angles(record.station)
+        doubt = self._encoders.sigma_rad(record.station)
+        if isinstance(angles, AnglesAt) and not self._encoders.is_doubtful(record.station):
+            sigma = station.angle_sigma_rad * angles.variance_share**0.5
+            off = max(abs(wrap_rad(angles.pan_rad - pan)), abs(wrap_rad(angles.tilt_rad - tilt)))
+            if off <= self._config.estimation.encoder_gate_sigma * float(np.hypot(sigma, doubt)):
+                return _Angles(pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad, sigma_rad=sigma)
+        if isinstance(angles, AnglesAt):
+            # a reading beside the exposure is one that the filter has refused
+            return _Angles(pan_rad=pan, tilt_rad=tilt, sigma_rad=doubt)
+        age = self._encoders.age_s(record.station, record.t_s)
+        if angles is AngleFault.ENDED and age <= self._config.synchronise.max_gap_s:
+            return _Angles(pan_rad=pan, tilt_rad=tilt, sigma_rad=doubt)
+        return None
+
+    def _search(self, record: Frame | PixelMeasurement, angles: _Angles) -> list[Sighting]:
+        """Nothing is known: return the candidates of the whole frame, or the pixel that someone else found."""
+        if isinstance(record, Frame):
+            camera = self._cameras[record.station]
+            return camera.search(record, angles.pan_rad, angles.tilt_rad, angles.sigma_rad)
+        return [
+            Sighting(
+                t_s=record.t_s,
+                station=record.station,
+                pixel=np.array([record.u_px, record.v_px]),
+                width_px=None,
+                score=1.0,
+                pan_rad=angles.pan_rad,
+                tilt_rad=angles.tilt_rad,
+                angle_sigma_rad=angles.sigma_rad,
+                labelled=True,
+            )
+        ]
+
+    def _look(
+        self, record: Frame | PixelMeasurement, report: CameraReport, prediction: PixelPrediction
+    ) -> CameraReport:
+        """A target is known: look where it is predicted; the answer is a detection or a named miss."""
+        camera, ekf = self._cameras[record.station], self._ekf
+        spread = ekf.pixel_covariance(prediction)
+        report = replace(report, predicted_px=prediction.pixel, predicted_covariance_px2=spread)
+        if isinstance(record, PixelMeasurement):
+            return replace(report, result=self._labelled(record))
+        visible = probability_in_view(prediction.pixel, spread, camera.geometry.image_size_px)
+        look = None
+        if visible >= self._config.estimation.min_view_probability:
+            hint = camera.hint(
+                prediction.pixel,
+                spread,
+                prediction.jacobian[:, ekf.layout.position],
+                prediction.depth_m,
+                ekf.state[ekf.layout.velocity],
+                self._span,
+                float(ekf.state[ekf.layout.position][2]),
+            )
+            look = camera.look(record, self._roi_centre(record, prediction), spread, hint)
+        if look is None:
+            miss = Miss(reason=MissReason.OUT_OF_VIEW, detail=f"in view with probability {visible:.2g}")
+            return replace(report, status=DetectionStatus.OUT_OF_VIEW, result=miss)
+        report = replace(report, roi=look.roi, result=look.result, channel_contrast=look.channel_contrast)
+        if isinstance(look.result, Miss):
+            return replace(report, status=_MISS_STATUS.get(look.result.reason, DetectionStatus.MISS))
+        return report
+
+    def _judge(self, record: Frame | PixelMeasurement, report: CameraReport, angles: _Angles) -> CameraReport:
+        """Fuse a found pixel if the gate lets it pass, and keep it for the baseline."""
+        found = report.result
+        if not isinstance(found, Detection):
+            return report
+        camera = self._cameras[record.station]
+        pixel = np.array([found.u_px, found.v_px])
+        rows = camera.geometry.image_size_px[1]
+        row_dt = ((found.v_px + 0.5) / rows - 0.5) * camera.station.readout_s
+        if found.cut and not self._likely_in_view(report):
+            # the border hides the nose: what is seen is another part of the aircraft
+            return replace(report, status=DetectionStatus.CUT)
+        innovation = self._ekf.update_pixel(record.station, pixel, found.covariance_px2, row_dt)
+        accepted = innovation is not None and innovation.accepted
+        status = DetectionStatus.GATED
+        if accepted:
+            status = DetectionStatus.CUT if found.cut else DetectionStatus.OK
+            self._keeper.life.saw(record.t_s)
+            if isinstance(record, Frame) and not found.cut:
+                camera.accepted(found)
+                self._learn_span(camera, found)
+        view = View(
+            station=camera.geometry,
+            pixel=pixel,
+            covariance_px2=found.covariance_px2,
+            pan_rad=angles.pan_rad,
+            tilt_rad=angles.tilt_rad,
+            angle_sigma_rad=angles.sigma_rad,
+        )
+        self._book.add(
+            EpochView(
+                t_s=record.t_s,
+                epoch=record.epoch,
+                station=record.station,
+                view=view,
+                accepted=accepted and not found.cut,
+                labelled=isinstance(record, PixelMeasurement),
+            )
+        )
+        return replace(report, status=status, innovation=innovation)
+
+    def _likely_in_view(self, report: CameraReport) -> bool:
+        """Return whether the predicted target point is more likely inside the image than not."""
+        if report.predicted_px is None or report.predicted_covariance_px2 is None:
+            return True
+        size = self._cameras[report.station].geometry.image_size_px
+        return probability_in_view(report.predicted_px, report.predicted_covariance_px2, size) >= 0.5
+
+    def _learn_span(self, camera: CameraTracker, found: Detection) -> None:
+        after = self._ekf.predict_pixel(camera.station.name)
+        if after is not None:
+            self._span.learn(found.box[2], float(camera.station.lens.focal_px[0]) / after.depth_m)
+
+    def _roi_centre(self, record: Frame, prediction: PixelPrediction) -> FloatArray:
+        """Project the predictor's point; the default's is the filter's own prediction."""
+        if self._config.estimation.predictor is Predictor.HERMITE:
+            return prediction.pixel
+        own = Knot(t_s=record.t_s, position_m=self._ekf.state[self._ekf.layout.position])
+        pan, tilt = self._ekf.angles(record.station)
+        geometry = self._cameras[record.station].geometry
+        projection = geometry.project(self._keeper.predictor.predict(own), pan, tilt)
+        return prediction.pixel if projection is None else projection.pixel
+
+    def _labelled(self, record: PixelMeasurement) -> Detection:
+        """Return someone else's pixel as a detection with the configured noise and no silhouette."""
+        return Detection(
+            u_px=record.u_px,
+            v_px=record.v_px,
+            covariance_px2=np.eye(2) * self._config.estimation.labelled_sigma_px**2,
+            centroid_px=np.array([record.u_px, record.v_px]),
+            box=(record.u_px, record.v_px, 0.0, 0.0),
+            area_px=0.0,
+            contour_px=np.zeros((0, 2), dtype=np.float32),
+            contrast_to_noise=0.0,
+            channel="labelled",
+        )
