@@ -21,7 +21,7 @@ from groundstation.estimation.initialise import Sighting
 from groundstation.messages import Detection, Frame, Miss, Roi
 from groundstation.rig import Station
 
-_MIN_HEADING_SPEED_M_S = 3.0
+_MIN_HEADING_SPEED_M_S, _SURE_HEADING_SPEED_M_S = 3.0, 8.0
 # how well the span is known: given by the session (a bank or a crab shortens it), learnt on the way, or not at all
 _GIVEN_SPAN_SIGMA = 0.15
 _UNKNOWN_SPAN_SIGMA = 0.7
@@ -76,6 +76,7 @@ class CameraTracker:
         self._detector = Detector(config.detection, station.lens.image_size_px)
         self._finder = CandidateFinder(config.acquisition, station.lens.image_size_px, station.lens)
         self._last_size_px: tuple[float, float] | None = None
+        self._heading: FloatArray | None = None
         self._detections = 0
 
     def reset(self) -> None:
@@ -83,6 +84,7 @@ class CameraTracker:
         self._detector.reset()
         self._finder.reset()
         self._last_size_px = None
+        self._heading = None
 
     def search(self, frame: Frame, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> list[Sighting]:
         """Look at the whole frame and return the candidates in it."""
@@ -141,7 +143,11 @@ class CameraTracker:
         """Say what the filter knows of the target's looks; ``jacobian_px_per_m`` is ∂(u, v)/∂(x, y, z), (2, 3)."""
         px_per_m = float(self.station.lens.focal_px[0]) / depth_m
         speed = float(np.linalg.norm(velocity_m_s))
-        forward = jacobian_px_per_m @ (velocity_m_s / speed) if speed > _MIN_HEADING_SPEED_M_S else None
+        heading = velocity_m_s / speed if speed > _MIN_HEADING_SPEED_M_S else self._heading
+        if speed > _SURE_HEADING_SPEED_M_S:
+            # an aircraft that comes to a halt still points where it was going
+            self._heading = heading
+        forward = None if heading is None else jacobian_px_per_m @ heading
         return DetectionHint(
             predicted_px=predicted_px,
             predicted_covariance_px2=covariance_px2,

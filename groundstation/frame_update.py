@@ -208,7 +208,9 @@ class FrameUpdate:
         if found.cut and not self._likely_in_view(report):
             # the border hides the nose: what is seen is another part of the aircraft
             return replace(report, status=DetectionStatus.CUT)
-        innovation = self._ekf.update_pixel(record.station, pixel, found.covariance_px2, row_dt)
+        # someone else's pixels are taken for what they say; our detector's errors last
+        lasting = self._config.estimation.detection_lasting_share if isinstance(record, Frame) else 0.0
+        innovation = self._ekf.update_pixel(record.station, pixel, found.covariance_px2, row_dt, lasting)
         accepted = innovation is not None and innovation.accepted
         status = DetectionStatus.GATED
         if accepted:

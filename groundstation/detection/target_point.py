@@ -45,6 +45,7 @@ _ROLLING_PER_SPAN, _FLYING_PER_SPAN = 0.15, 0.45  # height of the nose above the
 _ROLLING_CRAB_SIGMA, _CRAB_SIGMA = math.radians(3.0), math.radians(6.5)
 _PITCH_SIGMA = math.radians(2.5)
 _CRAB_FROM_PX, _CRAB_SURE_PX = 60.0, 110.0  # spans between which crab becomes legible
+_SMALL_FLYING = 0.5  # measured variance over that of the parts
 _NOISE_PX_SIGMAS = 3.0  # px, over contrast
 _EDGE_PX, _EDGE_PX_SIGMAS = 0.2, 3.0  # sigma of an edge's place: best, and as noise over contrast
 
@@ -145,6 +146,8 @@ def _near_head_on(
     nose, covariance = locate_nose(outline, (middle, middle_sigma), thickest_t, level_forward, sigma, (span, edge))
     # crab is read from how the fuselage's rows lie: of a small silhouette they say less than its thickest place does
     nose[0] = legible * nose[0] + (1.0 - legible) * (body + _LEAD_PER_SPAN * level_forward[0])
+    # as measured on rendered flights: of a small silhouette in flight the parts agree better than each of them alone
+    covariance *= 1.0 + airborne * (1.0 - legible) * (_SMALL_FLYING - 1.0)
     # a silhouette of the wrong width has lost or gained more than its tips
     covariance += (_MISFIT_SHARE * (width - span)) ** 2 * np.eye(2)
     return NosePoint(point=wing.working_point(nose), covariance=wing.rotation @ covariance @ wing.rotation.T)

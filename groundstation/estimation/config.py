@@ -55,6 +55,8 @@ class EstimationConfig:
     manoeuvre_psd_m2_s3 : the same in flare, braking and brake release; equal to the first, there is but one way of
         flying.
     steady_s, manoeuvre_s : how long the aircraft flies in either way, on average.
+    detection_lasting_share : so much of a detection's variance is an error that lasts …
+    detection_lasting_s : … for about so long, and is not averaged away; 0 takes every detection's error as new.
     calibration : what becomes of the errors that rig.toml gives covariances for.
     reference_hold_s : a reference counts as there for so long after its newest position.
     ptu_acceleration_psd_rad2_s3 : the same of each PTU axis.
@@ -76,10 +78,12 @@ class EstimationConfig:
     fix_window_s : detections without frames: stations seen within this time count as one fix.
     """
 
-    acceleration_psd_m2_s3: tuple[float, float, float] = (1.0, 4.0, 2.0)
-    manoeuvre_psd_m2_s3: tuple[float, float, float] = (1.0, 4.0, 2.0)
-    steady_s: float = 8.0
-    manoeuvre_s: float = 2.0
+    acceleration_psd_m2_s3: tuple[float, float, float] = (1.0, 4.0, 1.5)
+    manoeuvre_psd_m2_s3: tuple[float, float, float] = (2.0, 20.0, 4.0)
+    steady_s: float = 6.0
+    manoeuvre_s: float = 3.0
+    detection_lasting_share: float = 0.4
+    detection_lasting_s: float = 0.3
     calibration: CalibrationUse = CalibrationUse.REFERENCE
     reference_hold_s: float = 0.5
     ptu_acceleration_psd_rad2_s3: float = 1e-3
@@ -104,7 +108,9 @@ class EstimationConfig:
     fix_window_s: float = 0.06
 
     def __post_init__(self) -> None:
-        require_positive(self)
+        require_positive(self, but=("detection_lasting_share",))
+        if not 0 <= self.detection_lasting_share < 1:
+            raise ValueError(f"detection_lasting_share {self.detection_lasting_share} outside 0 … 1")
         if not self.gate_probability < 1:
             raise ValueError(f"gate_probability {self.gate_probability} outside 0 … 1")
 

@@ -64,7 +64,8 @@ class StationEkf:
     ) -> None:
         prior = ParameterPrior.nothing() if prior is None else prior
         prior.require_stations(tuple(stations))
-        self.layout: StateLayout = state_layout(turning, prior.names)
+        lasting = tuple(stations) if config.detection_lasting_share > 0.0 else ()
+        self.layout: StateLayout = state_layout(turning, prior.names, lasting)
         self.time_s: float | None = None
         self.has_target = False
         self._stations = stations
@@ -73,7 +74,9 @@ class StationEkf:
         if config.manoeuvre_psd_m2_s3 != config.acceleration_psd_m2_s3:
             psds.append(config.manoeuvre_psd_m2_s3)
         noise = config.ptu_acceleration_psd_rad2_s3
-        self._motions = [MotionModel(self.layout, psd, noise, prior.walk_psd) for psd in psds]
+        self._motions = [
+            MotionModel(self.layout, psd, noise, prior.walk_psd, config.detection_lasting_s) for psd in psds
+        ]
         self._bank = ModeBank(self.layout.size, (config.steady_s, config.manoeuvre_s)[: len(psds)])
         self._bank.place(self.layout.constant, np.zeros(len(prior.names)), prior.covariance)
         self._gate = float(chi2.ppf(config.gate_probability, 2))
@@ -150,6 +153,8 @@ class StationEkf:
         Q = self._motions[-1].process_noise(age_s)[target, target]
         start = F @ np.concatenate([position_m, velocity_m_s])
         self._bank.place(target, start, F @ covariance @ F.T + Q)
+        for part in self.layout.offsets.values():
+            self._bank.place(part, np.zeros(2), np.eye(2))
         self._bank.forget_modes()
         self.has_target = True
 
@@ -233,30 +238,40 @@ class StationEkf:
         self._read.add(station)
 
     def update_pixel(
-        self, station: str, pixel: FloatArray, covariance_px2: FloatArray, row_dt_s: float = 0.0
+        self,
+        station: str,
+        pixel: FloatArray,
+        covariance_px2: FloatArray,
+        row_dt_s: float = 0.0,
+        lasting_share: float = 0.0,
     ) -> Innovation | None:
         """Fuse one camera's target pixel (2,) with covariance (2, 2); None if the target is behind the camera.
 
-        Near and beyond the border the pixel is weighted (`OutOfViewWeighting`); beyond the chi-square gate it
-        is refused.
+        ``lasting_share`` of that covariance is an error that this station's next pixels will share. Near and beyond
+        the border the pixel is weighted (`OutOfViewWeighting`); beyond the chi-square gate it is refused.
         """
         prediction = self.predict_pixel(station, row_dt_s)
         if prediction is None:
             return None
-        H = prediction.jacobian
-        spread = self.pixel_covariance(prediction)
+        H, R = prediction.jacobian, covariance_px2
+        in_view = self.pixel_covariance(prediction)
         residual = pixel - prediction.pixel
-        S = spread + covariance_px2
+        offset = self.layout.offsets.get(station)
+        if offset is not None and lasting_share > 0.0:
+            H = H.copy()
+            H[:, offset] = np.linalg.cholesky(lasting_share * covariance_px2)
+            residual = residual - H[:, offset] @ self.state[offset]
+            R = (1.0 - lasting_share) * covariance_px2
+        S = innovation_covariance(self.covariance, H, R)
         nis = _squared_sigmas(residual, S)
         accepted = nis <= self._gate
         if accepted:
-            R, moved = covariance_px2, residual
+            moved = residual
             size = self._stations[station].image_size_px
             if self._config.out_of_view is OutOfViewWeighting.PAPER:
-                T = paper_weight(prediction.pixel, size, self._config.paper_border_sigma_px)
-                moved = T * residual
+                moved = paper_weight(prediction.pixel, size, self._config.paper_border_sigma_px) * residual
             else:
-                R = covariance_px2 / max(probability_in_view(prediction.pixel, spread, size), 1e-6)
+                R = R / max(probability_in_view(prediction.pixel, in_view, size), 1e-6)
             self._bank.correct(moved, H, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 

@@ -4,6 +4,10 @@ The paper drives its model with one impulse of acceleration per step (G = [Δt·
 continuous white acceleration of given power spectral density, so that the same tuning holds at any frame
 rate: over Δt it adds PSD·[[Δt³/3, Δt²/2], [Δt²/2, Δt]] to each (position, velocity) pair. Errors of calibration and
 clocks stay as they are, or walk.
+
+What a detector gets wrong it goes on getting wrong: a wing in the shade, a fuselage against a dark hill. A part of its
+error is therefore a first-order Gauss-Markov process of unit variance, e' = e·exp(−|Δt|/τ) + noise, that each detection
+scales with its own sigmas; only the rest is new in every frame.
 """
 
 from collections.abc import Sequence
@@ -27,9 +31,10 @@ class MotionModel:
     acceleration_psd_m2_s3 : (3,) white-acceleration PSD of the target along x, y, z.
     ptu_acceleration_psd_rad2_s3 : the same of each PTU axis.
     walk_psd : (m,) how fast the variance of each carried error grows, unit²/s; none walks by default.
+    lasting_s : τ of the target point's lasting errors.
     """
 
-    __slots__ = ("_first_constant", "_pair_of", "_psd", "_size", "_walk")
+    __slots__ = ("_first_constant", "_first_offset", "_lasting_s", "_pair_of", "_psd", "_size", "_walk")
 
     def __init__(
         self,
@@ -37,6 +42,7 @@ class MotionModel:
         acceleration_psd_m2_s3: Sequence[float],
         ptu_acceleration_psd_rad2_s3: float,
         walk_psd: FloatArray | None = None,
+        lasting_s: float = 1.0,
     ) -> None:
         values = [*range(layout.position.start, layout.position.stop)]
         slopes = [*range(layout.velocity.start, layout.velocity.stop)]
@@ -50,21 +56,41 @@ class MotionModel:
         self._size = layout.size
         self._walk = np.zeros(len(layout.parameters)) if walk_psd is None else walk_psd
         self._first_constant = layout.constant.start
+        self._first_offset = self._first_constant - 2 * len(layout.offsets)
+        self._lasting_s = lasting_s
 
     def transition(self, dt_s: float) -> FloatArray:
         """Return F, (n, n), over ``dt_s`` seconds (which may be negative)."""
-        return _transition(self._size, *self._pair_of, dt_s)
+        return _transition(self._size, *self._pair_of, self._first_offset, self._first_constant, self._lasting_s, dt_s)
 
     def process_noise(self, dt_s: float) -> FloatArray:
         """Return Q, (n, n), gathered over ``|dt_s|`` seconds."""
-        return _process_noise(self._size, *self._pair_of, self._psd, self._first_constant, self._walk, dt_s)
+        return _process_noise(
+            self._size,
+            *self._pair_of,
+            self._psd,
+            (self._first_offset, self._first_constant),
+            self._walk,
+            self._lasting_s,
+            dt_s,
+        )
 
 
 @njit(cache=True)
-def _transition(size: int, values: IndexArray, slopes: IndexArray, dt_s: float) -> FloatArray:
+def _transition(
+    size: int,
+    values: IndexArray,
+    slopes: IndexArray,
+    first_offset: int,
+    first_constant: int,
+    lasting_s: float,
+    dt_s: float,
+) -> FloatArray:
     F = np.eye(size)
     for k in range(values.size):
         F[values[k], slopes[k]] = dt_s
+    for k in range(first_offset, first_constant):
+        F[k, k] = np.exp(-abs(dt_s) / lasting_s)
     return F
 
 
@@ -74,8 +100,9 @@ def _process_noise(
     values: IndexArray,
     slopes: IndexArray,
     psd: FloatArray,
-    first_constant: int,
+    firsts: tuple[int, int],
     walk_psd: FloatArray,
+    lasting_s: float,
     dt_s: float,
 ) -> FloatArray:
     dt = abs(dt_s)
@@ -85,6 +112,9 @@ def _process_noise(
         Q[a, a] = psd[k] * dt * dt * dt / 3.0
         Q[b, b] = psd[k] * dt
         Q[a, b] = Q[b, a] = psd[k] * dt_s * dt / 2.0
+    first_offset, first_constant = firsts
+    for k in range(first_offset, first_constant):
+        Q[k, k] = 1.0 - np.exp(-2.0 * dt / lasting_s)
     for k in range(walk_psd.size):
         Q[first_constant + k, first_constant + k] = walk_psd[k] * dt
     return Q

@@ -2,8 +2,9 @@
 
 Order: target position and velocity (runway frame, m and m/s), then for each turning station its pan and
 tilt (rad), then for each its pan and tilt rates (rad/s): 6 + 4 N numbers, 14 for two stations (the
-paper's Equation 4). A fixed station has no angles to estimate and takes no place. Behind these stand the
-errors of calibration and clocks that are carried along, if any (`groundstation.estimation.parameters`).
+paper's Equation 4). A fixed station has no angles to estimate and takes no place. Behind these stand, if any, two
+numbers for each station's lasting error of the target point, in its sigmas (`groundstation.estimation.motion`), and the
+errors of calibration and clocks that are carried along (`groundstation.estimation.parameters`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,14 +15,16 @@ from dataclasses import dataclass
 class StateLayout:
     """Named slices of the state vector.
 
-    ``angles`` and ``rates`` map the name of a turning station to its slice of two: pan, tilt. ``parameters`` maps
-    the name of a calibration or clock error to its place.
+    ``angles`` and ``rates`` map the name of a turning station to its slice of two: pan, tilt; ``offsets`` the name of
+    any station to its slice of two: how far its target point is off, and stays off for a while. ``parameters`` maps the
+    name of a calibration or clock error to its place.
     """
 
     position: slice
     velocity: slice
     angles: Mapping[str, slice]
     rates: Mapping[str, slice]
+    offsets: Mapping[str, slice]
     parameters: Mapping[str, int]
     size: int
 
@@ -32,7 +35,7 @@ class StateLayout:
 
     @property
     def moving(self) -> slice:
-        """What changes by itself: target, angles and rates."""
+        """What changes by itself: target, angles, rates and offsets."""
         return slice(0, self.size - len(self.parameters))
 
     @property
@@ -41,16 +44,19 @@ class StateLayout:
         return slice(self.size - len(self.parameters), self.size)
 
 
-def state_layout(turning_stations: Sequence[str], parameters: Sequence[str] = ()) -> StateLayout:
-    """Return the layout for these turning stations and carried errors, in this order."""
+def state_layout(
+    turning_stations: Sequence[str], parameters: Sequence[str] = (), offset_stations: Sequence[str] = ()
+) -> StateLayout:
+    """Return the layout for these turning stations, carried errors and stations with lasting errors, in this order."""
     n = len(turning_stations)
-    first_rate = 6 + 2 * n
-    moving = 6 + 4 * n
+    first_rate, first_offset = 6 + 2 * n, 6 + 4 * n
+    moving = first_offset + 2 * len(offset_stations)
     return StateLayout(
         position=slice(0, 3),
         velocity=slice(3, 6),
         angles={name: slice(6 + 2 * i, 8 + 2 * i) for i, name in enumerate(turning_stations)},
         rates={name: slice(first_rate + 2 * i, first_rate + 2 * i + 2) for i, name in enumerate(turning_stations)},
+        offsets={name: slice(first_offset + 2 * i, first_offset + 2 * i + 2) for i, name in enumerate(offset_stations)},
         parameters={name: moving + k for k, name in enumerate(parameters)},
         size=moving + len(parameters),
     )
