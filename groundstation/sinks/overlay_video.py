@@ -19,8 +19,9 @@ _ROI: Colour = (90, 225, 255)
 _CONTOUR: Colour = (120, 230, 120)
 _BOX: Colour = (255, 220, 90)
 _TARGET: Colour = (60, 60, 255)
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
 _TEXT: Colour = (255, 255, 255)
-_SHADOW: Colour = (0, 0, 0)
+_PLATE: Colour = (0, 0, 0)
 _CROSS_PX = 9
 _BOX_MARGIN_PX = 3  # the box is drawn around the silhouette, not over its rim
 _SHIFT = 4  # cv2 draws lines to 1/16 px
@@ -60,11 +61,13 @@ def _pieces(contour_px: NDArray[np.float32]) -> list[NDArray[np.int32]]:
 
 
 def _write(picture: ImageArray, text: str) -> None:
-    """Write a line at the top, readable on any background."""
-    scale = max(0.4, picture.shape[1] / 1600)
-    place = (6, round(6 + 26 * scale))
-    for colour, width in ((_SHADOW, 3), (_TEXT, 1)):
-        cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, width, cv2.LINE_AA)
+    """Write a line at the top left, on a plate of its own: legible on any background and after compression."""
+    scale = max(0.55, picture.shape[1] / 1400)
+    stroke = max(round(1.4 * scale), 1)
+    (w, h), below = cv2.getTextSize(text, _FONT, scale, stroke)
+    pad = round(8 * scale)
+    cv2.rectangle(picture, (0, 0), (w + 2 * pad, h + below + 2 * pad), _PLATE, cv2.FILLED)
+    cv2.putText(picture, text, (pad, pad + h), _FONT, scale, _TEXT, stroke, cv2.LINE_AA)
 
 
 class OverlayVideo:
