@@ -112,6 +112,12 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     )
     replay.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
     replay.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    replay.add_argument(
+        "--learn-until",
+        type=float,
+        metavar="S",
+        help="let DGPS teach the filter the rig's errors up to this time, s; after it DGPS only compares, as always",
+    )
     recording = replay.add_mutually_exclusive_group()
     recording.add_argument("--view", action="store_true", help="open the Rerun recording when done")
     recording.add_argument("--no-rerun", action="store_true", help="do not write session.rrd")
@@ -218,6 +224,7 @@ def _replay(options: argparse.Namespace) -> int:
         config=options.config,
         from_s=options.from_s,
         to_s=options.to_s,
+        learn_until_s=options.learn_until,
         rerun=not options.no_rerun,
     )
     with ProgressLine(sys.stderr, "replay") as line:

@@ -75,7 +75,33 @@ class DgpsFix:
     status: str = ""
 
 
-Event = PtuSample | Frame | PixelMeasurement | Epoch
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReferenceFix:
+    """A position of the target point that someone else vouches for, to learn the rig's errors from.
+
+    ``position_runway_m`` (3,) and ``sigma_m`` (3,), one sigma per axis; ``t_s`` is the session's clock as far as it is
+    known, and the filter carries what it may be off.
+    """
+
+    t_s: float
+    position_runway_m: FloatArray
+    sigma_m: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CarriedError:
+    """An error of calibration or of a clock that the filter carries: what it is now, and one sigma now and before.
+
+    In rad, m, px, s, s/s or without unit, as ``name`` says (docs/conventions.md).
+    """
+
+    name: str
+    value: float
+    sigma: float
+    prior_sigma: float
+
+
+Event = PtuSample | Frame | PixelMeasurement | ReferenceFix | Epoch
 
 
 # --------------------------------------------------------------------------------------- detection

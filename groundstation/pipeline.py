@@ -7,21 +7,25 @@ stopwatch handed in by the caller, which goes into ``elapsed_s`` and ``latency_s
 
 from collections.abc import Callable, Iterable
 
+import numpy as np
+
 from groundstation.camera_tracker import CameraTracker, SpanModel
 from groundstation.config import Config
 from groundstation.epoch import EpochBook
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.encoders import EncoderFeed
-from groundstation.estimation.parameters import rig_prior
+from groundstation.estimation.parameters import ParameterPrior, rig_prior
 from groundstation.frame_update import FrameUpdate
 from groundstation.messages import (
     CameraReport,
+    CarriedError,
     Epoch,
     Event,
     Frame,
     InitialState,
     PixelMeasurement,
     PtuSample,
+    ReferenceFix,
     StepReport,
     TrackEstimate,
 )
@@ -41,6 +45,8 @@ class Pipeline:
     initial : where to start; None searches.
     stopwatch : a clock for measuring effort, in s; the default measures nothing.
     keep_images : whether reports carry the images (for a viewer that has no video to refer to).
+    reference_clock_sigma_s : how far the clock of reference positions may be off the session's, 1 sigma; None where
+        it is the same, or where no such positions come.
     """
 
     def __init__(
@@ -52,6 +58,7 @@ class Pipeline:
         initial: InitialState | None = None,
         stopwatch: Callable[[], float] = lambda: 0.0,
         keep_images: bool = False,
+        reference_clock_sigma_s: float | None = None,
     ) -> None:
         rig.require_known()
         self._config = config
@@ -59,7 +66,10 @@ class Pipeline:
         self._cameras = {s.name: CameraTracker(s, config) for s in rig.stations}
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
-        self._ekf = StationEkf(geometries, turning, config.estimation, rig_prior(rig))
+        prior = rig_prior(rig)
+        if reference_clock_sigma_s is not None:
+            prior = prior.joined(ParameterPrior.independent(["dgps_clock.offset"], [reference_clock_sigma_s]))
+        self._ekf = StationEkf(geometries, turning, config.estimation, prior)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._keeper = TargetKeeper(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
         self._synchroniser = Synchroniser(turning, config.synchronise, cameras=rig.names)
@@ -75,6 +85,7 @@ class Pipeline:
             stopwatch=stopwatch,
             keep_images=keep_images,
         )
+        self._refused_references = 0
         self._out_cameras: list[CameraReport] = []
         self._out_estimates: list[TrackEstimate] = []
 
@@ -82,7 +93,17 @@ class Pipeline:
     def counts(self) -> dict[str, int]:
         """What was refused on the way in: late PTU readings, late frames, PTU spikes."""
         late = self._synchroniser.late
-        return {"late_ptu": late.ptu, "late_frames": late.frames, "ptu_spikes": self._encoders.spikes}
+        return {
+            "late_ptu": late.ptu,
+            "late_frames": late.frames,
+            "ptu_spikes": self._encoders.spikes,
+            "references_refused": self._refused_references + late.references,
+        }
+
+    @property
+    def carried_errors(self) -> tuple[CarriedError, ...]:
+        """What the filter knows now of the errors of calibration and clocks."""
+        return self._ekf.carried_errors()
 
     def step(self, event: Event) -> StepReport:
         """Take one event; return the reports of everything whose time has come."""
@@ -99,6 +120,8 @@ class Pipeline:
             if isinstance(item, PtuSample):
                 self._predict_to(item.t_s)
                 self._read_encoder(item)
+            elif isinstance(item, ReferenceFix):
+                self._learn(item)
             elif isinstance(item, Epoch):
                 self._answer(item)
             else:
@@ -130,6 +153,13 @@ class Pipeline:
             if ready.following is not None:
                 self._read_encoder(ready.following)
         return self._frames.take(ready)
+
+    def _learn(self, fix: ReferenceFix) -> None:
+        """Let a reference position correct the target and the errors that are carried."""
+        self._predict_to(fix.t_s)
+        if self._ekf.has_target:
+            innovation = self._ekf.update_reference(fix.position_runway_m, np.diag(fix.sigma_m**2))
+            self._refused_references += not innovation.accepted
 
     # ---------------------------------------------------------------------------------------- epochs
     def _answer(self, epoch: Epoch) -> None:

@@ -17,13 +17,14 @@ from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
 from groundstation.evaluation.report import write_report
 from groundstation.evaluation.run_description import RunDescription
-from groundstation.messages import DgpsFix, InitialState
+from groundstation.messages import DgpsFix, InitialState, ReferenceFix
 from groundstation.pipeline import Pipeline
 from groundstation.run import RunOutcome, run
 from groundstation.session import Session, load_dgps, load_session, load_truth
 from groundstation.sinks.rerun_session import reference_tracks, session_view
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
+from groundstation.sources.reference import reference_fixes, with_reference
 from groundstation.sources.replay import ReplaySource
 from groundstation.warm_up import warm_up
 
@@ -36,7 +37,10 @@ _CLOCKS_APART_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayRequest:
-    """What the user asked for; ``rig`` and ``config`` None take the session's rig and the defaults."""
+    """What the user asked for; ``rig`` and ``config`` None take the session's rig and the defaults.
+
+    Up to ``learn_until_s`` of its clock the DGPS corrects the track and teaches the rig's errors; None compares only.
+    """
 
     session: Path
     out: Path
@@ -44,6 +48,7 @@ class ReplayRequest:
     config: Path | None = None
     from_s: float | None = None
     to_s: float | None = None
+    learn_until_s: float | None = None
     rerun: bool = True
 
 
@@ -74,6 +79,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     faults += _clock_notes(session)
     with ExitStack() as opened:
         source = opened.enter_context(ReplaySource(session, request.from_s, request.to_s))
+        taught = _lessons(request, session, dgps)
         initial = _start(config.start, session, dgps, source.span_s[0])
         _make_folder(request.out)
         warm_up()
@@ -81,12 +87,18 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         files = opened.enter_context(TrackFilesSink(request.out))
         view = session_view(request.out / "session.rrd", session) if request.rerun else None
         sinks: list[Sink] = [collector, files, *([] if view is None else [view])]
+        clock_sigma_s = config.estimation.reference_clock_sigma_s
         pipeline = Pipeline(
-            session.rig, config, span_m=session.target.span_m, initial=initial, stopwatch=time.perf_counter
+            session.rig,
+            config,
+            span_m=session.target.span_m,
+            initial=initial,
+            stopwatch=time.perf_counter,
+            reference_clock_sigma_s=clock_sigma_s if taught and not session.has_clocks else None,
         )
         prepared_s = time.perf_counter() - began
         total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
-        outcome = run(source, pipeline, sinks, lambda done: progress(done, total))
+        outcome = run(with_reference(source, taught), pipeline, sinks, lambda done: progress(done, total))
     if outcome.fault is not None:
         faults.append(str(outcome.fault))
     faults += [f"{name.replace('_', ' ')}: {n}" for name, n in pipeline.counts.items() if n]
@@ -99,7 +111,12 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         configuration=config_to_mapping(config),
         speed=_speed(outcome, span_s, prepared_s),
         faults=tuple(faults),
+        carried_errors=pipeline.carried_errors,
+        learnt_until_s=taught[-1].t_s if taught else None,
     )
+    if taught:
+        # what the filter was told is no proof of what it knows
+        dgps = tuple(fix for fix in dgps if fix.t_s > taught[-1].t_s)
     evaluation = evaluate_run(collector, description, rig=session.rig, config=config.evaluation, dgps=dgps, truth=truth)
     written = ["track.csv", "triangulation.csv", "detections.csv", "track.tum"]
     if view is not None:
@@ -110,6 +127,17 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     write_report(request.out / "report.html", evaluation, config.evaluation)
     written += ["summary.json", "report.html"]
     return ReplayResult(evaluation=evaluation, files=tuple(request.out / name for name in written), fault=outcome.fault)
+
+
+def _lessons(request: ReplayRequest, session: Session, dgps: Sequence[DgpsFix]) -> list[ReferenceFix]:
+    """Return the DGPS positions that the filter may learn from; none unless asked for."""
+    if request.learn_until_s is None:
+        return []
+    taught = reference_fixes(dgps, session.target.antenna_in_body_m, request.learn_until_s)
+    if not taught:
+        got = f"no DGPS fix up to {request.learn_until_s:g} s"
+        raise SessionError(session.name, got=got, wanted="some, for --learn-until")
+    return taught
 
 
 def _usable_session(request: ReplayRequest) -> Session:

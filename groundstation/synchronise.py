@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from groundstation.geometry.angles import wrap_rad
-from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample
+from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample, ReferenceFix
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +75,7 @@ class ReadyFrame:
     late: bool = False
 
 
-Ready = PtuSample | ReadyFrame | Epoch
+Ready = PtuSample | ReadyFrame | ReferenceFix | Epoch
 
 
 @dataclass(slots=True)
@@ -84,6 +84,7 @@ class LateCounts:
 
     ptu: int = 0
     frames: int = 0
+    references: int = 0
 
 
 @dataclass(order=True, slots=True)
@@ -117,7 +118,7 @@ class Synchroniser:
     def push(self, event: Event) -> Iterator[Ready]:
         """Take one event and yield, in time order, all whose time has come."""
         self._newest_s = max(self._newest_s, event.t_s)
-        if not isinstance(event, Epoch):
+        if not isinstance(event, (Epoch, ReferenceFix)):
             stream = ("ptu" if isinstance(event, PtuSample) else "camera", event.station)
             self._streams[stream] = max(self._streams.get(stream, event.t_s), event.t_s)
         if event.t_s < self._passed_s and not isinstance(event, Epoch):
@@ -143,7 +144,7 @@ class Synchroniser:
             mates = [
                 q.t_s
                 for q in self._queue
-                if not isinstance(q.event, (Epoch, PtuSample)) and q.event.epoch == event.epoch
+                if isinstance(q.event, (Frame, PixelMeasurement)) and q.event.epoch == event.epoch
             ]
             t = max([t, self._passed_s, *mates])
         if isinstance(event, PtuSample) and event.station in self._history:
@@ -162,6 +163,8 @@ class Synchroniser:
     def _answer_late(self, event: Event) -> Iterator[Ready]:
         if isinstance(event, PtuSample):
             self.late.ptu += 1
+        elif isinstance(event, ReferenceFix):
+            self.late.references += 1
         elif not isinstance(event, Epoch):
             self.late.frames += 1
             yield ReadyFrame(record=event, angles=None, following=None, late=True)
@@ -177,7 +180,7 @@ class Synchroniser:
                     self._used.discard(id(event))
                 else:
                     yield event
-            elif isinstance(event, Epoch):
+            elif isinstance(event, (Epoch, ReferenceFix)):
                 yield event
             else:
                 yield self._ready_frame(event)

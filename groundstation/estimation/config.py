@@ -59,6 +59,7 @@ class EstimationConfig:
     detection_lasting_s : … for about so long, and is not averaged away; 0 takes every detection's error as new.
     calibration : what becomes of the errors that rig.toml gives covariances for.
     reference_hold_s : a reference counts as there for so long after its newest position.
+    reference_clock_sigma_s : and its clock may be so far off the session's, 1 sigma.
     ptu_acceleration_psd_rad2_s3 : the same of each PTU axis.
     ptu_max_rate_deg_s : no PTU turns faster; a reading that says so is a spike.
     encoder_gate_sigma : a reading further from its prediction is held back until the next one confirms it.
@@ -86,6 +87,7 @@ class EstimationConfig:
     detection_lasting_s: float = 0.3
     calibration: CalibrationUse = CalibrationUse.REFERENCE
     reference_hold_s: float = 0.5
+    reference_clock_sigma_s: float = 0.5
     ptu_acceleration_psd_rad2_s3: float = 1e-3
     ptu_max_rate_deg_s: float = 120.0
     encoder_gate_sigma: float = 6.0

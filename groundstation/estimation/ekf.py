@@ -23,7 +23,7 @@ from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.state import StateLayout, state_layout
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
-from groundstation.messages import Innovation, Kinematics
+from groundstation.messages import CarriedError, Innovation, Kinematics
 
 # start of an axis that has been read once: it may turn at up to this rate (1 sigma)
 _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
@@ -64,6 +64,7 @@ class StationEkf:
     ) -> None:
         prior = ParameterPrior.nothing() if prior is None else prior
         prior.require_stations(tuple(stations))
+        self._prior = prior
         lasting = tuple(stations) if config.detection_lasting_share > 0.0 else ()
         self.layout: StateLayout = state_layout(turning, prior.names, lasting)
         self.time_s: float | None = None
@@ -118,6 +119,18 @@ class StationEkf:
             case CalibrationUse.REFERENCE:
                 now = -math.inf if self.time_s is None else self.time_s
                 return now - self._newest_reference_s <= self._config.reference_hold_s
+
+    def carried_errors(self) -> tuple[CarriedError, ...]:
+        """Return what is known now of the errors of calibration and clocks."""
+        return tuple(
+            CarriedError(
+                name=name,
+                value=float(self.state[place]),
+                sigma=math.sqrt(max(float(self.covariance[place, place]), 0.0)),
+                prior_sigma=math.sqrt(float(self._prior.covariance[k, k])),
+            )
+            for k, (name, place) in enumerate(self.layout.parameters.items())
+        )
 
     def snapshot(self) -> EkfState:
         """Return all that the filter is now."""

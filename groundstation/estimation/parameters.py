@@ -65,6 +65,14 @@ class ParameterPrior:
         if len(set(self.names)) < m:
             raise ParameterError(f"got a name twice in {', '.join(self.names)}; wanted each once")
 
+    def joined(self, other: "ParameterPrior") -> "ParameterPrior":
+        """Return both together, independent of each other."""
+        m, n = len(self.names), len(other.names)
+        covariance = np.zeros((m + n, m + n))
+        covariance[:m, :m], covariance[m:, m:] = self.covariance, other.covariance
+        walks = np.concatenate([self.walk_psd, other.walk_psd])
+        return ParameterPrior(names=(*self.names, *other.names), covariance=covariance, walk_psd=walks)
+
     def require_stations(self, stations: Sequence[str]) -> None:
         """Raise `ParameterError` unless every name is a parameter of one of ``stations`` or of the DGPS clock."""
         for name in self.names:
@@ -88,12 +96,9 @@ def rig_prior(rig: Rig) -> ParameterPrior:
                 sigmas.append(model.sigma_s)
     # a parameter of no variance is exact: carrying it would only cost time
     keep = [k for k in range(len(known.names)) if known.matrix[k, k] > 0.0]
-    count = len(keep)
-    covariance = np.zeros((count + len(names), count + len(names)))
-    covariance[:count, :count] = known.matrix[np.ix_(keep, keep)]
-    covariance[count:, count:] = np.diag(np.square(sigmas))
-    return ParameterPrior(
-        names=(*(known.names[k] for k in keep), *names),
-        covariance=covariance,
-        walk_psd=np.zeros(count + len(names)),
+    calibration = ParameterPrior(
+        names=tuple(known.names[k] for k in keep),
+        covariance=known.matrix[np.ix_(keep, keep)],
+        walk_psd=np.zeros(len(keep)),
     )
+    return calibration.joined(ParameterPrior.independent(names, sigmas))

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.metrics import PhaseLike
+from groundstation.messages import CarriedError
 
 
 class TruthLike(Protocol):
@@ -34,6 +35,8 @@ class RunDescription:
     configuration : the resolved configuration of the run.
     speed : figures on processing speed, by name.
     faults : what could not be used (a broken reference file, a video cut short), one line each.
+    carried_errors : what the filter knows in the end of the errors of calibration and clocks.
+    learnt_until_s : up to this time of the DGPS clock the filter was told the DGPS; None if never.
     """
 
     name: str
@@ -44,3 +47,5 @@ class RunDescription:
     configuration: Mapping[str, Any] | None = None
     speed: Mapping[str, float] | None = None
     faults: tuple[str, ...] = ()
+    carried_errors: tuple[CarriedError, ...] = ()
+    learnt_until_s: float | None = None

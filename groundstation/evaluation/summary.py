@@ -1,5 +1,6 @@
 """The content of summary.json, as plain tables: numbers, strings and null, never NaN."""
 
+import dataclasses
 import platform
 import sys
 from collections.abc import Sequence
@@ -65,6 +66,10 @@ def build_summary(
         },
         "nis": _nis(cameras, stations),
         "reference": _reference(reference, fixes, run, epochs["t_s"]),
+        "calibration": {
+            "learnt_until_s": run.learnt_until_s,
+            "errors": [dataclasses.asdict(error) for error in run.carried_errors],
+        },
         "counts": _counts(epochs, cameras, stations),
         "channels": channels,
         "latency_ms": _percentiles(1e3 * epochs["latency_s"].astype(np.float64)),

@@ -1,9 +1,20 @@
 """The accuracy table that a replay prints at its end: plain text, aligned, at most 98 columns."""
 
+import math
 import textwrap
 from typing import Any
 
 _WIDTH = 98
+_UNITS = (
+    ("runway_from_base", "deg", 180.0 / math.pi),
+    ("head_from_camera", "deg", 180.0 / math.pi),
+    ("clock.offset", "ms", 1e3),
+    ("clock.drift", "ppm", 1e6),
+    ("ptu_position", "m", 1.0),
+    ("camera_in_head", "m", 1.0),
+    ("focal", "px", 1.0),
+    ("principal_point", "px", 1.0),
+)
 _NAMES = {"truth": "against the truth", "dgps": "against DGPS"}
 # an improvement measured on fewer epochs than this says nothing
 FEW_EPOCHS = 10
@@ -20,7 +31,15 @@ def format_accuracy_table(summary: dict[str, Any]) -> str:
         blocks.append(_accuracy_block(_NAMES.get(name, name), table))
     if not summary["accuracy"]:
         blocks.append("no reference: nothing to compare with")
-    blocks.append("\n".join([*_reference_lines(summary["reference"]), *_consistency_lines(summary)]))
+    blocks.append(
+        "\n".join(
+            [
+                *_reference_lines(summary["reference"]),
+                *_calibration_lines(summary["calibration"]),
+                *_consistency_lines(summary),
+            ]
+        )
+    )
     blocks += [f"note: {fault}" for fault in summary["faults"]]
     lines = "\n\n".join(blocks).splitlines()
     return "\n".join(part for line in lines for part in _folded(line))
@@ -116,6 +135,30 @@ def _reference_lines(reference: dict[str, Any]) -> list[str]:
     for span in reference["excluded"]:
         lines.append(f"  left out {span['from_s']:.2f} … {span['to_s']:.2f} s: {span['reason']}, {span['detail']}")
     return lines
+
+
+def _calibration_lines(calibration: dict[str, Any]) -> list[str]:
+    """Return what the filter carried of the rig's errors, and what it learnt where it was told the DGPS."""
+    errors = calibration["errors"]
+    if not errors:
+        return []
+    if calibration["learnt_until_s"] is None:
+        names = ", ".join(error["name"] for error in errors)
+        return [f"carried with their uncertainty, not estimated: {names}"]
+    lines = [f"learnt from DGPS until {calibration['learnt_until_s']:.2f} s, which the comparison leaves out:"]
+    for error in errors:
+        unit, scale = _unit(error["name"])
+        value, sigma, prior = (scale * error[key] for key in ("value", "sigma", "prior_sigma"))
+        lines.append(f"  {error['name']:<34}{value:>+10.4f} ± {sigma:.4f} {unit}   (before: 0 ± {prior:.4f})")
+    return lines
+
+
+def _unit(name: str) -> tuple[str, float]:
+    """Return the unit to print a carried error in, and what to multiply its value by."""
+    for part, unit, scale in _UNITS:
+        if part in name:
+            return unit, scale
+    return "", 1.0
 
 
 def _consistency_lines(summary: dict[str, Any]) -> list[str]:
