@@ -45,8 +45,7 @@ class Pipeline:
     initial : where to start; None searches.
     stopwatch : a clock for measuring effort, in s; the default measures nothing.
     keep_images : whether reports carry the images (for a viewer that has no video to refer to).
-    reference_clock_sigma_s : how far the clock of reference positions may be off the session's, 1 sigma; None where
-        it is the same, or where no such positions come.
+    reference_errors : what is not known of the reference positions that will come: their clock, their antenna.
     """
 
     def __init__(
@@ -58,7 +57,7 @@ class Pipeline:
         initial: InitialState | None = None,
         stopwatch: Callable[[], float] = lambda: 0.0,
         keep_images: bool = False,
-        reference_clock_sigma_s: float | None = None,
+        reference_errors: ParameterPrior | None = None,
     ) -> None:
         rig.require_known()
         self._config = config
@@ -67,8 +66,8 @@ class Pipeline:
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
         prior = rig_prior(rig)
-        if reference_clock_sigma_s is not None:
-            prior = prior.joined(ParameterPrior.independent(["dgps_clock.offset"], [reference_clock_sigma_s]))
+        if reference_errors is not None:
+            prior = prior.joined(reference_errors)
         self._ekf = StationEkf(geometries, turning, config.estimation, prior)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._keeper = TargetKeeper(self._ekf, self._cameras, config, span_m=span_m, initial=initial)

@@ -13,6 +13,8 @@ import numpy as np
 
 from groundstation.config import Start, config_to_mapping, load_config
 from groundstation.errors import InputError, RigError, SessionError
+from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.parameters import DGPS_ANTENNA, DGPS_CLOCK, ParameterPrior
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
 from groundstation.evaluation.report import write_report
@@ -87,14 +89,13 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         files = opened.enter_context(TrackFilesSink(request.out))
         view = session_view(request.out / "session.rrd", session) if request.rerun else None
         sinks: list[Sink] = [collector, files, *([] if view is None else [view])]
-        clock_sigma_s = config.estimation.reference_clock_sigma_s
         pipeline = Pipeline(
             session.rig,
             config,
             span_m=session.target.span_m,
             initial=initial,
             stopwatch=time.perf_counter,
-            reference_clock_sigma_s=clock_sigma_s if taught and not session.has_clocks else None,
+            reference_errors=_reference_errors(session, config.estimation) if taught else None,
         )
         prepared_s = time.perf_counter() - began
         total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
@@ -138,6 +139,16 @@ def _lessons(request: ReplayRequest, session: Session, dgps: Sequence[DgpsFix]) 
         got = f"no DGPS fix up to {request.learn_until_s:g} s"
         raise SessionError(session.name, got=got, wanted="some, for --learn-until")
     return taught
+
+
+def _reference_errors(session: Session, config: EstimationConfig) -> ParameterPrior:
+    """Return what the session leaves open of its DGPS: the clock, and where the antenna is."""
+    sigmas: dict[str, float] = {}
+    if not session.has_clocks:
+        sigmas[f"{DGPS_CLOCK}.offset"] = config.reference_clock_sigma_s
+    if session.target.antenna_in_body_m is None:
+        sigmas.update(zip(DGPS_ANTENNA, config.reference_antenna_sigma_m, strict=True))
+    return ParameterPrior.independent(list(sigmas), list(sigmas.values()))
 
 
 def _usable_session(request: ReplayRequest) -> Session:

@@ -130,7 +130,7 @@ class TargetKeeper:
             # a better target than the one that is held: nothing learnt of that one is kept
             self._forget_looks()
         age_s = 0.0 if self._ekf.time_s is None else self._ekf.time_s - t_s
-        self._ekf.start_target(position, velocity, covariance, age_s)
+        self._ekf.start_target(position, velocity, covariance, age_s, triangulated=how != "given")
         self._initiator.reset()
         self._sightings.clear()
         self.life.started(t_s + max(age_s, 0.0), position if how == "acquired" else None)

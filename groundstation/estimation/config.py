@@ -60,6 +60,8 @@ class EstimationConfig:
     calibration : what becomes of the errors that rig.toml gives covariances for.
     reference_hold_s : a reference counts as there for so long after its newest position.
     reference_clock_sigma_s : and its clock may be so far off the session's, 1 sigma.
+    reference_antenna_sigma_m : and its antenna so far from the nose (forward, right, down) where session.toml does not
+        say; what it may lie aside cannot be told from a pan that all stations have wrong.
     ptu_acceleration_psd_rad2_s3 : the same of each PTU axis.
     ptu_max_rate_deg_s : no PTU turns faster; a reading that says so is a spike.
     encoder_gate_sigma : a reading further from its prediction is held back until the next one confirms it.
@@ -88,6 +90,7 @@ class EstimationConfig:
     calibration: CalibrationUse = CalibrationUse.REFERENCE
     reference_hold_s: float = 0.5
     reference_clock_sigma_s: float = 0.5
+    reference_antenna_sigma_m: tuple[float, float, float] = (0.6, 0.03, 0.1)
     ptu_acceleration_psd_rad2_s3: float = 1e-3
     ptu_max_rate_deg_s: float = 120.0
     encoder_gate_sigma: float = 6.0

@@ -27,6 +27,10 @@ from groundstation.messages import CarriedError, Innovation, Kinematics
 
 # start of an axis that has been read once: it may turn at up to this rate (1 sigma)
 _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
+# what calibration may have done to a velocity that was found without a reference
+_ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.1, 0.5
+_MOMENT_S = 0.05
+_UNDETERMINED = 1e12  # condition of the normal equations
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,9 +162,19 @@ class StationEkf:
         return float(pan), float(tilt)
 
     def start_target(
-        self, position_m: FloatArray, velocity_m_s: FloatArray, covariance: FloatArray, age_s: float = 0.0
+        self,
+        position_m: FloatArray,
+        velocity_m_s: FloatArray,
+        covariance: FloatArray,
+        age_s: float = 0.0,
+        *,
+        triangulated: bool = False,
     ) -> None:
-        """Begin a target: (3,), (3,) in the runway frame and covariance (6, 6), as of ``age_s`` before now."""
+        """Begin a target: (3,), (3,) in the runway frame and covariance (6, 6), as of ``age_s`` before now.
+
+        What was ``triangulated`` with this rig has the rig's errors in it, beside the noise that ``covariance`` tells:
+        they are added, and the filter knows that they are the same.
+        """
         target = self.layout.target
         F = self._motions[-1].transition(age_s)[target, target]
         Q = self._motions[-1].process_noise(age_s)[target, target]
@@ -170,11 +184,36 @@ class StationEkf:
             self._bank.place(part, np.zeros(2), np.eye(2))
         self._bank.forget_modes()
         self.has_target = True
+        if triangulated and self.layout.parameters:
+            sensitivity = self._sensitivity()
+            if sensitivity is not None:
+                self._bank.share(target, self.layout.constant, sensitivity)
+
+    def _sensitivity(self) -> FloatArray | None:
+        """Return how a point triangulated here, and its velocity, move with the carried errors, (6, m).
+
+        By the normal equations, ∂X/∂θ = −(Σ JᵀJ)⁻¹ Σ Jᵀ ∂pixel/∂θ, now and a moment later. None where the views of
+        the stations don't determine a point.
+        """
+        at = []
+        for ahead_s in (0.0, _MOMENT_S):
+            information, moved = np.zeros((3, 3)), np.zeros((3, len(self.layout.parameters)))
+            for station in self._stations:
+                prediction = self.predict_pixel(station, ahead_s)
+                if prediction is not None:
+                    J = prediction.jacobian[:, self.layout.position]
+                    information += J.T @ J
+                    moved -= J.T @ prediction.jacobian[:, self.layout.constant]
+            if np.linalg.cond(information) > _UNDETERMINED:
+                return None
+            at.append(np.linalg.solve(information, moved))
+        return np.vstack([at[0], (at[1] - at[0]) / _MOMENT_S])
 
     def drop_target(self) -> None:
         """Forget the target; the PTUs' angles and what was learnt of the rig stay."""
         self._bank.place(self.layout.target, np.zeros(6), np.zeros((6, 6)))
         self.has_target = False
+        self._newest_reference_s = -math.inf
 
     def kinematics_at(self, t_s: float) -> Kinematics:
         """Return position, velocity and (6, 6) covariance at a time near the filter's own.
@@ -291,8 +330,12 @@ class StationEkf:
     def update_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0) -> Innovation:
         """Fuse a reference position of the target (3,) with covariance (3, 3), stamped ``ahead_s`` after now.
 
-        For some time after it (`EstimationConfig.reference_hold_s`) the carried errors are learnt from pixels, too.
+        For some time after it (`EstimationConfig.reference_hold_s`) the carried errors are learnt from pixels, too. The
+        first of a target replaces its position: what pixels alone gave may be tens of metres off by the errors that are
+        to be learnt now, too far to be linearised about.
         """
+        if self._newest_reference_s == -math.inf and self._config.calibration is CalibrationUse.REFERENCE:
+            return self._adopt(position_m, covariance_m2, ahead_s)
         expected = self._reference.predict(self.state, ahead_s, self._age_s())
         residual = position_m - expected.value
         S = innovation_covariance(self.covariance, expected.jacobian, covariance_m2)
@@ -302,6 +345,19 @@ class StationEkf:
             self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
             self._bank.correct(residual, expected.jacobian, covariance_m2, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
+
+    def _adopt(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float) -> Innovation:
+        """Put the target where a reference says, with the doubt and the correlations of its clock and antenna."""
+        expected = self._reference.predict(self.state, ahead_s, self._age_s())
+        residual = position_m - expected.value
+        velocity = self.state[self.layout.velocity].copy()
+        spread = self.covariance[self.layout.velocity, self.layout.velocity].copy()
+        spread += np.eye(3) * (_ADOPTED_SPEED_SHARE * float(np.linalg.norm(velocity)) + _ADOPTED_SPEED_M_S) ** 2
+        self._bank.place(self.layout.position, self.state[self.layout.position] + residual, covariance_m2)
+        self._bank.place(self.layout.velocity, velocity, spread)
+        self._bank.share(self.layout.position, self.layout.constant, -expected.jacobian[:, self.layout.constant])
+        self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
+        return Innovation(residual=residual, covariance=covariance_m2, nis=0.0, dof=0, accepted=True)
 
     def pixel_covariance(self, prediction: PixelPrediction) -> FloatArray:
         """Return the (2, 2) covariance of a predicted pixel."""

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.parameters import DGPS_CLOCK
+from groundstation.estimation.parameters import DGPS_ANTENNA, DGPS_CLOCK
 from groundstation.estimation.state import StateLayout
 from groundstation.geometry import kernels
 from groundstation.geometry.calibration import changed_packed, parameter_indices
@@ -165,12 +165,14 @@ class EncoderModel:
 
 
 class ReferenceModel:
-    """A DGPS position: the target's own, shifted along its path by the reference clock's error."""
+    """A DGPS position: the target's own, shifted along its path by the clock's error, and by the antenna's place."""
 
     def __init__(self, layout: StateLayout) -> None:
         self._layout = layout
         self._offset = layout.parameters.get(f"{DGPS_CLOCK}.offset")
         self._drift = layout.parameters.get(f"{DGPS_CLOCK}.drift")
+        known = [layout.parameters[name] for name in DGPS_ANTENNA if name in layout.parameters]
+        self._antenna = known if len(known) == len(DGPS_ANTENNA) else None
 
     def predict(self, state: FloatArray, ahead_s: float, age_s: float = 0.0) -> LinearPrediction:
         """Return the position (3,) of a fix stamped ``ahead_s`` after the state's time."""
@@ -187,4 +189,20 @@ class ReferenceModel:
             H[:, self._offset] = velocity
         if self._drift is not None:
             H[:, self._drift] = age_s * velocity
-        return LinearPrediction(value=state[self._layout.position] + dt * velocity, jacobian=H)
+        value = state[self._layout.position] + dt * velocity
+        if self._antenna is not None:
+            # how the body's axes turn with the velocity is left out: over a metre it is nothing
+            H[:, self._antenna] = runway_from_body(velocity)
+            value = value + H[:, self._antenna] @ state[self._antenna]
+        return LinearPrediction(value=value, jacobian=H)
+
+
+def runway_from_body(velocity_m_s: FloatArray) -> FloatArray:
+    """Return the body's axes (3, 3) as columns forward, right, down: along the velocity (3,), wings level."""
+    level = float(np.hypot(velocity_m_s[0], velocity_m_s[1]))
+    speed = float(np.hypot(level, velocity_m_s[2]))
+    if level < 1e-6:
+        return np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    forward = velocity_m_s / speed
+    right = np.array([forward[1], -forward[0], 0.0]) * (speed / level)
+    return np.column_stack([forward, right, np.cross(forward, right)])

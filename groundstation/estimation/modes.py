@@ -68,6 +68,15 @@ class ModeBank:
             each.x[part] = values
             each.P[part, part] = covariance
 
+    def share(self, part: slice, source: slice, sensitivity: FloatArray) -> None:
+        """Let some states (k,) err with others (m,) by ``sensitivity`` (k, m); they knew nothing of them before."""
+        self._mean = None
+        for each in self._filters:
+            common = sensitivity @ each.P[source, source]
+            each.P[part, part] += common @ sensitivity.T
+            each.P[part, source] = common
+            each.P[source, part] = common.T
+
     def doubt(self, part: slice, variances: FloatArray) -> None:
         """Add to the variances (k,) of some states."""
         self._mean = None

@@ -7,9 +7,10 @@ are ``station.parameter``: those of `groundstation.geometry.calibration`, and fo
 - ``ptu_clock.offset`` in s: likewise for the PTU's readings,
 - ``….drift``: how the offset grows, in s/s, from the filter's first instant on,
 
-and ``dgps_clock.offset``, ``dgps_clock.drift`` for the reference. An error that is *considered* keeps its value and
-its variance (Schmidt), and the track's covariance never sinks below what it causes; one that is *estimated* is
-learnt as any other state.
+and for the reference ``dgps_clock.offset``, ``dgps_clock.drift`` and ``dgps_antenna.x``, ``.y``, ``.z`` in m: where the
+antenna lies from the nose, forward, right and down, beyond what has been allowed for. An error that is *considered*
+keeps its value and its variance (Schmidt), and the track's covariance never sinks below what it causes; one that is
+*estimated* is learnt as any other state.
 """
 
 from collections.abc import Sequence
@@ -28,7 +29,8 @@ DGPS_CLOCK = "dgps_clock"
 _STATION_NAMES = frozenset(
     [*CALIBRATION_PARAMETERS, *(f"{clock}.{part}" for clock in CLOCKS for part in CLOCK_PARTS)],
 )
-_DGPS_NAMES = frozenset(f"{DGPS_CLOCK}.{part}" for part in CLOCK_PARTS)
+DGPS_ANTENNA = tuple(f"dgps_antenna.{axis}" for axis in "xyz")
+_DGPS_NAMES = frozenset([*(f"{DGPS_CLOCK}.{part}" for part in CLOCK_PARTS), *DGPS_ANTENNA])
 
 
 class ParameterError(GroundstationError):
@@ -74,7 +76,7 @@ class ParameterPrior:
         return ParameterPrior(names=(*self.names, *other.names), covariance=covariance, walk_psd=walks)
 
     def require_stations(self, stations: Sequence[str]) -> None:
-        """Raise `ParameterError` unless every name is a parameter of one of ``stations`` or of the DGPS clock."""
+        """Raise `ParameterError` unless every name is a parameter of one of ``stations`` or of the reference."""
         for name in self.names:
             station, _, parameter = name.partition(".")
             if name not in _DGPS_NAMES and (station not in stations or parameter not in _STATION_NAMES):

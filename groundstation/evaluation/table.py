@@ -12,6 +12,7 @@ _UNITS = (
     ("clock.drift", "ppm", 1e6),
     ("ptu_position", "m", 1.0),
     ("camera_in_head", "m", 1.0),
+    ("antenna", "m", 1.0),
     ("focal", "px", 1.0),
     ("principal_point", "px", 1.0),
 )
