@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import innovation_covariance
+from groundstation.estimation.compiled_filter import innovation_covariance, trial_state
 from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.field_of_view import paper_weight, probability_in_view
 from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
@@ -27,6 +27,9 @@ from groundstation.messages import Innovation, Kinematics
 
 # start of an axis that has been read once: it may turn at up to this rate (1 sigma)
 _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
+# a pixel is linearised anew until that changes it by less than so many sigmas of its noise, or so many times
+_LINEAR_SIGMA = 0.1
+_MAX_LINEARISATIONS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -257,8 +260,33 @@ class StationEkf:
                 moved = T * residual
             else:
                 R = covariance_px2 / max(probability_in_view(prediction.pixel, spread, size), 1e-6)
+                H, moved = self._relinearised(station, prediction, pixel, R, row_dt_s)
             self._bank.correct(moved, H, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
+
+    def _relinearised(
+        self, station: str, prediction: PixelPrediction, pixel: FloatArray, R: FloatArray, row_dt_s: float
+    ) -> "tuple[FloatArray, FloatArray]":
+        """Return H and the residual of a pixel as seen from where the update leads (iterated EKF).
+
+        A target that is known to 10 m only at 600 m makes the plain update wrong by pixels, which it then takes
+        for knowledge of the velocity. Once the track has settled the first look is good enough.
+        """
+        x, P, estimated = self.state, self.covariance, self._estimated()
+        H, residual = prediction.jacobian, pixel - prediction.pixel
+        for _ in range(_MAX_LINEARISATIONS):
+            there = trial_state(x, P, H, R, residual, estimated)
+            seen = self._pixels[station].predict(there, row_dt_s, self._age_s())
+            if seen is None:
+                break
+            again = pixel - seen.pixel + seen.jacobian @ (there - x)
+            # what the new look makes of the state as it is, and of all that the state may be
+            off = _squared_sigmas(again - residual, R)
+            turned = innovation_covariance(P, seen.jacobian - H, np.zeros((2, 2)))
+            H, residual = seen.jacobian, again
+            if off + turned[0, 0] / R[0, 0] + turned[1, 1] / R[1, 1] < _LINEAR_SIGMA**2:
+                break
+        return H, residual
 
     def update_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0) -> Innovation:
         """Fuse a reference position of the target (3,) with covariance (3, 3), stamped ``ahead_s`` after now.
