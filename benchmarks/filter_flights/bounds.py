@@ -125,7 +125,7 @@ def full_bound(
             started = event.t_s >= start.t_s - 1e-9
         match event:
             case PtuSample():
-                H = encoders[event.station].predict(state, 0.0, age).jacobian
+                H = encoders[event.station].predict(state, 0.0).jacobian
                 P = _informed(P, H, np.eye(2) * angle_variance[event.station])
             case PixelMeasurement() if started:
                 seen = pixels[event.station].predict(state, 0.0, age)
@@ -155,8 +155,21 @@ def _true_states(flight: SimulatedFlight, layout: StateLayout, t_s: FloatArray, 
     reach = (float(t_s[0]) - 1.0, float(t_s[-1]) + 1.0)
     for name in layout.angles:
         geometry = scenario.true_rig[name].geometry()
-        pointing = pointing_history(scenario.ptus[name].pointing, geometry, scenario.trajectory, reach).at(t_s)
+        # the states are what the PTU's clock calls this time
+        late = _ptu_lateness(layout, name, t_s, parameters)
+        history = pointing_history(scenario.ptus[name].pointing, geometry, scenario.trajectory, reach)
+        pointing = history.at(t_s + late)
         states[:, layout.angles[name]] = pointing.head_rad
         states[:, layout.rates[name]] = pointing.head_rate_rad_s
     states[:, layout.constant] = parameters
     return states
+
+
+def _ptu_lateness(layout: StateLayout, station: str, t_s: FloatArray, parameters: FloatArray) -> FloatArray:
+    """Return by how much readings are later than their stamps (k,)."""
+    late = np.zeros_like(t_s)
+    for part, factor in (("offset", np.ones_like(t_s)), ("drift", t_s - t_s[0])):
+        place = layout.parameters.get(f"{station}.ptu_clock.{part}")
+        if place is not None:
+            late = late + parameters[place - layout.constant.start] * factor
+    return late

@@ -72,9 +72,11 @@ def true_states(flight: SimulatedFlight, t_s: FloatArray) -> FloatArray:
     return np.hstack([trajectory.position(t_s), trajectory.velocity(t_s)])
 
 
-def drawn_start(flight: SimulatedFlight, seed: int, position_m: float, velocity_m_s: float) -> Start:
-    """Return the truth at the first pair, off by a draw from a prior of these sigmas."""
-    t = float(flight.scenario.trajectory.span_s[0])
+def drawn_start(
+    flight: SimulatedFlight, seed: int, position_m: float, velocity_m_s: float, lead_s: float = 0.0
+) -> Start:
+    """Return the truth ``lead_s`` before the first pair, off by a draw from a prior of these sigmas."""
+    t = float(flight.scenario.trajectory.span_s[0]) - lead_s
     sigma = np.repeat([position_m, velocity_m_s], 3)
     off = np.random.default_rng([seed, 9]).normal(size=6) * sigma
     return Start(t_s=t, mean=true_states(flight, np.array([t]))[0] + off, covariance=np.diag(sigma**2))

@@ -210,11 +210,11 @@ class StationEkf:
             self.set_angles(station, angles_rad, (0.0, 0.0), sigma_rad)
             return Innovation(residual=np.zeros(2), covariance=np.eye(2) * sigma_rad**2, nis=0.0, dof=0, accepted=True)
         model = self._encoders[station]
-        expected = model.predict(self.state, ahead_s, self._age_s())
+        expected = model.predict(self.state, ahead_s)
         H = expected.jacobian
         extra = sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
         R = np.diag([extra, extra])
-        if not model.knows_its_clock:
+        if not model.carries_clock:
             R += np.diag((clock_sigma_s * self.state[self.layout.rates[station]]) ** 2)
         residual = np.array([wrap_rad(angles_rad[k] - expected.value[k]) for k in range(2)])
         S = innovation_covariance(self.covariance, H, R)
