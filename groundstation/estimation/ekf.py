@@ -19,7 +19,7 @@ from groundstation.estimation.field_of_view import paper_weight, probability_in_
 from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
 from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.motion import MotionModel
-from groundstation.estimation.parameters import ParameterPrior
+from groundstation.estimation.parameters import CLOCKS, ParameterPrior
 from groundstation.estimation.state import StateLayout, state_layout
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
@@ -84,6 +84,8 @@ class StationEkf:
         self._pixels = {name: PixelModel(self.layout, geometry) for name, geometry in stations.items()}
         self._encoders = {name: EncoderModel(self.layout, name) for name in turning}
         self._reference = ReferenceModel(self.layout)
+        self._clocks = {name: _clock_places(self.layout, name) for name in stations}
+        self._is_offset = {place: name.endswith(".offset") for name, place in self.layout.parameters.items()}
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
@@ -261,8 +263,30 @@ class StationEkf:
             else:
                 R = covariance_px2 / max(probability_in_view(prediction.pixel, spread, size), 1e-6)
                 H, moved = self._relinearised(station, prediction, pixel, R, row_dt_s)
-            self._bank.correct(moved, H, R, self._estimated(), telling=True)
+            self._bank.correct(moved, H, R + self._speed_noise(station, H), self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
+
+    def _speed_noise(self, station: str, H: FloatArray) -> FloatArray:
+        """Return what a pixel with Jacobian ``H`` gets (2, 2) because a clock's error acts on an uncertain speed.
+
+        A clock that is off by δ moves the pixel by δ·ṁ; the spread of δ times that of ṁ is the term that a linear
+        filter leaves out (second order), and would learn clocks from.
+        """
+        noise = np.zeros((2, 2))
+        P = self.covariance
+        angles, rates = self.layout.angles.get(station), self.layout.rates.get(station)
+        for clock, places in self._clocks[station].items():
+            by_state = np.zeros_like(H)
+            if angles is not None and rates is not None:
+                by_state[:, rates] = H[:, angles]
+            if clock == "camera_clock":
+                by_state[:, self.layout.velocity] = H[:, self.layout.position]
+            spread = innovation_covariance(P, by_state, np.zeros((2, 2)))
+            lateness = [1.0 if self._is_offset[k] else self._age_s() for k in places]
+            noise += spread * sum(
+                P[i, j] * a * b for i, a in zip(places, lateness, strict=True) for j, b in zip(places, lateness, strict=True)
+            )
+        return noise
 
     def _relinearised(
         self, station: str, prediction: PixelPrediction, pixel: FloatArray, R: FloatArray, row_dt_s: float
@@ -283,9 +307,9 @@ class StationEkf:
             # what the new look makes of the state as it is, and of all that the state may be
             off = _squared_sigmas(again - residual, R)
             turned = innovation_covariance(P, seen.jacobian - H, np.zeros((2, 2)))
-            H, residual = seen.jacobian, again
             if off + turned[0, 0] / R[0, 0] + turned[1, 1] / R[1, 1] < _LINEAR_SIGMA**2:
                 break
+            H, residual = seen.jacobian, again
         return H, residual
 
     def update_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0) -> Innovation:
@@ -314,6 +338,15 @@ class StationEkf:
     def _age_s(self) -> float:
         """Return how long the filter has been running, for what drifts."""
         return 0.0 if self.time_s is None or self._first_s is None else self.time_s - self._first_s
+
+
+def _clock_places(layout: StateLayout, station: str) -> dict[str, list[int]]:
+    """Return where a station's clock errors stand, by clock."""
+    found = {
+        clock: [k for name, k in layout.parameters.items() if name.startswith(f"{station}.{clock}.")]
+        for clock in CLOCKS
+    }
+    return {clock: places for clock, places in found.items() if places}
 
 
 def _squared_sigmas(residual: FloatArray, S: FloatArray) -> float:
