@@ -33,6 +33,32 @@ def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatA
 
 
 @njit(cache=True)
+def trial_state(
+    x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray
+) -> FloatArray:
+    """Return the state (n,) that one update would lead to: where to linearise once more."""
+    m, n = H.shape
+    PHt = np.zeros((n, m))
+    for a in range(m):
+        for j in range(n):
+            if H[a, j] != 0.0:
+                for i in range(n):
+                    PHt[i, a] += P[j, i] * H[a, j]
+    S = R.copy()
+    for a in range(m):
+        for j in range(n):
+            for b in range(m):
+                S[a, b] += H[a, j] * PHt[j, b]
+    weighted = np.linalg.solve(S, residual)
+    moved = x.copy()
+    for i in range(n):
+        if estimated[i]:
+            for a in range(m):
+                moved[i] += PHt[i, a] * weighted[a]
+    return moved
+
+
+@njit(cache=True)
 def _correct(
     x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -101,6 +127,14 @@ def _carry(x: FloatArray, P: FloatArray, F: FloatArray, Q: FloatArray) -> tuple[
                 for i in range(n):
                     new_P[i, j] += half[i, k] * f
     return new_x, new_P
+
+
+def squared_sigmas(residual: FloatArray, S: FloatArray) -> float:
+    """Return residualᵀ S⁻¹ residual of two numbers."""
+    a, b = float(residual[0]), float(residual[1])
+    return float(
+        (S[1, 1] * a * a - (S[0, 1] + S[1, 0]) * a * b + S[0, 0] * b * b) / (S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
+    )
 
 
 class CompiledKalmanFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy has no types

@@ -7,20 +7,20 @@ docs/derivation.md.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import innovation_covariance
+from groundstation.estimation.compiled_filter import innovation_covariance, squared_sigmas
 from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.field_of_view import paper_weight, probability_in_view
+from groundstation.estimation.linearisation import Linearised, PixelLinearisation
 from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
 from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.estimation.state import StateLayout, state_layout
+from groundstation.estimation.state import EkfState, StateLayout, state_layout
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import CarriedError, Innovation, Kinematics
@@ -29,20 +29,6 @@ from groundstation.messages import CarriedError, Innovation, Kinematics
 _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
 # what calibration may have done to a velocity that was found without a reference
 _ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.1, 0.5
-_MOMENT_S = 0.05
-_UNDETERMINED = 1e12  # condition of the normal equations
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class EkfState:
-    """Everything that a filter is at one instant, to go back to."""
-
-    time_s: float | None
-    first_s: float | None
-    has_target: bool
-    bank: list[FloatArray]
-    read: frozenset[str]
-    newest_reference_s: float
 
 
 class StationEkf:
@@ -89,6 +75,7 @@ class StationEkf:
         self._pixels = {name: PixelModel(self.layout, geometry) for name, geometry in stations.items()}
         self._encoders = {name: EncoderModel(self.layout, name) for name in turning}
         self._reference = ReferenceModel(self.layout)
+        self._bends = PixelLinearisation(self.layout, self._pixels)
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
@@ -185,29 +172,9 @@ class StationEkf:
         self._bank.forget_modes()
         self.has_target = True
         if triangulated and self.layout.parameters:
-            sensitivity = self._sensitivity()
+            sensitivity = self._bends.sensitivity(self.state, self._age_s())
             if sensitivity is not None:
                 self._bank.share(target, self.layout.constant, sensitivity)
-
-    def _sensitivity(self) -> FloatArray | None:
-        """Return how a point triangulated here, and its velocity, move with the carried errors, (6, m).
-
-        By the normal equations, ∂X/∂θ = −(Σ JᵀJ)⁻¹ Σ Jᵀ ∂pixel/∂θ, now and a moment later. None where the views of
-        the stations don't determine a point.
-        """
-        at = []
-        for ahead_s in (0.0, _MOMENT_S):
-            information, moved = np.zeros((3, 3)), np.zeros((3, len(self.layout.parameters)))
-            for station in self._stations:
-                prediction = self.predict_pixel(station, ahead_s)
-                if prediction is not None:
-                    J = prediction.jacobian[:, self.layout.position]
-                    information += J.T @ J
-                    moved -= J.T @ prediction.jacobian[:, self.layout.constant]
-            if np.linalg.cond(information) > _UNDETERMINED:
-                return None
-            at.append(np.linalg.solve(information, moved))
-        return np.vstack([at[0], (at[1] - at[0]) / _MOMENT_S])
 
     def drop_target(self) -> None:
         """Forget the target; the PTUs' angles and what was learnt of the rig stay."""
@@ -264,15 +231,15 @@ class StationEkf:
             self.set_angles(station, angles_rad, (0.0, 0.0), sigma_rad)
             return Innovation(residual=np.zeros(2), covariance=np.eye(2) * sigma_rad**2, nis=0.0, dof=0, accepted=True)
         model = self._encoders[station]
-        expected = model.predict(self.state, ahead_s, self._age_s())
+        expected = model.predict(self.state, ahead_s)
         H = expected.jacobian
         extra = sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
         R = np.diag([extra, extra])
-        if not model.knows_its_clock:
+        if not model.carries_clock:
             R += np.diag((clock_sigma_s * self.state[self.layout.rates[station]]) ** 2)
         residual = np.array([wrap_rad(angles_rad[k] - expected.value[k]) for k in range(2)])
         S = innovation_covariance(self.covariance, H, R)
-        nis = _squared_sigmas(residual, S)
+        nis = squared_sigmas(residual, S)
         allowed = self._config.encoder_gate_sigma**2
         accepted = all(residual[k] ** 2 <= allowed * S[k, k] for k in range(2))
         if accepted:
@@ -307,15 +274,16 @@ class StationEkf:
             return None
         H, R = prediction.jacobian, covariance_px2
         in_view = self.pixel_covariance(prediction)
-        residual = pixel - prediction.pixel
+        measured = pixel
         offset = self.layout.offsets.get(station)
         if offset is not None and lasting_share > 0.0:
             H = H.copy()
             H[:, offset] = np.linalg.cholesky(lasting_share * covariance_px2)
-            residual = residual - H[:, offset] @ self.state[offset]
+            measured = pixel - H[:, offset] @ self.state[offset]
             R = (1.0 - lasting_share) * covariance_px2
+        residual = measured - prediction.pixel
         S = innovation_covariance(self.covariance, H, R)
-        nis = _squared_sigmas(residual, S)
+        nis = squared_sigmas(residual, S)
         accepted = nis <= self._gate
         if accepted:
             moved = residual
@@ -324,6 +292,11 @@ class StationEkf:
                 moved = paper_weight(prediction.pixel, size, self._config.paper_border_sigma_px) * residual
             else:
                 R = R / max(probability_in_view(prediction.pixel, in_view, size), 1e-6)
+                state = (self.state, self.covariance, self._estimated())
+                first = Linearised(jacobian=H, residual=residual)
+                seen = self._bends.iterated(station, measured, first, state, R, (row_dt_s, self._age_s()))
+                H, moved = seen.jacobian, seen.residual
+            R = R + self._bends.speed_noise(station, H, self.covariance, self._age_s())
             self._bank.correct(moved, H, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 
@@ -338,6 +311,10 @@ class StationEkf:
             return self._adopt(position_m, covariance_m2, ahead_s)
         expected = self._reference.predict(self.state, ahead_s, self._age_s())
         residual = position_m - expected.value
+        # between now and when it was true the aircraft has flown as it liked
+        away = self._reference.lateness_s(self.state, self.covariance, ahead_s, self._age_s())
+        here = self.layout.position
+        covariance_m2 = covariance_m2 + self._motions[0].process_noise(away)[here, here]
         S = innovation_covariance(self.covariance, expected.jacobian, covariance_m2)
         nis = float(residual @ np.linalg.solve(S, residual))
         accepted = nis <= self._reference_gate
@@ -370,11 +347,3 @@ class StationEkf:
     def _age_s(self) -> float:
         """Return how long the filter has been running, for what drifts."""
         return 0.0 if self.time_s is None or self._first_s is None else self.time_s - self._first_s
-
-
-def _squared_sigmas(residual: FloatArray, S: FloatArray) -> float:
-    """Return residualᵀ S⁻¹ residual of two numbers."""
-    a, b = float(residual[0]), float(residual[1])
-    return float(
-        (S[1, 1] * a * a - (S[0, 1] + S[1, 0]) * a * b + S[0, 0] * b * b) / (S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
-    )

@@ -4,6 +4,10 @@ Pixel: the pinhole chain of docs/conventions.md. ∂pixel/∂angle is not zero; 
 shared between pixel and angles, as the paper's Equation 5 has it. With a rolling shutter the row is exposed
 some time after the stamp, and with a clock error the whole picture is: by δ later the target is at p + δ·v and
 the PTU at its angle + δ·rate. So a clock error enters as the time does, and ∂z/∂δ is the pixel's own speed.
+
+A PTU's angles are states in the PTU's own clock: its readings show them as they are, and a clock that is late by ε
+enters where a pixel meets them, as angle − ε·rate. (Were ε to enter at the reading, each reading would multiply it by a
+rate that is made of the very noise of the readings, and the filter would learn ε from noise.)
 """
 
 from dataclasses import dataclass
@@ -61,6 +65,8 @@ class PixelModel:
                 _NOWHERE if rates is None else rates.start,
                 own.get("camera_clock.offset", _NOWHERE),
                 own.get("camera_clock.drift", _NOWHERE),
+                own.get("ptu_clock.offset", _NOWHERE),
+                own.get("ptu_clock.drift", _NOWHERE),
             ],
             np.int64,
         )
@@ -94,16 +100,21 @@ def _predict_pixel(
     H: FloatArray,
 ) -> float:
     """Fill the pixel (2,) and H (2, n), zero before; return the depth in m."""
-    at, speed, angles, rates, offset, drift = where
+    at, speed, angles, rates, offset, drift, ptu_offset, ptu_drift = where
     dt = row_dt_s
     if offset >= 0:
         dt += x[offset]
     if drift >= 0:
         dt += age_s * x[drift]
+    head_dt = dt
+    if ptu_offset >= 0:
+        head_dt -= x[ptu_offset]
+    if ptu_drift >= 0:
+        head_dt -= age_s * x[ptu_drift]
     point = x[at : at + 3] + dt * x[speed : speed + 3]
     pan, tilt = 0.0, 0.0
     if angles >= 0:
-        pan, tilt = x[angles] + dt * x[rates], x[angles + 1] + dt * x[rates + 1]
+        pan, tilt = x[angles] + head_dt * x[rates], x[angles + 1] + head_dt * x[rates + 1]
     jacobian, calibration = np.empty((2, 5)), np.empty((2, CALIBRATION_SIZE))
     if columns.size == 0:
         depth = kernels.project(packed, point, pan, tilt, pixel, jacobian)
@@ -112,7 +123,7 @@ def _predict_pixel(
     if depth < kernels.MIN_DEPTH_M:
         return depth
     for row in range(2):
-        along = 0.0
+        along, turning = 0.0, 0.0
         for k in range(3):
             H[row, at + k] = jacobian[row, k]
             H[row, speed + k] = dt * jacobian[row, k]
@@ -120,48 +131,36 @@ def _predict_pixel(
         if angles >= 0:
             for k in range(2):
                 H[row, angles + k] = jacobian[row, 3 + k]
-                H[row, rates + k] = dt * jacobian[row, 3 + k]
-                along += jacobian[row, 3 + k] * x[rates + k]
+                H[row, rates + k] = head_dt * jacobian[row, 3 + k]
+                turning += jacobian[row, 3 + k] * x[rates + k]
         if offset >= 0:
-            H[row, offset] = along
+            H[row, offset] = along + turning
         if drift >= 0:
-            H[row, drift] = age_s * along
+            H[row, drift] = age_s * (along + turning)
+        if ptu_offset >= 0:
+            H[row, ptu_offset] = -turning
+        if ptu_drift >= 0:
+            H[row, ptu_drift] = -age_s * turning
         for k in range(columns.size):
             H[row, places[k]] = calibration[row, columns[k]]
     return depth
 
 
 class EncoderModel:
-    """One station's PTU: the angles that a reading should show."""
+    """One station's PTU: the angles that a reading should show, in the PTU's own clock."""
 
     def __init__(self, layout: StateLayout, station: str) -> None:
         self._layout = layout
         self._angles, self._rates = layout.angles[station], layout.rates[station]
-        self._offset = layout.parameters.get(f"{station}.ptu_clock.offset")
-        self._drift = layout.parameters.get(f"{station}.ptu_clock.drift")
+        self.carries_clock = f"{station}.ptu_clock.offset" in layout.parameters
 
-    @property
-    def knows_its_clock(self) -> bool:
-        """Whether the clock's error is a state of the filter."""
-        return self._offset is not None
-
-    def predict(self, state: FloatArray, ahead_s: float, age_s: float = 0.0) -> LinearPrediction:
+    def predict(self, state: FloatArray, ahead_s: float) -> LinearPrediction:
         """Return pan and tilt (2,) of a reading stamped ``ahead_s`` after the state's time."""
-        dt = ahead_s
-        if self._offset is not None:
-            dt += float(state[self._offset])
-        if self._drift is not None:
-            dt += age_s * float(state[self._drift])
-        rates = state[self._rates]
         H = np.zeros((2, self._layout.size))
         angle, rate = self._angles.start, self._rates.start
         H[0, angle] = H[1, angle + 1] = 1.0
-        H[0, rate] = H[1, rate + 1] = dt
-        if self._offset is not None:
-            H[:, self._offset] = rates
-        if self._drift is not None:
-            H[:, self._drift] = age_s * rates
-        return LinearPrediction(value=state[self._angles] + dt * rates, jacobian=H)
+        H[0, rate] = H[1, rate + 1] = ahead_s
+        return LinearPrediction(value=state[self._angles] + ahead_s * state[self._rates], jacobian=H)
 
 
 class ReferenceModel:
@@ -195,6 +194,15 @@ class ReferenceModel:
             H[:, self._antenna] = runway_from_body(velocity)
             value = value + H[:, self._antenna] @ state[self._antenna]
         return LinearPrediction(value=value, jacobian=H)
+
+    def lateness_s(self, state: FloatArray, P: FloatArray, ahead_s: float, age_s: float = 0.0) -> float:
+        """Return how far in time, root mean square, a fix stamped ``ahead_s`` after now lies from now."""
+        mean, variance = ahead_s, 0.0
+        for place, lever in ((self._offset, 1.0), (self._drift, age_s)):
+            if place is not None:
+                mean += lever * float(state[place])
+                variance += lever**2 * float(P[place, place])
+        return float(np.sqrt(mean**2 + variance))
 
 
 def runway_from_body(velocity_m_s: FloatArray) -> FloatArray:

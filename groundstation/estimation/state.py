@@ -10,6 +10,8 @@ errors of calibration and clocks that are carried along (`groundstation.estimati
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from groundstation.arrays import FloatArray
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateLayout:
@@ -42,6 +44,18 @@ class StateLayout:
     def constant(self) -> slice:
         """The errors of calibration and clocks."""
         return slice(self.size - len(self.parameters), self.size)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EkfState:
+    """Everything that a filter is at one instant, to go back to."""
+
+    time_s: float | None
+    first_s: float | None
+    has_target: bool
+    bank: list[FloatArray]
+    read: frozenset[str]
+    newest_reference_s: float
 
 
 def state_layout(

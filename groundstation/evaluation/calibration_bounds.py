@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.parameters import CLOCKS, DGPS_CLOCK
 from groundstation.evaluation.bounds import View, fix_covariance, motion_matrices, posterior_bound
 from groundstation.geometry.calibration import parameter_indices, project_with_calibration
 
@@ -56,6 +57,63 @@ def calibration_sensitivities(
             sensitivity[:, own] = projected.calibration_jacobian[:, [columns[k] for k in own]]
         found.append(sensitivity)
     return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Movement:
+    """What moves while the stations look: through it a clock's error moves a pixel.
+
+    Attributes
+    ----------
+    velocity_runway_m_s : (3,) of the target.
+    rates_rad_s : one (2,) for each view, the rates of pan and tilt.
+    age_s : how long clocks have been drifting.
+    """
+
+    velocity_runway_m_s: FloatArray
+    rates_rad_s: Sequence[FloatArray]
+    age_s: float = 0.0
+
+
+def nuisance_sensitivities(
+    point_runway_m: FloatArray, views: Sequence[View], movement: Movement, names: Sequence[str]
+) -> list[FloatArray]:
+    """Return ∂pixel/∂nuisance (2, m) of each view for calibration parameters and clocks.
+
+    Clocks are named as in `groundstation.estimation.parameters`. A camera that is late by δ sees the target at
+    p + δ·v from a head at its angle + δ·rate; a PTU's reading that is late by δ makes the angle wrong by −δ·rate. The
+    reference's clock moves no pixel.
+    """
+    clocks = [any(part.endswith("_clock") for part in name.split(".")) for name in names]
+    plain = [k for k, is_clock in enumerate(clocks) if not is_clock]
+    found = []
+    for view, rates in zip(views, movement.rates_rad_s, strict=True):
+        sensitivity = np.zeros((2, len(names)))
+        sensitivity[:, plain] = calibration_sensitivities(point_runway_m, [view], [names[k] for k in plain])[0]
+        projected = view.geometry.project(point_runway_m, view.pan_rad, view.tilt_rad)
+        if projected is not None:
+            turning = projected.jacobian[:, 3:] @ rates
+            late = dict(
+                zip(CLOCKS, (projected.jacobian[:, :3] @ movement.velocity_runway_m_s + turning, -turning), strict=True)
+            )
+            for k, name in enumerate(names):
+                station, _, parameter = name.partition(".")
+                clock, _, part = parameter.partition(".")
+                if station == view.geometry.name and clock in late:
+                    sensitivity[:, k] = late[clock] * (movement.age_s if part == "drift" else 1.0)
+        found.append(sensitivity)
+    return found
+
+
+def reference_information(covariance_m2: FloatArray, movement: Movement, names: Sequence[str]) -> FloatArray:
+    """Return the information (3 + m, 3 + m) of a reference position (3,) with covariance (3, 3), in its own clock."""
+    H = np.zeros((3, 3 + len(names)))
+    H[:, :3] = np.eye(3)
+    for k, name in enumerate(names):
+        clock, _, part = name.partition(".")
+        if clock == DGPS_CLOCK:
+            H[:, 3 + k] = movement.velocity_runway_m_s * (movement.age_s if part == "drift" else 1.0)
+    return np.asarray(H.T @ np.linalg.solve(covariance_m2, H))
 
 
 def joint_information(

@@ -109,7 +109,18 @@ class SecondOrderLoop:
         return np.array([self.natural_rad_s**2, 2.0 * self.damping * self.natural_rad_s])
 
 
-PointingModel = IdealPointing | Parked | FirstOrderLoop | SecondOrderLoop
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wandering:
+    """Aims at the target, but for a deviation drawn from the filter's own model of a head: white acceleration.
+
+    Nothing holds it to the target: after t s it is √(PSD · t³ / 3) off, at one sigma. ``deviation`` has pan and tilt
+    in the first two places, rad.
+    """
+
+    deviation: Trajectory
+
+
+PointingModel = IdealPointing | Wandering | Parked | FirstOrderLoop | SecondOrderLoop
 
 
 def pointing_history(
@@ -118,6 +129,8 @@ def pointing_history(
     """Return how a station of true ``geometry`` points over a span (s) while a trajectory is flown."""
     if isinstance(model, IdealPointing):
         return _Ideal(geometry=geometry, trajectory=trajectory)
+    if isinstance(model, Wandering):
+        return _Wandered(aimed=_Ideal(geometry=geometry, trajectory=trajectory), deviation=model.deviation)
     if isinstance(model, Parked):
         return _Still(pan_rad=model.pan_rad, tilt_rad=model.tilt_rad)
     count = int(np.ceil((span_s[1] - span_s[0] + _SETTLE_S) / STEP_S)) + 2
@@ -149,6 +162,18 @@ class _Ideal:
         )
         turned = (after - before + np.pi) % (2.0 * np.pi) - np.pi
         return Pointing(head_rad=angles, head_rate_rad_s=turned / (2.0 * _DIFFERENCE_S), encoder_rad=angles)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Wandered:
+    aimed: _Ideal
+    deviation: Trajectory
+
+    def at(self, t_s: FloatArray) -> Pointing:
+        aimed = self.aimed.at(t_s)
+        head = aimed.head_rad + self.deviation.position(t_s)[:, :2]
+        rate = aimed.head_rate_rad_s + self.deviation.velocity(t_s)[:, :2]
+        return Pointing(head_rad=head, head_rate_rad_s=rate, encoder_rad=head)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

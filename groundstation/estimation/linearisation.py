@@ -1,0 +1,127 @@
+"""Where a pixel's model bends: looks from where the update leads, noise of what a linear filter leaves out, and what a
+triangulated start has of the rig's errors in it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, trial_state
+from groundstation.estimation.measurement import PixelModel
+from groundstation.estimation.parameters import CLOCKS
+from groundstation.estimation.state import StateLayout
+
+# a pixel is linearised anew until that changes it by less than so many sigmas of its noise, or so many times
+_LINEAR_SIGMA = 0.1
+_MAX_LINEARISATIONS = 5
+_MOMENT_S = 0.05
+_UNDETERMINED = 1e12  # condition of the normal equations
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Linearised:
+    """A pixel as the filter takes it: Jacobian H (2, n) and residual (2,) at the state as it is."""
+
+    jacobian: FloatArray
+    residual: FloatArray
+
+
+class PixelLinearisation:
+    """The pixel models of all stations, and how far they are straight."""
+
+    def __init__(self, layout: StateLayout, pixels: Mapping[str, PixelModel]) -> None:
+        self._layout = layout
+        self._pixels = pixels
+        self._clocks = {name: _clock_places(layout, name) for name in pixels}
+        self._is_offset = {place: name.endswith(".offset") for name, place in layout.parameters.items()}
+
+    def iterated(
+        self,
+        station: str,
+        pixel: FloatArray,
+        first: Linearised,
+        state: tuple[FloatArray, FloatArray, BoolArray],
+        R: FloatArray,
+        times: tuple[float, float],
+    ) -> Linearised:
+        """Return a pixel (2,) as seen from where its update leads (iterated EKF).
+
+        A target that is known to 10 m only at 600 m makes the plain update wrong by pixels, which it then takes
+        for knowledge of the velocity. Once the track has settled the first look is good enough.
+
+        Parameters
+        ----------
+        pixel : less what is linear anyhow, the station's lasting error.
+        first : the look from the state itself; columns of offsets stay as they are.
+        state : x (n,), P (n, n) and which states are estimated (n,).
+        times : how long after the stamp the row is exposed, and how long clocks have drifted, s.
+        """
+        x, P, estimated = state
+        own = self._layout.offsets.get(station, slice(0, 0))
+        H, residual = first.jacobian, first.residual
+        for _ in range(_MAX_LINEARISATIONS):
+            there = trial_state(x, P, H, R, residual, estimated)
+            seen = self._pixels[station].predict(there, *times)
+            if seen is None:
+                break
+            again = pixel - seen.pixel + seen.jacobian @ (there - x)
+            there_H = seen.jacobian
+            there_H[:, own] = H[:, own]
+            # what the new look makes of the state as it is, and of all that the state may be
+            change = again - residual
+            turned = innovation_covariance(P, there_H - H, np.zeros((2, 2)))
+            off = float(change @ np.linalg.solve(R, change))
+            if off + turned[0, 0] / R[0, 0] + turned[1, 1] / R[1, 1] < _LINEAR_SIGMA**2:
+                break
+            H, residual = there_H, again
+        return Linearised(jacobian=H, residual=residual)
+
+    def speed_noise(self, station: str, H: FloatArray, P: FloatArray, age_s: float) -> FloatArray:
+        """Return what a pixel with Jacobian ``H`` gets (2, 2) because a clock's error acts on an uncertain speed.
+
+        A clock that is off by δ moves the pixel by δ·ṁ; the spread of δ times that of ṁ is the term that a linear
+        filter leaves out (second order), and would learn clocks from.
+        """
+        noise = np.zeros((2, 2))
+        angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
+        for clock, places in self._clocks[station].items():
+            by_state = np.zeros_like(H)
+            if angles is not None and rates is not None:
+                by_state[:, rates] = H[:, angles]
+            if clock == "camera_clock":
+                by_state[:, self._layout.velocity] = H[:, self._layout.position]
+            lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
+            share = float(lateness @ P[np.ix_(places, places)] @ lateness)
+            noise += share * innovation_covariance(P, by_state, np.zeros((2, 2)))
+        return noise
+
+    def sensitivity(self, state: FloatArray, age_s: float) -> FloatArray | None:
+        """Return how a point triangulated here, and its velocity, move with the carried errors, (6, m).
+
+        By the normal equations, ∂X/∂θ = −(Σ JᵀJ)⁻¹ Σ Jᵀ ∂pixel/∂θ, now and a moment later. None where the views of
+        the stations don't determine a point.
+        """
+        at = []
+        for ahead_s in (0.0, _MOMENT_S):
+            information, moved = np.zeros((3, 3)), np.zeros((3, len(self._layout.parameters)))
+            for model in self._pixels.values():
+                prediction = model.predict(state, ahead_s, age_s)
+                if prediction is not None:
+                    J = prediction.jacobian[:, self._layout.position]
+                    information += J.T @ J
+                    moved -= J.T @ prediction.jacobian[:, self._layout.constant]
+            if np.linalg.cond(information) > _UNDETERMINED:
+                return None
+            at.append(np.linalg.solve(information, moved))
+        return np.vstack([at[0], (at[1] - at[0]) / _MOMENT_S])
+
+
+def _clock_places(layout: StateLayout, station: str) -> dict[str, list[int]]:
+    """Return where a station's clock errors stand, by clock."""
+    found = {
+        clock: [k for name, k in layout.parameters.items() if name.startswith(f"{station}.{clock}.")]
+        for clock in CLOCKS
+    }
+    return {clock: places for clock, places in found.items() if places}
