@@ -19,7 +19,7 @@ from groundstation.evaluation.reference import CheckedReference, check_reference
 from groundstation.evaluation.run_description import RunDescription, TruthLike
 from groundstation.evaluation.series import BoolArray, PositionSeries, ReferenceSeries, interpolate
 from groundstation.evaluation.summary import build_summary
-from groundstation.messages import DetectionStatus, DgpsFix, TriangulationStatus
+from groundstation.messages import DgpsFix, TriangulationStatus
 from groundstation.rig import Rig
 
 # the least variance in any direction: as a share of the largest, and in m²
@@ -220,7 +220,7 @@ def _views(cameras: NDArray[Any], stations: tuple[str, ...], rig: Rig) -> dict[i
     """Return the looks with an accepted pixel, by epoch number."""
     calibrated = [rig[name] for name in stations]
     geometries = [station.geometry() for station in calibrated]
-    ok = cameras["status"] == DETECTION_STATUSES.index(DetectionStatus.OK)
+    ok = np.isin(cameras["status"], [k for k, status in enumerate(DETECTION_STATUSES) if status.used])
     ok &= np.isfinite(cameras["pan_rad"]) & np.isfinite(cameras["tilt_rad"])
     views: dict[int, list[View]] = {}
     for row in cameras[ok]:
