@@ -5,7 +5,7 @@ Rules, all in the session clock:
 - Records are passed on in order of their stamps. One is passed on when every stream (each camera, each PTU) has
   come as far, or when the newest stamp seen is ``hold_s`` ahead of it: a stream that lags is waited for so long
   and no longer. Within that, order of arrival does not matter.
-- So a frame also waits for its station's next PTU reading, and the exposure is bracketed; one with a reading at its very
+- So a frame also waits for its station's next PTU reading, and the exposure is bracketed; one with a reading at its own
   stamp takes no other.
 - A stamp older than what has already been passed on is late. It is passed on as late: the filter can go back for it,
   inside a horizon (`groundstation.estimation.replay_window`); beyond it is counted and not used.
