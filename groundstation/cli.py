@@ -112,6 +112,9 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     )
     replay.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
     replay.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    replay.add_argument(
+        "--smooth", action="store_true", help="also smooth over the whole flight: smoothed.csv, a row in the accuracy"
+    )
     recording = replay.add_mutually_exclusive_group()
     recording.add_argument("--view", action="store_true", help="open the Rerun recording when done")
     recording.add_argument("--no-rerun", action="store_true", help="do not write session.rrd")
@@ -219,6 +222,7 @@ def _replay(options: argparse.Namespace) -> int:
         from_s=options.from_s,
         to_s=options.to_s,
         rerun=not options.no_rerun,
+        smooth=options.smooth,
     )
     with ProgressLine(sys.stderr, "replay") as line:
         result = replay(request, line.update)

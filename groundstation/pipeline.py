@@ -15,6 +15,7 @@ from groundstation.estimation.encoders import EncoderFeed
 from groundstation.estimation.parameters import rig_prior
 from groundstation.estimation.recorded_ekf import RecordedEkf
 from groundstation.estimation.replay_window import ReplayWindow
+from groundstation.estimation.smoother import Smoother
 from groundstation.frame_update import FrameUpdate
 from groundstation.messages import (
     CameraReport,
@@ -117,6 +118,16 @@ class Pipeline:
             return None
         return self._ekf.kinematics_at(t_s) if t_s >= self._ekf.time_s else self._ekf.passed(t_s)
 
+    def smooth(self, found: Callable[[float, Kinematics], None]) -> Callable[[float], None]:
+        """Have the flight smoothed, once its end is known: returns what to call with each time that is wanted.
+
+        ``found`` is told the answers, session time in s and the target then, the newest first: when a target ends, at
+        `finish_smoothing`, or, of a long flight, in between. To be called before the first step.
+        """
+        smoother = Smoother(self._ekf.motion_over, lambda t_s, x, P: found(t_s, self._ekf.kinematics_of(x, P)))
+        self._ekf.tape.archive = smoother.take
+        return smoother.want
+
     def step(self, event: Event) -> StepReport:
         """Take one event; return the reports of everything whose time has come."""
         if isinstance(event, (Frame, PixelMeasurement)):
@@ -126,6 +137,10 @@ class Pipeline:
     def finish(self) -> StepReport:
         """Nothing more will come: return the reports of everything still waiting."""
         return self._run(self._synchroniser.finish())
+
+    def finish_smoothing(self) -> None:
+        """Look back from the end, after `finish` and after the last wanted time has been said."""
+        self._ekf.finish_tape()
 
     def _run(self, ready: Iterable[Ready]) -> StepReport:
         for item in ready:
@@ -169,7 +184,7 @@ class Pipeline:
             # a frame was held no longer than it may be, and its angles come only now
             self._window.late_reading(sample, self._synchroniser.release)
             return
-        with self._window.reading(sample.t_s):
+        with self._window.reading(sample.t_s, sample.station):
             self._predict_to(sample.t_s)
             self._window.read(sample)
 

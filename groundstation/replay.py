@@ -23,6 +23,7 @@ from groundstation.run import RunOutcome, run
 from groundstation.session import Session, load_dgps, load_session, load_truth
 from groundstation.sinks.rerun_session import reference_tracks, session_view
 from groundstation.sinks.sink import Sink
+from groundstation.sinks.smoothed_track import SmoothedTrackSink
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.sources.replay import ReplaySource
 from groundstation.warm_up import warm_up
@@ -36,7 +37,10 @@ _CLOCKS_APART_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayRequest:
-    """What the user asked for; ``rig`` and ``config`` None take the session's rig and the defaults."""
+    """What the user asked for; ``rig`` and ``config`` None take the session's rig and the defaults.
+
+    ``smooth`` writes the track once more, smoothed over the whole flight.
+    """
 
     session: Path
     out: Path
@@ -45,6 +49,7 @@ class ReplayRequest:
     from_s: float | None = None
     to_s: float | None = None
     rerun: bool = True
+    smooth: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,13 +85,17 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         collector = ResultCollector()
         files = opened.enter_context(TrackFilesSink(request.out))
         view = session_view(request.out / "session.rrd", session) if request.rerun else None
-        sinks: list[Sink] = [collector, files, *([] if view is None else [view])]
+        smoothed = SmoothedTrackSink() if request.smooth else None
+        sinks: list[Sink] = [collector, files, *(sink for sink in (view, smoothed) if sink is not None)]
         pipeline = Pipeline(
             session.rig, config, span_m=session.target.span_m, initial=initial, stopwatch=time.perf_counter
         )
+        if smoothed is not None:
+            smoothed.want = pipeline.smooth(smoothed.found)
         prepared_s = time.perf_counter() - began
         total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
         outcome = run(source, pipeline, sinks, lambda done: progress(done, total))
+    pipeline.finish_smoothing()
     if outcome.fault is not None:
         faults.append(str(outcome.fault))
     faults += [f"{name.replace('_', ' ')}: {n}" for name, n in pipeline.counts.items() if n]
@@ -99,9 +108,21 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         configuration=config_to_mapping(config),
         speed=_speed(outcome, span_s, prepared_s),
         faults=tuple(faults),
+        fused_late=pipeline.fused_late,
     )
-    evaluation = evaluate_run(collector, description, rig=session.rig, config=config.evaluation, dgps=dgps, truth=truth)
+    evaluation = evaluate_run(
+        collector,
+        description,
+        rig=session.rig,
+        config=config.evaluation,
+        dgps=dgps,
+        truth=truth,
+        smoothed=None if smoothed is None else smoothed.collected(),
+    )
     written = ["track.csv", "triangulation.csv", "detections.csv", "track.tum"]
+    if smoothed is not None:
+        smoothed.save(request.out / "smoothed.csv")
+        written.append("smoothed.csv")
     if view is not None:
         view.write_reference(reference_tracks(evaluation))
         view.close()

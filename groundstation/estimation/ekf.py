@@ -166,7 +166,7 @@ class StationEkf:
         """
         dt = t_s - (self.time_s if self.time_s is not None else t_s)
         F, Q = self.motion_over(dt, self._bank.weights_after(abs(dt)))
-        return self._kinematics(F @ self.state, F @ self.covariance @ F.T + Q)
+        return self.kinematics_of(F @ self.state, F @ self.covariance @ F.T + Q)
 
     def motion_over(self, dt_s: float, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return F and Q, (n, n) each, over ``dt_s``; the modes' noises are weighed by ``weights`` (r,).
@@ -177,7 +177,7 @@ class StationEkf:
         Q = sum(w * motion.process_noise(dt_s) for w, motion in zip(weights, self._motions, strict=True))
         return self._motions[0].transition(dt_s), np.asarray(Q)
 
-    def _kinematics(self, x: FloatArray, P: FloatArray) -> Kinematics:
+    def kinematics_of(self, x: FloatArray, P: FloatArray) -> Kinematics:
         """Return the target's part of a state (n,) with its covariance (n, n)."""
         target = self.layout.target
         own = P[target, target]

@@ -196,7 +196,7 @@ class RecordedEkf(StationEkf):
             if isinstance(record, Cut):
                 return None
             if record.t_s <= t_s < record.next_s:
-                return self._kinematics(*back_into(record, t_s, x, P, self.motion_over))
+                return self.kinematics_of(*back_into(record, t_s, x, P, self.motion_over))
             x, P = back(record, x, P)
         return None
 

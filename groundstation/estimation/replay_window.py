@@ -45,7 +45,7 @@ _Step = FilterStep | _Reading
 
 @dataclass(slots=True)
 class _Entry:
-    """What was done at one instant, and filter and judge as they were before it; ``station`` is a frame's."""
+    """What was done at one instant, and filter and judge as they were before it; ``station`` is None for a decision."""
 
     t_s: float
     rank: _Rank
@@ -93,9 +93,9 @@ class ReplayWindow:
 
     # ------------------------------------------------------------------------------------- in order
     @contextmanager
-    def reading(self, t_s: float) -> Iterator[None]:
-        """What is done inside belongs to a reading at ``t_s``."""
-        with self._noting(len(self._entries), t_s, _Rank.READING, None):
+    def reading(self, t_s: float, station: str) -> Iterator[None]:
+        """What is done inside belongs to a reading of ``station`` at ``t_s``."""
+        with self._noting(len(self._entries), t_s, _Rank.READING, station):
             yield
         self._trim()
 
@@ -195,12 +195,15 @@ class ReplayWindow:
             # a frame as far back again may hold the reading before this one
             if entry.t_s < near_s - self._max_gap_s:
                 break
-            if entry.station == sample.station and entry.t_s < sample.t_s:
+            if entry.station != sample.station:
+                continue
+            if entry.rank is _Rank.FRAME and entry.t_s < sample.t_s:
                 frames.append(k)
             for step in entry.steps:
-                if isinstance(step, _Reading) and step.sample.station == sample.station:
-                    reading_s = step.sample.t_s
-                    previous_s = max(previous_s, reading_s) if reading_s <= sample.t_s else previous_s
+                if isinstance(step, _Reading) and step.sample.t_s <= sample.t_s:
+                    previous_s = max(previous_s, step.sample.t_s)
+            if entry.rank is _Rank.READING and entry.t_s <= sample.t_s:
+                break
         return next((k for k in reversed(frames) if self._entries[k].t_s > previous_s), None)
 
     def _assign(self, sample: PtuSample, release: Callable[[PtuSample], bool]) -> int:
@@ -228,7 +231,7 @@ class ReplayWindow:
         after = self._entries[where] if where < len(self._entries) else None
         before = self._ekf.snapshot() if after is None else after.before
         judge = self._encoders.snapshot() if after is None else after.judge
-        self._entries.insert(where, _Entry(t_s, _Rank.READING, None, before, judge, [_Reading(sample, None)]))
+        self._entries.insert(where, _Entry(t_s, _Rank.READING, station, before, judge, [_Reading(sample, None)]))
         return where
 
     def _let_go_at(self, sample: PtuSample, release: Callable[[PtuSample], bool]) -> None:

@@ -18,7 +18,7 @@ from groundstation.evaluation.metrics import Comparison
 from groundstation.evaluation.reference import CheckedReference, check_reference
 from groundstation.evaluation.run_description import RunDescription, TruthLike
 from groundstation.evaluation.series import BoolArray, PositionSeries, ReferenceSeries, interpolate
-from groundstation.evaluation.summary import build_summary
+from groundstation.evaluation.summary import build_summary, smoothed_table
 from groundstation.messages import DgpsFix, TriangulationStatus
 from groundstation.rig import Rig
 
@@ -55,12 +55,18 @@ def evaluate_run(
     config: EvaluationConfig,
     dgps: Sequence[DgpsFix] = (),
     truth: TruthLike | None = None,
+    smoothed: ResultCollector | None = None,
 ) -> Evaluation:
-    """Compare a run with what references there are, and with what is physically possible."""
+    """Compare a run with what references there are, and with what is physically possible.
+
+    ``smoothed`` has the same epochs as ``collector``, smoothed; it is compared beside.
+    """
     epochs, cameras = collector.epochs(), collector.cameras()
     track, triangulated = track_series(epochs), triangulated_series(epochs)
     reference = None
     comparisons: dict[str, Comparison] = {}
+    later: dict[str, Comparison] = {}
+    after = None if smoothed is None else smoothed.epochs()
     exact = None
     if truth is not None and len(truth.t_s):
         exact = ReferenceSeries(
@@ -68,10 +74,14 @@ def evaluate_run(
         )
         at = interpolate(exact, epochs["t_s"], config.max_interpolation_gap_s)
         comparisons["truth"] = _compare(epochs, at.position_m, at.usable, at.sigma_m)
+        if after is not None:
+            later["truth"] = _compare(after, at.position_m, at.usable, at.sigma_m)
     if len(dgps) >= 2 and len(track):
         reference = check_reference(dgps, track, triangulated, run.antenna_in_body_m, config, run.clocks_given)
         at = reference.at(epochs["t_s"])
         comparisons["dgps"] = _compare(epochs, at.position_m, at.usable, at.sigma_m)
+        if after is not None:
+            later["dgps"] = _compare(after, at.position_m, at.usable, at.sigma_m)
     bounds = _bounds(epochs, cameras, collector.stations, rig, run, config, comparisons.get("truth"))
     summary = build_summary(
         epochs=epochs,
@@ -85,6 +95,8 @@ def evaluate_run(
         config=config,
         run=run,
     )
+    for name, comparison in later.items():
+        summary["accuracy"][name]["smoothed"] = smoothed_table(comparisons[name], comparison)
     return Evaluation(
         summary=summary,
         run=run,
