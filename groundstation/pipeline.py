@@ -13,7 +13,7 @@ from groundstation.config import Config
 from groundstation.epoch import EpochBook
 from groundstation.estimation.encoders import EncoderFeed
 from groundstation.estimation.parameters import rig_prior
-from groundstation.estimation.recorded_ekf import RecordedEkf
+from groundstation.estimation.recorded_ekf import ROUNDING_S, RecordedEkf
 from groundstation.estimation.replay_window import ReplayWindow
 from groundstation.estimation.smoother import Smoother
 from groundstation.frame_update import FrameUpdate
@@ -116,7 +116,8 @@ class Pipeline:
         """
         if not self._ekf.has_target or self._ekf.time_s is None:
             return None
-        return self._ekf.kinematics_at(t_s) if t_s >= self._ekf.time_s else self._ekf.passed(t_s)
+        ahead = t_s >= self._ekf.time_s - ROUNDING_S
+        return self._ekf.kinematics_at(t_s) if ahead else self._ekf.passed(t_s)
 
     def smooth(self, found: Callable[[float, Kinematics], None]) -> Callable[[float], None]:
         """Have the flight smoothed, once its end is known: returns what to call with each time that is wanted.

@@ -15,7 +15,7 @@ from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Innovation, Kinematics
 
 # a pair's mean stamp differs from its frames' by rounding alone
-_ROUNDING_S = 1e-9
+ROUNDING_S = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,7 +189,7 @@ class RecordedEkf(StationEkf):
 
     def passed(self, t_s: float) -> Kinematics | None:
         """Return the target at a time that the filter has passed; None ahead of it and where the tape ends."""
-        if self.time_s is None or not self.has_target or t_s >= self.time_s - _ROUNDING_S:
+        if self.time_s is None or not self.has_target or t_s >= self.time_s - ROUNDING_S:
             return None
         x, P = self.state, self.covariance
         for record in reversed(self.tape):
