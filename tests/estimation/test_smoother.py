@@ -23,7 +23,7 @@ from groundstation.messages import (
     TrackStatus,
 )
 from groundstation.pipeline import Pipeline
-from groundstation.simulation import SimulatedFlight, case_b, simulate
+from groundstation.simulation import SimulatedFlight, StationErrors, case_b, perturbed, simulate
 from groundstation.simulation.cases import BOUND_PSD_M2_S3
 from tests.simulation.test_consistency import drawn_start
 from tests.stereo_rig import flight_events, glide, make_rig
@@ -231,6 +231,37 @@ def test_the_smoother_is_better_than_the_filter_and_knows_how_good_it_is(drawn: 
     nees = np.concatenate(squares)
     low, high = chi2.ppf([0.002, 0.998], 3 * len(nees)) / len(nees)
     assert low < nees.mean() < high
+
+
+def test_what_calibration_costs_stays_in_the_smoothed_covariance() -> None:
+    """Pan errors of 0.01° at each station, considered: eight flights, mean NEES of the smoothed track within reason.
+
+    The error of a flight is nearly one number, so the bound is that of eight values, with three sure degrees each.
+    """
+    sigma = np.radians(0.01)
+    per_flight = []
+    for seed in range(8):
+        generator = np.random.default_rng([seed, 5])
+        scenario = case_b(seed=seed, white_encoder=True)
+        mounts = {
+            name: StationErrors(mount_rad=np.array([0.0, 0.0, generator.normal(0.0, sigma)]))
+            for name in ("left", "right")
+        }
+        believed = perturbed(scenario.true_rig, mounts)
+        rig = replace(
+            believed,
+            stations=tuple(
+                replace(s, covariance_parameters=("runway_from_base.z",), covariance=np.array([[sigma**2]]))
+                for s in believed.stations
+            ),
+        )
+        flight = simulate(replace(scenario, rig=rig))
+        pipeline = Pipeline(rig, tuned(calibration="consider"), initial=drawn_start(flight, seed))
+        _, found = flown(flight.events, pipeline)
+        assert all(np.linalg.eigvalsh(k.covariance)[0] > 0.0 for k in found.values())
+        per_flight.append(errors(flight, found)[1].mean())
+    low, high = chi2.ppf([0.002, 0.998], 3 * len(per_flight)) / len(per_flight)
+    assert low < np.mean(per_flight) < high
 
 
 def test_nothing_is_smoothed_where_there_was_no_target() -> None:
