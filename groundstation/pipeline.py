@@ -203,7 +203,7 @@ class Pipeline:
         following = self._window.claim_following(station, t_s)
         if following is None and not self._window.has_reading_after(station, t_s):
             following = self._synchroniser.claim_following(ready.record)
-        with self._window.late_frame(t_s, station):
+        with self._window.late_frame(t_s, station), self._cameras[station].aside():
             self._ekf.predict_to(t_s)
             if following is not None:
                 self._window.read(following)
