@@ -5,7 +5,8 @@ the filter: the pipeline asks it to look and decides what becomes of the answer.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import cv2
@@ -85,6 +86,14 @@ class CameraTracker:
         self._finder.reset()
         self._last_size_px = None
         self._heading = None
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Inside, look at an older frame: its target's size, looks and background are not those of the next one."""
+        size_px, detections = self._last_size_px, self._detections
+        with self._detector.aside():
+            yield
+        self._last_size_px, self._detections = size_px, detections
 
     def search(self, frame: Frame, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> list[Sighting]:
         """Look at the whole frame and return the candidates in it."""

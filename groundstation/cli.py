@@ -118,6 +118,9 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         metavar="S",
         help="let DGPS teach the filter the rig's errors up to this time, s; after it DGPS only compares, as always",
     )
+    replay.add_argument(
+        "--smooth", action="store_true", help="also smooth over the whole flight: smoothed.csv, a row in the accuracy"
+    )
     recording = replay.add_mutually_exclusive_group()
     recording.add_argument("--view", action="store_true", help="open the Rerun recording when done")
     recording.add_argument("--no-rerun", action="store_true", help="do not write session.rrd")
@@ -226,6 +229,7 @@ def _replay(options: argparse.Namespace) -> int:
         to_s=options.to_s,
         learn_until_s=options.learn_until,
         rerun=not options.no_rerun,
+        smooth=options.smooth,
     )
     with ProgressLine(sys.stderr, "replay") as line:
         result = replay(request, line.update)

@@ -111,7 +111,8 @@ class FrameUpdate:
             return replace(report, result=Miss(reason=MissReason.NO_PTU_ANGLE, detail=fault))
         report = replace(report, pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad)
         started = self._stopwatch()
-        found = self._search(record, angles) if self._keeper.searches(record.t_s) else []
+        searches = self._keeper.searches(record.t_s) and not ready.revisited
+        found = self._search(record, angles) if searches else []
         self._keeper.sighted(found)
         if not self._ekf.has_target:
             miss = Miss(reason=MissReason.NOT_ACQUIRED, detail=f"{len(found)} candidates")

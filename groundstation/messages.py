@@ -116,7 +116,10 @@ class Roi:
 
 
 class DetectionStatus(StrEnum):
-    """What became of one camera's look at one frame; the words of ``detections.csv``."""
+    """What became of one camera's look at one frame; the words of ``detections.csv``.
+
+    ``late``: used as if it had been in time, the filter went back for it.
+    """
 
     OK = "ok"
     MISS = "miss"
@@ -124,6 +127,12 @@ class DetectionStatus(StrEnum):
     GATED = "gated"
     AMBIGUOUS = "ambiguous"
     CUT = "cut"
+    LATE = "late"
+
+    @property
+    def used(self) -> bool:
+        """Whether the filter took the pixel at its full worth."""
+        return self in (DetectionStatus.OK, DetectionStatus.LATE)
 
 
 class MissReason(StrEnum):

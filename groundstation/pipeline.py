@@ -6,23 +6,28 @@ stopwatch handed in by the caller, which goes into ``elapsed_s`` and ``latency_s
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from groundstation.camera_tracker import CameraTracker, SpanModel
 from groundstation.config import Config
 from groundstation.epoch import EpochBook
-from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.encoders import EncoderFeed
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
+from groundstation.estimation.recorded_ekf import ROUNDING_S, RecordedEkf
+from groundstation.estimation.replay_window import ReplayWindow
+from groundstation.estimation.smoother import Smoother
 from groundstation.frame_update import FrameUpdate
 from groundstation.messages import (
     CameraReport,
     CarriedError,
+    DetectionStatus,
     Epoch,
     Event,
     Frame,
     InitialState,
+    Kinematics,
     PixelMeasurement,
     PtuSample,
     ReferenceFix,
@@ -30,7 +35,7 @@ from groundstation.messages import (
     TrackEstimate,
 )
 from groundstation.rig import Rig
-from groundstation.synchronise import Ready, ReadyFrame, Synchroniser
+from groundstation.synchronise import LateReading, Ready, ReadyFrame, Synchroniser
 from groundstation.target_keeper import TargetKeeper
 
 
@@ -68,10 +73,20 @@ class Pipeline:
         prior = rig_prior(rig)
         if reference_errors is not None:
             prior = prior.joined(reference_errors)
-        self._ekf = StationEkf(geometries, turning, config.estimation, prior)
+        self._ekf = RecordedEkf(geometries, turning, config.estimation, prior)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._keeper = TargetKeeper(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
         self._synchroniser = Synchroniser(turning, config.synchronise, cameras=rig.names)
+        self._window = ReplayWindow(
+            self._ekf,
+            self._encoders,
+            stations=rig.names,
+            horizon_s=config.estimation.late_horizon_s,
+            max_entries=config.estimation.late_max_entries,
+            max_gap_s=config.synchronise.max_gap_s,
+            say=lambda t_s, text: self._keeper.say(t_s, "warning", text),
+        )
+        self._fused_late = {"fused_late_ptu": 0, "fused_late_frames": 0}
         self._book = EpochBook(config.estimation.fix_window_s)
         self._frames = FrameUpdate(
             self._cameras,
@@ -90,11 +105,11 @@ class Pipeline:
 
     @property
     def counts(self) -> dict[str, int]:
-        """What was refused on the way in: late PTU readings, late frames, PTU spikes."""
-        late = self._synchroniser.late
+        """What was refused on the way in: PTU readings and frames too late even to go back for, PTU spikes."""
+        late, fused = self._synchroniser.late, self._fused_late
         return {
-            "late_ptu": late.ptu,
-            "late_frames": late.frames,
+            "late_ptu": late.ptu - fused["fused_late_ptu"],
+            "late_frames": late.frames - fused["fused_late_frames"],
             "ptu_spikes": self._encoders.spikes,
             "references_refused": self._refused_references + late.references,
         }
@@ -103,6 +118,32 @@ class Pipeline:
     def carried_errors(self) -> tuple[CarriedError, ...]:
         """What the filter knows now of the errors of calibration and clocks."""
         return self._ekf.carried_errors()
+
+    @property
+    def fused_late(self) -> dict[str, int]:
+        """How many PTU readings came late and were fused in their place, and for how many frames one went back."""
+        return dict(self._fused_late)
+
+    def estimate_at(self, t_s: float) -> Kinematics | None:
+        """Return the target at a session time, given all that is fused so far; None without a target.
+
+        Ahead of the filter, to make up for delays, with the modes' process noise; behind it, as far as the window for
+        late data reaches, sharpened by the newer measurements; further back None.
+        """
+        if not self._ekf.has_target or self._ekf.time_s is None:
+            return None
+        ahead = t_s >= self._ekf.time_s - ROUNDING_S
+        return self._ekf.kinematics_at(t_s) if ahead else self._ekf.passed(t_s)
+
+    def smooth(self, found: Callable[[float, Kinematics], None]) -> Callable[[float], None]:
+        """Have the flight smoothed, once its end is known: returns what to call with each time that is wanted.
+
+        ``found`` is told the answers, session time in s and the target then, the newest first: when a target ends, at
+        `finish_smoothing`, or, of a long flight, in between. To be called before the first step.
+        """
+        smoother = Smoother(self._ekf.motion_over, lambda t_s, x, P: found(t_s, self._ekf.kinematics_of(x, P)))
+        self._ekf.tape.archive = smoother.take
+        return smoother.want
 
     def step(self, event: Event) -> StepReport:
         """Take one event; return the reports of everything whose time has come."""
@@ -114,15 +155,21 @@ class Pipeline:
         """Nothing more will come: return the reports of everything still waiting."""
         return self._run(self._synchroniser.finish())
 
+    def finish_smoothing(self) -> None:
+        """Look back from the end, after `finish` and after the last wanted time has been said."""
+        self._ekf.finish_tape()
+
     def _run(self, ready: Iterable[Ready]) -> StepReport:
         for item in ready:
             if isinstance(item, PtuSample):
-                self._predict_to(item.t_s)
-                self._read_encoder(item)
+                self._reading(item)
+            elif isinstance(item, LateReading):
+                self._late_reading(item.sample)
             elif isinstance(item, ReferenceFix):
                 self._learn(item)
             elif isinstance(item, Epoch):
-                self._answer(item)
+                with self._window.decision():
+                    self._answer(item)
             else:
                 self._out_cameras.append(self._frame(item))
         report = StepReport(
@@ -140,24 +187,56 @@ class Pipeline:
         self._ekf.predict_to(t_s)
         self._keeper.start_if_due(t_s)
 
-    def _read_encoder(self, sample: PtuSample) -> None:
-        oddity = self._encoders.read(sample)
-        if oddity is not None:
-            self._keeper.say(sample.t_s, "warning", oddity)
-
     def _frame(self, ready: ReadyFrame) -> CameraReport:
         """Bring the filter to a frame's time and let the frame update it."""
-        if not ready.late:
+        if ready.late:
+            return self._late_frame(ready)
+        with self._window.frame(ready.record.t_s, ready.record.station):
             self._predict_to(ready.record.t_s)
             if ready.following is not None:
-                self._read_encoder(ready.following)
-        return self._frames.take(ready)
+                self._window.read(ready.following)
+            return self._frames.take(ready)
+
+    def _reading(self, sample: PtuSample) -> None:
+        """Bring the filter to a reading's time and let the reading update it."""
+        if self._window.completes(sample):
+            # a frame was held no longer than it may be, and its angles come only now
+            self._window.late_reading(sample, self._synchroniser.release)
+            return
+        with self._window.reading(sample.t_s, sample.station):
+            self._predict_to(sample.t_s)
+            self._window.read(sample)
+
+    def _late_reading(self, sample: PtuSample) -> None:
+        """Put a late reading in its place, if that is not too long ago."""
+        if self._window.reaches(sample.t_s):
+            self._window.late_reading(sample, self._synchroniser.release)
+            self._fused_late["fused_late_ptu"] += 1
+
+    def _late_frame(self, ready: ReadyFrame) -> CameraReport:
+        """Go back to a late frame's time, look where the target was expected then, and come forward again."""
+        t_s, station = ready.record.t_s, ready.record.station
+        if not self._window.reaches(t_s):
+            return self._frames.take(ready)
+        following = self._window.claim_following(station, t_s)
+        if following is None and not self._window.has_reading_after(station, t_s):
+            following = self._synchroniser.claim_following(ready.record)
+        with self._window.late_frame(t_s, station), self._cameras[station].aside():
+            self._ekf.predict_to(t_s)
+            if following is not None:
+                self._window.read(following)
+            known = self._ekf.has_target
+            # nothing is searched for in the past
+            report = self._frames.take(replace(ready, late=False, revisited=True) if known else ready)
+        self._fused_late["fused_late_frames"] += known
+        return replace(report, status=DetectionStatus.LATE) if report.status is DetectionStatus.OK else report
 
     def _learn(self, fix: ReferenceFix) -> None:
         """Let a reference position correct the target and the errors that are carried."""
         self._predict_to(fix.t_s)
         if self._ekf.has_target:
-            innovation = self._ekf.update_reference(fix.position_runway_m, np.diag(fix.sigma_m**2))
+            with self._window.decision():
+                innovation = self._ekf.update_reference(fix.position_runway_m, np.diag(fix.sigma_m**2))
             self._refused_references += not innovation.accepted
 
     # ---------------------------------------------------------------------------------------- epochs

@@ -25,6 +25,7 @@ from groundstation.run import RunOutcome, run
 from groundstation.session import Session, load_dgps, load_session, load_truth
 from groundstation.sinks.rerun_session import reference_tracks, session_view
 from groundstation.sinks.sink import Sink
+from groundstation.sinks.smoothed_track import SmoothedTrackSink
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.sources.reference import reference_fixes, with_reference
 from groundstation.sources.replay import ReplaySource
@@ -42,6 +43,7 @@ class ReplayRequest:
     """What the user asked for; ``rig`` and ``config`` None take the session's rig and the defaults.
 
     Up to ``learn_until_s`` of its clock the DGPS corrects the track and teaches the rig's errors; None compares only.
+    ``smooth`` writes the track once more, smoothed over the whole flight.
     """
 
     session: Path
@@ -52,6 +54,7 @@ class ReplayRequest:
     to_s: float | None = None
     learn_until_s: float | None = None
     rerun: bool = True
+    smooth: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,7 +91,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         collector = ResultCollector()
         files = opened.enter_context(TrackFilesSink(request.out))
         view = session_view(request.out / "session.rrd", session) if request.rerun else None
-        sinks: list[Sink] = [collector, files, *([] if view is None else [view])]
+        smoothed = SmoothedTrackSink() if request.smooth else None
+        sinks: list[Sink] = [collector, files, *(sink for sink in (view, smoothed) if sink is not None)]
         pipeline = Pipeline(
             session.rig,
             config,
@@ -97,9 +101,12 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
             stopwatch=time.perf_counter,
             reference_errors=_reference_errors(session, config.estimation) if taught else None,
         )
+        if smoothed is not None:
+            smoothed.want = pipeline.smooth(smoothed.found)
         prepared_s = time.perf_counter() - began
         total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
         outcome = run(with_reference(source, taught), pipeline, sinks, lambda done: progress(done, total))
+    pipeline.finish_smoothing()
     if outcome.fault is not None:
         faults.append(str(outcome.fault))
     faults += [f"{name.replace('_', ' ')}: {n}" for name, n in pipeline.counts.items() if n]
@@ -114,12 +121,24 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         faults=tuple(faults),
         carried_errors=pipeline.carried_errors,
         learnt_until_s=taught[-1].t_s if taught else None,
+        fused_late=pipeline.fused_late,
     )
     if taught:
         # what the filter was told is no proof of what it knows
         dgps = tuple(fix for fix in dgps if fix.t_s > taught[-1].t_s)
-    evaluation = evaluate_run(collector, description, rig=session.rig, config=config.evaluation, dgps=dgps, truth=truth)
+    evaluation = evaluate_run(
+        collector,
+        description,
+        rig=session.rig,
+        config=config.evaluation,
+        dgps=dgps,
+        truth=truth,
+        smoothed=None if smoothed is None else smoothed.collected(),
+    )
     written = ["track.csv", "triangulation.csv", "detections.csv", "track.tum"]
+    if smoothed is not None:
+        smoothed.save(request.out / "smoothed.csv")
+        written.append("smoothed.csv")
     if view is not None:
         view.write_reference(reference_tracks(evaluation))
         view.close()

@@ -5,9 +5,10 @@ Rules, all in the session clock:
 - Records are passed on in order of their stamps. One is passed on when every stream (each camera, each PTU) has
   come as far, or when the newest stamp seen is ``hold_s`` ahead of it: a stream that lags is waited for so long
   and no longer. Within that, order of arrival does not matter.
-- So a frame also waits for its station's next PTU reading, and the exposure is bracketed.
-- A stamp older than what has already been passed on is late. Late PTU readings are dropped; a late frame is
-  passed on as late, so that it is counted and not used.
+- So a frame also waits for its station's next PTU reading, and the exposure is bracketed; one with a reading at its own
+  stamp takes no other.
+- A stamp older than what has already been passed on is late. It is passed on as late: the filter can go back for it,
+  inside a horizon (`groundstation.estimation.replay_window`); beyond it is counted and not used.
 - Angles are interpolated linearly between two readings no further apart than ``max_gap_s``; before the
   first, after the last, or inside a longer gap there is no angle.
 """
@@ -66,21 +67,30 @@ class ReadyFrame:
     """A camera's record whose time has come.
 
     ``following`` is the station's PTU reading after it, not to be sent again on its own; None if it has not
-    come, or if the station is fixed. ``late`` marks a stamp behind what has been passed on already.
+    come, or if the station is fixed. ``late`` marks a stamp behind what has been passed on already, ``revisited``
+    one for which the filter has gone back.
     """
 
     record: Frame | PixelMeasurement
     angles: AnglesAt | AngleFault | None
     following: PtuSample | None
     late: bool = False
+    revisited: bool = False
 
 
-Ready = PtuSample | ReadyFrame | ReferenceFix | Epoch
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LateReading:
+    """A PTU reading behind what has been passed on already."""
+
+    sample: PtuSample
+
+
+Ready = PtuSample | LateReading | ReadyFrame | ReferenceFix | Epoch
 
 
 @dataclass(slots=True)
 class LateCounts:
-    """How many records came too late to be used, by kind."""
+    """How many records came behind what had been passed on, by kind."""
 
     ptu: int = 0
     frames: int = 0
@@ -147,27 +157,36 @@ class Synchroniser:
                 if isinstance(q.event, (Frame, PixelMeasurement)) and q.event.epoch == event.epoch
             ]
             t = max([t, self._passed_s, *mates])
-        if isinstance(event, PtuSample) and event.station in self._history:
-            history = self._history[event.station]
-            if not history or event.t_s > history[-1].t_s:
-                history.append(event)
-            else:
-                ordered = sorted([*history, event], key=lambda s: s.t_s)
-                history.clear()
-                history.extend(ordered)
-            # whatever still waits is newer than what has been passed on
-            while history[0].t_s < self._passed_s - _KEPT_S:
-                history.popleft()
+        if isinstance(event, PtuSample):
+            self._remember(event)
         bisect.insort(self._queue, _Queued(t, self._number, event))
+
+    def _remember(self, sample: PtuSample) -> None:
+        """Keep a reading for the exposures beside it."""
+        history = self._history.get(sample.station)
+        if history is None:
+            return
+        if not history or sample.t_s > history[-1].t_s:
+            history.append(sample)
+        else:
+            ordered = sorted([*history, sample], key=lambda s: s.t_s)
+            history.clear()
+            history.extend(ordered)
+        # whatever still waits is newer than what has been passed on
+        while history and history[0].t_s < self._passed_s - _KEPT_S:
+            history.popleft()
 
     def _answer_late(self, event: Event) -> Iterator[Ready]:
         if isinstance(event, PtuSample):
             self.late.ptu += 1
+            self._remember(event)
+            yield LateReading(sample=event)
         elif isinstance(event, ReferenceFix):
             self.late.references += 1
         elif not isinstance(event, Epoch):
             self.late.frames += 1
-            yield ReadyFrame(record=event, angles=None, following=None, late=True)
+            angles = self.angles_at(event.station, event.t_s)
+            yield ReadyFrame(record=event, angles=angles, following=None, late=True)
 
     def _drain(self, final: bool) -> Iterator[Ready]:
         while self._queue:
@@ -192,16 +211,31 @@ class Synchroniser:
         return all(newest >= t_s for newest in self._streams.values())
 
     def _ready_frame(self, frame: Frame | PixelMeasurement) -> ReadyFrame:
-        following = None
+        following = self.claim_following(frame)
+        return ReadyFrame(record=frame, angles=self.angles_at(frame.station, frame.t_s), following=following)
+
+    def release(self, sample: PtuSample) -> bool:
+        """Return whether a reading that was claimed still waits; if so it is passed on at its own time after all."""
+        waits = id(sample) in self._used
+        self._used.discard(id(sample))
+        return waits
+
+    def claim_following(self, frame: Frame | PixelMeasurement) -> PtuSample | None:
+        """Return the station's next waiting reading after a frame, which will not be passed on again.
+
+        A frame with a reading at its very stamp needs no other.
+        """
+        if any(known.t_s == frame.t_s for known in self._history.get(frame.station, ())):
+            return None
         for queued in self._queue:
             candidate = queued.event
             if isinstance(candidate, PtuSample) and candidate.station == frame.station:
                 near = candidate.t_s - frame.t_s <= self._config.max_gap_s
                 if near and id(candidate) not in self._used:
-                    following = candidate
                     self._used.add(id(candidate))
-                break
-        return ReadyFrame(record=frame, angles=self.angles_at(frame.station, frame.t_s), following=following)
+                    return candidate
+                return None
+        return None
 
 
 def interpolate(readings: Sequence[PtuSample], t_s: float, max_gap_s: float) -> AnglesAt | AngleFault:

@@ -6,7 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundstation.messages import Epoch, PixelMeasurement, PtuSample
-from groundstation.synchronise import AngleFault, AnglesAt, ReadyFrame, SynchroniseConfig, Synchroniser, interpolate
+from groundstation.synchronise import (
+    AngleFault,
+    AnglesAt,
+    LateReading,
+    ReadyFrame,
+    SynchroniseConfig,
+    Synchroniser,
+    interpolate,
+)
 
 
 def reading(t: float, pan: float = 0.0, station: str = "left") -> PtuSample:
@@ -82,14 +90,15 @@ def test_a_fixed_station_does_not_wait() -> None:
     assert ready.angles is None
 
 
-def test_late_records_are_counted_and_not_used() -> None:
+def test_late_records_are_counted_and_said_to_be_late() -> None:
     s = Synchroniser(["left"], SynchroniseConfig())
     drive_in = [reading(0.0), reading(0.1), frame(0.15), reading(0.2), reading(0.3), reading(0.5)]
     for event in drive_in:
         list(s.push(event))
-    assert list(s.push(reading(0.05))) == []
+    assert list(s.push(reading(0.05))) == [LateReading(sample=reading(0.05))]
     (late,) = s.push(frame(0.25))
     assert late.late
+    assert late.angles == s.angles_at("left", 0.25)
     assert (s.late.ptu, s.late.frames) == (1, 1)
 
 

@@ -197,6 +197,14 @@ class BackgroundMemory:
         self._age = 0
         self._edge_px = MAX_EDGE_PX
 
+    def copy(self) -> "BackgroundMemory":
+        """Return the same memory, to be changed apart; the images are shared."""
+        other = BackgroundMemory()
+        other._frames, other._order = dict(self._frames), list(self._order)
+        other._hidden, other._shifts, other._motion = self._hidden.copy(), self._shifts.copy(), self._motion.copy()
+        other._age, other._edge_px = self._age, self._edge_px
+        return other
+
     def reset(self) -> None:
         """Forget all frames."""
         self._order = []

@@ -1,6 +1,8 @@
 """One camera's detector: a region of interest in, the pixel of the nose or a named miss out."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import cv2
@@ -50,6 +52,14 @@ class Detector:
         self._memory = None
         self._last = None
         self._background.reset()
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Inside, look without learning: what is remembered afterwards is what was before."""
+        memory, last, background = self._memory, self._last, self._background
+        self._background = background.copy()
+        yield
+        self._memory, self._last, self._background = memory, last, background
 
     def detect(self, image: ImageArray, roi: Roi, hint: DetectionHint) -> Detection | Miss:
         """Look for the target inside ``roi`` of a full image (h, w, 3) BGR."""

@@ -79,6 +79,9 @@ class EstimationConfig:
     residual_gate_sigma : rays that miss each other by more sigmas make no baseline point.
     labelled_sigma_px : noise of a pixel that someone else has found.
     fix_window_s : detections without frames: stations seen within this time count as one fix.
+    late_horizon_s : a late reading or frame is still fused in its place if it is at most so much older than the
+        filter; 0 refuses all that is late.
+    late_max_entries : for that, so many readings, frames and decisions are kept at most.
     """
 
     acceleration_psd_m2_s3: tuple[float, float, float] = (1.0, 4.0, 1.5)
@@ -111,11 +114,15 @@ class EstimationConfig:
     residual_gate_sigma: float = 5.0
     labelled_sigma_px: float = 1.0
     fix_window_s: float = 0.06
+    late_horizon_s: float = 0.5
+    late_max_entries: int = 1000
 
     def __post_init__(self) -> None:
-        require_positive(self, but=("detection_lasting_share",))
+        require_positive(self, but=("detection_lasting_share", "late_horizon_s"))
         if not 0 <= self.detection_lasting_share < 1:
             raise ValueError(f"detection_lasting_share {self.detection_lasting_share} outside 0 … 1")
+        if self.late_horizon_s < 0:
+            raise ValueError(f"late_horizon_s {self.late_horizon_s} < 0")
         if not self.gate_probability < 1:
             raise ValueError(f"gate_probability {self.gate_probability} outside 0 … 1")
 

@@ -183,20 +183,33 @@ class StationEkf:
         self._newest_reference_s = -math.inf
 
     def kinematics_at(self, t_s: float) -> Kinematics:
-        """Return position, velocity and (6, 6) covariance at a time near the filter's own.
+        """Return position, velocity (runway frame) and (6, 6) covariance at ``t_s``, by the motion model alone.
 
-        Going back (a pair's mean stamp lies before its second exposure) adds process noise too: the filter
-        does not keep what would be needed to take it away.
+        Ahead, the modes' process noise is added. Going back adds it, too: this filter does not keep what would be
+        needed to take it away (`RecordedEkf` does).
         """
-        target = self.layout.target
         dt = t_s - (self.time_s if self.time_s is not None else t_s)
-        F = self._motions[0].transition(dt)[target, target]
-        Q = np.zeros((6, 6))
-        for weight, motion in zip(self._bank.weights, self._motions, strict=True):
-            Q += weight * motion.process_noise(dt)[target, target]
-        x = F @ self.state[target]
-        P = F @ self.covariance[target, target] @ F.T + Q
-        return Kinematics(position_runway_m=x[:3].copy(), velocity_runway_m_s=x[3:].copy(), covariance=0.5 * (P + P.T))
+        F, Q = self.motion_over(dt, self._bank.weights_after(abs(dt)))
+        return self.kinematics_of(F @ self.state, F @ self.covariance @ F.T + Q)
+
+    def motion_over(self, dt_s: float, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return F and Q, (n, n) each, over ``dt_s``; the modes' noises are weighed by ``weights`` (r,).
+
+        Mixing the modes leaves mean and covariance of their mixture as they are, so this is what a prediction does
+        to the two.
+        """
+        Q = sum(w * motion.process_noise(dt_s) for w, motion in zip(weights, self._motions, strict=True))
+        return self._motions[0].transition(dt_s), np.asarray(Q)
+
+    def kinematics_of(self, x: FloatArray, P: FloatArray) -> Kinematics:
+        """Return the target's part of a state (n,) with its covariance (n, n)."""
+        target = self.layout.target
+        own = P[target, target]
+        return Kinematics(
+            position_runway_m=x[self.layout.position].copy(),
+            velocity_runway_m_s=x[self.layout.velocity].copy(),
+            covariance=0.5 * (own + own.T),
+        )
 
     # ------------------------------------------------------------------------------------- prediction
     def predict_to(self, t_s: float) -> None:

@@ -7,6 +7,7 @@ first was a spike and is dropped.
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +19,18 @@ from groundstation.rig import Station
 
 # with noise of half a step or more, so many equal readings of both axes do not happen by chance (< 1e-6)
 _FROZEN_READINGS = 15
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EncoderState:
+    """Everything that the feed remembers of the readings so far, to go back to."""
+
+    spikes: int
+    suspect: Mapping[str, PtuSample]
+    newest: Mapping[str, float]
+    last: Mapping[str, PtuSample]
+    same: Mapping[str, int]
+    frozen: frozenset[str]
 
 
 class EncoderFeed:
@@ -63,6 +76,23 @@ class EncoderFeed:
         else:
             self._suspect[sample.station] = sample
         return note
+
+    def snapshot(self) -> EncoderState:
+        """Return all that is remembered of the readings: it belongs to the filter's time as its state does."""
+        return EncoderState(
+            spikes=self.spikes,
+            suspect=dict(self._suspect),
+            newest=dict(self._newest),
+            last=dict(self._last),
+            same=dict(self._same),
+            frozen=frozenset(self._frozen),
+        )
+
+    def restore(self, saved: EncoderState) -> None:
+        """Remember again what was remembered at a `snapshot`."""
+        self.spikes = saved.spikes
+        self._suspect, self._newest = dict(saved.suspect), dict(saved.newest)
+        self._last, self._same, self._frozen = dict(saved.last), dict(saved.same), set(saved.frozen)
 
     def is_doubtful(self, station: str) -> bool:
         """Return whether the newest reading is held back, not yet known to be a jerk or a spike."""

@@ -46,14 +46,14 @@ class ModeBank:
         return self._mixture()[1]
 
     def snapshot(self) -> list[FloatArray]:
-        """Return all there is to know, to be given to `restore`."""
+        """Return all there is to know, to be given to `restore`; nothing is copied, since nothing is written over."""
         return [self.weights, *(a for f in self._filters for a in (f.x, f.P))]
 
     def restore(self, saved: list[FloatArray]) -> None:
         """Go back to a `snapshot`."""
         self.weights, self._mean = saved[0], None
         for k, each in enumerate(self._filters):
-            each.x, each.P = saved[1 + 2 * k].copy(), saved[2 + 2 * k].copy()
+            each.x, each.P = saved[1 + 2 * k], saved[2 + 2 * k]
 
     def forget_modes(self) -> None:
         """Set the weights to what is usual: a new target, of whose flying nothing is known."""
@@ -63,6 +63,8 @@ class ModeBank:
         """Set some states (k,) and their covariance (k, k), uncorrelated with the rest."""
         self._mean = None
         for each in self._filters:
+            # copies: whoever holds a snapshot holds the old ones
+            each.x, each.P = each.x.copy(), each.P.copy()
             each.P[part, :] = 0.0
             each.P[:, part] = 0.0
             each.x[part] = values
@@ -72,6 +74,7 @@ class ModeBank:
         """Let some states (k,) err with others (m,) by ``sensitivity`` (k, m); they knew nothing of them before."""
         self._mean = None
         for each in self._filters:
+            each.P = each.P.copy()
             common = sensitivity @ each.P[source, source]
             each.P[part, part] += common @ sensitivity.T
             each.P[part, source] = common
@@ -82,6 +85,7 @@ class ModeBank:
         self._mean = None
         diagonal = np.arange(part.start, part.stop)
         for each in self._filters:
+            each.P = each.P.copy()
             each.P[diagonal, diagonal] += variances
 
     def predict(self, F: FloatArray, noises: Sequence[FloatArray], dt_s: float) -> None:
@@ -117,13 +121,21 @@ class ModeBank:
             self._mean = _moments(states, covariances, self.weights)
         return self._mean
 
-    def _mix(self, dt_s: float) -> None:
-        """Let each mode start from where the aircraft may have come from into it."""
+    def weights_after(self, dt_s: float) -> FloatArray:
+        """Return the weights (r,) that a prediction over ``dt_s`` ≥ 0 would leave."""
+        return self.weights if len(self._filters) == 1 else self._joint(dt_s).sum(axis=0)
+
+    def _joint(self, dt_s: float) -> FloatArray:
+        """Return how likely each change of mode is, (r, r): from the row's into the column's."""
         count = len(self._filters)
         change = 1.0 - np.exp(-dt_s / self._stay_s)
         switch = np.outer(change, np.ones(count)) / (count - 1)
         np.fill_diagonal(switch, 1.0 - change)
-        joint = switch * self.weights[:, None]
+        return switch * self.weights[:, None]
+
+    def _mix(self, dt_s: float) -> None:
+        """Let each mode start from where the aircraft may have come from into it."""
+        joint = self._joint(dt_s)
         self.weights = joint.sum(axis=0)
         states, covariances = self._stacked()
         for k, each in enumerate(self._filters):

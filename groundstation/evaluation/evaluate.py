@@ -18,8 +18,8 @@ from groundstation.evaluation.metrics import Comparison
 from groundstation.evaluation.reference import CheckedReference, check_reference
 from groundstation.evaluation.run_description import RunDescription, TruthLike
 from groundstation.evaluation.series import BoolArray, PositionSeries, ReferenceSeries, interpolate
-from groundstation.evaluation.summary import build_summary
-from groundstation.messages import DetectionStatus, DgpsFix, TriangulationStatus
+from groundstation.evaluation.summary import build_summary, smoothed_table
+from groundstation.messages import DgpsFix, TriangulationStatus
 from groundstation.rig import Rig
 
 # the least variance in any direction: as a share of the largest, and in m²
@@ -55,12 +55,18 @@ def evaluate_run(
     config: EvaluationConfig,
     dgps: Sequence[DgpsFix] = (),
     truth: TruthLike | None = None,
+    smoothed: ResultCollector | None = None,
 ) -> Evaluation:
-    """Compare a run with what references there are, and with what is physically possible."""
+    """Compare a run with what references there are, and with what is physically possible.
+
+    ``smoothed`` has the same epochs as ``collector``, smoothed; it is compared beside.
+    """
     epochs, cameras = collector.epochs(), collector.cameras()
     track, triangulated = track_series(epochs), triangulated_series(epochs)
     reference = None
     comparisons: dict[str, Comparison] = {}
+    later: dict[str, Comparison] = {}
+    after = None if smoothed is None else smoothed.epochs()
     exact = None
     if truth is not None and len(truth.t_s):
         exact = ReferenceSeries(
@@ -68,10 +74,14 @@ def evaluate_run(
         )
         at = interpolate(exact, epochs["t_s"], config.max_interpolation_gap_s)
         comparisons["truth"] = _compare(epochs, at.position_m, at.usable, at.sigma_m)
+        if after is not None:
+            later["truth"] = _compare(after, at.position_m, at.usable, at.sigma_m)
     if len(dgps) >= 2 and len(track):
         reference = check_reference(dgps, track, triangulated, run.antenna_in_body_m, config, run.clocks_given)
         at = reference.at(epochs["t_s"])
         comparisons["dgps"] = _compare(epochs, at.position_m, at.usable, at.sigma_m)
+        if after is not None:
+            later["dgps"] = _compare(after, at.position_m, at.usable, at.sigma_m)
     bounds = _bounds(epochs, cameras, collector.stations, rig, run, config, comparisons.get("truth"))
     summary = build_summary(
         epochs=epochs,
@@ -85,6 +95,8 @@ def evaluate_run(
         config=config,
         run=run,
     )
+    for name, comparison in later.items():
+        summary["accuracy"][name]["smoothed"] = smoothed_table(comparisons[name], comparison)
     return Evaluation(
         summary=summary,
         run=run,
@@ -220,7 +232,7 @@ def _views(cameras: NDArray[Any], stations: tuple[str, ...], rig: Rig) -> dict[i
     """Return the looks with an accepted pixel, by epoch number."""
     calibrated = [rig[name] for name in stations]
     geometries = [station.geometry() for station in calibrated]
-    ok = cameras["status"] == DETECTION_STATUSES.index(DetectionStatus.OK)
+    ok = np.isin(cameras["status"], [k for k, status in enumerate(DETECTION_STATUSES) if status.used])
     ok &= np.isfinite(cameras["pan_rad"]) & np.isfinite(cameras["tilt_rad"])
     views: dict[int, list[View]] = {}
     for row in cameras[ok]:

@@ -34,6 +34,7 @@ class RunDescription:
     acceleration_psd_m2_s3 : the filter's (x, y, z) motion model, for the posterior bound.
     configuration : the resolved configuration of the run.
     speed : figures on processing speed, by name.
+    fused_late : how many readings and frames came late and were fused in their place, by kind.
     faults : what could not be used (a broken reference file, a video cut short), one line each.
     carried_errors : what the filter knows in the end of the errors of calibration and clocks.
     learnt_until_s : up to this time of the DGPS clock the filter was told the DGPS; None if never.
@@ -46,6 +47,7 @@ class RunDescription:
     acceleration_psd_m2_s3: tuple[float, float, float] = (0.3, 0.6, 0.3)
     configuration: Mapping[str, Any] | None = None
     speed: Mapping[str, float] | None = None
+    fused_late: Mapping[str, int] | None = None
     faults: tuple[str, ...] = ()
     carried_errors: tuple[CarriedError, ...] = ()
     learnt_until_s: float | None = None

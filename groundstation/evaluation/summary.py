@@ -30,6 +30,7 @@ from groundstation.evaluation.metrics import (
     in_bin,
     phase_masks,
     range_bins,
+    statistics,
 )
 from groundstation.evaluation.reference import CheckedReference
 from groundstation.evaluation.run_description import RunDescription
@@ -70,7 +71,7 @@ def build_summary(
             "learnt_until_s": run.learnt_until_s,
             "errors": [dataclasses.asdict(error) for error in run.carried_errors],
         },
-        "counts": _counts(epochs, cameras, stations),
+        "counts": {**_counts(epochs, cameras, stations), **(run.fused_late or {})},
         "channels": channels,
         "latency_ms": _percentiles(1e3 * epochs["latency_s"].astype(np.float64)),
         "detection_ms": {
@@ -112,6 +113,19 @@ def _accuracy_tables(
         "by_phase": {
             background: _group(c, inside, bounds) for background, inside in phase_masks(c.t_s, run.phases).items()
         },
+        "anees": _chi_square(chi_square_mean(nees, np.full(len(nees), 3.0)), _CORRELATION_NOTE),
+    }
+
+
+def smoothed_table(c: Comparison, smoothed: Comparison) -> dict[str, Any]:
+    """Return the smoothed track's accuracy against a reference, beside the filter's ``c`` on the same epochs."""
+    both = c.ekf_known & smoothed.ekf_known
+    nees = smoothed.nees()
+    alone = int(np.count_nonzero(c.usable))
+    ekf = statistics(c.ekf_error_m[both])
+    return {
+        **_statistics(statistics(smoothed.ekf_error_m[smoothed.ekf_known]), alone),
+        "ekf_rmse_m": None if ekf is None else _vector(ekf.rmse_m),
         "anees": _chi_square(chi_square_mean(nees, np.full(len(nees), 3.0)), _CORRELATION_NOTE),
     }
 

@@ -98,7 +98,20 @@ def _accuracy_block(name: str, table: dict[str, Any]) -> str:
             f"ANEES {anees['mean']:.2f} (1 is ideal; 95 % of independent errors: "
             f"{anees['low_95']:.2f} … {anees['high_95']:.2f}; ours are correlated)"
         )
+    if "smoothed" in table:
+        lines.append(_smoothed_line(table["smoothed"]))
     return "\n".join(lines)
+
+
+def _smoothed_line(smoothed: dict[str, Any]) -> str:
+    """Return the line of the track smoothed over the whole flight."""
+    if not smoothed["epochs"] or not smoothed["ekf_rmse_m"]:
+        return "smoothed: no epoch with a reference"
+    anees = smoothed["anees"]
+    return (
+        f"smoothed over the flight: RMSE {_triple(smoothed['rmse_m'])} m on {smoothed['epochs']} epochs, "
+        f"EKF there {_triple(smoothed['ekf_rmse_m'])} m" + (f"; ANEES {anees['mean']:.2f}" if anees else "")
+    )
 
 
 def _row(name: str, group: dict[str, Any]) -> str:

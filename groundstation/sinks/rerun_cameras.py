@@ -127,7 +127,7 @@ class CameraChannel:
                 t_s=t_s,
                 columns=rr.TextLog.columns(
                     text=[_describe(r) for r in changes],
-                    level=["INFO" if r.status is DetectionStatus.OK else "WARN" for r in changes],
+                    level=["INFO" if r.status.used else "WARN" for r in changes],
                 ),
             ),
         ]
@@ -163,9 +163,7 @@ def _found(base: str, t_s: NDArray[np.float64], reports: Sequence[CameraReport])
     strips = [strip for row in pieces for strip in row]
     points = np.array([(d.u_px, d.v_px) for d in found if d is not None]).reshape(-1, 2)
     colours = [
-        tree.TARGET_COLOUR if r.status is DetectionStatus.OK else tree.BOUND_COLOUR
-        for r in reports
-        if isinstance(r.result, Detection)
+        tree.TARGET_COLOUR if r.status.used else tree.BOUND_COLOUR for r in reports if isinstance(r.result, Detection)
     ]
     point_columns = rr.Points2D.columns(
         positions=points + CORNER_FROM_CENTRE_PX, colors=np.array(colours, dtype=np.uint8).reshape(-1, 3)

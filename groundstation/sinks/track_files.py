@@ -25,7 +25,7 @@ DETECTION_COLUMNS = (
     *("roi_x_px", "roi_y_px", "roi_w_px", "roi_h_px", "status", "elapsed_ms"),
 )
 # what is written after the run; an earlier run's must not lie beside this run's track
-_WRITTEN_AFTERWARDS = ("summary.json", "report.html")
+_WRITTEN_AFTERWARDS = ("summary.json", "report.html", "smoothed.csv")
 _UPPER_TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -79,6 +79,16 @@ class TrackFilesSink:
     def close(self) -> None:
         """Close the files; closing twice is allowed."""
         self._files.close()
+
+
+def write_track(path: Path, estimates: Iterable[TrackEstimate]) -> None:
+    """Write a table like track.csv at once; raises `InputError` if the file can't be written."""
+    try:
+        with path.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(_line(TRACK_COLUMNS))
+            file.writelines(_line(_track_cells(estimate)) for estimate in estimates)
+    except OSError as fault:
+        raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
 
 
 def _open(stack: ExitStack, path: Path) -> TextIO:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from groundstation.errors import InputError
+from groundstation.evaluation.table import format_accuracy_table
 from groundstation.messages import PixelMeasurement, PtuSample
 from groundstation.replay import ReplayRequest, replay
 from tests.stereo_rig import BASELINE_M, FOCAL_PX, STEP_RAD, flight_events, glide, make_rig
@@ -90,6 +91,24 @@ def test_two_stations(make_session: Callable[..., Path], tmp_path: Path) -> None
     rmse = summary["accuracy"]["dgps"]["total"]["ekf"]["rmse_m"]
     assert rmse[0] < 0.05
     assert rmse[1] < 1.5
+
+
+def test_smoothed_over_the_flight(make_session: Callable[..., Path], tmp_path: Path) -> None:
+    """--smooth: track.csv's rows, estimates where it has them, nearer to DGPS; an older run's is not left lying."""
+    session, out = make_session(), tmp_path / "out"
+    result = replay(ReplayRequest(session=session, out=out, rerun=False, smooth=True))
+    assert out / "smoothed.csv" in result.files
+    track, smoothed = (
+        list(csv.DictReader((out / name).read_text().splitlines())) for name in ("track.csv", "smoothed.csv")
+    )
+    assert [(row["t_s"], row["status"]) for row in smoothed] == [(row["t_s"], row["status"]) for row in track]
+    assert [row["x_m"] == "" for row in smoothed] == [row["x_m"] == "" for row in track]
+    table = json.loads((out / "summary.json").read_text())["accuracy"]["dgps"]["smoothed"]
+    assert table["epochs"] > 90
+    assert table["rmse_m"][1] < 0.8 * table["ekf_rmse_m"][1]
+    assert "smoothed over the flight: RMSE" in format_accuracy_table(result.evaluation.summary)
+    replay(ReplayRequest(session=session, out=out, rerun=False))
+    assert not (out / "smoothed.csv").exists()
 
 
 def test_three_stations_pin_the_range(make_session: Callable[..., Path], tmp_path: Path) -> None:

@@ -1,0 +1,199 @@
+"""Late data: what comes out of order, inside the horizon, ends in the filter that got everything in order."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from groundstation.config import Config
+from groundstation.estimation.recorded_ekf import RecordedEkf
+from groundstation.messages import (
+    CameraReport,
+    DetectionStatus,
+    Epoch,
+    Event,
+    Frame,
+    InitialState,
+    Miss,
+    MissReason,
+    PixelMeasurement,
+    PtuSample,
+    TrackStatus,
+)
+from groundstation.pipeline import Pipeline
+from groundstation.session import load_session
+from groundstation.sources.replay import ReplaySource
+from groundstation.synchronise import SynchroniseConfig
+from tests.stereo_rig import flight_events, glide, make_rig
+
+RECORDING = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
+START = InitialState(
+    t_s=0.0,
+    position_runway_m=glide(0.0) + np.array([0.5, -2.0, 0.3]),
+    velocity_runway_m_s=np.array([0.5, -24.0, -1.0]),
+    sigma_position_m=np.full(3, 3.0),
+    sigma_velocity_m_s=np.full(3, 2.0),
+)
+MODES = {"acceleration_psd_m2_s3": (0.05, 0.1, 0.05), "manoeuvre_psd_m2_s3": (3.0, 6.0, 3.0)}
+
+
+def tuning(hold_s: float = 0.15, **estimation: object) -> Config:
+    base = Config()
+    own = replace(base.estimation, labelled_sigma_px=0.5, fix_window_s=0.03, **estimation)  # type: ignore[arg-type]
+    return replace(base, estimation=own, synchronise=SynchroniseConfig(hold_s=hold_s))
+
+
+def spoiled(seed: int, **options: object) -> list[Event]:
+    """Six seconds of flight in order, with gross outliers among the pixels and spikes among the readings."""
+    generator = np.random.default_rng(seed)
+    events: list[Event] = []
+    for e in flight_events(make_rig(), glide, generator, duration_s=6.0, **options):  # type: ignore[arg-type]
+        if isinstance(e, PixelMeasurement) and e.t_s > 1.0 and generator.random() < 0.1:
+            events.append(replace(e, u_px=e.u_px + 30.0))
+        elif isinstance(e, PtuSample) and e.t_s > 1.0 and generator.random() < 0.02:
+            events.append(replace(e, pan_rad=e.pan_rad + 0.3))
+        elif isinstance(e, PtuSample) and e.station == "right":
+            # no two of a kind at one instant: their order would be that of their arrival
+            events.append(replace(e, t_s=e.t_s + 0.0001))
+        else:
+            events.append(e)
+    return events
+
+
+def delivered(events: list[Event], seed: int, delay_s: float, share: float = 0.3) -> list[Event]:
+    """A share of the pixels and readings arrives up to ``delay_s`` late; nothing is lost."""
+    generator = np.random.default_rng(seed)
+    arrival = [
+        e.t_s + (generator.uniform(0, delay_s) if not isinstance(e, Epoch) and generator.random() < share else 0.0)
+        for e in events
+    ]
+    return [events[k] for k in np.argsort(arrival, kind="stable")]
+
+
+class Watched(RecordedEkf):
+    """The filter, with its last word on each pixel."""
+
+    def update_pixel(self, station, pixel, covariance_px2, row_dt_s=0.0):  # type: ignore[no-untyped-def]
+        innovation = super().update_pixel(station, pixel, covariance_px2, row_dt_s)
+        self.__dict__.setdefault("verdicts", {})[(station, *pixel)] = innovation is not None and innovation.accepted
+        return innovation
+
+
+def verdicts(pipeline: Pipeline) -> dict[tuple, bool]:
+    return pipeline._ekf.__dict__["verdicts"]
+
+
+def flown(events: list[Event], config: Config) -> tuple[Pipeline, list[CameraReport]]:
+    pipeline = Pipeline(make_rig(), config, span_m=2.3, initial=START)
+    pipeline._ekf.__class__ = Watched
+    cameras = [c for e in events for c in pipeline.step(e).cameras]
+    return pipeline, cameras + list(pipeline.finish().cameras)
+
+
+@pytest.mark.parametrize("estimation", [{}, MODES], ids=["one way of flying", "two"])
+@pytest.mark.parametrize("offset_s", [0.0002, 0.013], ids=["nearly together", "apart"])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_late_inside_the_horizon_is_as_good_as_in_order(seed: int, offset_s: float, estimation: dict) -> None:
+    """A third of all pixels and readings up to 0.4 s late, waited for 20 ms: state, covariance, gates, spikes equal."""
+    events = spoiled(seed, exposure_offset_s={"right": offset_s})
+    ordered, _ = flown(events, tuning(**estimation))
+    assert ordered.fused_late == {"fused_late_ptu": 0, "fused_late_frames": 0}
+    late, cameras = flown(delivered(events, seed, 0.4), tuning(hold_s=0.02, **estimation))
+    assert late.fused_late["fused_late_ptu"] > 50
+    assert late.fused_late["fused_late_frames"] > 15
+    assert late.counts == ordered.counts
+    assert ordered.counts["ptu_spikes"] > 3
+    sigma = np.sqrt(np.diag(ordered._ekf.covariance))
+    assert late._ekf.time_s == ordered._ekf.time_s
+    scale = np.outer(sigma, sigma)
+    np.testing.assert_allclose(late._ekf.state / sigma, ordered._ekf.state / sigma, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(late._ekf.covariance / scale, ordered._ekf.covariance / scale, rtol=0, atol=1e-6)
+    # in the end each pixel was judged alike
+    assert verdicts(late) == verdicts(ordered)
+    assert len(verdicts(late)) == 120
+    assert not all(verdicts(late).values())
+    used = [c for c in cameras if c.status is DetectionStatus.LATE]
+    assert len(used) > 10
+    assert not [c for c in cameras if isinstance(c.result, Miss) and c.result.reason is MissReason.LATE]
+
+
+def test_the_look_is_where_the_target_was_expected_then() -> None:
+    """A frame that comes 0.3 s late is predicted as if it had been in time, to a small part of a pixel."""
+    events = list(flight_events(make_rig(), glide, np.random.default_rng(4), duration_s=6.0))
+    held = next(e for e in events if isinstance(e, PixelMeasurement) and e.station == "left" and e.t_s > 4.0)
+    order = [e for e in events if e is not held]
+    order.insert(next(k for k, e in enumerate(order) if e.t_s > held.t_s + 0.3), held)
+    (expected,) = [c for c in flown(events, tuning())[1] if c.station == "left" and c.t_s == held.t_s]
+    (looked,) = [c for c in flown(order, tuning(hold_s=0.02))[1] if c.station == "left" and c.t_s == held.t_s]
+    assert looked.status is DetectionStatus.LATE
+    assert looked.predicted_px is not None
+    assert expected.predicted_px is not None
+    np.testing.assert_allclose(looked.predicted_px, expected.predicted_px, atol=1e-6)
+
+
+def test_beyond_the_horizon_it_is_refused_and_counted() -> None:
+    """Horizon 0.1 s: what comes later than that changes nothing; each refused frame is a named miss."""
+    events = spoiled(5)
+    late, cameras = flown(delivered(events, 5, 0.6), tuning(hold_s=0.02, late_horizon_s=0.1))
+    refused = [c for c in cameras if isinstance(c.result, Miss) and c.result.reason is MissReason.LATE]
+    assert late.counts["late_frames"] == len(refused) > 5
+    assert late.counts["late_ptu"] > 20
+    assert late.fused_late["fused_late_frames"] > 0
+    nothing, cameras = flown(delivered(events, 5, 0.6), tuning(hold_s=0.02, late_horizon_s=0.0))
+    assert nothing.fused_late == {"fused_late_ptu": 0, "fused_late_frames": 0}
+    assert not [c for c in cameras if c.status is DetectionStatus.LATE]
+
+
+def test_late_data_before_there_was_a_target_is_refused() -> None:
+    """Nothing is searched for in the past: the frame is a named miss, the track begins as ever."""
+    start = replace(START, t_s=1.0, position_runway_m=glide(1.0))
+    events = list(flight_events(make_rig(), glide, np.random.default_rng(6), duration_s=3.0))
+    held = next(e for e in events if isinstance(e, PixelMeasurement) and e.t_s > 0.75)
+    order = [e for e in events if e is not held]
+    order.insert(next(k for k, e in enumerate(order) if e.t_s > 1.15), held)
+    pipeline = Pipeline(make_rig(), tuning(hold_s=0.02), initial=start)
+    reports = [pipeline.step(e) for e in order]
+    (looked,) = [c for r in reports for c in r.cameras if c.t_s == held.t_s and c.station == held.station]
+    assert isinstance(looked.result, Miss)
+    assert looked.result.reason is MissReason.LATE
+    assert pipeline.counts["late_frames"] == 1
+    assert [e.status for r in reports for e in r.estimates][-1] is TrackStatus.TRACKING
+
+
+def test_the_window_is_bounded_in_time_and_in_number() -> None:
+    """Two seconds of 200 Hz readings: no more than the horizon's worth is kept, or than is allowed."""
+    events = list(flight_events(make_rig(), glide, np.random.default_rng(7), duration_s=4.0, ptu_hz=200.0))
+    by_time, _ = flown(events, tuning(late_horizon_s=0.5))
+    assert len(by_time._window) <= 0.5 * (2 * 200 + 2 * 10) + 5
+    assert len(by_time._ekf.tape) <= 2 * len(by_time._window) + 5
+    by_number, _ = flown(events, tuning(late_max_entries=30))
+    assert len(by_number._window) <= 30
+
+
+def test_pictures_that_come_late_are_looked_at_and_disturb_nothing() -> None:
+    """Every third right picture of two seconds of the bundled landing comes 0.3 s late: nearly all give their pixel,
+    and the cameras miss nothing more than without them."""
+    session = load_session(RECORDING, None)
+
+    def looks(late: bool) -> list[CameraReport]:
+        cameras: list[CameraReport] = []
+        held: list[Frame] = []
+        with ReplaySource(session, 22.0, 27.0) as source:
+            pipeline = Pipeline(session.rig, Config(), span_m=session.target.span_m)
+            for event in source:
+                while held and held[0].t_s + 0.3 < event.t_s:
+                    cameras += pipeline.step(held.pop(0)).cameras
+                if isinstance(event, Frame) and event.station == "right" and event.t_s > 25 and event.epoch % 3 == 0:
+                    held += [event] * late
+                    continue
+                cameras += pipeline.step(event).cameras
+            cameras += pipeline.finish().cameras
+        return [c for c in cameras if c.t_s > 25]
+
+    without, with_them = looks(False), looks(True)
+    came = [c for c in with_them if c.station == "right" and c.epoch % 3 == 0]
+    assert len(came) >= 4
+    assert sum(c.status is DetectionStatus.LATE for c in came) >= len(came) - 1
+    missed = [(c.station, c.epoch) for c in with_them if c not in came and c.status is not DetectionStatus.OK]
+    assert missed == [(c.station, c.epoch) for c in without if c.status is not DetectionStatus.OK]
