@@ -79,6 +79,7 @@ class StationEkf:
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
+        self._rig_uncertain = any(not name.startswith("dgps_") for name in prior.names)
         self._read: set[str] = set()
         self._first_s: float | None = None
         self._newest_reference_s = -math.inf
@@ -320,7 +321,8 @@ class StationEkf:
         first of a target replaces its position: what pixels alone gave may be tens of metres off by the errors that are
         to be learnt now, too far to be linearised about.
         """
-        if self._newest_reference_s == -math.inf and self._config.calibration is CalibrationUse.REFERENCE:
+        first = self._newest_reference_s == -math.inf
+        if first and self._rig_uncertain and self._config.calibration is CalibrationUse.REFERENCE:
             return self._adopt(position_m, covariance_m2, ahead_s)
         expected = self._reference.predict(self.state, ahead_s, self._age_s())
         residual = position_m - expected.value
