@@ -98,6 +98,7 @@ class DetectionStatus(StrEnum):
     GATED = "gated"
     AMBIGUOUS = "ambiguous"
     CUT = "cut"
+    EXCLUDED = "excluded"
 
 
 class MissReason(StrEnum):

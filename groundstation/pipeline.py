@@ -13,7 +13,7 @@ from groundstation.epoch import EpochBook
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.encoders import EncoderFeed
 from groundstation.estimation.parameters import rig_prior
-from groundstation.frame_update import FrameUpdate
+from groundstation.frame_update import FrameUpdate, span_prior_sigma
 from groundstation.messages import (
     CameraReport,
     Epoch,
@@ -26,6 +26,7 @@ from groundstation.messages import (
     TrackEstimate,
 )
 from groundstation.rig import Rig
+from groundstation.station_health import StationHealth
 from groundstation.synchronise import Ready, ReadyFrame, Synchroniser
 from groundstation.target_keeper import TargetKeeper
 
@@ -59,17 +60,21 @@ class Pipeline:
         self._cameras = {s.name: CameraTracker(s, config) for s in rig.stations}
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
-        self._ekf = StationEkf(geometries, turning, config.estimation, rig_prior(rig))
+        self._ekf = StationEkf(
+            geometries, turning, config.estimation, rig_prior(rig).with_span(span_prior_sigma(span_m))
+        )
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._keeper = TargetKeeper(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
         self._synchroniser = Synchroniser(turning, config.synchronise, cameras=rig.names)
         self._book = EpochBook(config.estimation.fix_window_s)
+        self._health = StationHealth(geometries, self._ekf, config.integrity)
         self._frames = FrameUpdate(
             self._cameras,
             self._ekf,
             self._encoders,
             self._keeper,
             self._book,
+            self._health,
             config,
             span=SpanModel(span_m),
             stopwatch=stopwatch,
@@ -80,14 +85,23 @@ class Pipeline:
 
     @property
     def counts(self) -> dict[str, int]:
-        """What was refused on the way in: late PTU readings, late frames, PTU spikes."""
-        late = self._synchroniser.late
-        return {"late_ptu": late.ptu, "late_frames": late.frames, "ptu_spikes": self._encoders.spikes}
+        """What was refused on the way: late readings and frames, PTU spikes, stations lost, doubted, left out."""
+        late, health = self._synchroniser.late, self._health
+        return {
+            "late_ptu": late.ptu,
+            "late_frames": late.frames,
+            "ptu_spikes": self._encoders.spikes,
+            "stations_lost": health.lost,
+            "stations_doubted": health.watch.doubts,
+            "stations_excluded": health.watch.exclusions,
+            "excluded_pixels": health.excluded_pixels,
+        }
 
     def step(self, event: Event) -> StepReport:
         """Take one event; return the reports of everything whose time has come."""
         if isinstance(event, (Frame, PixelMeasurement)):
             self._book.arrived(event.epoch, self._stopwatch())
+            self._health.delivered(event.station, event.t_s)
         return self._run(self._synchroniser.push(event))
 
     def finish(self) -> StepReport:
@@ -136,6 +150,8 @@ class Pipeline:
         """Say where the target is at the pair's stamp, and how that is known."""
         page = self._book.close(epoch)
         triangulation_status, triangulation = page.triangulate(self._config.estimation.residual_gate_sigma)
+        for event in self._health.epoch(epoch.t_s, page):
+            self._keeper.say(event.t_s, event.level, event.text)
         fixed = len(page.accepted) >= 2
         kinematics = self._keeper.answer(epoch, fixed=fixed, proof=fixed and bool(page.views))
         self._out_estimates.append(

@@ -15,11 +15,12 @@ from scipy.stats import chi2
 from groundstation.arrays import FloatArray
 from groundstation.estimation.compiled_filter import innovation_covariance
 from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
-from groundstation.estimation.field_of_view import paper_weight, probability_in_view
+from groundstation.estimation.field_of_view import moments_after_miss, paper_weight, probability_in_view
 from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
 from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.motion import MotionModel
-from groundstation.estimation.parameters import ParameterPrior
+from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior
+from groundstation.estimation.silhouette import WidthModel
 from groundstation.estimation.state import StateLayout, state_layout
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
@@ -27,6 +28,8 @@ from groundstation.messages import Innovation, Kinematics
 
 # start of an axis that has been read once: it may turn at up to this rate (1 sigma)
 _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
+# so near to none or all of the prediction inside the image, a miss does not change its shape
+_HARDLY = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,10 +83,18 @@ class StationEkf:
         self._reference_gate = float(chi2.ppf(config.gate_probability, 3))
         self._pixels = {name: PixelModel(self.layout, geometry) for name, geometry in stations.items()}
         self._encoders = {name: EncoderModel(self.layout, name) for name in turning}
+        self._widths = {name: WidthModel(self.layout, geometry) for name, geometry in stations.items()}
+        self._width_gate = float(chi2.ppf(config.gate_probability, 1))
         self._reference = ReferenceModel(self.layout)
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
+        self._span_only = np.zeros(self.layout.size, np.bool_)
+        self._span = self.layout.parameters.get(LOG_SPAN)
+        if self._span is not None:
+            self._moving[self._span] = self._span_only[self._span] = True
+            own = prior.names.index(LOG_SPAN)
+            self._span_variance = float(prior.covariance[own, own])
         self._read: set[str] = set()
         self._first_s: float | None = None
         self._newest_reference_s = -math.inf
@@ -150,6 +161,10 @@ class StationEkf:
         Q = self._motions[-1].process_noise(age_s)[target, target]
         start = F @ np.concatenate([position_m, velocity_m_s])
         self._bank.place(target, start, F @ covariance @ F.T + Q)
+        if self._span is not None:
+            # another aircraft may have another span
+            only = slice(self._span, self._span + 1)
+            self._bank.place(only, np.zeros(1), np.full((1, 1), self._span_variance))
         self._bank.forget_modes()
         self.has_target = True
 
@@ -250,14 +265,16 @@ class StationEkf:
         nis = _squared_sigmas(residual, S)
         accepted = nis <= self._gate
         if accepted:
-            R, moved = covariance_px2, residual
+            R, moved, share = covariance_px2, residual, 1.0
             size = self._stations[station].image_size_px
-            if self._config.out_of_view is OutOfViewWeighting.PAPER:
-                T = paper_weight(prediction.pixel, size, self._config.paper_border_sigma_px)
-                moved = T * residual
-            else:
-                R = covariance_px2 / max(probability_in_view(prediction.pixel, spread, size), 1e-6)
-            self._bank.correct(moved, H, R, self._estimated(), telling=True)
+            match self._config.out_of_view:
+                case OutOfViewWeighting.PAPER:
+                    moved = paper_weight(prediction.pixel, size, self._config.paper_border_sigma_px) * residual
+                case OutOfViewWeighting.GAIN:
+                    share = probability_in_view(prediction.pixel, spread, size)
+                case OutOfViewWeighting.CONSISTENT:
+                    R = covariance_px2 / max(probability_in_view(prediction.pixel, spread, size), 1e-6)
+            self._bank.correct(moved, H, R, self._estimated(), telling=True, share=share)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 
     def update_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0) -> Innovation:
@@ -274,6 +291,50 @@ class StationEkf:
             self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
             self._bank.correct(residual, expected.jacobian, covariance_m2, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
+
+    def update_width(self, station: str, width_px: float, span_m: float, *, alone: bool) -> Innovation | None:
+        """Fuse the width in px of the target's silhouette in one camera: log w = log(span · f / depth · aspect).
+
+        The error of ``span_m`` is a state of its own (`groundstation.estimation.parameters.LOG_SPAN`), so that many
+        widths do not average it away. ``alone`` tells that no other camera sees the target: then the width gives
+        range; else it only teaches the span. None where the aspect is too oblique, or no span is carried.
+        """
+        expected = self._widths[station].predict(self.state, span_m, *self.angles(station))
+        if expected is None or width_px <= 0.0:
+            return None
+        residual = np.array([math.log(width_px)]) - expected.value
+        R = np.array([[self._config.width_sigma_log**2]])
+        S = innovation_covariance(self.covariance, expected.jacobian, R)
+        nis = float(residual[0] ** 2 / S[0, 0])
+        accepted = nis <= self._width_gate
+        if accepted:
+            estimated = self._estimated() if alone else self._span_only
+            self._bank.correct(residual, expected.jacobian, R, estimated, telling=False)
+        return Innovation(residual=residual, covariance=S, nis=nis, dof=1, accepted=accepted)
+
+    def in_view(self, station: str) -> float:
+        """Return how likely the target is inside a camera's image now."""
+        prediction = self.predict_pixel(station)
+        if prediction is None:
+            return 0.0
+        size = self._stations[station].image_size_px
+        return probability_in_view(prediction.pixel, self.pixel_covariance(prediction), size)
+
+    def absorb_miss(self, station: str, detection_probability: float) -> None:
+        """Take in that a camera which looked has seen nothing.
+
+        The part of the prediction that lies inside counts (1 − P_D) of what it did; the Gaussian with the moments
+        of what is left replaces it. Where all of it is inside, or behind the camera, nothing changes.
+        """
+        prediction = self.predict_pixel(station)
+        if prediction is None:
+            return
+        S = self.pixel_covariance(prediction)
+        size = self._stations[station].image_size_px
+        inside = probability_in_view(prediction.pixel, S, size)
+        if _HARDLY < inside < 1.0 - _HARDLY:
+            mean, covariance = moments_after_miss(prediction.pixel, S, size, detection_probability)
+            self._bank.reshape(prediction.jacobian, mean - prediction.pixel, covariance)
 
     def pixel_covariance(self, prediction: PixelPrediction) -> FloatArray:
         """Return the (2, 2) covariance of a predicted pixel."""

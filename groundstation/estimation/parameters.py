@@ -7,7 +7,8 @@ are ``station.parameter``: those of `groundstation.geometry.calibration`, and fo
 - ``ptu_clock.offset`` in s: likewise for the PTU's readings,
 - ``….drift``: how the offset grows, in s/s, from the filter's first instant on,
 
-and ``dgps_clock.offset``, ``dgps_clock.drift`` for the reference. An error that is *considered* keeps its value and
+and ``dgps_clock.offset``, ``dgps_clock.drift`` for the reference; ``target.log_span`` is the logarithm of the
+aircraft's span over the one that is assumed, always estimated. An error that is *considered* keeps its value and
 its variance (Schmidt), and the track's covariance never sinks below what it causes; one that is *estimated* is
 learnt as any other state.
 """
@@ -25,10 +26,13 @@ from groundstation.rig import Rig
 CLOCKS = ("camera_clock", "ptu_clock")
 CLOCK_PARTS = ("offset", "drift")
 DGPS_CLOCK = "dgps_clock"
+LOG_SPAN = "target.log_span"
+# banks, crabs and uneven light change a silhouette's width slowly: what is learnt of the span ages so fast, 1/s
+_SPAN_WALK_PSD = 1e-4
 _STATION_NAMES = frozenset(
     [*CALIBRATION_PARAMETERS, *(f"{clock}.{part}" for clock in CLOCKS for part in CLOCK_PARTS)],
 )
-_DGPS_NAMES = frozenset(f"{DGPS_CLOCK}.{part}" for part in CLOCK_PARTS)
+_OTHER_NAMES = frozenset([LOG_SPAN, *(f"{DGPS_CLOCK}.{part}" for part in CLOCK_PARTS)])
 
 
 class ParameterError(GroundstationError):
@@ -65,11 +69,19 @@ class ParameterPrior:
         if len(set(self.names)) < m:
             raise ParameterError(f"got a name twice in {', '.join(self.names)}; wanted each once")
 
+    def with_span(self, sigma: float) -> "ParameterPrior":
+        """Return this prior and the span's error with it; ``sigma`` of its logarithm."""
+        m = len(self.names)
+        covariance = np.zeros((m + 1, m + 1))
+        covariance[:m, :m], covariance[m, m] = self.covariance, sigma**2
+        walk_psd = np.append(self.walk_psd, _SPAN_WALK_PSD)
+        return ParameterPrior(names=(*self.names, LOG_SPAN), covariance=covariance, walk_psd=walk_psd)
+
     def require_stations(self, stations: Sequence[str]) -> None:
         """Raise `ParameterError` unless every name is a parameter of one of ``stations`` or of the DGPS clock."""
         for name in self.names:
             station, _, parameter = name.partition(".")
-            if name not in _DGPS_NAMES and (station not in stations or parameter not in _STATION_NAMES):
+            if name not in _OTHER_NAMES and (station not in stations or parameter not in _STATION_NAMES):
                 wanted = f"station.parameter with one of {', '.join(stations)}"
                 raise ParameterError(f"got the carried error {name!r}; wanted {wanted}")
 

@@ -37,6 +37,7 @@ DETECTION_STATES = {
     DetectionStatus.GATED: DOUBTFUL,
     DetectionStatus.AMBIGUOUS: DOUBTFUL,
     DetectionStatus.CUT: DOUBTFUL,
+    DetectionStatus.EXCLUDED: BAD,
 }
 PAVEMENT = (70, 74, 80)
 MARKING = (165, 170, 175)
