@@ -1,10 +1,10 @@
 """How likely it is that what is tracked is still there, by what the cameras see and do not see.
 
 As in integrated probabilistic data association (Mušicki, Evans & Stanković 1994), without its clutter model: a look
-that finds nothing multiplies the odds by 1 − P_D p_v, with p_v the predicted mass inside the image and P_D how often this
-camera has found the target lately; an accepted pixel multiplies them by a constant. Misses have causes that last (a
-bird, a dark hill), so looks of one camera within a memory τ count as one: a look Δt after the one before has
-the power Δt/τ. What was not looked at says nothing.
+that finds nothing multiplies the odds by 1 − P_D p_v, with p_v the predicted mass inside the image and P_D how often
+this camera has found the target lately; an accepted pixel multiplies them by a constant. Misses have causes that last
+(a bird, a dark hill), so looks of one camera within a memory τ count as one: a look Δt after the one before has the
+power Δt/τ. What was not looked at says nothing.
 """
 
 _FIRST_DETECTION = 0.8

@@ -21,6 +21,7 @@ from groundstation.estimation.initialise import Sighting
 from groundstation.estimation.measurement import PixelPrediction
 from groundstation.estimation.trajectory_curve import Knot
 from groundstation.geometry.angles import wrap_rad
+from groundstation.integrity import Verdict
 from groundstation.messages import (
     CameraReport,
     Detection,
@@ -272,7 +273,7 @@ class FrameUpdate:
 
     def _in_vain(self, record: Frame, miss: Miss) -> None:
         """Take a look that found nothing as evidence; where something was found, but not what, it is none."""
-        if miss.reason not in _NOTHING_THERE or not self._health.uses(record.station):
+        if miss.reason not in _NOTHING_THERE or self._health.watch.verdict(record.station) is Verdict.EXCLUDED:
             return
         before = self._ekf.in_view(record.station)
         share = self._keeper.life.existence.miss(record.station, record.t_s, before)

@@ -98,7 +98,7 @@ class TrackLife:
         return event
 
     def is_lost(self, t_s: float, ekf: StationEkf, stations: Iterable[str]) -> bool:
-        """Return whether the covariance, what was looked at in vain, or the time without a pixel says that it is lost."""
+        """Return whether the covariance, the looks in vain, or the time without a pixel says that it is lost."""
         c = self._config
         if self.existence.probability < c.lost_existence:
             return True
