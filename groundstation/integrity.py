@@ -9,8 +9,8 @@ but noise and a constant error of variance ρ times the noise's (calibration, th
 separation of the fix with and without the station, in its own pixels: a leave-one-out test.
 
 The largest T_s finds the fault, its distance from the next says whether it is known whose it is. Where T does not tell
-(three stations have one bearing to spare), the filter's own innovations may: the faulty station's jump first, and once
-its pixels are refused nobody else's do. With two stations T is the same for both: the fault is seen, not whose it is.
+(three stations have one bearing to spare), the filter's own innovations may: until the filter has believed a fault, only
+the faulty station's jump, so whose jumped first is to blame. With two stations T is the same for both: the fault is seen, not whose it is.
 """
 
 from collections import deque
@@ -27,6 +27,10 @@ from groundstation.arrays import FloatArray
 _MOST_OF_ONE = 36.0
 # a direction with a smaller share of the pixel's own information is not tested
 _LEAST_SHARE = 1e-2
+# an innovation beyond this (χ² of 2 degrees, one in a thousand) jumps; two of three in a row are no chance
+_JUMP = 13.8
+# jumps within one epoch are simultaneous
+_TOGETHER_S = 0.02
 # windows overlap: so many of them are as good as independent, each window's length
 _INDEPENDENT_PER_WINDOW = 5.0
 
@@ -42,7 +46,7 @@ class IntegrityConfig:
     window_s : epochs of this time are judged together.
     min_epochs : and at least so many.
     constant_px : one sigma of a station's constant error that is no fault: calibration and the nose's bias.
-    margin : T of the faulty station over the next one's, to be sure whose fault it is; and of innovations likewise.
+    margin : T of the faulty station over the next one's, to be sure whose fault it is.
     readmit_s : an excluded station is used again after it has agreed with the others for so long.
     silent_s : a station that has delivered nothing for so long is reported.
     """
@@ -163,18 +167,26 @@ class IntegrityWatch:
         length = float(np.hypot(*white))
         own = self._sums[station].innovations
         own.append((t_s, white * min(1.0, _MOST_OF_ONE**0.5 / max(length, 1e-12))))
-        while own[0][0] < t_s - self._config.window_s:
+        while own[0][0] < t_s - 2.0 * self._config.window_s:
             own.popleft()
 
+    def jumped_s(self, station: str) -> float | None:
+        """Return when a station's innovations began to jump, within the last two windows; None if they did not."""
+        times = [(t_s, float(w @ w) > _JUMP) for t_s, w in self._sums[station].innovations]
+        for k, (t_s, jump) in enumerate(times):
+            if jump and any(again for _, again in times[k + 1 : k + 3]):
+                return t_s
+        return None
+
     def innovation_square(self, station: str) -> float:
-        """Return n·|mean|² of the window's whitened innovations: χ² of 2 degrees for a filter that is right."""
+        """Return n·|mean|² of the whitened innovations of two windows: χ² of 2 degrees for a filter that is right."""
         own = self._sums[station].innovations
         if not own:
             return 0.0
         return float(len(own) * np.square(np.mean([w for _, w in own], axis=0)).sum())
 
     def normalised_square(self, station: str) -> float:
-        """Return the window's mean NIS per degree of freedom: 1 for a filter that is right."""
+        """Return the mean NIS of two windows per degree of freedom: 1 for a filter that is right."""
         own = self._sums[station].innovations
         return 0.0 if not own else float(np.mean([w @ w for _, w in own])) / 2.0
 
@@ -293,11 +305,15 @@ class IntegrityWatch:
         margin = self._config.margin
         if alarms[order[0]].statistic > margin * alarms[order[1]].statistic:
             return order[0]
-        # the separations are alike: whose innovations jumped?
+        if any(self._verdicts[name] is Verdict.DOUBTED for name in alarms):
+            # the filter has gone along with the fault since: innovations no longer tell
+            return None
+        # the separations are alike: whose innovations jumped first?
         alike = [name for name in order if margin * alarms[name].statistic >= alarms[order[0]].statistic]
-        jumps = sorted(alike, key=self.innovation_square, reverse=True)
-        first, second = self.innovation_square(jumps[0]), self.innovation_square(jumps[1])
-        return jumps[0] if first > max(margin * second, self._limits[2]) else None
+        jumps = sorted((t_s, name) for name in alike if (t_s := self.jumped_s(name)) is not None)
+        if not jumps or (len(jumps) > 1 and jumps[1][0] - jumps[0][0] < _TOGETHER_S):
+            return None
+        return jumps[0][1]
 
 
 def _leave_out(sight: Sight, others: Sequence[Sight]) -> tuple[FloatArray, FloatArray]:
