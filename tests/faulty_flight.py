@@ -27,9 +27,14 @@ def rig_of(names: tuple[str, ...] = STATIONS) -> Rig:
 
 
 def scenario(
-    seed: int, names: tuple[str, ...] = STATIONS, trajectory: Trajectory | None = None, camera: CameraModel | None = None
+    seed: int,
+    names: tuple[str, ...] = STATIONS,
+    trajectory: Trajectory | None = None,
+    camera: CameraModel | None = None,
+    ptu_hz: float | None = None,
 ) -> Scenario:
-    base = case_b(seed=seed, trajectory=Glide(start_y_m=400.0, end_y_m=150.0) if trajectory is None else trajectory)
+    path = Glide(start_y_m=400.0, end_y_m=150.0) if trajectory is None else trajectory
+    base = case_b(seed=seed, trajectory=path, ptu_hz=ptu_hz)
     rig = rig_of(names)
     model = base.cameras["left"] if camera is None else camera
     ptu = base.ptus["left"]
