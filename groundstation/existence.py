@@ -9,8 +9,8 @@ power Δt/τ. What was not looked at says nothing.
 
 _FIRST_DETECTION = 0.8
 _LEAST_DETECTION, _MOST_DETECTION = 0.3, 0.95
-# P_D follows what happens within some seconds, and only where the target was surely in the image
-_DETECTION_MEMORY_S = 5.0
+# P_D follows what happens over many seconds, and only where the target was surely in the image
+_DETECTION_MEMORY_S = 15.0
 _SURELY = 0.9
 _HIT_FACTOR = 20.0
 _MOST_ODDS = 999.0
@@ -65,7 +65,8 @@ class Existence:
         since_s = max(t_s - self._looked_s.get(station, t_s), 0.0)
         self._looked_s[station] = t_s
         if in_view >= _SURELY:
-            rate = min(since_s / _DETECTION_MEMORY_S, 0.5)
+            # a target that is not there is not missed
+            rate = self.probability * min(since_s / _DETECTION_MEMORY_S, 0.5)
             old = self._detection.get(station, _FIRST_DETECTION)
             self._detection[station] = old + rate * (found - old)
         return min(since_s / self._memory_s, 1.0)

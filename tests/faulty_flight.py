@@ -118,6 +118,8 @@ def without(flight: SimulatedFlight, gone: dict[str, tuple[float, float]]) -> li
     """The flight's events less the pixels of some stations within some time."""
 
     def silent(e: Event) -> bool:
-        return isinstance(e, PixelMeasurement) and e.station in gone and gone[e.station][0] <= e.t_s < gone[e.station][1]
+        return (
+            isinstance(e, PixelMeasurement) and e.station in gone and gone[e.station][0] <= e.t_s < gone[e.station][1]
+        )
 
     return [e for e in flight.events if not silent(e)]

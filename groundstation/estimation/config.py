@@ -99,7 +99,7 @@ class EstimationConfig:
     alone_after_s: float = 0.5
     miss_memory_s: float = 1.0
     doubtful_existence: float = 0.5
-    lost_existence: float = 1e-4
+    lost_existence: float = 1e-3
     lost_sigma_px: float = 200.0
     lost_sigma_m: float = 60.0
     lost_after_s: float = 8.0

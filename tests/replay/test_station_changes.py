@@ -10,7 +10,6 @@ from groundstation.simulation.approach import Glide
 from groundstation.simulation.cases import drawn_glide
 from tests.faulty_flight import STATIONS, scenario, watch, without
 
-
 PSD_M2_S3 = (1.0, 4.0, 2.0)
 
 
