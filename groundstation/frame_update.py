@@ -43,7 +43,7 @@ _MISS_STATUS = {
 }
 
 
-_NOTHING_THERE = (MissReason.LOW_CONTRAST, MissReason.NO_REGION, MissReason.WRONG_SIZE)
+_NOTHING_THERE = (MissReason.LOW_CONTRAST, MissReason.NO_REGION)
 
 
 def span_prior_sigma(span_m: float | None) -> float:
@@ -282,7 +282,8 @@ class FrameUpdate:
     def _use_width(self, camera: CameraTracker, found: Detection, t_s: float) -> None:
         """Take the silhouette's width for the range where no other camera sees the target, else for the span."""
         name, span_m = camera.station.name, self._assumed_span_m
-        others = [seen for station, seen in self._contributed.items() if station != name]
+        began_s = self._keeper.life.started_s
+        others = [max(self._contributed.get(station, began_s), began_s) for station in self._cameras if station != name]
         alone = all(t_s - seen > self._config.estimation.alone_after_s for seen in others)
         self._ekf.update_width(name, found.box[2], span_m, alone=alone)
 

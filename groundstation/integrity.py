@@ -9,8 +9,9 @@ but noise and a constant error of variance ρ times the noise's (calibration, th
 separation of the fix with and without the station, in its own pixels: a leave-one-out test.
 
 The largest T_s finds the fault, its distance from the next says whether it is known whose it is. Where T does not tell
-(three stations have one bearing to spare), the filter's own innovations may: until the filter has believed a fault, only
-the faulty station's jump, so whose jumped first is to blame. With two stations T is the same for both: the fault is seen, not whose it is.
+(three stations have one bearing to spare), the filter's own innovations may: until the filter has believed a fault,
+only the faulty station's jump, so whose jumped first is to blame. With two stations T is the same for both: the fault
+is seen, not whose it is.
 """
 
 from collections import deque

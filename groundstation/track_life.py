@@ -38,6 +38,11 @@ class TrackLife:
         self._settled = False
         self._found_at: FloatArray | None = None
 
+    @property
+    def started_s(self) -> float:
+        """When the target was begun."""
+        return self._started_s
+
     def started(self, t_s: float, found_at_m: FloatArray | None) -> None:
         """Note that a target was begun at ``t_s``; ``found_at_m`` (3,) where searching found it, None if given."""
         self._newest_pixel_s = self._started_s = self._newest_fix_s = t_s

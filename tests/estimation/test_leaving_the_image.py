@@ -97,7 +97,7 @@ def test_not_being_seen_says_where_it_is() -> None:
 
 
 def test_a_miss_moves_belief_outside(rng: np.random.Generator) -> None:
-    """Against sampling: at the border, in a corner, with correlation; far inside only the odds change, not the shape."""
+    """Against sampling: at the border, in a corner, with correlation; far inside the shape does not change."""
     S = np.array([[900.0, 250.0], [250.0, 400.0]])
     for centre in ([10.0, 480.0], [-20.0, 500.0], [1275.0, 950.0]):
         samples = rng.multivariate_normal(centre, S, 200_000)
