@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from groundstation.integrity import IntegrityConfig, IntegrityWatch, Sight, Verdict
 from groundstation.messages import DetectionStatus, PixelMeasurement
-from groundstation.simulation import StationErrors, simulate
+from groundstation.simulation import StationErrors, perturbed, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.cases import drawn_glide
 from tests.faulty_flight import STATIONS, broken, rig_of, scenario, watch
@@ -114,6 +114,26 @@ def test_a_faulty_station_is_named_and_left_out(station: str, error: StationErro
         assert watched.pipeline.counts["stations_excluded"] == 1
         assert watched.pipeline.counts["excluded_pixels"] >= len(after)
         assert watched.anees(BUMP_S + 3.0) < 2.0
+
+
+def test_what_the_rig_file_states_is_no_fault() -> None:
+    """Mounts off by 0.01° rms, and stated so: nobody is accused; a bump of 0.1° is found, nobody else blamed."""
+    sigma = np.radians(0.01)
+    names = tuple(f"runway_from_base.{axis}" for axis in "xyz")
+    for seed in range(4):
+        flight = scenario(seed)
+        stations = [
+            replace(s, covariance_parameters=names, covariance=np.eye(3) * sigma**2) for s in flight.rig.stations
+        ]
+        draw = np.random.default_rng(seed).normal(0, sigma, (3, 3))
+        errors = {name: StationErrors(mount_rad=draw[k]) for k, name in enumerate(STATIONS)}
+        stated = replace(
+            flight, rig=replace(flight.rig, stations=tuple(stations)), true_rig=perturbed(flight.rig, errors)
+        )
+        healthy = watch(simulate(stated))
+        assert healthy.pipeline.counts["stations_excluded"] == healthy.pipeline.counts["stations_doubted"] == 0
+        bumped = watch(broken(stated, {"left": mount(tilt_deg=0.1)}, BUMP_S))
+        assert [e.text.split(":")[0] for e in bumped.said("no longer used")] == ["station left"]
 
 
 def test_excluding_keeps_the_error_down() -> None:
