@@ -20,6 +20,7 @@ from groundstation.detection.config import DetectionConfig
 from groundstation.errors import ConfigError
 from groundstation.estimation.config import EstimationConfig, InitiationConfig
 from groundstation.evaluation.config import EvaluationConfig
+from groundstation.integrity import IntegrityConfig
 from groundstation.synchronise import SynchroniseConfig
 from groundstation.toml_table import load_toml, quoted, shown
 
@@ -45,6 +46,7 @@ class Config:
     synchronise: SynchroniseConfig = field(default_factory=SynchroniseConfig)
     estimation: EstimationConfig = field(default_factory=EstimationConfig)
     initiation: InitiationConfig = field(default_factory=InitiationConfig)
+    integrity: IntegrityConfig = field(default_factory=IntegrityConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
 
 

@@ -12,7 +12,8 @@ _KEPT_S = 2.0
 class EpochView:
     """One camera's target pixel with its station's angles, and whether the filter accepted it.
 
-    ``labelled`` marks pixels of a detections-only session, which belong to an epoch by their time.
+    ``labelled`` marks pixels of a detections-only session, which belong to an epoch by their time. A station that is
+    not ``trusted`` is watched, and takes no part in the baseline.
     """
 
     t_s: float
@@ -21,6 +22,7 @@ class EpochView:
     view: View
     accepted: bool
     labelled: bool
+    trusted: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,9 +40,10 @@ class EpochPage:
 
     def triangulate(self, residual_gate_sigma: float) -> tuple[TriangulationStatus, Triangulation | None]:
         """Return the baseline's answer; ``residual`` where the rays do not meet within their noise."""
-        if len(self.views) < 2:
+        trusted = [v.view for v in self.views if v.trusted]
+        if len(trusted) < 2:
             return TriangulationStatus.ONE_VIEW, None
-        point = triangulate([v.view for v in self.views])
+        point = triangulate(trusted)
         if point is None:
             return TriangulationStatus.RESIDUAL, None
         if point.residual_sigma > residual_gate_sigma:

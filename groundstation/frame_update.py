@@ -21,6 +21,7 @@ from groundstation.estimation.initialise import Sighting
 from groundstation.estimation.measurement import PixelPrediction
 from groundstation.estimation.trajectory_curve import Knot
 from groundstation.geometry.angles import wrap_rad
+from groundstation.integrity import Verdict
 from groundstation.messages import (
     CameraReport,
     Detection,
@@ -30,6 +31,7 @@ from groundstation.messages import (
     MissReason,
     PixelMeasurement,
 )
+from groundstation.station_health import StationHealth
 from groundstation.synchronise import AngleFault, AnglesAt, ReadyFrame
 from groundstation.target_keeper import TargetKeeper
 from groundstation.triangulation import View
@@ -39,6 +41,14 @@ _MISS_STATUS = {
     MissReason.CUT: DetectionStatus.CUT,
     MissReason.OUT_OF_VIEW: DetectionStatus.OUT_OF_VIEW,
 }
+
+
+_NOTHING_THERE = (MissReason.LOW_CONTRAST, MissReason.NO_REGION)
+
+
+def span_prior_sigma(span_m: float | None) -> float:
+    """Return one sigma of the logarithm of the target's span before anything is seen; None is unknown."""
+    return SpanModel(span_m).sigma_ratio
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +66,7 @@ class FrameUpdate:
     Parameters
     ----------
     cameras : what looks for the target in each camera's images, by station.
-    encoders, ekf, keeper, book : the filter and what surrounds it; shared with the pipeline.
+    encoders, ekf, keeper, book, health : the filter and what surrounds it; shared with the pipeline.
     span : what is known of the target's size.
     stopwatch : a clock for measuring effort, in s.
     keep_images : whether reports carry the images.
@@ -69,6 +79,7 @@ class FrameUpdate:
         encoders: EncoderFeed,
         keeper: TargetKeeper,
         book: EpochBook,
+        health: StationHealth,
         config: Config,
         *,
         span: SpanModel,
@@ -80,8 +91,12 @@ class FrameUpdate:
         self._encoders = encoders
         self._keeper = keeper
         self._book = book
+        self._health = health
+        self._contributed: dict[str, float] = {}
         self._config = config
         self._span = span
+        # the filter carries the span's error against this one
+        self._assumed_span_m = config.initiation.usual_span_m if span.span_m is None else span.span_m
         self._stopwatch = stopwatch
         self._keep_images = keep_images
 
@@ -194,6 +209,7 @@ class FrameUpdate:
             return replace(report, status=DetectionStatus.OUT_OF_VIEW, result=miss)
         report = replace(report, roi=look.roi, result=look.result, channel_contrast=look.channel_contrast)
         if isinstance(look.result, Miss):
+            self._in_vain(record, look.result)
             return replace(report, status=_MISS_STATUS.get(look.result.reason, DetectionStatus.MISS))
         return report
 
@@ -209,17 +225,27 @@ class FrameUpdate:
         if found.cut and not self._likely_in_view(report):
             # the border hides the nose: what is seen is another part of the aircraft
             return replace(report, status=DetectionStatus.CUT)
-        # someone else's pixels are taken for what they say; our detector's errors last
-        lasting = self._config.estimation.detection_lasting_share if isinstance(record, Frame) else 0.0
-        innovation = self._ekf.update_pixel(record.station, pixel, found.covariance_px2, row_dt, lasting)
+        trusted = self._health.uses(record.station)
+        innovation, status = None, DetectionStatus.EXCLUDED
+        if trusted:
+            R = found.covariance_px2 + self._health.watch.extra_px2(record.station)
+            # someone else's pixels are taken for what they say; our detector's errors last
+            lasting = self._config.estimation.detection_lasting_share if isinstance(record, Frame) else 0.0
+            innovation = self._ekf.update_pixel(record.station, pixel, R, row_dt, lasting)
+            status = DetectionStatus.GATED
+        if innovation is not None:
+            self._health.watch.judged(record.station, record.t_s, innovation.residual, innovation.covariance)
         accepted = innovation is not None and innovation.accepted
-        status = DetectionStatus.GATED
         if accepted:
             status = DetectionStatus.CUT if found.cut else DetectionStatus.OK
             self._keeper.life.saw(record.t_s)
-            if isinstance(record, Frame) and not found.cut:
-                camera.accepted(found)
-                self._learn_span(camera, found)
+            if isinstance(record, Frame):
+                self._keeper.life.existence.hit(record.station, record.t_s)
+                if not found.cut:
+                    camera.accepted(found)
+                    self._use_width(camera, found, record.t_s)
+                    self._learn_span(camera, found)
+            self._contributed[record.station] = record.t_s
         view = View(
             station=camera.geometry,
             pixel=pixel,
@@ -236,6 +262,7 @@ class FrameUpdate:
                 view=view,
                 accepted=accepted and not found.cut,
                 labelled=isinstance(record, PixelMeasurement),
+                trusted=trusted,
             )
         )
         return replace(report, status=status, innovation=innovation)
@@ -246,6 +273,22 @@ class FrameUpdate:
             return True
         size = self._cameras[report.station].geometry.image_size_px
         return probability_in_view(report.predicted_px, report.predicted_covariance_px2, size) >= 0.5
+
+    def _in_vain(self, record: Frame, miss: Miss) -> None:
+        """Take a look that found nothing as evidence; where something was found, but not what, it is none."""
+        if miss.reason not in _NOTHING_THERE or self._health.watch.verdict(record.station) is Verdict.EXCLUDED:
+            return
+        before = self._ekf.in_view(record.station)
+        share = self._keeper.life.existence.miss(record.station, record.t_s, before)
+        self._ekf.absorb_miss(record.station, share)
+
+    def _use_width(self, camera: CameraTracker, found: Detection, t_s: float) -> None:
+        """Take the silhouette's width for the range where no other camera sees the target, else for the span."""
+        name, span_m = camera.station.name, self._assumed_span_m
+        began_s = self._keeper.life.started_s
+        others = [max(self._contributed.get(station, began_s), began_s) for station in self._cameras if station != name]
+        alone = all(t_s - seen > self._config.estimation.alone_after_s for seen in others)
+        self._ekf.update_width(name, found.box[2], span_m, alone=alone)
 
     def _learn_span(self, camera: CameraTracker, found: Detection) -> None:
         after = self._ekf.predict_pixel(camera.station.name)

@@ -128,6 +128,7 @@ class DetectionStatus(StrEnum):
     AMBIGUOUS = "ambiguous"
     CUT = "cut"
     LATE = "late"
+    EXCLUDED = "excluded"
 
     @property
     def used(self) -> bool:

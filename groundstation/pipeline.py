@@ -18,7 +18,7 @@ from groundstation.estimation.parameters import ParameterPrior, rig_prior
 from groundstation.estimation.recorded_ekf import ROUNDING_S, RecordedEkf
 from groundstation.estimation.replay_window import ReplayWindow
 from groundstation.estimation.smoother import Smoother
-from groundstation.frame_update import FrameUpdate
+from groundstation.frame_update import FrameUpdate, span_prior_sigma
 from groundstation.messages import (
     CameraReport,
     CarriedError,
@@ -35,6 +35,7 @@ from groundstation.messages import (
     TrackEstimate,
 )
 from groundstation.rig import Rig
+from groundstation.station_health import StationHealth
 from groundstation.synchronise import LateReading, Ready, ReadyFrame, Synchroniser
 from groundstation.target_keeper import TargetKeeper
 
@@ -70,7 +71,7 @@ class Pipeline:
         self._cameras = {s.name: CameraTracker(s, config) for s in rig.stations}
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
-        prior = rig_prior(rig)
+        prior = rig_prior(rig).with_span(span_prior_sigma(span_m))
         if reference_errors is not None:
             prior = prior.joined(reference_errors)
         self._ekf = RecordedEkf(geometries, turning, config.estimation, prior)
@@ -88,12 +89,14 @@ class Pipeline:
         )
         self._fused_late = {"fused_late_ptu": 0, "fused_late_frames": 0}
         self._book = EpochBook(config.estimation.fix_window_s)
+        self._health = StationHealth(geometries, self._ekf, config.integrity)
         self._frames = FrameUpdate(
             self._cameras,
             self._ekf,
             self._encoders,
             self._keeper,
             self._book,
+            self._health,
             config,
             span=SpanModel(span_m),
             stopwatch=stopwatch,
@@ -105,13 +108,17 @@ class Pipeline:
 
     @property
     def counts(self) -> dict[str, int]:
-        """What was refused on the way in: PTU readings and frames too late even to go back for, PTU spikes."""
-        late, fused = self._synchroniser.late, self._fused_late
+        """What was refused: what came too late even to go back for, PTU spikes, stations lost, doubted, left out."""
+        late, fused, health = self._synchroniser.late, self._fused_late, self._health
         return {
             "late_ptu": late.ptu - fused["fused_late_ptu"],
             "late_frames": late.frames - fused["fused_late_frames"],
             "ptu_spikes": self._encoders.spikes,
             "references_refused": self._refused_references + late.references,
+            "stations_lost": health.lost,
+            "stations_doubted": health.watch.doubts,
+            "stations_excluded": health.watch.exclusions,
+            "excluded_pixels": health.excluded_pixels,
         }
 
     @property
@@ -149,6 +156,7 @@ class Pipeline:
         """Take one event; return the reports of everything whose time has come."""
         if isinstance(event, (Frame, PixelMeasurement)):
             self._book.arrived(event.epoch, self._stopwatch())
+            self._health.delivered(event.station, event.t_s)
         return self._run(self._synchroniser.push(event))
 
     def finish(self) -> StepReport:
@@ -244,6 +252,8 @@ class Pipeline:
         """Say where the target is at the pair's stamp, and how that is known."""
         page = self._book.close(epoch)
         triangulation_status, triangulation = page.triangulate(self._config.estimation.residual_gate_sigma)
+        for event in self._health.epoch(epoch.t_s, page):
+            self._keeper.say(event.t_s, event.level, event.text)
         fixed = len(page.accepted) >= 2
         kinematics = self._keeper.answer(epoch, fixed=fixed, proof=fixed and bool(page.views))
         self._out_estimates.append(

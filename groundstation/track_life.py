@@ -2,7 +2,8 @@
 
 A track is *tracking* while two or more cameras' pixels are accepted in the same epoch (a fix), *coasting*
 while it lives without, and *lost* when its covariance says that the cameras could no longer be told where to
-look, or after a stated time without any accepted pixel.
+look, when it has not been where it should have been seen (`groundstation.existence`), or at the latest after a stated
+time without any accepted pixel.
 
 A target that was found by searching has to prove itself. It is *acquiring*, without an estimate, until it has had
 a fix and its velocity has settled; it is dropped as false if a few fixes do not come soon, or if it does not move
@@ -16,6 +17,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.ekf import StationEkf
+from groundstation.existence import Existence
 from groundstation.messages import TrackEvent, TrackStatus
 
 # five sigmas
@@ -27,6 +29,7 @@ class TrackLife:
 
     def __init__(self, config: EstimationConfig) -> None:
         self.status = TrackStatus.SEARCHING
+        self.existence = Existence(config.miss_memory_s)
         self._config = config
         self._newest_pixel_s = 0.0
         self._newest_fix_s = 0.0
@@ -35,12 +38,18 @@ class TrackLife:
         self._settled = False
         self._found_at: FloatArray | None = None
 
+    @property
+    def started_s(self) -> float:
+        """When the target was begun."""
+        return self._started_s
+
     def started(self, t_s: float, found_at_m: FloatArray | None) -> None:
         """Note that a target was begun at ``t_s``; ``found_at_m`` (3,) where searching found it, None if given."""
         self._newest_pixel_s = self._started_s = self._newest_fix_s = t_s
         self._found_at = found_at_m
         self._settled = found_at_m is None
         self._fixes = 0
+        self.existence.start()
 
     def is_false(self, t_s: float, ekf: StationEkf) -> bool:
         """Return whether a found target has failed to prove itself in the time it was given."""
@@ -80,8 +89,9 @@ class TrackLife:
         return TrackStatus.TRACKING if fixed else TrackStatus.COASTING
 
     def needs_search(self, t_s: float) -> bool:
-        """Return whether the last fix is so old that the whole frames are searched beside the prediction."""
-        return t_s - self._newest_fix_s > self._config.search_again_s
+        """Return whether the whole frames are searched beside the prediction: the last fix is old, or belief small."""
+        doubtful = self.existence.probability < self._config.doubtful_existence
+        return doubtful or t_s - self._newest_fix_s > self._config.search_again_s
 
     def change(self, t_s: float, status: TrackStatus) -> TrackEvent | None:
         """Set the status; return an event if it is another."""
@@ -93,8 +103,10 @@ class TrackLife:
         return event
 
     def is_lost(self, t_s: float, ekf: StationEkf, stations: Iterable[str]) -> bool:
-        """Return whether the covariance, or the time without a pixel, says that the target is lost."""
+        """Return whether the covariance, the looks in vain, or the time without a pixel says that it is lost."""
         c = self._config
+        if self.existence.probability < c.lost_existence:
+            return True
         if t_s - self._newest_pixel_s > c.lost_after_s:
             return True
         where = ekf.layout.position

@@ -166,8 +166,7 @@ class Detector:
         if cut:
             if look.border_distance(point) < 0.1 * width * look.scale or look.half_wing_gone(group.box):
                 return Miss(reason=MissReason.CUT, detail="the image border cuts the nose off")
-            # what is missing may have been the wider part
-            covariance = covariance + (0.05 * group.width * look.scale) ** 2 * np.eye(2)
+            covariance = covariance + look.cut_covariance(group.box)
         doubt = math.sqrt(float(covariance[0, 0] + covariance[1, 1]))
         if doubt > _MOST_DOUBT_PER_SPAN * width * look.scale + _MOST_DOUBT_PX:
             return Miss(reason=MissReason.NO_REGION, detail=f"the target point is uncertain by {doubt:.0f} px")

@@ -11,6 +11,7 @@ from groundstation.messages import Roi
 
 UNKNOWN_SPAN_PX = 25.0
 _LENGTH_PER_SPAN = 0.75
+_CUT_ANYWHERE, _CUT_ACROSS = 0.05, 0.15
 _MIN_SPAN_SIGMA = 0.02
 _THICK_END_ON, _THICK_PER_LENGTH = 0.6, 0.6
 
@@ -77,6 +78,21 @@ class Look:
         left, top, right, bottom = (not edge for edge in self.open_edges())
         h, w = self.image.shape[:2]
         return (left and x0 <= 0) or (top and y0 <= 0) or (right and x1 >= w) or (bottom and y1 >= h)
+
+    def cut_covariance(self, box: tuple[int, int, int, int]) -> FloatArray:
+        """Return what a cut adds to the target point's covariance (2, 2), full-image px².
+
+        What is missing may have been the wider part, which is an error in every direction; and the point moves with
+        the middle of what is left, across the border that cuts, by a share of what is missing.
+        """
+        x0, y0, x1, y1 = box
+        left, top, right, bottom = (not edge for edge in self.open_edges())
+        h, w = self.image.shape[:2]
+        width = float(x1 - x0)
+        missing = 0.5 * width if self.span is None else max(self.span * (1.0 + self.span_sigma) - width, 0.0)
+        across = np.array([(left and x0 <= 0) or (right and x1 >= w), (top and y0 <= 0) or (bottom and y1 >= h)])
+        sigma = np.hypot(_CUT_ANYWHERE * width, _CUT_ACROSS * missing * across)
+        return np.asarray(np.diag((sigma * self.scale) ** 2), np.float64)
 
     def half_wing_gone(self, box: tuple[int, int, int, int]) -> bool:
         """Return whether half a span, measured from the wing tip in view, ends outside the image."""

@@ -60,11 +60,18 @@ def trial_state(
 
 @njit(cache=True)
 def _correct(
-    x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray
+    x: FloatArray,
+    P: FloatArray,
+    H: FloatArray,
+    R: FloatArray,
+    residual: FloatArray,
+    estimated: BoolArray,
+    share: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return state and covariance after one update in Joseph form, with the gain K and S.
 
-    (I − K H) P (I − K H)ᵀ + K R Kᵀ, multiplied out from the left in steps of n² m, since K and H are thin.
+    The gain is the optimal one times ``share``. (I − K H) P (I − K H)ᵀ + K R Kᵀ, multiplied out from the left in steps
+    of n² m, since K and H are thin.
     """
     m, n = H.shape
     PHt = np.zeros((n, m))
@@ -78,7 +85,7 @@ def _correct(
         for j in range(n):
             for b in range(m):
                 S[a, b] += H[a, j] * PHt[j, b]
-    K = np.ascontiguousarray(np.linalg.solve(S, PHt.T).T)
+    K = np.ascontiguousarray(np.linalg.solve(S, PHt.T).T) * share
     for i in range(n):
         if not estimated[i]:
             K[i, :] = 0.0
@@ -149,12 +156,20 @@ class CompiledKalmanFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filte
         """Carry state and covariance forward by ``F`` and ``Q``; there is no control input."""
         self.x, self.P = _carry(self.x, self.P, self.F, self.Q)
 
-    def correct(self, residual: FloatArray, H: FloatArray, R: FloatArray, estimated: BoolArray | None = None) -> None:
+    def correct(
+        self,
+        residual: FloatArray,
+        H: FloatArray,
+        R: FloatArray,
+        estimated: BoolArray | None = None,
+        share: float = 1.0,
+    ) -> None:
         """Fuse a residual (m,) with Jacobian ``H`` (m, n) and noise ``R`` (m, m), in Joseph form.
 
-        States that are not ``estimated`` (n,) are considered only: they keep value and variance.
+        States that are not ``estimated`` (n,) are considered only: they keep value and variance. ``share`` scales
+        the gain.
         """
         if estimated is None:
             estimated = np.ones(self.x.size, np.bool_)
-        self.x, self.P, self.K, self.S = _correct(self.x, self.P, H, R, residual, estimated)
+        self.x, self.P, self.K, self.S = _correct(self.x, self.P, H, R, residual, estimated, share)
         self.y = residual

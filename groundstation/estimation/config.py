@@ -24,8 +24,9 @@ def require_positive(config: object, but: tuple[str, ...] = ()) -> None:
 class OutOfViewWeighting(StrEnum):
     """What becomes of a pixel when the target may be outside the image."""
 
-    CONSISTENT = "consistent"
-    PAPER = "paper"
+    CONSISTENT = "consistent"  # noise R/T, T the predicted probability mass inside the image
+    GAIN = "gain"  # gain T·K, in Joseph's form
+    PAPER = "paper"  # innovation times the paper's T, covariance as if T were 1
 
 
 class CalibrationUse(StrEnum):
@@ -69,6 +70,11 @@ class EstimationConfig:
     out_of_view : the weighting of pixels near and beyond the border.
     paper_border_sigma_px : s of the paper's T = exp(−d²/2s²).
     min_view_probability : below it the target counts as out of view and the detector does not look.
+    width_sigma_log : noise of the logarithm of a silhouette's width, independent from frame to frame.
+    alone_after_s : a silhouette's width gives range when no other camera has contributed for so long.
+    miss_memory_s : misses of one camera within such a time have the same cause, and count as one.
+    doubtful_existence : below this probability that the track is the target, whole frames are searched again …
+    lost_existence : … and below this one it is lost.
     lost_sigma_px, lost_sigma_m : the track is lost when the predicted pixel or the position gets this uncertain.
     lost_after_s : and at the latest after so long without any accepted pixel.
     search_again_s : without a fix for so long, the whole frames are searched again beside the prediction.
@@ -101,6 +107,11 @@ class EstimationConfig:
     out_of_view: OutOfViewWeighting = OutOfViewWeighting.CONSISTENT
     paper_border_sigma_px: float = 50.0
     min_view_probability: float = 0.02
+    width_sigma_log: float = 0.15
+    alone_after_s: float = 0.5
+    miss_memory_s: float = 1.0
+    doubtful_existence: float = 0.5
+    lost_existence: float = 1e-3
     lost_sigma_px: float = 200.0
     lost_sigma_m: float = 60.0
     lost_after_s: float = 8.0

@@ -98,20 +98,45 @@ class ModeBank:
             each.predict()
 
     def correct(
-        self, residual: FloatArray, H: FloatArray, R: FloatArray, estimated: BoolArray, *, telling: bool
+        self,
+        residual: FloatArray,
+        H: FloatArray,
+        R: FloatArray,
+        estimated: BoolArray,
+        *,
+        telling: bool,
+        share: float = 1.0,
     ) -> None:
-        """Fuse a residual (m,), taken at the weighted mean; if ``telling``, it shifts the weights, too."""
+        """Fuse a residual (m,), taken at the weighted mean; if ``telling``, it shifts the weights, too.
+
+        ``share`` scales the gain.
+        """
         x = self.x
         logs = np.zeros(len(self._filters))
         for k, each in enumerate(self._filters):
             own = residual if len(self._filters) == 1 else residual - H @ (each.x - x)
-            each.correct(own, H, R, estimated)
+            each.correct(own, H, R, estimated, share)
             if telling and len(self._filters) > 1:
                 logs[k] = -0.5 * (own @ np.linalg.solve(each.S, own) + np.log(np.linalg.det(each.S)))
         if telling:
             weights = np.maximum(self.weights * np.exp(logs - logs.max()), _LEAST_WEIGHT)
             self.weights = weights / weights.sum()
         self._mean = None
+
+    def reshape(self, H: FloatArray, shift: FloatArray, covariance: FloatArray) -> None:
+        """Give the measured quantity another distribution than predicted, and let the state follow.
+
+        With H (m, n): its mean moves by ``shift`` (m,), its covariance becomes ``covariance`` (m, m);
+        x += K·shift, P += K (covariance − S) Kᵀ with K = P Hᵀ S⁻¹, S = H P Hᵀ.
+        """
+        self._mean = None
+        for each in self._filters:
+            PHt = each.P @ H.T
+            S = H @ PHt
+            K = np.linalg.solve(S, PHt.T).T
+            each.x = each.x + K @ shift
+            P = each.P + K @ (covariance - S) @ K.T
+            each.P = 0.5 * (P + P.T)
 
     def _mixture(self) -> tuple[FloatArray, FloatArray]:
         if len(self._filters) == 1:

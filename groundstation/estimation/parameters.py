@@ -8,8 +8,9 @@ are ``station.parameter``: those of `groundstation.geometry.calibration`, and fo
 - ``….drift``: how the offset grows, in s/s, from the filter's first instant on,
 
 and for the reference ``dgps_clock.offset``, ``dgps_clock.drift`` and ``dgps_antenna.x``, ``.y``, ``.z`` in m: where the
-antenna lies from the nose, forward, right and down, beyond what has been allowed for. An error that is *considered*
-keeps its value and its variance (Schmidt), and the track's covariance never sinks below what it causes; one that is
+antenna lies from the nose, forward, right and down, beyond what has been allowed for; ``target.log_span`` is the
+logarithm of the aircraft's span over the one that is assumed, always estimated. An error that is *considered* keeps
+its value and its variance (Schmidt), and the track's covariance never sinks below what it causes; one that is
 *estimated* is learnt as any other state.
 """
 
@@ -26,11 +27,14 @@ from groundstation.rig import Rig
 CLOCKS = ("camera_clock", "ptu_clock")
 CLOCK_PARTS = ("offset", "drift")
 DGPS_CLOCK = "dgps_clock"
+LOG_SPAN = "target.log_span"
+# banks, crabs and uneven light change a silhouette's width slowly: what is learnt of the span ages so fast, 1/s
+_SPAN_WALK_PSD = 1e-4
 _STATION_NAMES = frozenset(
     [*CALIBRATION_PARAMETERS, *(f"{clock}.{part}" for clock in CLOCKS for part in CLOCK_PARTS)],
 )
 DGPS_ANTENNA = tuple(f"dgps_antenna.{axis}" for axis in "xyz")
-_DGPS_NAMES = frozenset([*(f"{DGPS_CLOCK}.{part}" for part in CLOCK_PARTS), *DGPS_ANTENNA])
+_OTHER_NAMES = frozenset([LOG_SPAN, *(f"{DGPS_CLOCK}.{part}" for part in CLOCK_PARTS), *DGPS_ANTENNA])
 
 
 class ParameterError(GroundstationError):
@@ -75,11 +79,16 @@ class ParameterPrior:
         walks = np.concatenate([self.walk_psd, other.walk_psd])
         return ParameterPrior(names=(*self.names, *other.names), covariance=covariance, walk_psd=walks)
 
+    def with_span(self, sigma: float) -> "ParameterPrior":
+        """Return this prior and the span's error with it; ``sigma`` of its logarithm."""
+        span = ParameterPrior(names=(LOG_SPAN,), covariance=np.array([[sigma**2]]), walk_psd=np.array([_SPAN_WALK_PSD]))
+        return self.joined(span)
+
     def require_stations(self, stations: Sequence[str]) -> None:
         """Raise `ParameterError` unless every name is a parameter of one of ``stations`` or of the reference."""
         for name in self.names:
             station, _, parameter = name.partition(".")
-            if name not in _DGPS_NAMES and (station not in stations or parameter not in _STATION_NAMES):
+            if name not in _OTHER_NAMES and (station not in stations or parameter not in _STATION_NAMES):
                 wanted = f"station.parameter with one of {', '.join(stations)}"
                 raise ParameterError(f"got the carried error {name!r}; wanted {wanted}")
 

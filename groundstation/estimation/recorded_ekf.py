@@ -43,6 +43,32 @@ class PixelStep:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WidthStep:
+    """A silhouette's width that was handed to the filter, accepted or not."""
+
+    station: str
+    width_px: float
+    span_m: float
+    alone: bool
+
+    def apply(self, ekf: StationEkf) -> None:
+        """Hand it in again; the gate judges anew."""
+        ekf.update_width(self.station, self.width_px, self.span_m, alone=self.alone)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MissStep:
+    """A look that found nothing."""
+
+    station: str
+    detection_probability: float
+
+    def apply(self, ekf: StationEkf) -> None:
+        """Take it in again."""
+        ekf.absorb_miss(self.station, self.detection_probability)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReferenceStep:
     """A reference position (3,) that was handed to the filter, accepted or not."""
 
@@ -80,7 +106,7 @@ class DropStep:
         ekf.drop_target()
 
 
-FilterStep = PixelStep | ReferenceStep | StartStep | DropStep
+FilterStep = PixelStep | WidthStep | MissStep | ReferenceStep | StartStep | DropStep
 
 
 class RecordedEkf(StationEkf):
@@ -197,6 +223,16 @@ class RecordedEkf(StationEkf):
         )
         self.steps.append(step)
         return super().update_pixel(station, pixel, covariance_px2, row_dt_s, lasting_share)
+
+    def update_width(self, station: str, width_px: float, span_m: float, *, alone: bool) -> Innovation | None:
+        """Fuse a silhouette's width, as `StationEkf` does."""
+        self.steps.append(WidthStep(station=station, width_px=width_px, span_m=span_m, alone=alone))
+        return super().update_width(station, width_px, span_m, alone=alone)
+
+    def absorb_miss(self, station: str, detection_probability: float) -> None:
+        """Take in that a camera which looked has seen nothing, as `StationEkf` does."""
+        self.steps.append(MissStep(station=station, detection_probability=detection_probability))
+        super().absorb_miss(station, detection_probability)
 
     def update_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0) -> Innovation:
         """Fuse a reference position, as `StationEkf` does; one that replaces the target's own ends what was before."""

@@ -38,6 +38,7 @@ DETECTION_STATES = {
     DetectionStatus.AMBIGUOUS: DOUBTFUL,
     DetectionStatus.CUT: DOUBTFUL,
     DetectionStatus.LATE: GOOD,
+    DetectionStatus.EXCLUDED: BAD,
 }
 PAVEMENT = (70, 74, 80)
 MARKING = (165, 170, 175)

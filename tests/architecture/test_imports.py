@@ -20,9 +20,11 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.frame_update",
         "groundstation.target_keeper",
         "groundstation.camera_tracker",
+        "groundstation.station_health",
     ),
     ("groundstation.config",),
     ("groundstation.epoch", "groundstation.track_life", "groundstation.warm_up"),
+    ("groundstation.integrity", "groundstation.existence", "groundstation.search_region"),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.rig_toml",),
     ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
@@ -43,6 +45,10 @@ CORE = (
     "track_life",
     "target_keeper",
     "camera_tracker",
+    "station_health",
+    "integrity",
+    "existence",
+    "search_region",
     "simulation",
 )
 EDGE_LIBRARIES = {"serial", "rerun", "matplotlib"}

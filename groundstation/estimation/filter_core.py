@@ -1,0 +1,261 @@
+"""The filter without its measurements: what its state is, how it begins, how time passes for it."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.stats import chi2
+
+from groundstation.arrays import FloatArray
+from groundstation.estimation.compiled_filter import innovation_covariance
+from groundstation.estimation.config import CalibrationUse, EstimationConfig
+from groundstation.estimation.field_of_view import probability_in_view
+from groundstation.estimation.linearisation import PixelLinearisation
+from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
+from groundstation.estimation.modes import ModeBank
+from groundstation.estimation.motion import MotionModel
+from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior
+from groundstation.estimation.silhouette import WidthModel
+from groundstation.estimation.state import EkfState, StateLayout, state_layout
+from groundstation.geometry.station import StationGeometry
+from groundstation.messages import CarriedError, Kinematics
+
+# start of an axis that has been read once: it may turn at up to this rate (1 sigma)
+_INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
+# what calibration may have done to a velocity that was found without a reference
+_ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.1, 0.5
+# so near to none or all of the prediction inside the image, a miss does not change its shape
+_HARDLY = 0.02
+
+
+class FilterCore:
+    """Filter over one target, the turning stations and the carried errors.
+
+    Parameters
+    ----------
+    stations : geometry of every station by name.
+    turning : names of the stations that have a PTU; their angles are states.
+    config : tuning.
+    prior : the errors of calibration and clocks that are carried along; none by default.
+
+    The target's six states exist only after `start_target`; before it their covariance is zero and they take
+    no part. Times are session seconds; the filter never goes back, but `restore` does.
+    """
+
+    def __init__(
+        self,
+        stations: Mapping[str, StationGeometry],
+        turning: tuple[str, ...],
+        config: EstimationConfig,
+        prior: ParameterPrior | None = None,
+    ) -> None:
+        prior = ParameterPrior.nothing() if prior is None else prior
+        prior.require_stations(tuple(stations))
+        self._prior = prior
+        lasting = tuple(stations) if config.detection_lasting_share > 0.0 else ()
+        self.layout: StateLayout = state_layout(turning, prior.names, lasting)
+        self.time_s: float | None = None
+        self.has_target = False
+        self._stations = stations
+        self._config = config
+        psds = [config.acceleration_psd_m2_s3]
+        if config.manoeuvre_psd_m2_s3 != config.acceleration_psd_m2_s3:
+            psds.append(config.manoeuvre_psd_m2_s3)
+        noise = config.ptu_acceleration_psd_rad2_s3
+        self._motions = [
+            MotionModel(self.layout, psd, noise, prior.walk_psd, config.detection_lasting_s) for psd in psds
+        ]
+        self._bank = ModeBank(self.layout.size, (config.steady_s, config.manoeuvre_s)[: len(psds)])
+        self._bank.place(self.layout.constant, np.zeros(len(prior.names)), prior.covariance)
+        self._gate = float(chi2.ppf(config.gate_probability, 2))
+        self._reference_gate = float(chi2.ppf(config.gate_probability, 3))
+        self._pixels = {name: PixelModel(self.layout, geometry) for name, geometry in stations.items()}
+        self._encoders = {name: EncoderModel(self.layout, name) for name in turning}
+        self._widths = {name: WidthModel(self.layout, geometry) for name, geometry in stations.items()}
+        self._width_gate = float(chi2.ppf(config.gate_probability, 1))
+        self._reference = ReferenceModel(self.layout)
+        self._bends = PixelLinearisation(self.layout, self._pixels)
+        self._all = np.ones(self.layout.size, np.bool_)
+        self._moving = self._all.copy()
+        self._moving[self.layout.constant] = False
+        self._rig_uncertain = any(not name.startswith("dgps_") for name in prior.names)
+        self._span_only = np.zeros(self.layout.size, np.bool_)
+        self._span = self.layout.parameters.get(LOG_SPAN)
+        if self._span is not None:
+            self._moving[self._span] = self._span_only[self._span] = True
+            own = prior.names.index(LOG_SPAN)
+            self._span_variance = float(prior.covariance[own, own])
+        self._read: set[str] = set()
+        self._first_s: float | None = None
+        self._newest_reference_s = -math.inf
+
+    # ------------------------------------------------------------------------------------------ state
+    @property
+    def state(self) -> FloatArray:
+        """The state vector (n,), in the layout's order; not to be written to."""
+        return self._bank.x
+
+    @property
+    def covariance(self) -> FloatArray:
+        """The state's covariance (n, n); not to be written to."""
+        return self._bank.P
+
+    @property
+    def manoeuvring(self) -> float:
+        """How likely it is that the aircraft manoeuvres, 0 … 1; 0 where the filter knows but one way of flying."""
+        return float(self._bank.weights[1]) if len(self._motions) > 1 else 0.0
+
+    @property
+    def learns(self) -> bool:
+        """Whether the carried errors are estimated now, and not only considered."""
+        match self._config.calibration:
+            case CalibrationUse.ESTIMATE:
+                return True
+            case CalibrationUse.CONSIDER:
+                return False
+            case CalibrationUse.REFERENCE:
+                now = -math.inf if self.time_s is None else self.time_s
+                return now - self._newest_reference_s <= self._config.reference_hold_s
+
+    def carried_errors(self) -> tuple[CarriedError, ...]:
+        """Return what is known now of the errors of calibration and clocks."""
+        return tuple(
+            CarriedError(
+                name=name,
+                value=float(self.state[place]),
+                sigma=math.sqrt(max(float(self.covariance[place, place]), 0.0)),
+                prior_sigma=math.sqrt(float(self._prior.covariance[k, k])),
+            )
+            for k, (name, place) in enumerate(self.layout.parameters.items())
+        )
+
+    def snapshot(self) -> EkfState:
+        """Return all that the filter is now."""
+        return EkfState(
+            self.time_s,
+            self._first_s,
+            self.has_target,
+            self._bank.snapshot(),
+            frozenset(self._read),
+            self._newest_reference_s,
+        )
+
+    def restore(self, saved: EkfState) -> None:
+        """Be again what the filter was at a `snapshot`."""
+        self.time_s, self._first_s, self.has_target = saved.time_s, saved.first_s, saved.has_target
+        self._bank.restore(saved.bank)
+        self._read, self._newest_reference_s = set(saved.read), saved.newest_reference_s
+
+    def angles(self, station: str) -> tuple[float, float]:
+        """Return (pan, tilt) in rad; zero for a fixed station."""
+        where = self.layout.angles.get(station)
+        if where is None:
+            return 0.0, 0.0
+        pan, tilt = self.state[where]
+        return float(pan), float(tilt)
+
+    def start_target(
+        self,
+        position_m: FloatArray,
+        velocity_m_s: FloatArray,
+        covariance: FloatArray,
+        age_s: float = 0.0,
+        *,
+        triangulated: bool = False,
+    ) -> None:
+        """Begin a target: (3,), (3,) in the runway frame and covariance (6, 6), as of ``age_s`` before now.
+
+        What was ``triangulated`` with this rig has the rig's errors in it, beside the noise that ``covariance`` tells:
+        they are added, and the filter knows that they are the same.
+        """
+        target = self.layout.target
+        F = self._motions[-1].transition(age_s)[target, target]
+        Q = self._motions[-1].process_noise(age_s)[target, target]
+        start = F @ np.concatenate([position_m, velocity_m_s])
+        self._bank.place(target, start, F @ covariance @ F.T + Q)
+        for part in self.layout.offsets.values():
+            self._bank.place(part, np.zeros(2), np.eye(2))
+        if self._span is not None:
+            # another aircraft may have another span
+            only = slice(self._span, self._span + 1)
+            self._bank.place(only, np.zeros(1), np.full((1, 1), self._span_variance))
+        self._bank.forget_modes()
+        self.has_target = True
+        if triangulated and self.layout.parameters:
+            sensitivity = self._bends.sensitivity(self.state, self._age_s())
+            if sensitivity is not None:
+                self._bank.share(target, self.layout.constant, sensitivity)
+
+    def drop_target(self) -> None:
+        """Forget the target; the PTUs' angles and what was learnt of the rig stay."""
+        self._bank.place(self.layout.target, np.zeros(6), np.zeros((6, 6)))
+        self.has_target = False
+        self._newest_reference_s = -math.inf
+
+    def kinematics_at(self, t_s: float) -> Kinematics:
+        """Return position, velocity (runway frame) and (6, 6) covariance at ``t_s``, by the motion model alone.
+
+        Ahead, the modes' process noise is added. Going back adds it, too: this filter does not keep what would be
+        needed to take it away (`RecordedEkf` does).
+        """
+        dt = t_s - (self.time_s if self.time_s is not None else t_s)
+        F, Q = self.motion_over(dt, self._bank.weights_after(abs(dt)))
+        return self.kinematics_of(F @ self.state, F @ self.covariance @ F.T + Q)
+
+    def motion_over(self, dt_s: float, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return F and Q, (n, n) each, over ``dt_s``; the modes' noises are weighed by ``weights`` (r,).
+
+        Mixing the modes leaves mean and covariance of their mixture as they are, so this is what a prediction does
+        to the two.
+        """
+        Q = sum(w * motion.process_noise(dt_s) for w, motion in zip(weights, self._motions, strict=True))
+        return self._motions[0].transition(dt_s), np.asarray(Q)
+
+    def kinematics_of(self, x: FloatArray, P: FloatArray) -> Kinematics:
+        """Return the target's part of a state (n,) with its covariance (n, n)."""
+        target = self.layout.target
+        own = P[target, target]
+        return Kinematics(
+            position_runway_m=x[self.layout.position].copy(),
+            velocity_runway_m_s=x[self.layout.velocity].copy(),
+            covariance=0.5 * (own + own.T),
+        )
+
+    # ------------------------------------------------------------------------------------- prediction
+    def predict_to(self, t_s: float) -> None:
+        """Carry the state forward to ``t_s``; an earlier time leaves it where it is."""
+        if self.time_s is None:
+            self.time_s = self._first_s = t_s
+        dt = t_s - self.time_s
+        if dt <= 0.0:
+            return
+        noises = [motion.process_noise(dt) for motion in self._motions]
+        if not self.has_target:
+            for Q in noises:
+                Q[self.layout.target, self.layout.target] = 0.0
+        self._bank.predict(self._motions[0].transition(dt), noises, dt)
+        self.time_s = t_s
+
+    def predict_pixel(self, station: str, row_dt_s: float = 0.0) -> PixelPrediction | None:
+        """Return the target's predicted pixel in one camera now; None if behind it."""
+        return self._pixels[station].predict(self.state, row_dt_s, self._age_s())
+
+    def in_view(self, station: str) -> float:
+        """Return how likely the target is inside a camera's image now."""
+        prediction = self.predict_pixel(station)
+        if prediction is None:
+            return 0.0
+        size = self._stations[station].image_size_px
+        return probability_in_view(prediction.pixel, self.pixel_covariance(prediction), size)
+
+    def pixel_covariance(self, prediction: PixelPrediction) -> FloatArray:
+        """Return the (2, 2) covariance of a predicted pixel."""
+        return innovation_covariance(self.covariance, prediction.jacobian, np.zeros((2, 2)))
+
+    def _estimated(self) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+        """Return which states (n,) an update may move."""
+        return self._all if self.learns else self._moving
+
+    def _age_s(self) -> float:
+        """Return how long the filter has been running, for what drifts."""
+        return 0.0 if self.time_s is None or self._first_s is None else self.time_s - self._first_s

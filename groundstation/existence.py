@@ -1,0 +1,72 @@
+"""How likely it is that what is tracked is still there, by what the cameras see and do not see.
+
+As in integrated probabilistic data association (Mušicki, Evans & Stanković 1994), without its clutter model: a look
+that finds nothing multiplies the odds by 1 − P_D p_v, with p_v the predicted mass inside the image and P_D how often
+this camera has found the target lately; an accepted pixel multiplies them by a constant. Misses have causes that last
+(a bird, a dark hill), so looks of one camera within a memory τ count as one: a look Δt after the one before has the
+power Δt/τ. What was not looked at says nothing.
+"""
+
+_FIRST_DETECTION = 0.8
+_LEAST_DETECTION, _MOST_DETECTION = 0.3, 0.95
+# P_D follows what happens over many seconds, and only where the target was surely in the image
+_DETECTION_MEMORY_S = 15.0
+_SURELY = 0.9
+_HIT_FACTOR = 20.0
+_MOST_ODDS = 999.0
+_FIRST_ODDS = 19.0
+
+
+class Existence:
+    """The probability that one target exists where it is predicted.
+
+    ``memory_s`` is τ.
+    """
+
+    def __init__(self, memory_s: float) -> None:
+        self._memory_s = memory_s
+        self._odds = _FIRST_ODDS
+        self._detection: dict[str, float] = {}
+        self._looked_s: dict[str, float] = {}
+
+    @property
+    def probability(self) -> float:
+        """The probability, 0 … 1."""
+        return self._odds / (1.0 + self._odds)
+
+    def start(self) -> None:
+        """Begin with a new target; how well it is found is to be learnt anew."""
+        self._odds = _FIRST_ODDS
+        self._detection.clear()
+        self._looked_s.clear()
+
+    def detection_probability(self, station: str) -> float:
+        """Return P_D of one camera, from its recent successes."""
+        return min(max(self._detection.get(station, _FIRST_DETECTION), _LEAST_DETECTION), _MOST_DETECTION)
+
+    def hit(self, station: str, t_s: float) -> None:
+        """Note a pixel that the filter has accepted."""
+        self._learn(station, t_s, 1.0, 1.0)
+        self._odds = min(self._odds * _HIT_FACTOR, _MOST_ODDS)
+
+    def miss(self, station: str, t_s: float, in_view: float) -> float:
+        """Note a look that found nothing, the target being in the image with probability ``in_view``.
+
+        Returns the detection probability that this one look stands for: 1 − (1 − P_D)^(Δt/τ).
+        """
+        P_D = self.detection_probability(station)
+        power = self._learn(station, t_s, 0.0, in_view)
+        share = 1.0 - (1.0 - P_D) ** power
+        self._odds *= 1.0 - share * in_view
+        return share
+
+    def _learn(self, station: str, t_s: float, found: float, in_view: float) -> float:
+        """Update P_D; return the look's power Δt/τ."""
+        since_s = max(t_s - self._looked_s.get(station, t_s), 0.0)
+        self._looked_s[station] = t_s
+        if in_view >= _SURELY:
+            # a target that is not there is not missed
+            rate = self.probability * min(since_s / _DETECTION_MEMORY_S, 0.5)
+            old = self._detection.get(station, _FIRST_DETECTION)
+            self._detection[station] = old + rate * (found - old)
+        return min(since_s / self._memory_s, 1.0)

@@ -1,0 +1,125 @@
+"""Simulated flights of three (or more) stations in which one of them goes wrong midway."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from groundstation.config import Config
+from groundstation.integrity import IntegrityConfig
+from groundstation.messages import CameraReport, Event, InitialState, PixelMeasurement, TrackEstimate, TrackEvent
+from groundstation.pipeline import Pipeline
+from groundstation.rig import Rig
+from groundstation.simulation import FlightTruth, Scenario, SimulatedFlight, StationErrors, perturbed, simulate
+from groundstation.simulation.approach import Glide
+from groundstation.simulation.camera import CameraModel
+from groundstation.simulation.cases import STEP_RAD, case_b, standard_rig, standard_station
+from groundstation.simulation.trajectory import Trajectory
+
+STATIONS = ("left", "right", "third")
+FOURTH_M = (-40.0, 60.0)
+
+
+def rig_of(names: tuple[str, ...] = STATIONS) -> Rig:
+    noise = {"resolution_rad": 0.0, "sigma_rad": STEP_RAD / 12**0.5}
+    rig = standard_rig(third=True, **noise)
+    fourth = standard_station("fourth", *FOURTH_M, **noise)
+    return Rig(stations=tuple(s for s in (*rig.stations, fourth) if s.name in names))
+
+
+def scenario(
+    seed: int,
+    names: tuple[str, ...] = STATIONS,
+    trajectory: Trajectory | None = None,
+    camera: CameraModel | None = None,
+    ptu_hz: float | None = None,
+) -> Scenario:
+    path = Glide(start_y_m=400.0, end_y_m=150.0) if trajectory is None else trajectory
+    base = case_b(seed=seed, trajectory=path, ptu_hz=ptu_hz)
+    rig = rig_of(names)
+    model = base.cameras["left"] if camera is None else camera
+    ptu = base.ptus["left"]
+    return replace(
+        base, true_rig=rig, rig=rig, ptus=dict.fromkeys(names, ptu), cameras=dict.fromkeys(names, model), seed=seed
+    )
+
+
+def broken(healthy: Scenario, errors: dict[str, StationErrors], from_s: float) -> SimulatedFlight:
+    """The same flight and draws, the true rig another from ``from_s`` on (a bump; the user's rig stays)."""
+    before = simulate(healthy)
+    after = simulate(replace(healthy, true_rig=perturbed(healthy.true_rig, errors)))
+    events = [e for e in before.events if e.t_s < from_s] + [e for e in after.events if e.t_s >= from_s]
+    return replace(before, events=tuple(events))
+
+
+@dataclass
+class Watched:
+    truth: FlightTruth
+    pipeline: Pipeline
+    cameras: list[CameraReport] = field(default_factory=list)
+    estimates: list[TrackEstimate] = field(default_factory=list)
+    events: list[TrackEvent] = field(default_factory=list)
+
+    def rmse(self, from_s: float, to_s: float = 1e9) -> np.ndarray:
+        return np.sqrt(np.mean([self._error(e) ** 2 for e in self._within(from_s, to_s)], axis=0))
+
+    def anees(self, from_s: float, to_s: float = 1e9) -> float:
+        squares = []
+        for e in self._within(from_s, to_s):
+            d = self._error(e)
+            squares.append(d @ np.linalg.solve(e.kinematics.covariance[:3, :3], d))
+        return float(np.mean(squares)) / 3.0
+
+    def said(self, words: str) -> list[TrackEvent]:
+        return [e for e in self.events if words in e.text]
+
+    def _within(self, from_s: float, to_s: float) -> list[TrackEstimate]:
+        return [e for e in self.estimates if e.kinematics is not None and from_s <= e.t_s < to_s]
+
+    def _error(self, e: TrackEstimate) -> np.ndarray:
+        return e.kinematics.position_runway_m - self.truth.position_runway_m[e.epoch]
+
+
+def watch(
+    flight: SimulatedFlight,
+    integrity: IntegrityConfig | None = None,
+    psd: tuple[float, float, float] = (1.0, 4.0, 2.0),
+    events: list[Event] | None = None,
+) -> Watched:
+    base = Config()
+    tuned = replace(
+        base.estimation,
+        labelled_sigma_px=0.5,
+        fix_window_s=0.005,
+        acceleration_psd_m2_s3=psd,
+        manoeuvre_psd_m2_s3=psd,
+    )
+    config = replace(base, estimation=tuned, integrity=IntegrityConfig() if integrity is None else integrity)
+    start = InitialState(
+        t_s=float(flight.truth.t_s[0]),
+        position_runway_m=flight.truth.position_runway_m[0],
+        velocity_runway_m_s=flight.truth.velocity_runway_m_s[0],
+        sigma_position_m=np.full(3, 1.0),
+        sigma_velocity_m_s=np.full(3, 1.0),
+    )
+    pipeline = Pipeline(flight.rig, config, span_m=2.3, initial=start)
+    out = Watched(truth=flight.truth, pipeline=pipeline)
+    for event in flight.events if events is None else events:
+        report = pipeline.step(event)
+        out.cameras += report.cameras
+        out.estimates += report.estimates
+        out.events += report.events
+    report = pipeline.finish()
+    out.estimates += report.estimates
+    out.cameras += report.cameras
+    return out
+
+
+def without(flight: SimulatedFlight, gone: dict[str, tuple[float, float]]) -> list[Event]:
+    """The flight's events less the pixels of some stations within some time."""
+
+    def silent(e: Event) -> bool:
+        return (
+            isinstance(e, PixelMeasurement) and e.station in gone and gone[e.station][0] <= e.t_s < gone[e.station][1]
+        )
+
+    return [e for e in flight.events if not silent(e)]
