@@ -29,6 +29,8 @@ from groundstation.messages import Innovation, Kinematics
 _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
 # a pixel is linearised anew until that changes it by less than so many sigmas of its noise, or so many times
 _LINEAR_SIGMA = 0.1
+# and not looked at twice where its prediction is no more uncertain than so many sigmas of its noise
+_SETTLED_SIGMA = 2.0
 _MAX_LINEARISATIONS = 5
 
 
@@ -262,7 +264,8 @@ class StationEkf:
                 moved = T * residual
             else:
                 R = covariance_px2 / max(probability_in_view(prediction.pixel, spread, size), 1e-6)
-                H, moved = self._relinearised(station, prediction, pixel, R, row_dt_s)
+                if spread[0, 0] > _SETTLED_SIGMA**2 * R[0, 0] or spread[1, 1] > _SETTLED_SIGMA**2 * R[1, 1]:
+                    H, moved = self._relinearised(station, prediction, pixel, R, row_dt_s)
             self._bank.correct(moved, H, R + self._speed_noise(station, H), self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 
@@ -273,6 +276,8 @@ class StationEkf:
         filter leaves out (second order), and would learn clocks from.
         """
         noise = np.zeros((2, 2))
+        if not self._clocks[station]:
+            return noise
         P = self.covariance
         angles, rates = self.layout.angles.get(station), self.layout.rates.get(station)
         for clock, places in self._clocks[station].items():
