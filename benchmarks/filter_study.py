@@ -2,8 +2,8 @@
 
 usage: python benchmarks/filter_study.py [--runs N] [--data FOLDER] [SECTION …]
 
-Sections: bounds, gain, pipeline, reference, clocks, consider, outliers, borders, modes, peer; all by default. FOLDER has
-`fixedwing-gps-log`, without which the flown landing is left out. The peer, Stone Soup, is run in a virtual
+Sections: bounds, gain, pipeline, reference, clocks, consider, outliers, borders, modes, peer; all by default. FOLDER
+has `fixedwing-gps-log`, without which the flown landing is left out. The peer, Stone Soup, is run in a virtual
 environment of its own (build/stonesoup-venv).
 """
 
@@ -137,7 +137,7 @@ def beside_a_peer(runs: int, _: Path | None) -> None:
     ours, theirs = np.median(found.ours_s), np.median(found.theirs_s)
     print(f"RMSE in m, ours {numbers(found.ours_m, 4)}, Stone Soup {numbers(found.theirs_m, 4)}", end=", ")
     print(f"furthest apart {found.furthest_m:.4f} m")
-    print(f"step (predict, two readings, two pixels): {1e3 * ours:.3f} ms and {1e3 * theirs:.3f} ms, {theirs / ours:.1f} x")
+    print(f"step (two readings, two pixels): {1e3 * ours:.3f} ms and {1e3 * theirs:.3f} ms, {theirs / ours:.1f} x")
 
 
 SECTIONS = {

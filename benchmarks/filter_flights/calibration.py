@@ -15,8 +15,8 @@ from groundstation.messages import DgpsFix
 from groundstation.simulation import Scenario, StationErrors, case_b, perturbed, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.cases import BOUND_PSD_M2_S3
-from groundstation.simulation.disturbance import drawn_deviation
 from groundstation.simulation.dgps import DgpsModel
+from groundstation.simulation.disturbance import drawn_deviation
 from groundstation.simulation.pointing import SecondOrderLoop, Wandering
 from groundstation.simulation.ptu import PtuModel
 from groundstation.simulation.take_off import TakeOff, take_off

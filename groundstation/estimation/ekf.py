@@ -19,7 +19,7 @@ from groundstation.estimation.field_of_view import paper_weight, probability_in_
 from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
 from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.motion import MotionModel
-from groundstation.estimation.parameters import CLOCKS, ParameterPrior
+from groundstation.estimation.parameters import ParameterPrior, clock_places
 from groundstation.estimation.state import StateLayout, state_layout
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
@@ -86,7 +86,7 @@ class StationEkf:
         self._pixels = {name: PixelModel(self.layout, geometry) for name, geometry in stations.items()}
         self._encoders = {name: EncoderModel(self.layout, name) for name in turning}
         self._reference = ReferenceModel(self.layout)
-        self._clocks = {name: _clock_places(self.layout, name) for name in stations}
+        self._clocks = {name: clock_places(self.layout.parameters, name) for name in stations}
         self._is_offset = {place: name.endswith(".offset") for name, place in self.layout.parameters.items()}
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
@@ -289,13 +289,15 @@ class StationEkf:
             spread = innovation_covariance(P, by_state, np.zeros((2, 2)))
             lateness = [1.0 if self._is_offset[k] else self._age_s() for k in places]
             noise += spread * sum(
-                P[i, j] * a * b for i, a in zip(places, lateness, strict=True) for j, b in zip(places, lateness, strict=True)
+                P[i, j] * a * b
+                for i, a in zip(places, lateness, strict=True)
+                for j, b in zip(places, lateness, strict=True)
             )
         return noise
 
     def _relinearised(
         self, station: str, prediction: PixelPrediction, pixel: FloatArray, R: FloatArray, row_dt_s: float
-    ) -> "tuple[FloatArray, FloatArray]":
+    ) -> tuple[FloatArray, FloatArray]:
         """Return H and the residual of a pixel as seen from where the update leads (iterated EKF).
 
         A target that is known to 10 m only at 600 m makes the plain update wrong by pixels, which it then takes
@@ -343,15 +345,6 @@ class StationEkf:
     def _age_s(self) -> float:
         """Return how long the filter has been running, for what drifts."""
         return 0.0 if self.time_s is None or self._first_s is None else self.time_s - self._first_s
-
-
-def _clock_places(layout: StateLayout, station: str) -> dict[str, list[int]]:
-    """Return where a station's clock errors stand, by clock."""
-    found = {
-        clock: [k for name, k in layout.parameters.items() if name.startswith(f"{station}.{clock}.")]
-        for clock in CLOCKS
-    }
-    return {clock: places for clock, places in found.items() if places}
 
 
 def _squared_sigmas(residual: FloatArray, S: FloatArray) -> float:

@@ -12,7 +12,7 @@ its variance (Schmidt), and the track's covariance never sinks below what it cau
 learnt as any other state.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,3 +97,9 @@ def rig_prior(rig: Rig) -> ParameterPrior:
         covariance=covariance,
         walk_psd=np.zeros(count + len(names)),
     )
+
+
+def clock_places(parameters: Mapping[str, int], station: str) -> dict[str, list[int]]:
+    """Return the places of a station's clock errors, by clock; clocks that are not carried are left out."""
+    found = {clock: [k for name, k in parameters.items() if name.startswith(f"{station}.{clock}.")] for clock in CLOCKS}
+    return {clock: places for clock, places in found.items() if places}

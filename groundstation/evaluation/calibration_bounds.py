@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.evaluation.bounds import View, fix_covariance, motion_matrices, posterior_bound
 from groundstation.estimation.parameters import CLOCKS, DGPS_CLOCK
+from groundstation.evaluation.bounds import View, fix_covariance, motion_matrices, posterior_bound
 from groundstation.geometry.calibration import parameter_indices, project_with_calibration
 
 
