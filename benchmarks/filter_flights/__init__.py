@@ -1,1 +1,1 @@
-"""What benchmarks/filter_study.py and the filter's statistical tests share: flights, the filter driven on them."""
+"""What benchmarks/filter_study.py and the filter's statistical tests share: flights, runs over them, bounds."""

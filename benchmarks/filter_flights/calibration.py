@@ -13,10 +13,11 @@ from groundstation.estimation.config import CalibrationUse, EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.messages import DgpsFix
 from groundstation.simulation import Scenario, StationErrors, case_b, perturbed, simulate
+from groundstation.simulation.approach import Glide
 from groundstation.simulation.cases import BOUND_PSD_M2_S3
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.disturbance import drawn_deviation
-from groundstation.simulation.pointing import SecondOrderLoop
+from groundstation.simulation.pointing import SecondOrderLoop, Wandering
 from groundstation.simulation.ptu import PtuModel
 from groundstation.simulation.take_off import TakeOff, take_off
 from groundstation.simulation.trajectory import Superposed
@@ -114,15 +115,27 @@ class Learned:
         return np.asarray(np.sqrt((self.bound**2).mean(axis=0)))
 
 
-def after_reference(names: Sequence[str], seeds: Sequence[int], rate_hz: float = 30.0) -> Sample:
-    """Case B with these errors of 0.05° unknown, 2 cm DGPS above y = 400 m, nothing but pictures below."""
+def after_reference(
+    names: Sequence[str],
+    seeds: Sequence[int],
+    rate_hz: float = 30.0,
+    use: CalibrationUse = CalibrationUse.REFERENCE,
+    *,
+    straight: bool = False,
+) -> Sample:
+    """Case B with these errors of 0.05° unknown, 2 cm DGPS above y = 400 m, nothing but pictures below.
+
+    ``straight`` flies the nominal glide and not a draw around it.
+    """
+    config = replace(one_mode(), calibration=use)
     prior = usual_prior(names)
     runs, bounds = [], []
     for seed in seeds:
         plain = replace(drawn_case("B", seed, rate_hz), dgps=_receiver(rate_hz))
+        plain = replace(plain, trajectory=Glide()) if straight else plain
         flight = simulate(with_errors(plain, names, drawn_parameters(prior, seed)))
         far = _above(plain, 400.0)
-        runs.append(drive(flight, one_mode(), drawn_start(flight, seed, *WIDE), prior=prior, reference=far))
+        runs.append(drive(flight, config, drawn_start(flight, seed, *WIDE), prior=prior, reference=far))
         bound = track_bound(flight, BOUND_PSD_M2_S3, WIDE, prior, lambda y: DGPS_SIGMA_M if y > 400.0 else None)
         bounds.append(np.diagonal(bound[:, :3, :3], axis1=1, axis2=2))
     return Sample(runs=runs, bound_m2=np.array(bounds))
@@ -150,13 +163,29 @@ class ClockFlight:
     config: EstimationConfig
 
 
-def clock_landing() -> ClockFlight:
-    """Return case B's drawn approach with a driven PTU read at 50 Hz."""
+def clock_wandering(ptu_psd_rad2_s3: float = 1e-6) -> ClockFlight:
+    """Return case B's drawn approach to y = 160 m, the heads drawn from the filter's model of them, too."""
 
     def scenario(seed: int) -> Scenario:
-        return _driven(drawn_case("B", seed, 30.0), 30.0)
+        plain = _driven(drawn_case("B", seed, 30.0, Glide(end_y_m=160.0)), 30.0)
+        start, end = plain.trajectory.span_s
+        ptus = {
+            name: replace(
+                model,
+                pointing=Wandering(
+                    deviation=drawn_deviation(
+                        np.random.default_rng([seed, 5, k]),
+                        span_s=(start - 1.5, end + 1.5),
+                        acceleration_psd_m2_s3=(ptu_psd_rad2_s3, ptu_psd_rad2_s3, 0.0),
+                    )
+                ),
+            )
+            for k, (name, model) in enumerate(plain.ptus.items())
+        }
+        return replace(plain, ptus=ptus)
 
-    return ClockFlight(name="approach", scenario=scenario, config=one_mode())
+    config = replace(one_mode(), ptu_acceleration_psd_rad2_s3=ptu_psd_rad2_s3)
+    return ClockFlight(name="approach to 160 m, heads drawn from the filter's model", scenario=scenario, config=config)
 
 
 def clock_take_off() -> ClockFlight:
@@ -171,7 +200,7 @@ def clock_take_off() -> ClockFlight:
         flight = Superposed(nominal=plan, deviation=drawn)
         return _driven(case_b(seed=seed, rate_hz=30.0, trajectory=flight, white_encoder=True), 30.0)
 
-    return ClockFlight(name="take-off", scenario=scenario, config=one_mode(psd))
+    return ClockFlight(name="take-off, heads in a smooth loop", scenario=scenario, config=one_mode(psd))
 
 
 def learned_clocks(flown: ClockFlight, names: Sequence[str], seeds: Sequence[int]) -> Learned:

@@ -35,14 +35,17 @@ class Pairs(LinearGaussianTransitionModel, TimeVariantModel):
 
     @property
     def ndim_state(self) -> int:
+        """Size of the state."""
         return self.size
 
     def matrix(self, time_interval: timedelta, **_: object) -> np.ndarray:
+        """Return F."""
         F = np.eye(self.size)
         F[self.values, self.slopes] = time_interval.total_seconds()
         return F
 
     def covar(self, time_interval: timedelta, **_: object) -> CovarianceMatrix:
+        """Return Q."""
         dt = time_interval.total_seconds()
         Q = np.zeros((self.size, self.size))
         Q[self.values, self.values] = self.psd * dt**3 / 3
@@ -59,6 +62,7 @@ class Pinhole(NonLinearGaussianMeasurement):
 
     @property
     def ndim_meas(self) -> int:
+        """Two: u and v."""
         return 2
 
     def _both(self, state: object) -> tuple[np.ndarray, np.ndarray]:
@@ -84,12 +88,15 @@ class Pinhole(NonLinearGaussianMeasurement):
         return pixel, H
 
     def function(self, state: object, noise: object = False, **_: object) -> StateVector:
+        """Return the pixel."""
         return StateVector(self._both(state)[0])
 
     def jacobian(self, state: object, **_: object) -> np.ndarray:
+        """Return its derivative by the state."""
         return self._both(state)[1]
 
     def rvs(self, *_: object, **__: object) -> None:
+        """Nothing is drawn here."""
         raise NotImplementedError
 
 

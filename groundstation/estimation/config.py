@@ -33,7 +33,7 @@ class CalibrationUse(StrEnum):
     """What becomes of the errors of rig and clocks that the filter carries."""
 
     CONSIDER = "consider"  # they keep value and variance; the track's covariance contains what they cause
-    REFERENCE = "reference"  # learnt while a reference position is there, considered after
+    REFERENCE = "reference"  # learnt while a reference position is there (clocks of the stations not), considered after
     ESTIMATE = "estimate"  # always learnt, from the assumed motion, too
 
 

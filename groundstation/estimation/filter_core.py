@@ -14,9 +14,10 @@ from groundstation.estimation.linearisation import PixelLinearisation
 from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
 from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.motion import MotionModel
-from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior
+from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior, clock_places
 from groundstation.estimation.silhouette import WidthModel
 from groundstation.estimation.state import EkfState, StateLayout, state_layout
+from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import CarriedError, Kinematics
 
@@ -78,7 +79,12 @@ class FilterCore:
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
-        self._rig_uncertain = any(not name.startswith("dgps_") for name in prior.names)
+        # an encoder's noise looks like motion, and cameras' and PTUs' clocks would be learnt from it: they stay considered
+        self._taught = self._all.copy()
+        for name in stations:
+            for places in clock_places(self.layout.parameters, name).values():
+                self._taught[places] = False
+        self._rig_uncertain = any(name.partition(".")[2] in CALIBRATION_PARAMETERS for name in prior.names)
         self._span_only = np.zeros(self.layout.size, np.bool_)
         self._span = self.layout.parameters.get(LOG_SPAN)
         if self._span is not None:
@@ -127,6 +133,7 @@ class FilterCore:
                 prior_sigma=math.sqrt(float(self._prior.covariance[k, k])),
             )
             for k, (name, place) in enumerate(self.layout.parameters.items())
+            if name != LOG_SPAN
         )
 
     def snapshot(self) -> EkfState:
@@ -254,7 +261,9 @@ class FilterCore:
 
     def _estimated(self) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
         """Return which states (n,) an update may move."""
-        return self._all if self.learns else self._moving
+        if not self.learns:
+            return self._moving
+        return self._all if self._config.calibration is CalibrationUse.ESTIMATE else self._taught
 
     def _age_s(self) -> float:
         """Return how long the filter has been running, for what drifts."""

@@ -10,11 +10,13 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, trial_state
 from groundstation.estimation.measurement import PixelModel
-from groundstation.estimation.parameters import CLOCKS
+from groundstation.estimation.parameters import clock_places
 from groundstation.estimation.state import StateLayout
 
 # a pixel is linearised anew until that changes it by less than so many sigmas of its noise, or so many times
 _LINEAR_SIGMA = 0.1
+# and not looked at twice where its prediction is no more uncertain than so many sigmas of its noise
+_SETTLED_SIGMA = 2.0
 _MAX_LINEARISATIONS = 5
 _MOMENT_S = 0.05
 _UNDETERMINED = 1e12  # condition of the normal equations
@@ -34,7 +36,7 @@ class PixelLinearisation:
     def __init__(self, layout: StateLayout, pixels: Mapping[str, PixelModel]) -> None:
         self._layout = layout
         self._pixels = pixels
-        self._clocks = {name: _clock_places(layout, name) for name in pixels}
+        self._clocks = {name: clock_places(layout.parameters, name) for name in pixels}
         self._is_offset = {place: name.endswith(".offset") for name, place in layout.parameters.items()}
 
     def iterated(
@@ -59,6 +61,9 @@ class PixelLinearisation:
         times : how long after the stamp the row is exposed, and how long clocks have drifted, s.
         """
         x, P, estimated = state
+        spread = innovation_covariance(P, first.jacobian, np.zeros((2, 2)))
+        if np.all(np.diag(spread) <= _SETTLED_SIGMA**2 * np.diag(R)):
+            return first
         own = self._layout.offsets.get(station, slice(0, 0))
         H, residual = first.jacobian, first.residual
         for _ in range(_MAX_LINEARISATIONS):
@@ -85,6 +90,8 @@ class PixelLinearisation:
         filter leaves out (second order), and would learn clocks from.
         """
         noise = np.zeros((2, 2))
+        if not self._clocks[station]:
+            return noise
         angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
         for clock, places in self._clocks[station].items():
             by_state = np.zeros_like(H)
@@ -116,12 +123,3 @@ class PixelLinearisation:
                 return None
             at.append(np.linalg.solve(information, moved))
         return np.vstack([at[0], (at[1] - at[0]) / _MOMENT_S])
-
-
-def _clock_places(layout: StateLayout, station: str) -> dict[str, list[int]]:
-    """Return where a station's clock errors stand, by clock."""
-    found = {
-        clock: [k for name, k in layout.parameters.items() if name.startswith(f"{station}.{clock}.")]
-        for clock in CLOCKS
-    }
-    return {clock: places for clock, places in found.items() if places}

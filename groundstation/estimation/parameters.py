@@ -14,7 +14,7 @@ its value and its variance (Schmidt), and the track's covariance never sinks bel
 *estimated* is learnt as any other state.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,3 +113,9 @@ def rig_prior(rig: Rig) -> ParameterPrior:
         walk_psd=np.zeros(len(keep)),
     )
     return calibration.joined(ParameterPrior.independent(names, sigmas))
+
+
+def clock_places(parameters: Mapping[str, int], station: str) -> dict[str, list[int]]:
+    """Return the places of a station's clock errors, by clock; clocks that are not carried are left out."""
+    found = {clock: [k for name, k in parameters.items() if name.startswith(f"{station}.{clock}.")] for clock in CLOCKS}
+    return {clock: places for clock, places in found.items() if places}

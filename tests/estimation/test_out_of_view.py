@@ -51,7 +51,8 @@ def test_well_inside_both_weightings_are_the_plain_update(weighting: OutOfViewWe
     plain.x, plain.P = ekf.state.copy(), ekf.covariance.copy()
     prediction = ekf.predict_pixel("left")
     assert prediction is not None
-    z, R = prediction.pixel + [3.0, -2.0], np.eye(2)
+    # as noisy as the prediction is uncertain: there is no second look at where to linearise
+    z, R = prediction.pixel + [3.0, -2.0], np.eye(2) * 10.0**2
     ekf.update_pixel("left", z, R)
     plain.update(z, lambda _: prediction.jacobian, lambda _: prediction.pixel, R=R)
     np.testing.assert_allclose(ekf.state, plain.x, atol=1e-6)
