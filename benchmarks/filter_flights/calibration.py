@@ -207,13 +207,14 @@ def learned_clocks(flown: ClockFlight, names: Sequence[str], seeds: Sequence[int
     """Learn clocks together with four mount biases, 2 cm DGPS at every frame; the bound of the same tuning."""
     everything = (*PAN_AND_TILT, *names)
     prior = usual_prior(everything)
+    config = replace(flown.config, calibration=CalibrationUse.ESTIMATE)
     errors, sigmas, bounds = [], [], []
     for seed in seeds:
         truth = drawn_parameters(prior, seed)
         flight = simulate(with_errors(flown.scenario(seed), everything, truth))
         start = drawn_start(flight, seed, *WIDE, lead_s=_START_LEAD_S)
-        run = drive(flight, flown.config, start, prior=prior, reference=lambda _: True)
-        bound = full_bound(flight, flown.config, start, prior=prior, truth=truth, reference=lambda _: True)
+        run = drive(flight, config, start, prior=prior, reference=lambda _: True)
+        bound = full_bound(flight, config, start, prior=prior, truth=truth, reference=lambda _: True)
         errors.append(run.parameters - truth)
         sigmas.append(np.sqrt(np.diag(run.parameter_covariance)))
         bounds.append(np.sqrt(np.diag(bound[-1])[-len(everything) :]))

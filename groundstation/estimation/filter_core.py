@@ -79,7 +79,7 @@ class FilterCore:
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
-        # an encoder's noise looks like motion, and cameras' and PTUs' clocks would be learnt from it: they stay considered
+        # the clocks of cameras and PTUs would be learnt from the encoders' noise, which looks like motion
         self._taught = self._all.copy()
         for name in stations:
             for places in clock_places(self.layout.parameters, name).values():
