@@ -10,6 +10,7 @@ from groundstation.detection.detector import warm_up as warm_up_detector
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.parameters import ParameterPrior
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.triangulation import View, triangulate
@@ -55,7 +56,9 @@ def warm_up() -> None:
 
 def _warm_up_estimation(geometry: StationGeometry) -> None:
     """Run the filter's and the triangulation's kernels once."""
-    ekf = StationEkf({geometry.name: geometry}, (geometry.name,), EstimationConfig())
+    names = (f"{geometry.name}.runway_from_base.z", f"{geometry.name}.ptu_clock.offset")
+    prior = ParameterPrior.independent(names, (1e-4, 1e-3)).with_span(0.1)
+    ekf = StationEkf({geometry.name: geometry}, (geometry.name,), EstimationConfig(), prior)
     ekf.predict_to(0.0)
     for k in range(2):
         ekf.update_encoder(geometry.name, (0.0, 0.0), 1e-3, 0.0, 0.0)
@@ -64,6 +67,9 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
     prediction = ekf.predict_pixel(geometry.name)
     if prediction is not None:
         ekf.update_pixel(geometry.name, prediction.pixel, np.eye(2))
+        ekf.update_width(geometry.name, 40.0, 2.0, alone=True)
+        ekf.absorb_miss(geometry.name, 0.9)
+        ekf.update_reference(np.array([0.0, 50.0, 0.0]), np.eye(3))
     target = np.array([2.0, 50.0, 0.0])
     views = []
     for station in (geometry, _station(np.array([5.0, 0.0, 0.0]), geometry.lens)):
