@@ -21,7 +21,8 @@ from groundstation.messages import Innovation
 # start of an axis that has been read once: it may turn at up to this rate (1 sigma)
 _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
 # what calibration may have done to a velocity that was found without a reference
-_ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.1, 0.5
+_ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.4, 2.0
+_REFUSED_IN_A_ROW = 5
 # so near to none or all of the prediction inside the image, a miss does not change its shape
 _HARDLY = 0.02
 
@@ -120,23 +121,25 @@ class StationEkf(FilterCore):
 
         For some time after it (`EstimationConfig.reference_hold_s`) the carried errors are learnt from pixels, too. The
         first of a target replaces its position: what pixels alone gave may be tens of metres off by the errors that are
-        to be learnt now, too far to be linearised about.
+        to be learnt now, too far to be linearised about. So does one after several that were refused.
         """
-        first = self._newest_reference_s == -math.inf
-        if first and self._rig_uncertain and self._config.calibration is CalibrationUse.REFERENCE:
+        teaches = self._rig_uncertain and self._config.calibration is CalibrationUse.REFERENCE
+        if teaches and (self._newest_reference_s == -math.inf or self._references_refused >= _REFUSED_IN_A_ROW):
             return self._adopt(position_m, covariance_m2, ahead_s)
         expected = self._reference.predict(self.state, ahead_s, self._age_s())
         residual = position_m - expected.value
-        # between now and when it was true the aircraft has flown as it liked
-        away = self._reference.lateness_s(self.state, self.covariance, ahead_s, self._age_s())
-        here = self.layout.position
-        covariance_m2 = covariance_m2 + self._motions[0].process_noise(away)[here, here]
-        S = innovation_covariance(self.covariance, expected.jacobian, covariance_m2)
+        # between now and when it was true the aircraft has flown as it liked, at a speed that is not known, either
+        away, doubt = self._reference.lateness_s(self.state, self.covariance, ahead_s, self._age_s())
+        here, speed = self.layout.position, self.layout.velocity
+        R = covariance_m2 + self._motions[0].process_noise(math.hypot(away, doubt))[here, here]
+        R += doubt**2 * self.covariance[speed, speed]
+        S = innovation_covariance(self.covariance, expected.jacobian, R)
         nis = float(residual @ np.linalg.solve(S, residual))
         accepted = nis <= self._reference_gate
+        self._references_refused = 0 if accepted else self._references_refused + 1
         if accepted:
             self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
-            self._bank.correct(residual, expected.jacobian, covariance_m2, self._estimated(), telling=True)
+            self._bank.correct(residual, expected.jacobian, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
 
     def _adopt(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float) -> Innovation:
@@ -146,11 +149,14 @@ class StationEkf(FilterCore):
         velocity = self.state[self.layout.velocity].copy()
         spread = self.covariance[self.layout.velocity, self.layout.velocity].copy()
         spread += np.eye(3) * (_ADOPTED_SPEED_SHARE * float(np.linalg.norm(velocity)) + _ADOPTED_SPEED_M_S) ** 2
-        self._bank.place(self.layout.position, self.state[self.layout.position] + residual, covariance_m2)
+        _, doubt = self._reference.lateness_s(self.state, self.covariance, ahead_s, self._age_s())
+        around = covariance_m2 + doubt**2 * spread
+        self._bank.place(self.layout.position, self.state[self.layout.position] + residual, around)
         self._bank.place(self.layout.velocity, velocity, spread)
         self._bank.share(self.layout.position, self.layout.constant, -expected.jacobian[:, self.layout.constant])
         self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
-        return Innovation(residual=residual, covariance=covariance_m2, nis=0.0, dof=0, accepted=True)
+        self._references_refused = 0
+        return Innovation(residual=residual, covariance=around, nis=0.0, dof=0, accepted=True)
 
     def update_width(self, station: str, width_px: float, span_m: float, *, alone: bool) -> Innovation | None:
         """Fuse the width in px of the target's silhouette in one camera: log w = log(span · f / depth · aspect).

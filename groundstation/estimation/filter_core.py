@@ -21,13 +21,6 @@ from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import CarriedError, Kinematics
 
-# start of an axis that has been read once: it may turn at up to this rate (1 sigma)
-_INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
-# what calibration may have done to a velocity that was found without a reference
-_ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.1, 0.5
-# so near to none or all of the prediction inside the image, a miss does not change its shape
-_HARDLY = 0.02
-
 
 class FilterCore:
     """Filter over one target, the turning stations and the carried errors.
@@ -94,6 +87,7 @@ class FilterCore:
         self._read: set[str] = set()
         self._first_s: float | None = None
         self._newest_reference_s = -math.inf
+        self._references_refused = 0
 
     # ------------------------------------------------------------------------------------------ state
     @property

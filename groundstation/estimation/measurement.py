@@ -195,14 +195,14 @@ class ReferenceModel:
             value = value + H[:, self._antenna] @ state[self._antenna]
         return LinearPrediction(value=value, jacobian=H)
 
-    def lateness_s(self, state: FloatArray, P: FloatArray, ahead_s: float, age_s: float = 0.0) -> float:
-        """Return how far in time, root mean square, a fix stamped ``ahead_s`` after now lies from now."""
+    def lateness_s(self, state: FloatArray, P: FloatArray, ahead_s: float, age_s: float = 0.0) -> tuple[float, float]:
+        """Return how far in time a fix stamped ``ahead_s`` after now lies from now, and one sigma of that."""
         mean, variance = ahead_s, 0.0
         for place, lever in ((self._offset, 1.0), (self._drift, age_s)):
             if place is not None:
                 mean += lever * float(state[place])
                 variance += lever**2 * float(P[place, place])
-        return float(np.sqrt(mean**2 + variance))
+        return mean, float(np.sqrt(variance))
 
 
 def runway_from_body(velocity_m_s: FloatArray) -> FloatArray:
