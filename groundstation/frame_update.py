@@ -4,6 +4,7 @@ Each camera stands alone: a frame is used at its own time, whether or not its pa
 camera is no special case.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -43,6 +44,8 @@ _MISS_STATUS = {
 }
 
 
+# while two cameras see the target, its width teaches the span this often
+_WIDTH_EVERY_S = 0.25
 _NOTHING_THERE = (MissReason.LOW_CONTRAST, MissReason.NO_REGION)
 
 
@@ -92,6 +95,7 @@ class FrameUpdate:
         self._keeper = keeper
         self._book = book
         self._health = health
+        self._width_taught_s: dict[str, float] = {}
         self._contributed: dict[str, float] = {}
         self._config = config
         self._span = span
@@ -288,7 +292,10 @@ class FrameUpdate:
         began_s = self._keeper.life.started_s
         others = [max(self._contributed.get(station, began_s), began_s) for station in self._cameras if station != name]
         alone = all(t_s - seen > self._config.estimation.alone_after_s for seen in others)
-        self._ekf.update_width(name, found.box[2], span_m, alone=alone)
+        # what one picture shows of the span the next shows again
+        if alone or t_s - self._width_taught_s.get(name, -math.inf) >= _WIDTH_EVERY_S:
+            self._width_taught_s[name] = t_s
+            self._ekf.update_width(name, found.box[2], span_m, alone=alone)
 
     def _learn_span(self, camera: CameraTracker, found: Detection) -> None:
         after = self._ekf.predict_pixel(camera.station.name)

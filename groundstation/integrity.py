@@ -14,6 +14,7 @@ only the faulty station's jump, so whose jumped first is to blame. With two stat
 is seen, not whose it is.
 """
 
+import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -34,6 +35,8 @@ _JUMP = 13.8
 _TOGETHER_S = 0.02
 # windows overlap: so many of them are as good as independent, each window's length
 _INDEPENDENT_PER_WINDOW = 5.0
+# a window of seconds does not change its mind from one picture to the next
+_JUDGED_EVERY_S = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +146,7 @@ class IntegrityWatch:
         self._verdicts = dict.fromkeys(stations, Verdict.TRUSTED)
         self._since: dict[str, float] = {}
         self._extra: dict[str, FloatArray] = {}
+        self._judged_s = -math.inf
         per_hour = 3600.0 / config.window_s * _INDEPENDENT_PER_WINDOW * max(len(self._sums), 1)
         tail = min(config.false_alarms_per_hour / per_hour, 0.5)
         self._limits = {dof: float(chi2.isf(tail, dof)) for dof in (1, 2)}
@@ -199,6 +203,9 @@ class IntegrityWatch:
         for sight in sights:
             # a station that is left out is held against those that are not
             self._add(t_s, sight, used if sight in used else [*used, sight])
+        if t_s < self._judged_s + _JUDGED_EVERY_S:
+            return []
+        self._judged_s = t_s
         found = self._readmit(t_s, [s.station for s in sights])
         return found if found else self._accuse(t_s, [s.station for s in used])
 

@@ -208,7 +208,7 @@ class Synchroniser:
         """Return whether nothing earlier than ``t_s`` is to be expected, or has been waited for long enough."""
         if self._newest_s >= t_s + self._config.hold_s:
             return True
-        return all(newest >= t_s for newest in self._streams.values())
+        return min(self._streams.values(), default=t_s) >= t_s
 
     def _ready_frame(self, frame: Frame | PixelMeasurement) -> ReadyFrame:
         following = self.claim_following(frame)

@@ -144,6 +144,12 @@ def squared_sigmas(residual: FloatArray, S: FloatArray) -> float:
     )
 
 
+@njit(cache=True)
+def log_likelihood(residual: FloatArray, S: FloatArray) -> float:
+    """Return log N(residual; 0, S) of m numbers, but for the constant."""
+    return -0.5 * float(residual @ np.linalg.solve(S, residual)) - 0.5 * np.log(np.linalg.det(S))
+
+
 class CompiledKalmanFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy has no types
     """`ExtendedKalmanFilter` with ``predict`` and a linearised ``correct`` compiled; ``x`` is (n,), ``P`` (n, n)."""
 

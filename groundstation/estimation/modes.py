@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import BoolArray, CompiledKalmanFilter
+from groundstation.estimation.compiled_filter import BoolArray, CompiledKalmanFilter, log_likelihood
 
 _LEAST_WEIGHT = 1e-6
 
@@ -117,7 +117,7 @@ class ModeBank:
             own = residual if len(self._filters) == 1 else residual - H @ (each.x - x)
             each.correct(own, H, R, estimated, share)
             if telling and len(self._filters) > 1:
-                logs[k] = -0.5 * (own @ np.linalg.solve(each.S, own) + np.log(np.linalg.det(each.S)))
+                logs[k] = log_likelihood(own, each.S)
         if telling:
             weights = np.maximum(self.weights * np.exp(logs - logs.max()), _LEAST_WEIGHT)
             self.weights = weights / weights.sum()
@@ -142,7 +142,7 @@ class ModeBank:
         if len(self._filters) == 1:
             return self._filters[0].x, self._filters[0].P
         if self._mean is None:
-            states, covariances = self._stacked()
+            states, covariances = self._all()
             self._mean = _moments(states, covariances, self.weights)
         return self._mean
 
@@ -162,24 +162,26 @@ class ModeBank:
         """Let each mode start from where the aircraft may have come from into it."""
         joint = self._joint(dt_s)
         self.weights = joint.sum(axis=0)
-        states, covariances = self._stacked()
+        states, covariances = self._all()
         for k, each in enumerate(self._filters):
             each.x, each.P = _moments(states, covariances, joint[:, k] / self.weights[k])
 
-    def _stacked(self) -> tuple[FloatArray, FloatArray]:
-        return np.stack([f.x for f in self._filters]), np.stack([f.P for f in self._filters])
+    def _all(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+        return tuple(f.x for f in self._filters), tuple(f.P for f in self._filters)
 
 
 @njit(cache=True)
-def _moments(states: FloatArray, covariances: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean (n,) and covariance (n, n) of a mixture of (r, n) and (r, n, n)."""
-    count, n = states.shape
+def _moments(
+    states: tuple[FloatArray, ...], covariances: tuple[FloatArray, ...], weights: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean (n,) and covariance (n, n) of a mixture of states (n,) and covariances (n, n)."""
+    n = states[0].size
     x, P = np.zeros(n), np.zeros((n, n))
-    for k in range(count):
+    for k in range(len(states)):
         x += weights[k] * states[k]
-    for k in range(count):
-        away = states[k] - x
+    for k in range(len(states)):
+        away, own = states[k] - x, covariances[k]
         for i in range(n):
             for j in range(n):
-                P[i, j] += weights[k] * (covariances[k, i, j] + away[i] * away[j])
+                P[i, j] += weights[k] * (own[i, j] + away[i] * away[j])
     return x, P
