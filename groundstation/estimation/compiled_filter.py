@@ -136,6 +136,7 @@ def _carry(x: FloatArray, P: FloatArray, F: FloatArray, Q: FloatArray) -> tuple[
     return new_x, new_P
 
 
+@njit(cache=True)
 def squared_sigmas(residual: FloatArray, S: FloatArray) -> float:
     """Return residualᵀ S⁻¹ residual of two numbers."""
     a, b = float(residual[0]), float(residual[1])

@@ -23,6 +23,8 @@ _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
 # what calibration may have done to a velocity that was found without a reference
 _ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.4, 2.0
 _REFUSED_IN_A_ROW = 5
+# a pixel is not looked at twice where its prediction is no more uncertain than so many sigmas of its noise
+_SETTLED_SIGMA = 2.0
 # so near to none or all of the prediction inside the image, a miss does not change its shape
 _HARDLY = 0.02
 
@@ -46,14 +48,15 @@ class StationEkf(FilterCore):
         expected = model.predict(self.state, ahead_s)
         H = expected.jacobian
         extra = sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
-        R = np.diag([extra, extra])
-        if not model.carries_clock:
+        R = np.array([[extra, 0.0], [0.0, extra]])
+        if not model.carries_clock and clock_sigma_s > 0.0:
             R += np.diag((clock_sigma_s * self.state[self.layout.rates[station]]) ** 2)
-        residual = np.array([wrap_rad(angles_rad[k] - expected.value[k]) for k in range(2)])
+        value = expected.value
+        residual = np.array([wrap_rad(angles_rad[0] - value[0]), wrap_rad(angles_rad[1] - value[1])])
         S = innovation_covariance(self.covariance, H, R)
         nis = squared_sigmas(residual, S)
         allowed = self._config.encoder_gate_sigma**2
-        accepted = all(residual[k] ** 2 <= allowed * S[k, k] for k in range(2))
+        accepted = bool(residual[0] ** 2 <= allowed * S[0, 0] and residual[1] ** 2 <= allowed * S[1, 1])
         if accepted:
             self._bank.correct(residual, H, R, self._estimated(), telling=False)
         else:
@@ -108,11 +111,13 @@ class StationEkf(FilterCore):
                     gain_share = inside
                 else:
                     R = R / inside
-                state = (self.state, self.covariance, self._estimated())
-                first = Linearised(jacobian=H, residual=residual)
-                seen = self._bends.iterated(station, measured, first, state, R, (row_dt_s, self._age_s()))
-                H, moved = seen.jacobian, seen.residual
-            R = R + self._bends.speed_noise(station, H, self.covariance, self._age_s())
+                if in_view[0, 0] > _SETTLED_SIGMA**2 * R[0, 0] or in_view[1, 1] > _SETTLED_SIGMA**2 * R[1, 1]:
+                    state = (self.state, self.covariance, self._estimated())
+                    first = Linearised(jacobian=H, residual=residual)
+                    seen = self._bends.iterated(station, measured, first, state, R, (row_dt_s, self._age_s()))
+                    H, moved = seen.jacobian, seen.residual
+            if self._bends.carries_clock(station):
+                R = R + self._bends.speed_noise(station, H, self.covariance, self._age_s())
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 

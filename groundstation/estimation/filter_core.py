@@ -139,6 +139,7 @@ class FilterCore:
             self._bank.snapshot(),
             frozenset(self._read),
             self._newest_reference_s,
+            self._references_refused,
         )
 
     def restore(self, saved: EkfState) -> None:
@@ -146,6 +147,7 @@ class FilterCore:
         self.time_s, self._first_s, self.has_target = saved.time_s, saved.first_s, saved.has_target
         self._bank.restore(saved.bank)
         self._read, self._newest_reference_s = set(saved.read), saved.newest_reference_s
+        self._references_refused = saved.references_refused
 
     def angles(self, station: str) -> tuple[float, float]:
         """Return (pan, tilt) in rad; zero for a fixed station."""

@@ -15,8 +15,6 @@ from groundstation.estimation.state import StateLayout
 
 # a pixel is linearised anew until that changes it by less than so many sigmas of its noise, or so many times
 _LINEAR_SIGMA = 0.1
-# and not looked at twice where its prediction is no more uncertain than so many sigmas of its noise
-_SETTLED_SIGMA = 2.0
 _MAX_LINEARISATIONS = 5
 _MOMENT_S = 0.05
 _UNDETERMINED = 1e12  # condition of the normal equations
@@ -61,9 +59,6 @@ class PixelLinearisation:
         times : how long after the stamp the row is exposed, and how long clocks have drifted, s.
         """
         x, P, estimated = state
-        spread = innovation_covariance(P, first.jacobian, np.zeros((2, 2)))
-        if np.all(np.diag(spread) <= _SETTLED_SIGMA**2 * np.diag(R)):
-            return first
         own = self._layout.offsets.get(station, slice(0, 0))
         H, residual = first.jacobian, first.residual
         for _ in range(_MAX_LINEARISATIONS):
@@ -83,6 +78,10 @@ class PixelLinearisation:
             H, residual = there_H, again
         return Linearised(jacobian=H, residual=residual)
 
+    def carries_clock(self, station: str) -> bool:
+        """Return whether an error of one of the station's clocks is a state of the filter."""
+        return bool(self._clocks[station])
+
     def speed_noise(self, station: str, H: FloatArray, P: FloatArray, age_s: float) -> FloatArray:
         """Return what a pixel with Jacobian ``H`` gets (2, 2) because a clock's error acts on an uncertain speed.
 
@@ -90,8 +89,6 @@ class PixelLinearisation:
         filter leaves out (second order), and would learn clocks from.
         """
         noise = np.zeros((2, 2))
-        if not self._clocks[station]:
-            return noise
         angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
         for clock, places in self._clocks[station].items():
             by_state = np.zeros_like(H)

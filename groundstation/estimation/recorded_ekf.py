@@ -137,6 +137,7 @@ class RecordedEkf(StationEkf):
             s.bank,
             s.read,
             s.newest_reference_s,
+            s.references_refused,
             self.tape.mark,
             len(self.steps),
         )

@@ -56,6 +56,7 @@ class EkfState:
     bank: list[FloatArray]
     read: frozenset[str]
     newest_reference_s: float
+    references_refused: int
 
 
 def state_layout(
