@@ -22,7 +22,7 @@ NEAR = (0.1, 0.3)
 
 def one_mode(psd: tuple[float, float, float] = BOUND_PSD_M2_S3) -> EstimationConfig:
     """Return the default tuning with one way of flying, of this PSD."""
-    return replace(EstimationConfig(), acceleration_psd_m2_s3=psd, manoeuvre_psd_m2_s3=psd)
+    return replace(EstimationConfig(), acceleration_psd_m2_s3=psd, manoeuvre_psd_m2_s3=psd, detection_lasting_share=0.0)
 
 
 def drawn_case(case: str, seed: int, rate_hz: float, nominal: Glide | None = None) -> Scenario:

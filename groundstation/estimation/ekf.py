@@ -23,6 +23,7 @@ _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
 # what calibration may have done to a velocity that was found without a reference
 _ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.4, 2.0
 _REFUSED_IN_A_ROW = 5
+_NOTHING = np.zeros((2, 2))
 # a pixel is not looked at twice where its prediction is no more uncertain than so many sigmas of its noise
 _SETTLED_SIGMA = 2.0
 # so near to none or all of the prediction inside the image, a miss does not change its shape
@@ -45,12 +46,13 @@ class StationEkf(FilterCore):
             self.set_angles(station, angles_rad, (0.0, 0.0), sigma_rad)
             return Innovation(residual=np.zeros(2), covariance=np.eye(2) * sigma_rad**2, nis=0.0, dof=0, accepted=True)
         model = self._encoders[station]
-        expected = model.predict(self.state, ahead_s)
+        x = self.state
+        expected = model.predict(x, ahead_s)
         H = expected.jacobian
         extra = sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
         R = np.array([[extra, 0.0], [0.0, extra]])
         if not model.carries_clock and clock_sigma_s > 0.0:
-            R += np.diag((clock_sigma_s * self.state[self.layout.rates[station]]) ** 2)
+            R += np.diag((clock_sigma_s * x[self.layout.rates[station]]) ** 2)
         value = expected.value
         residual = np.array([wrap_rad(angles_rad[0] - value[0]), wrap_rad(angles_rad[1] - value[1])])
         S = innovation_covariance(self.covariance, H, R)
@@ -84,20 +86,21 @@ class StationEkf(FilterCore):
         ``lasting_share`` of that covariance is an error that this station's next pixels will share. Near and beyond
         the border the pixel is weighted (`OutOfViewWeighting`); beyond the chi-square gate it is refused.
         """
-        prediction = self.predict_pixel(station, row_dt_s)
+        x, P = self.state, self.covariance
+        prediction = self._pixels[station].predict(x, row_dt_s, self._age_s())
         if prediction is None:
             return None
         H, R = prediction.jacobian, covariance_px2
-        in_view = self.pixel_covariance(prediction)
+        in_view = innovation_covariance(P, H, _NOTHING)
         measured = pixel
         offset = self.layout.offsets.get(station)
         if offset is not None and lasting_share > 0.0:
             H = H.copy()
             H[:, offset] = np.linalg.cholesky(lasting_share * covariance_px2)
-            measured = pixel - H[:, offset] @ self.state[offset]
+            measured = pixel - H[:, offset] @ x[offset]
             R = (1.0 - lasting_share) * covariance_px2
         residual = measured - prediction.pixel
-        S = innovation_covariance(self.covariance, H, R)
+        S = innovation_covariance(P, H, R)
         nis = squared_sigmas(residual, S)
         accepted = nis <= self._gate
         if accepted:
@@ -112,12 +115,12 @@ class StationEkf(FilterCore):
                 else:
                     R = R / inside
                 if in_view[0, 0] > _SETTLED_SIGMA**2 * R[0, 0] or in_view[1, 1] > _SETTLED_SIGMA**2 * R[1, 1]:
-                    state = (self.state, self.covariance, self._estimated())
+                    state = (x, P, self._estimated())
                     first = Linearised(jacobian=H, residual=residual)
                     seen = self._bends.iterated(station, measured, first, state, R, (row_dt_s, self._age_s()))
                     H, moved = seen.jacobian, seen.residual
             if self._bends.carries_clock(station):
-                R = R + self._bends.speed_noise(station, H, self.covariance, self._age_s())
+                R = R + self._bends.speed_noise(station, H, P, self._age_s())
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 

@@ -111,12 +111,15 @@ class ModeBank:
 
         ``share`` scales the gain.
         """
+        if len(self._filters) == 1:
+            self._filters[0].correct(residual, H, R, estimated, share)
+            return
         x = self.x
         logs = np.zeros(len(self._filters))
         for k, each in enumerate(self._filters):
-            own = residual if len(self._filters) == 1 else residual - H @ (each.x - x)
+            own = residual - H @ (each.x - x)
             each.correct(own, H, R, estimated, share)
-            if telling and len(self._filters) > 1:
+            if telling:
                 logs[k] = log_likelihood(own, each.S)
         if telling:
             weights = np.maximum(self.weights * np.exp(logs - logs.max()), _LEAST_WEIGHT)
