@@ -114,9 +114,9 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     replay.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
     replay.add_argument(
         "--learn-until",
-        type=float,
+        type=_seconds,
         metavar="S",
-        help="let DGPS teach the filter the rig's errors up to this time, s; after it DGPS only compares, as always",
+        help="let DGPS teach the filter the rig's errors up to this DGPS time, s; after it DGPS only compares, as always",
     )
     replay.add_argument(
         "--smooth", action="store_true", help="also smooth over the whole flight: smoothed.csv, a row in the accuracy"
@@ -155,6 +155,17 @@ def _add_plan(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -
     )
     plan.add_argument("site", type=Path, metavar="SITE", help="the site, TOML (example: docs/site-example.toml)")
     plan.add_argument("--out", type=Path, metavar="DIR", help="where table and picture go; made if missing")
+
+
+def _seconds(text: str) -> float:
+    """Return a time that is one."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a time in s")
+    return value
 
 
 def _box(text: str) -> tuple[float, float, float, float]:

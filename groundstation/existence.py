@@ -63,7 +63,8 @@ class Existence:
     def _learn(self, station: str, t_s: float, found: float, in_view: float) -> float:
         """Update P_D; return the look's power Δt/τ."""
         since_s = max(t_s - self._looked_s.get(station, t_s), 0.0)
-        self._looked_s[station] = t_s
+        # a picture that came late does not make the last look older
+        self._looked_s[station] = max(t_s, self._looked_s.get(station, t_s))
         if in_view >= _SURELY:
             # a target that is not there is not missed
             rate = self.probability * min(since_s / _DETECTION_MEMORY_S, 0.5)

@@ -171,7 +171,7 @@ class FrameUpdate:
         """Nothing is known: return the candidates of the whole frame, or the pixel that someone else found."""
         if isinstance(record, Frame):
             camera = self._cameras[record.station]
-            return camera.search(record, angles.pan_rad, angles.tilt_rad, angles.sigma_rad)
+            return camera.search(record, angles.pan_rad, angles.tilt_rad, self._pointing_sigma_rad(record, angles))
         return [
             Sighting(
                 t_s=record.t_s,
@@ -181,10 +181,14 @@ class FrameUpdate:
                 score=1.0,
                 pan_rad=angles.pan_rad,
                 tilt_rad=angles.tilt_rad,
-                angle_sigma_rad=angles.sigma_rad,
+                angle_sigma_rad=self._pointing_sigma_rad(record, angles),
                 labelled=True,
             )
         ]
+
+    def _pointing_sigma_rad(self, record: Frame | PixelMeasurement, angles: _Angles) -> float:
+        """Return one sigma of where the camera looks: rays of an uncertain rig may pass each other by so much."""
+        return float(np.hypot(angles.sigma_rad, self._ekf.pointing_sigma_rad(record.station)))
 
     def _look(
         self, record: Frame | PixelMeasurement, report: CameraReport, prediction: PixelPrediction
@@ -249,14 +253,14 @@ class FrameUpdate:
                     camera.accepted(found)
                     self._use_width(camera, found, record.t_s)
                     self._learn_span(camera, found)
-            self._contributed[record.station] = record.t_s
+            self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))
         view = View(
             station=camera.geometry,
             pixel=pixel,
             covariance_px2=found.covariance_px2,
             pan_rad=angles.pan_rad,
             tilt_rad=angles.tilt_rad,
-            angle_sigma_rad=angles.sigma_rad,
+            angle_sigma_rad=self._pointing_sigma_rad(record, angles),
         )
         self._book.add(
             EpochView(

@@ -103,6 +103,7 @@ class Pipeline:
             keep_images=keep_images,
         )
         self._refused_references = 0
+        self.taught_until_s: float | None = None
         self._out_cameras: list[CameraReport] = []
         self._out_estimates: list[TrackEstimate] = []
 
@@ -241,11 +242,15 @@ class Pipeline:
 
     def _learn(self, fix: ReferenceFix) -> None:
         """Let a reference position correct the target and the errors that are carried."""
-        self._predict_to(fix.t_s)
-        if self._ekf.has_target:
-            with self._window.decision():
-                innovation = self._ekf.update_reference(fix.position_runway_m, np.diag(fix.sigma_m**2))
-            self._refused_references += not innovation.accepted
+        self._ekf.predict_to(fix.t_s)
+        with self._window.decision():
+            self._keeper.start_if_due(fix.t_s)
+            if not self._ekf.has_target:
+                return
+            innovation = self._ekf.update_reference(fix.position_runway_m, np.diag(fix.sigma_m**2))
+        self._refused_references += not innovation.accepted
+        if innovation.accepted and self._ekf.learns:
+            self.taught_until_s = fix.t_s
 
     # ---------------------------------------------------------------------------------------- epochs
     def _answer(self, epoch: Epoch) -> None:

@@ -110,6 +110,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     if outcome.fault is not None:
         faults.append(str(outcome.fault))
     faults += [f"{name.replace('_', ' ')}: {n}" for name, n in pipeline.counts.items() if n]
+    if taught and pipeline.taught_until_s is None:
+        faults.append("nothing was learnt from DGPS: no target was held while it was there, or nothing may be learnt")
     description = RunDescription(
         name=session.name,
         phases=session.phases,
@@ -120,12 +122,13 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         speed=_speed(outcome, span_s, prepared_s),
         faults=tuple(faults),
         carried_errors=pipeline.carried_errors,
-        learnt_until_s=taught[-1].t_s if taught else None,
+        learnt_until_s=pipeline.taught_until_s,
         fused_late=pipeline.fused_late,
     )
-    if taught:
+    if pipeline.taught_until_s is not None:
         # what the filter was told is no proof of what it knows
-        dgps = tuple(fix for fix in dgps if fix.t_s > taught[-1].t_s)
+        until_s = pipeline.taught_until_s
+        dgps = tuple(fix for fix in dgps if fix.t_s > until_s)
     evaluation = evaluate_run(
         collector,
         description,
@@ -155,7 +158,7 @@ def _lessons(request: ReplayRequest, session: Session, dgps: Sequence[DgpsFix]) 
         return []
     taught = reference_fixes(dgps, session.target.antenna_in_body_m, request.learn_until_s)
     if not taught:
-        got = f"no DGPS fix up to {request.learn_until_s:g} s"
+        got = f"no DGPS fix up to {request.learn_until_s:g} s" if dgps else "no DGPS at all"
         raise SessionError(session.name, got=got, wanted="some, for --learn-until")
     return taught
 

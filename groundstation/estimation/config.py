@@ -57,13 +57,13 @@ class EstimationConfig:
         flying.
     steady_s, manoeuvre_s : how long the aircraft flies in either way, on average.
     detection_lasting_share : so much of a detection's variance is an error that lasts …
-    detection_lasting_s : … for about so long, and is not averaged away; 0 takes every detection's error as new.
+    detection_lasting_s : … for about so long, and is not averaged away; a share of 0 takes every error as new.
     calibration : what becomes of the errors that rig.toml gives covariances for.
     reference_hold_s : a reference counts as there for so long after its newest position.
     reference_clock_sigma_s : and its clock may be so far off the session's, 1 sigma.
     reference_antenna_sigma_m : and its antenna so far from the nose (forward, right, down) where session.toml does not
         say; what it may lie aside cannot be told from a pan that all stations have wrong.
-    ptu_acceleration_psd_rad2_s3 : the same of each PTU axis.
+    ptu_acceleration_psd_rad2_s3 : power spectral density of each PTU axis's white acceleration.
     ptu_max_rate_deg_s : no PTU turns faster; a reading that says so is a spike.
     encoder_gate_sigma : a reading further from its prediction is held back until the next one confirms it.
     gate_probability : share of true pixels that the chi-square gate lets pass.

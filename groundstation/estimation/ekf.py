@@ -23,6 +23,7 @@ _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
 # what calibration may have done to a velocity that was found without a reference
 _ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.4, 2.0
 _REFUSED_IN_A_ROW = 5
+_OPEN_SHARE = 0.5  # of the sigma before
 _NOTHING = np.zeros((2, 2))
 # a pixel is not looked at twice where its prediction is no more uncertain than so many sigmas of its noise
 _SETTLED_SIGMA = 2.0
@@ -129,9 +130,10 @@ class StationEkf(FilterCore):
 
         For some time after it (`EstimationConfig.reference_hold_s`) the carried errors are learnt from pixels, too. The
         first of a target replaces its position: what pixels alone gave may be tens of metres off by the errors that are
-        to be learnt now, too far to be linearised about. So does one after several that were refused.
+        to be learnt now, too far to be linearised about. So does one after several that were refused. A rig that is
+        learnt already needs neither, and is not to be thrown over by a receiver that fails.
         """
-        teaches = self._rig_uncertain and self._config.calibration is CalibrationUse.REFERENCE
+        teaches = self._config.calibration is CalibrationUse.REFERENCE and self._rig_is_open()
         if teaches and (self._newest_reference_s == -math.inf or self._references_refused >= _REFUSED_IN_A_ROW):
             return self._adopt(position_m, covariance_m2, ahead_s)
         expected = self._reference.predict(self.state, ahead_s, self._age_s())
@@ -150,6 +152,17 @@ class StationEkf(FilterCore):
             self._bank.correct(residual, expected.jacobian, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
 
+    def _rig_is_open(self) -> bool:
+        """Return whether some mount or boresight is still about as uncertain as the rig file says."""
+        if not self._rig_uncertain:
+            return False
+        shares = [
+            error.sigma / error.prior_sigma
+            for error in self.carried_errors()
+            if error.name.partition(".")[2].startswith(("runway_from_base", "head_from_camera"))
+        ]
+        return not shares or max(shares) > _OPEN_SHARE
+
     def _adopt(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float) -> Innovation:
         """Put the target where a reference says, with the doubt and the correlations of its clock and antenna."""
         expected = self._reference.predict(self.state, ahead_s, self._age_s())
@@ -157,10 +170,13 @@ class StationEkf(FilterCore):
         velocity = self.state[self.layout.velocity].copy()
         spread = self.covariance[self.layout.velocity, self.layout.velocity].copy()
         spread += np.eye(3) * (_ADOPTED_SPEED_SHARE * float(np.linalg.norm(velocity)) + _ADOPTED_SPEED_M_S) ** 2
-        _, doubt = self._reference.lateness_s(self.state, self.covariance, ahead_s, self._age_s())
-        around = covariance_m2 + doubt**2 * spread
-        self._bank.place(self.layout.position, self.state[self.layout.position] + residual, around)
-        self._bank.place(self.layout.velocity, velocity, spread)
+        away, doubt = self._reference.lateness_s(self.state, self.covariance, ahead_s, self._age_s())
+        here = self.layout.position
+        around = covariance_m2 + (away**2 + doubt**2) * spread
+        around += self._motions[0].process_noise(math.hypot(away, doubt))[here, here]
+        place = np.concatenate([self.state[here] + residual, velocity])
+        # carried to now along a speed that is not known, the place errs with it
+        self._bank.place(self.layout.target, place, np.block([[around, -away * spread], [-away * spread, spread]]))
         self._bank.share(self.layout.position, self.layout.constant, -expected.jacobian[:, self.layout.constant])
         self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
         self._references_refused = 0
@@ -200,4 +216,4 @@ class StationEkf(FilterCore):
         inside = probability_in_view(prediction.pixel, S, size)
         if _HARDLY < inside < 1.0 - _HARDLY:
             mean, covariance = moments_after_miss(prediction.pixel, S, size, detection_probability)
-            self._bank.reshape(prediction.jacobian, mean - prediction.pixel, covariance)
+            self._bank.reshape(prediction.jacobian, mean - prediction.pixel, covariance, self._estimated())

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import innovation_covariance
+from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
 from groundstation.estimation.field_of_view import probability_in_view
 from groundstation.estimation.linearisation import PixelLinearisation
@@ -125,6 +125,7 @@ class FilterCore:
                 value=float(self.state[place]),
                 sigma=math.sqrt(max(float(self.covariance[place, place]), 0.0)),
                 prior_sigma=math.sqrt(float(self._prior.covariance[k, k])),
+                estimated=bool(self._ever_estimated()[place]),
             )
             for k, (name, place) in enumerate(self.layout.parameters.items())
             if name != LOG_SPAN
@@ -185,9 +186,32 @@ class FilterCore:
         self._bank.forget_modes()
         self.has_target = True
         if triangulated and self.layout.parameters:
+            self._allow_for_rig(start, F @ covariance @ F.T + Q)
+
+    def _allow_for_rig(self, start: FloatArray, covariance: FloatArray) -> None:
+        """Move a start (6,) that was triangulated by the rig file to where the errors learnt since put it."""
+        target, constant = self.layout.target, self.layout.constant
+        sensitivity = None
+        # how a point moves with the errors depends on where it is: the second look is from the better place
+        for _ in range(2):
             sensitivity = self._bends.sensitivity(self.state, self._age_s())
-            if sensitivity is not None:
-                self._bank.share(target, self.layout.constant, sensitivity)
+            if sensitivity is None:
+                return
+            self._bank.place(target, start + sensitivity @ self.state[constant], covariance)
+        if sensitivity is not None:
+            self._bank.share(target, constant, sensitivity)
+
+    def pointing_sigma_rad(self, station: str) -> float:
+        """Return one sigma of where a camera looks, by what is not known of its mount and boresight; rad.
+
+        The larger of pan and tilt; zero where the rig counts as exact.
+        """
+        sums = []
+        for axis in ("x", "z"):
+            names = (f"{station}.{part}.{axis}" for part in ("runway_from_base", "head_from_camera"))
+            places = [self.layout.parameters[name] for name in names if name in self.layout.parameters]
+            sums.append(float(self.covariance[np.ix_(places, places)].sum()))
+        return math.sqrt(max(*sums, 0.0))
 
     def drop_target(self) -> None:
         """Forget the target; the PTUs' angles and what was learnt of the rig stay."""
@@ -255,11 +279,19 @@ class FilterCore:
         """Return the (2, 2) covariance of a predicted pixel."""
         return innovation_covariance(self.covariance, prediction.jacobian, np.zeros((2, 2)))
 
-    def _estimated(self) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+    def _ever_estimated(self) -> BoolArray:
+        """Return which states (n,) some update may move, with a reference there."""
+        match self._config.calibration:
+            case CalibrationUse.ESTIMATE:
+                return self._all
+            case CalibrationUse.CONSIDER:
+                return self._moving
+            case CalibrationUse.REFERENCE:
+                return self._taught
+
+    def _estimated(self) -> BoolArray:
         """Return which states (n,) an update may move."""
-        if not self.learns:
-            return self._moving
-        return self._all if self._config.calibration is CalibrationUse.ESTIMATE else self._taught
+        return self._ever_estimated() if self.learns else self._moving
 
     def _age_s(self) -> float:
         """Return how long the filter has been running, for what drifts."""

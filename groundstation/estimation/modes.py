@@ -126,17 +126,19 @@ class ModeBank:
             self.weights = weights / weights.sum()
         self._mean = None
 
-    def reshape(self, H: FloatArray, shift: FloatArray, covariance: FloatArray) -> None:
+    def reshape(self, H: FloatArray, shift: FloatArray, covariance: FloatArray, estimated: BoolArray) -> None:
         """Give the measured quantity another distribution than predicted, and let the state follow.
 
         With H (m, n): its mean moves by ``shift`` (m,), its covariance becomes ``covariance`` (m, m);
-        x += K·shift, P += K (covariance − S) Kᵀ with K = P Hᵀ S⁻¹, S = H P Hᵀ.
+        x += K·shift, P += K (covariance − S) Kᵀ with K = P Hᵀ S⁻¹, S = H P Hᵀ. States that are not ``estimated`` (n,)
+        keep value and variance; what they have in common with the others stays, too.
         """
         self._mean = None
         for each in self._filters:
             PHt = each.P @ H.T
             S = H @ PHt
             K = np.linalg.solve(S, PHt.T).T
+            K[~estimated] = 0.0
             each.x = each.x + K @ shift
             P = each.P + K @ (covariance - S) @ K.T
             each.P = 0.5 * (P + P.T)

@@ -68,6 +68,7 @@ def build_summary(
         "nis": _nis(cameras, stations),
         "reference": _reference(reference, fixes, run, epochs["t_s"]),
         "calibration": {
+            "use": (run.configuration or {}).get("estimation", {}).get("calibration"),
             "learnt_until_s": run.learnt_until_s,
             "errors": [dataclasses.asdict(error) for error in run.carried_errors],
         },

@@ -154,13 +154,16 @@ def _reference_lines(reference: dict[str, Any]) -> list[str]:
 def _calibration_lines(calibration: dict[str, Any]) -> list[str]:
     """Return what the filter carried of the rig's errors, and what it learnt where it was told the DGPS."""
     errors = calibration["errors"]
-    if not errors:
-        return []
-    if calibration["learnt_until_s"] is None:
-        names = ", ".join(error["name"] for error in errors)
-        return [f"carried with their uncertainty, not estimated: {names}"]
-    lines = [f"learnt from DGPS until {calibration['learnt_until_s']:.2f} s, which the comparison leaves out:"]
-    for error in errors:
+    until_s = calibration["learnt_until_s"]
+    learnt = [e for e in errors if e["estimated"] and (until_s is not None or calibration["use"] == "estimate")]
+    carried = ", ".join(e["name"] for e in errors if e not in learnt)
+    lines = [f"carried with their uncertainty, not estimated: {carried}"] if carried else []
+    if learnt:
+        taught = (
+            "" if until_s is None else f" from DGPS until {until_s:.2f} s (not compared with that part of the DGPS)"
+        )
+        lines.append(f"learnt{taught}:")
+    for error in learnt:
         unit, scale = _unit(error["name"])
         value, sigma, prior = (scale * error[key] for key in ("value", "sigma", "prior_sigma"))
         lines.append(f"  {error['name']:<34}{value:>+10.4f} ± {sigma:.4f} {unit}   (before: 0 ± {prior:.4f})")
