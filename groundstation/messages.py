@@ -92,8 +92,8 @@ class ReferenceFix:
 class CarriedError:
     """An error of calibration or of a clock that the filter carries: what it is now, and one sigma now and before.
 
-    In rad, m, px, s, s/s or without unit, as ``name`` says (docs/conventions.md). ``estimated`` tells whether this filter
-    ever estimates it, or only considers it.
+    In rad, m, px, s, s/s or without unit, as ``name`` says (docs/conventions.md). ``estimated`` tells whether this
+    filter ever estimates it, or only considers it.
     """
 
     name: str

@@ -159,9 +159,7 @@ def _calibration_lines(calibration: dict[str, Any]) -> list[str]:
     carried = ", ".join(e["name"] for e in errors if e not in learnt)
     lines = [f"carried with their uncertainty, not estimated: {carried}"] if carried else []
     if learnt:
-        taught = (
-            "" if until_s is None else f" from DGPS until {until_s:.2f} s (not compared with that part of the DGPS)"
-        )
+        taught = "" if until_s is None else f" from DGPS until {until_s:.2f} s (with which it is not compared)"
         lines.append(f"learnt{taught}:")
     for error in learnt:
         unit, scale = _unit(error["name"])

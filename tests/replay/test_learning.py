@@ -82,8 +82,9 @@ def test_what_was_learnt_is_what_was_wrong(taught: Path) -> None:
             # what the rig has too much is what the filter takes away
             assert abs(np.degrees(error["value"]) + off) < 3.0 * np.degrees(error["sigma"])
             assert error["sigma"] < 0.3 * error["prior_sigma"]
-    clock = found["dgps_clock.offset"]
-    assert abs(clock["value"] + 0.3) < 3.0 * clock["sigma"], "made 0.300 s late"
+    # made 0.300 s late, its antenna on the nose: on a straight glide at 13 m/s a clock and an antenna look alike
+    clock, antenna = found["dgps_clock.offset"]["value"], found["dgps_antenna.x"]["value"]
+    assert abs((clock + 0.3) * 13.0 + antenna) < 1.5
 
 
 def test_a_rig_that_admits_nothing_is_not_taught(tmp_path: Path) -> None:
