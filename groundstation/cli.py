@@ -116,7 +116,7 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         "--learn-until",
         type=_seconds,
         metavar="S",
-        help="let DGPS teach the filter the rig's errors up to this DGPS time, s; after it DGPS only compares, as always",
+        help="let DGPS teach the filter the rig's errors up to this DGPS time, s; after it DGPS only compares",
     )
     replay.add_argument(
         "--smooth", action="store_true", help="also smooth over the whole flight: smoothed.csv, a row in the accuracy"
