@@ -234,7 +234,7 @@ class IntegrityWatch:
             A, g = _leave_out(sight, [s for s in among if s is not sight])
             noise = 0.5 * float(np.trace(sight.noise_px2))
             constant = self._config.constant_px**2 + sight.constant_px2
-            square = float(g @ np.linalg.pinv(A, rcond=_LEAST_SHARE, hermitian=True) @ g)
+            square = _explained(A, g)
             share = min(1.0, (_MOST_OF_ONE * (1.0 + constant / noise) / max(square, 1e-12)) ** 0.5)
             own.append(_Part(t_s=t_s, A=A, g=g * share, noise_px2=noise, constant_px2=constant))
         while own and own[0].t_s < t_s - self._config.window_s:
@@ -340,6 +340,19 @@ def _leave_out(sight: Sight, others: Sequence[Sight]) -> tuple[FloatArray, Float
     moved = np.linalg.solve(J, c)
     A = own - own @ H @ np.linalg.solve(J, H.T @ own)
     return 0.5 * (A + A.T), own @ (sight.residual_px - H @ moved)
+
+
+def _explained(A: FloatArray, g: FloatArray) -> float:
+    """Return gᵀ A⁺ g of a symmetric A (2, 2); directions of less than `_LEAST_SHARE` of the largest count as none."""
+    a, b, c = float(A[0, 0]), float(A[0, 1]), float(A[1, 1])
+    middle, radius = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
+    turn = 0.5 * math.atan2(2.0 * b, a - c)
+    along = math.cos(turn) * float(g[0]) + math.sin(turn) * float(g[1])
+    across = math.cos(turn) * float(g[1]) - math.sin(turn) * float(g[0])
+    large, small = middle + radius, middle - radius
+    if large <= 0.0:
+        return 0.0
+    return along**2 / large + (across**2 / small if small > _LEAST_SHARE * large else 0.0)
 
 
 def _named(stations: Sequence[str]) -> str:
