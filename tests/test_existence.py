@@ -96,3 +96,15 @@ def test_it_drives_loss_and_search() -> None:
     assert life.is_lost(0.5, ekf, STATIONS)
     life.started(20.0, None)
     assert not life.is_lost(20.5, ekf, STATIONS)
+
+
+def test_a_picture_that_comes_late_does_not_make_the_next_look_longer() -> None:
+    shares = []
+    for late in (False, True):
+        existence = Existence(1.0)
+        existence.start()
+        seen(existence)
+        if late:
+            existence.hit("left", 4.6)
+        shares.append(existence.miss("left", 5.05, 1.0))
+    assert shares[1] == pytest.approx(shares[0], rel=0.05)
