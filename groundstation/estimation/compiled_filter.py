@@ -33,22 +33,29 @@ def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatA
 
 
 @njit(cache=True)
-def trial_state(
-    x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray
-) -> FloatArray:
-    """Return the state (n,) that one update would lead to: where to linearise once more."""
+def _projected(P: FloatArray, H: FloatArray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return P Hᵀ, (n, m), and S = H P Hᵀ + R, (m, m)."""
     m, n = H.shape
-    PHt = np.zeros((n, m))
+    PHt, S = np.zeros((n, m)), R.copy()
     for a in range(m):
         for j in range(n):
             if H[a, j] != 0.0:
                 for i in range(n):
                     PHt[i, a] += P[j, i] * H[a, j]
-    S = R.copy()
     for a in range(m):
         for j in range(n):
             for b in range(m):
                 S[a, b] += H[a, j] * PHt[j, b]
+    return PHt, S
+
+
+@njit(cache=True)
+def trial_state(
+    x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray
+) -> FloatArray:
+    """Return the state (n,) that one update would lead to: where to linearise once more."""
+    m, n = H.shape
+    PHt, S = _projected(P, H, R)
     weighted = np.linalg.solve(S, residual)
     moved = x.copy()
     for i in range(n):
@@ -74,17 +81,7 @@ def _correct(
     of n² m, since K and H are thin.
     """
     m, n = H.shape
-    PHt = np.zeros((n, m))
-    for a in range(m):
-        for j in range(n):
-            if H[a, j] != 0.0:
-                for i in range(n):
-                    PHt[i, a] += P[j, i] * H[a, j]
-    S = R.copy()
-    for a in range(m):
-        for j in range(n):
-            for b in range(m):
-                S[a, b] += H[a, j] * PHt[j, b]
+    PHt, S = _projected(P, H, R)
     K = np.ascontiguousarray(np.linalg.solve(S, PHt.T).T) * share
     for i in range(n):
         if not estimated[i]:
