@@ -90,9 +90,7 @@ def parse_board(text: str) -> Board:
     if columns * rows // 2 > most:
         wanted = f"at most {most} markers, which is what {name} has"
         raise IntrinsicsError("--board", got=f"{columns * rows // 2} markers", wanted=wanted)
-    return Board(
-        kind=kind, columns=columns, rows=rows, square_m=lengths[0], marker_m=lengths[1], dictionary=name
-    )
+    return Board(kind=kind, columns=columns, rows=rows, square_m=lengths[0], marker_m=lengths[1], dictionary=name)
 
 
 def _refused(text: str) -> IntrinsicsError:

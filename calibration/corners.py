@@ -47,9 +47,7 @@ class CornerFinder:
         ids, pixel = self._chessboard(grey) if self._charuco is None else self._markers(self._charuco, grey)
         if not len(ids):
             return None
-        return View(
-            name=name, ids=ids, board_m=self._corners_m[ids], pixel=pixel, edge_px=edge_width(grey, pixel)
-        )
+        return View(name=name, ids=ids, board_m=self._corners_m[ids], pixel=pixel, edge_px=edge_width(grey, pixel))
 
     def _chessboard(self, grey: ImageArray) -> tuple[Any, FloatArray]:
         size = (self.board.columns, self.board.rows)

@@ -3,8 +3,8 @@
 With J the derivative of all predicted pixels by all parameters (lens and one pose for each view) and s² the variance of
 the residuals over their degrees of freedom, the covariance is s² (JᵀJ)⁻¹. The lens's part of the inverse is that of the
 Schur complement, in which the poses are eliminated view by view. OpenCV's solver stops early where parameters of very
-different size correlate, as with long lenses (k3 there is of the order of 100); Gauss and Newton's steps on scaled columns
-take it the rest of the way.
+different size correlate, as with long lenses (k3 there is of the order of 100); Gauss and Newton's steps on scaled
+columns take it the rest of the way.
 """
 
 from collections.abc import Sequence
@@ -19,10 +19,6 @@ from calibration.errors import IntrinsicsError
 from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 
-PARAMETERS = (
-    *("focal.x", "focal.y", "principal_point.x", "principal_point.y"),
-    *("distortion.k1", "distortion.k2", "distortion.p1", "distortion.p2", "distortion.k3"),
-)
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-12)
 # what may be held at zero, and OpenCV's flag for it
 HOLDABLE = {"k2": cv2.CALIB_FIX_K2, "k3": cv2.CALIB_FIX_K3, "p": cv2.CALIB_ZERO_TANGENT_DIST}
@@ -41,7 +37,7 @@ class LensFit:
     Attributes
     ----------
     lens : the lens.
-    covariance : (9, 9) of `PARAMETERS`, px and the distortion's units; zero in the rows of what was held at zero.
+    covariance : (9, 9) of `lens_model.PARAMETERS`, px and the distortion's units; zero in the rows of what was held.
     opencv_sigma : (9,) the standard deviations that OpenCV states.
     residual : for each view (n, 2), found minus predicted, px.
     rotation, translation_m : for each view (3,), board to camera: Rodrigues vector, m.
@@ -62,7 +58,7 @@ class LensFit:
 
     @property
     def sigma(self) -> FloatArray:
-        """Return one sigma of each of `PARAMETERS` (9,)."""
+        """Return one sigma of each of `lens_model.PARAMETERS` (9,)."""
         return np.sqrt(np.diag(self.covariance))
 
 
@@ -92,13 +88,15 @@ def fit_lens(
     """
     flags = sum(HOLDABLE[name] for name in held)
     columns = [i for i in range(9) if not any(i in _HELD_COLUMNS[name] for name in held)]
+    matrix: Any
+    distortion: Any
     matrix, distortion = np.eye(3), np.zeros(5)
     if start is not None:
         flags |= cv2.CALIB_USE_INTRINSIC_GUESS
         free = np.isin(np.arange(4, 9), columns)
         matrix, distortion = camera_matrix(start), np.where(free, start.distortion, 0.0)
     try:
-        _, matrix, distortion, rotation, translation, opencv_sigma, _, _ = cv2.calibrateCameraExtended(
+        solved: Any = cv2.calibrateCameraExtended(
             [v.board_m.astype(np.float32) for v in views],
             [v.pixel.astype(np.float32) for v in views],
             image_size_px,
@@ -109,6 +107,7 @@ def fit_lens(
         )
     except cv2.error as fault:
         raise _undetermined(len(views)) from fault
+    _, matrix, distortion, rotation, translation, opencv_sigma, _, _ = solved
     lens = Lens(
         image_size_px=image_size_px,
         focal_px=np.array([matrix[0, 0], matrix[1, 1]]),
@@ -156,7 +155,8 @@ def _linearise(views: Sequence[View], solution: _Solution) -> list[_Linearised]:
     lines = []
     matrix, distortion = camera_matrix(solution.lens), solution.lens.distortion
     for view, rotation, translation in zip(views, solution.rotation, solution.translation_m, strict=True):
-        predicted, jacobian = cv2.projectPoints(view.board_m, rotation, translation, matrix, distortion)
+        projected: Any = cv2.projectPoints(view.board_m, rotation, translation, matrix, distortion)
+        predicted, jacobian = projected
         residual = (view.pixel - predicted.reshape(-1, 2)).reshape(-1)
         lines.append(_Linearised(residual=residual, by_pose=jacobian[:, :6], by_lens=jacobian[:, 6:15]))
     return lines

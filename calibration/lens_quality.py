@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -103,7 +104,7 @@ def uncertainty_map(lens: Lens, covariance: FloatArray, columns: int = _MAP_COLU
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-10)
     rays = cv2.undistortPoints(grid[:, None], matrix, lens.distortion, criteria=criteria).reshape(-1, 2)
     points = np.column_stack([rays, np.ones(len(rays))])
-    _, jacobian = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, lens.distortion)
+    jacobian: Any = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, lens.distortion)[1]
     turn, by_lens = jacobian[:, :3], jacobian[:, 6:15]
     left = by_lens - turn @ np.linalg.lstsq(turn, by_lens, rcond=None)[0]
     shape = (rows, columns)

@@ -49,7 +49,9 @@ def _all(sources: Sequence[Path]) -> Iterator[GreyPicture]:
         if source.is_dir():
             files = sorted(f for f in source.iterdir() if f.suffix.lower() in _PICTURES)
             if not files:
-                raise IntrinsicsError(str(source), got="a folder without pictures", wanted="PNG, JPEG, TIFF or BMP files")
+                raise IntrinsicsError(
+                    str(source), got="a folder without pictures", wanted="PNG, JPEG, TIFF or BMP files"
+                )
             for file in files:
                 yield _picture(file)
         elif not source.is_file():

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import cv2
 import numpy as np
@@ -110,7 +111,8 @@ def _farthest_first(
 
 def _place(view: View, board: Board, image_size_px: tuple[int, int]) -> FloatArray:
     """Return where the board's outline lies (8,), in diagonals: place, distance, turn and tilt in one."""
-    homography, _ = cv2.findHomography(view.board_m[:, :2], view.pixel)
+    found: Any = cv2.findHomography(view.board_m[:, :2], view.pixel)
+    homography = found[0]
     diagonal = float(np.hypot(*image_size_px))
     if homography is None:
         return np.tile(view.pixel.mean(axis=0), 4) / diagonal
