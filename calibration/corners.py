@@ -11,6 +11,9 @@ from groundstation.arrays import FloatArray, ImageArray
 
 # a homography has 8 unknowns: 4 corners say nothing about the lens, twice as many begin to
 FEWEST_CORNERS = 8
+# half the window that a chessboard's saddle point is fitted in, parts of a square
+_WINDOW = 0.25
+_REFINED = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 60, 1e-4)
 _CHESSBOARD_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE
 
 
@@ -54,6 +57,10 @@ class CornerFinder:
         found, pixel = cv2.findChessboardCornersSB(grey, size, flags=_CHESSBOARD_FLAGS)
         if not found:
             return np.zeros(0, dtype=np.intp), np.zeros((0, 2))
+        # the search is robust and a twentieth of a pixel off; the saddle points themselves are three times as good
+        start = np.asarray(pixel, dtype=np.float32).reshape(-1, 1, 2)
+        half = int(np.clip(_WINDOW * _spacing(start.reshape(-1, 2).astype(np.float64)), 2, 10))
+        pixel = cv2.cornerSubPix(grey, start, (half, half), (-1, -1), _REFINED)
         return np.arange(len(self._corners_m)), np.asarray(pixel, dtype=np.float64).reshape(-1, 2)
 
     @staticmethod
@@ -70,17 +77,22 @@ def other_chessboard(board: Board, grey: ImageArray) -> str:
         return ""
     for more in (-1, 1, -2, 2):
         size = (board.columns + more, board.rows + more)
-        if min(size) >= 3 and cv2.findChessboardCornersSB(grey, size, flags=_CHESSBOARD_FLAGS)[0]:
+        if min(size) >= 3 and cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)[0]:
             return f"{size[0]}x{size[1]}"
     return ""
 
 
-def edge_width(grey: ImageArray, pixel: FloatArray) -> float:
-    """Return the median width of the edges at the corners (n, 2), px: contrast over steepest slope."""
+def _spacing(pixel: FloatArray) -> float:
+    """Return the median distance of a corner (n, 2) from its nearest neighbour, px."""
     gaps = np.linalg.norm(pixel[:, None] - pixel[None], axis=2)
     np.fill_diagonal(gaps, np.inf)
+    return float(np.median(gaps.min(axis=1)))
+
+
+def edge_width(grey: ImageArray, pixel: FloatArray) -> float:
+    """Return the median width of the edges at the corners (n, 2), px: contrast over steepest slope."""
     # the patch must hold the blurred edge and no other corner
-    half = int(np.clip(0.45 * np.median(gaps.min(axis=1)), 3, 25)) if len(pixel) > 1 else 6
+    half = int(np.clip(0.45 * _spacing(pixel), 3, 25)) if len(pixel) > 1 else 6
     widths = []
     for u, v in np.round(pixel).astype(int):
         patch = grey[max(v - half, 0) : v + half + 1, max(u - half, 0) : u + half + 1].astype(np.float32)

@@ -49,18 +49,14 @@ def along_m(angle_deg: float, range_m: float, baseline_m: float = BASELINE_M) ->
 
 
 def tilts_deg(found: Intrinsics) -> FloatArray:
-    """Return the angle (views,) between each board and the plane that faces it."""
+    """Return the angle (views,) between each board and the image plane: what makes near and far on one board."""
     tilts = []
-    for rotation, translation in zip(found.fit.rotation, found.fit.translation_m, strict=True):
-        # Rodrigues' formula for the z axis alone
+    for rotation in found.fit.rotation:
+        # Rodrigues' formula for the z axis's own part
         angle = float(np.linalg.norm(rotation))
-        axis = rotation / angle if angle > 0 else rotation
-        z = np.array([0.0, 0.0, 1.0])
-        normal: FloatArray = (
-            z * np.cos(angle) + np.cross(axis, z) * np.sin(angle) + axis * axis[2] * (1 - np.cos(angle))
-        )
-        facing = abs(float(normal @ translation)) / float(np.linalg.norm(translation))
-        tilts.append(float(np.degrees(np.arccos(min(1.0, facing)))))
+        along = float(rotation[2]) / angle if angle > 0 else 1.0
+        facing = np.cos(angle) + along**2 * (1.0 - np.cos(angle))
+        tilts.append(float(np.degrees(np.arccos(min(1.0, abs(facing))))))
     return np.array(tilts)
 
 
@@ -94,8 +90,8 @@ def _notes(found: Intrinsics) -> list[str]:
     part = 100 * float(np.max(fit.sigma[:2] / fit.lens.focal_px))
     tell = "cannot tell" if abs(rho) > _STRONG else "can tell"
     notes.append(
-        f"Focal length and the boards' distance correlate by {rho:+.4f}: these views {tell} a longer lens from a nearer "
-        f"board well; the focal length is known to {part:.2g} %."
+        f"Focal length and the boards' distance correlate by {rho:+.4f}: these views {tell} a longer lens from a "
+        f"nearer board well; the focal length is known to {part:.2g} %."
     )
     free = fit.sigma > 0
     ratio = fit.sigma[free] / np.where(fit.opencv_sigma[free] > 0, fit.opencv_sigma[free], np.nan)
@@ -134,9 +130,7 @@ def _next_steps(found: Intrinsics, angle_deg: float) -> list[str]:
     if distances.max() < 1.3 * distances.min():
         steps.append(f"Vary the distance: all boards are {distances.min():.2g} to {distances.max():.2g} m away.")
     if found.fit.focal_distance_correlation > _STRONG and found.held_out.rms_px < 1.0 and angle_deg > 0.003:
-        steps.append(
-            "To part focal length from distance: steep boards that fill the image, seen at more than one depth."
-        )
+        steps.append("To part focal length from distance: steep boards that fill the image, at several depths.")
     if len(found.views) < 15:
         steps.append(f"More views: {len(found.views)} are used, 15 to 30 different ones average the noise.")
     if found.held_out.rms_px > 1.5 * found.fit.rms_px:

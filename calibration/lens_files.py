@@ -37,7 +37,7 @@ def format_of(path: Path, asked: str | None) -> str:
 
 
 def write_lens(path: Path, calibrated: CalibratedLens, form: str) -> None:
-    """Write a lens in one of the formats of `lens_text.TEXT`; raises `IntrinsicsError` where it cannot hold the lens."""
+    """Write a lens in one of the formats of `lens_text.TEXT`; raises `IntrinsicsError` where that cannot hold it."""
     text = TEXT[form](calibrated)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")

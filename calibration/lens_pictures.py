@@ -53,7 +53,7 @@ def lens_pictures(found: Intrinsics) -> list[LensPicture]:
         (
             "poses",
             "Tilt and distance of the boards",
-            "Steep boards at several distances tell focal length from distance; boards that face the camera do not.",
+            "Steep boards at several distances tell focal length from distance; boards parallel to the image do not.",
             _poses,
         ),
         (
@@ -119,7 +119,7 @@ def _poses(_: Figure, ax: Axes, found: Intrinsics) -> None:
     ax.set_xlim(0, 70)
     ax.set_ylim(0, 1.15 * max(distances))
     ax.grid(color="#dddddd", lw=0.7)
-    ax.set_xlabel("tilt against facing the camera in °")
+    ax.set_xlabel("tilt against the image plane in °")
     ax.set_ylabel("distance in m")
     ax.set_title(f"focal length and distance correlate by {found.fit.focal_distance_correlation:+.3f}")
 

@@ -16,8 +16,8 @@ MOST_VIEWS = 40
 # alike: the board's outline is at the same place within this part of the image's diagonal
 _ALIKE = 0.02
 # blurred: edges wider than this, and clearly wider than in the other pictures
-_BLURRED_PX = 4.0
-_BLURRED_RATIO = 1.8
+_BLURRED_PX = 3.5
+_BLURRED_RATIO = 1.6
 
 
 class Choice(Enum):

@@ -91,7 +91,7 @@ def render(
 ) -> ImageArray:
     """The board's picture (h, w) through a lens, a shaded grey room behind it: every sub-pixel asks what it sees."""
     w, h = lens.image_size_px
-    finer = 3
+    finer = 2
     u, v = np.meshgrid((np.arange(finer * w) + 0.5) / finer - 0.5, (np.arange(finer * h) + 0.5) / finer - 0.5)
     grid = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 1e-9)
