@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patheffects import AbstractPathEffect, withStroke
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from calibration.intrinsics import Intrinsics
 from calibration.lens_advice import tilts_deg
@@ -158,6 +158,7 @@ def _uncertainty(figure: Figure, ax: Axes, found: Intrinsics) -> None:
     mesh = ax.pcolormesh(found.map.u_px, found.map.v_px, shown, cmap="cividis", shading="gouraud", norm=LogNorm())
     bar = figure.colorbar(mesh, ax=ax, location="bottom", aspect=40, pad=0.02)
     bar.set_label("1 σ in px")
+    bar.ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
     bar.ax.xaxis.set_minor_formatter(NullFormatter())
     steps = [m * p for p in (0.001, 0.01, 0.1, 1.0, 10.0) for m in (1, 2, 5)]

@@ -11,8 +11,10 @@ _INTRINSICS = """The lens of a camera from pictures of a board: corners to a fra
 views chosen, OpenCV's model k1 k2 p1 p2 k3, its covariance, and what it is good
 for, judged on views that the lens was not fitted to."""
 _INTRINSICS_MORE = """examples:
-  groundstation calibrate intrinsics shots/ --board charuco:9x7:0.04:0.03:DICT_4X4_50 --out left.toml --report out/left
-  groundstation calibrate intrinsics board.mp4 --board chessboard:8x6:0.03 --out cam.yaml --format kalibr
+  groundstation calibrate intrinsics shots/ --out left.toml --report out/left \\
+      --board charuco:9x7:0.04:0.03:DICT_4X4_50
+  groundstation calibrate intrinsics board.mp4 --out cam.yaml --format kalibr \\
+      --board chessboard:8x6:0.03
 
 a ChArUco board is counted in squares, a chessboard in inner corners; lengths in m
 
