@@ -16,7 +16,8 @@ _INTRINSICS_MORE = """examples:
   groundstation calibrate intrinsics board.mp4 --out cam.yaml --format kalibr \\
       --board chessboard:8x6:0.03
 
-a ChArUco board is counted in squares, a chessboard in inner corners; lengths in m
+the board: charuco:COLSxROWS:SQUARE_M:MARKER_M[:DICT], counted in squares, or
+chessboard:COLSxROWS:SQUARE_M, counted in inner corners; lengths in m
 
 exit code: 0 done; 1 the pictures are at fault, and nothing is written; 2 wrong
 usage; 130 interrupted"""
@@ -46,7 +47,7 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
         "--board",
         required=True,
         metavar="SPEC",
-        help="charuco:COLSxROWS:SQUARE_M:MARKER_M[:DICT] or chessboard:COLSxROWS:SQUARE_M",
+        help="the board, see below",
     )
     intrinsics.add_argument("--out", type=Path, required=True, metavar="FILE", help="the lens: .toml or .yaml")
     _add_format(intrinsics)
