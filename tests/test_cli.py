@@ -37,6 +37,7 @@ def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["replay", "--help"], ("SESSION", "--out DIR", "--from S", "--no-rerun", "exit code", "example")),
         (["config", "--help"], ("--config FILE", "TOML")),
         (["plan", "--help"], ("SITE", "--out DIR", "exit code", "example")),
+        (["calibrate", "intrinsics", "--help"], ("IMAGES", "--board SPEC", "--report DIR", "exit code", "example")),
         (["--version"], (__version__,)),
     ):
         with pytest.raises(SystemExit) as left:

@@ -11,6 +11,7 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 # From the top down: a module may import from its own layer and from those below it, never from above.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
+    ("groundstation.cli_calibrate",),
     ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
     ("groundstation.run", "groundstation.planning"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
@@ -110,6 +111,12 @@ def test_the_ground_chain_does_not_know_the_onboard_systems() -> None:
     for name, path in modules().items():
         if not name.startswith(("groundstation.onboard", "groundstation.cli")):
             assert not [i for i in imports_of(path) if i.startswith("groundstation.onboard")], name
+
+
+def test_the_ground_chain_does_not_know_the_calibration() -> None:
+    for name, path in modules().items():
+        if name.startswith("groundstation.") and not name.startswith("groundstation.cli"):
+            assert not [i for i in imports_of(path) if i.split(".")[0] == "calibration"], name
 
 
 @pytest.mark.parametrize("part", CORE)

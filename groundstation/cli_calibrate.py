@@ -1,0 +1,129 @@
+"""The part of the command line that calibrates: `groundstation calibrate WHAT …`."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from groundstation.progress import ProgressLine
+
+_INTRINSICS = """The lens of a camera from pictures of a board: corners to a fraction of a pixel,
+views chosen, OpenCV's model k1 k2 p1 p2 k3, its covariance, and what it is good
+for, judged on views that the lens was not fitted to."""
+_INTRINSICS_MORE = """examples:
+  groundstation calibrate intrinsics shots/ --out left.toml --report out/left \\
+      --board charuco:9x7:0.04:0.03:DICT_4X4_50
+  groundstation calibrate intrinsics board.mp4 --out cam.yaml --format kalibr \\
+      --board chessboard:8x6:0.03
+
+the board: charuco:COLSxROWS:SQUARE_M:MARKER_M[:DICT], counted in squares, or
+chessboard:COLSxROWS:SQUARE_M, counted in inner corners; lengths in m
+
+exit code: 0 done; 1 the pictures are at fault, and nothing is written; 2 wrong
+usage; 130 interrupted"""
+_CONVERT = """A lens from one format into another: the lens keys of rig.toml (or a whole
+rig.toml), OpenCV's or ROS's YAML, Kalibr's camchain (pinhole-radtan)."""
+_HOLDABLE = ("k2", "k3", "p")
+
+
+def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `calibrate` and what can be calibrated."""
+    calibrate = commands.add_parser(
+        "calibrate",
+        help="what a rig file holds, from pictures of a board",
+    )
+    kinds = calibrate.add_subparsers(dest="calibrate", metavar="WHAT", required=True)
+    intrinsics = kinds.add_parser(
+        "intrinsics",
+        help="pictures of a board in, the lens out",
+        description=_INTRINSICS,
+        epilog=_INTRINSICS_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    intrinsics.add_argument(
+        "images", type=Path, nargs="+", metavar="IMAGES", help="pictures, folders of them, or videos"
+    )
+    intrinsics.add_argument(
+        "--board",
+        required=True,
+        metavar="SPEC",
+        help="the board, see below",
+    )
+    intrinsics.add_argument("--out", type=Path, required=True, metavar="FILE", help="the lens: .toml or .yaml")
+    _add_format(intrinsics)
+    intrinsics.add_argument(
+        "--hold", type=_held, default=frozenset(), metavar="K", help="coefficients that stay zero: k3, k2, p; as k3,p"
+    )
+    intrinsics.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
+    convert = kinds.add_parser("convert-lens", help="a lens file in, another format out", description=_CONVERT)
+    convert.add_argument("source", type=Path, metavar="IN", help="a lens file, a rig.toml or a camchain")
+    convert.add_argument("out", type=Path, metavar="OUT", help="the lens: .toml or .yaml")
+    _add_format(convert)
+    convert.add_argument("--name", metavar="NAME", help="which station or camera, where there are several")
+    convert.add_argument("--refit", action="store_true", help="put k3 into k1 and k2 where the format has none")
+
+
+def _add_format(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--format", choices=("toml", "opencv", "kalibr"), help="of the lens; .yaml is opencv unless said"
+    )
+
+
+def _held(text: str) -> frozenset[str]:
+    """Return the coefficients of --hold."""
+    names = frozenset(text.split(","))
+    if not names <= set(_HOLDABLE):
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted some of {', '.join(_HOLDABLE)}")
+    return names
+
+
+def run_calibrate(options: argparse.Namespace) -> int:
+    """Run one calibration; returns the exit code."""
+    return _KINDS[options.calibrate](options)
+
+
+def _intrinsics(options: argparse.Namespace) -> int:
+    """Calibrate a lens, print the verdict and what was written."""
+    from calibration.boards import parse_board
+    from calibration.intrinsics import calibrate_intrinsics
+    from calibration.lens_advice import advise
+    from calibration.lens_files import format_of, write_lens
+    from calibration.lens_report import write_lens_report
+    from calibration.lens_summary import format_intrinsics
+    from calibration.pictures import read_pictures
+
+    board = parse_board(options.board)
+    form = format_of(options.out, options.format)
+    # Kalibr's model has no k3: better fitted without it than bent afterwards
+    held = options.hold | {"k3"} if form == "kalibr" else options.hold
+    with ProgressLine(sys.stderr, "corners", "picture") as line:
+        found = calibrate_intrinsics(
+            read_pictures(options.images), board, held=held, progress=lambda n: line.update(n, None)
+        )
+    print(format_intrinsics(found, advise(found)))
+    print()
+    write_lens(options.out, found.calibrated, form)
+    print(f"wrote {options.out}")
+    if options.report is not None:
+        for path in write_lens_report(options.report, found, options.out.stem):
+            print(f"wrote {path}")
+    return 0
+
+
+def _convert(options: argparse.Namespace) -> int:
+    """Convert a lens file."""
+    from calibration.lens_files import format_of, read_lens, write_lens
+    from calibration.lens_model import without_k3
+
+    form = format_of(options.out, options.format)
+    calibrated = read_lens(options.source, options.name)
+    if form == "kalibr" and options.refit and calibrated.lens.distortion[4] != 0.0:
+        reduced = without_k3(calibrated)
+        calibrated = reduced.calibrated
+        print(f"k3 is now in k1 and k2; a pixel moves by at most {reduced.worst_px:.3f} px")
+    write_lens(options.out, calibrated, form)
+    print(f"wrote {options.out}")
+    return 0
+
+
+_KINDS: dict[str, Callable[[argparse.Namespace], int]] = {"intrinsics": _intrinsics, "convert-lens": _convert}
