@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from calibration.flight_problem import StationLooks
 from calibration.reference_track import ReferenceTrack
@@ -27,6 +28,10 @@ _SEEN = ("ok", "late", "gated", "excluded")
 MOST_LOOKS = 2500
 _ASSUMED_SIGMA_PX = 1.0
 _AROUND_S = 5.0
+_SMOOTH_S = 0.1
+_LEAST_WINDOW = 7
+# a reading that comes further off its time than this share of a step is not in the rhythm
+_EVEN = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -169,6 +174,8 @@ def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> Sta
         raise SessionError(f"station {station.name}", got=got, wanted="readings around the frames")
     times, first = np.unique(readings[:, 0], return_index=True)
     angles = readings[first, 1:]
+    if len(angles):
+        angles = _smoothed(times, np.unwrap(angles, axis=0))
     return StationLooks(
         t_s=found.rows[:, 0],
         pixel_px=found.rows[:, 1:],
@@ -176,6 +183,26 @@ def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> Sta
         sigma_given=found.sigma_given,
         row_share=(found.rows[:, 2] + 0.5) / station.lens.image_size_px[1] - 0.5,
         readings_s=times,
-        readings_rad=np.unwrap(angles, axis=0) if len(angles) else angles,
+        readings_rad=angles,
         max_gap_s=SynchroniseConfig().max_gap_s,
     )
+
+
+def _smoothed(t_s: FloatArray, angles_rad: FloatArray) -> FloatArray:
+    """Return readings (n, 2) with steps and noise taken out by a cubic over ± `_SMOOTH_S`, where they come evenly.
+
+    Straight lines between noisy readings are quietest half-way between them: an offset of the PTU's clock would be
+    drawn there.
+    """
+    if len(t_s) < 2:
+        return angles_rad
+    step = float(np.median(np.diff(t_s)))
+    window = 2 * round(_SMOOTH_S / step) + 1
+    if window < _LEAST_WINDOW:
+        return angles_rad
+    smooth = angles_rad.copy()
+    even = np.abs(np.diff(t_s) - step) < _EVEN * step
+    for stretch in np.split(np.arange(len(t_s)), np.flatnonzero(~even) + 1):
+        if len(stretch) >= window:
+            smooth[stretch] = savgol_filter(angles_rad[stretch], window, 3, axis=0)
+    return smooth

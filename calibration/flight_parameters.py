@@ -113,7 +113,7 @@ def solved_rig(rig: Rig, fit: FlightFit) -> Rig:
 def _solved(before: Station, fit: FlightFit) -> Station:
     """Return one station with what was found. ``before`` is the rig's own, the fit may have started elsewhere."""
     problem, name = fit.problem, before.name
-    own = dict((short, place) for place, short in problem.own(name))
+    own = {short: place for place, short in problem.own(name)}
     station = problem.stations[name].changed(problem.station_change(fit.change, name))
     sigma = fit.sigma
     camera, ptu = station.camera_clock, station.ptu_clock

@@ -174,7 +174,7 @@ class FlightProblem:
         for part in _TURNS:
             by_rig[:, :, part] = by_rig[:, :, part] @ left_jacobian(turn[part])
         by_point, by_angle = by_state[:, :, :3], by_state[:, :, 3:]
-        by_track = np.einsum("nij,nj->ni", by_point, track.velocity_m_s)
+        by_track = np.einsum("nij,nj->ni", by_point, track.velocity_m_s - track.turning_per_s @ antenna)
         by_turning = np.einsum("nij,nj->ni", by_angle, angles.rates_rad_s)
         later = by_track + by_turning
         columns: dict[str, FloatArray] = {

@@ -46,8 +46,8 @@ def rig_header(session: str, fit: FlightFit) -> str:
     worst = max(float(fit.lasting_factor.max()), 1.0)
     return (
         f"# found by a flight: session {session!r}\n"
-        f"# covariance: from the fit, times its reduced chi-square {max(fit.reduced_chi_square, 1.0):.2f}, each sigma raised"
-        f" by up to {worst:.2f} for errors\n# that last longer than a frame; and not below"
+        f"# covariance: from the fit, times its reduced chi-square {max(fit.reduced_chi_square, 1.0):.2f}, each sigma"
+        f" raised by up to {worst:.2f} for errors\n# that last longer than a frame; and not below"
         f" {np.degrees(FLOOR_ROTATION_RAD):g}°, {FLOOR_POSITION_M * 1e3:g} mm and {FLOOR_CLOCK_S * 1e3:g} ms, because"
         " mounts settle, gears\n# play and stamps are rounded, which one flight does not show\n"
     )

@@ -1,13 +1,14 @@
 """The whole job of `groundstation calibrate flight`: a session in, a better rig out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from calibration.flight import FlightFit, FlightFitError, solve_flight
-from calibration.flight_data import gather_flight
-from calibration.flight_parameters import choose_parameters, free_words, solved_rig
+from calibration.flight_data import FlightData, gather_flight
+from calibration.flight_parameters import KNOWN_POSITION_M, FreeParameters, choose_parameters, free_words, solved_rig
 from calibration.flight_problem import FlightProblem
 from calibration.flight_report import format_flight_report, rig_header
 from calibration.flight_start import find_start
@@ -22,11 +23,16 @@ _WORST_EXCLUDED_SHARE = 0.4
 # a pose of which nothing was known has to come out better than this, one sigma
 _WORST_ROTATION_RAD = float(np.radians(2.0))
 _WORST_POSITION_M = 10.0
+_DOUBTED = ("position", "readout")
+_FAR_BETTER = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightRequest:
-    """What to calibrate: ``free`` is the list of --free, times are the session's, in s."""
+    """What to calibrate.
+
+    ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known.
+    """
 
     session: Path
     out: Path
@@ -35,6 +41,7 @@ class FlightRequest:
     from_s: float | None = None
     to_s: float | None = None
     free: str = ""
+    hold: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,6 +62,20 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
     free = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
     data = gather_flight(session, request.detections, request.from_s, request.to_s)
     antenna = session.target.antenna_in_body_m
+    fit = _solve(session, data, free)
+    notes = []
+    new = [s.name for s in session.rig.stations if not {"orientation", "position"} <= set(s.known)]
+    if new and not request.hold:
+        fit, notes = _doubted(session, data, fit, words)
+    _require_fit(session, fit)
+    rig = solved_rig(session.rig, fit)
+    report = format_flight_report(session.rig, rig, fit, [*notes, *data.excluded], antenna)
+    _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
+    return FlightCalibration(fit=fit, rig=rig, report=report)
+
+
+def _solve(session: Session, data: FlightData, free: FreeParameters) -> FlightFit:
+    antenna = session.target.antenna_in_body_m
     start = find_start(
         FlightProblem(
             stations={s.name: s for s in session.rig.stations},
@@ -65,12 +86,29 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
             prior_sigma=free.prior_sigma,
         )
     )
-    fit = solve_flight(start.problem, start.change)
-    _require_fit(session, fit)
-    rig = solved_rig(session.rig, fit)
-    report = format_flight_report(session.rig, rig, fit, data.excluded, antenna)
-    _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
-    return FlightCalibration(fit=fit, rig=rig, report=report)
+    return solve_flight(start.problem, start.change)
+
+
+def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequence[str]) -> tuple[FlightFit, list[str]]:
+    """Return a fit with surveyed positions and shutters free where that explains the pixels far better, and why.
+
+    A station that nobody has calibrated yet has a position off a map or a tape: it is known, but not to a pixel.
+    """
+    more = choose_parameters(session.rig, [*words, *_DOUBTED], dgps_clock_open=not session.has_clocks)
+    if set(more.names) <= set(held.problem.names):
+        return held, []
+    freed = _solve(session, data, more)
+    better = [
+        name
+        for name, station in freed.stations.items()
+        if station.noise_factor < _FAR_BETTER * held.stations[name].noise_factor
+    ]
+    if not better:
+        return held, []
+    return freed, [
+        f"the surveyed positions (and shutters) as exact: with them free within {KNOWN_POSITION_M:g} m the pixels of "
+        f"{', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps them)"
+    ]
 
 
 def _require_fit(session: Session, fit: FlightFit) -> None:

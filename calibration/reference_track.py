@@ -20,6 +20,7 @@ class TrackPoints:
     ----------
     position_m, velocity_m_s, sigma_m : (n, 3) runway frame.
     runway_from_body : (n, 3, 3), body x forward, y right, z down, by the direction of motion with zero roll.
+    turning_per_s : (n, 3, 3) the rate of that.
     usable : (n,) False in gaps and beyond the ends; the numbers mean nothing there.
     """
 
@@ -27,6 +28,7 @@ class TrackPoints:
     velocity_m_s: FloatArray
     sigma_m: FloatArray
     runway_from_body: FloatArray
+    turning_per_s: FloatArray
     usable: MaskArray
 
 
@@ -72,11 +74,13 @@ class ReferenceTrack:
                 velocity_m_s=nothing,
                 sigma_m=nothing + 1.0,
                 runway_from_body=np.zeros((n, 3, 3)),
+                turning_per_s=np.zeros((n, 3, 3)),
                 usable=usable,
             )
         t = self._reference.t_s
         right = np.clip(np.searchsorted(t, t_s), 1, len(t) - 1)
-        share = np.clip((t_s - t[right - 1]) / (t[right] - t[right - 1]), 0.0, 1.0)[:, None]
+        gap = t[right] - t[right - 1]
+        share = np.clip((t_s - t[right - 1]) / gap, 0.0, 1.0)[:, None]
         sigma = self._reference.sigma_m
         blend = share[:, :, None]
         return TrackPoints(
@@ -84,5 +88,6 @@ class ReferenceTrack:
             velocity_m_s=velocity,
             sigma_m=(1.0 - share) * sigma[right - 1] + share * sigma[right],
             runway_from_body=(1.0 - blend) * self._axes[right - 1] + blend * self._axes[right],
+            turning_per_s=(self._axes[right] - self._axes[right - 1]) / gap[:, None, None],
             usable=usable,
         )

@@ -47,6 +47,9 @@ def _add_flight(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     flight.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
     flight.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
     flight.add_argument("--free", default="", metavar="LIST", help="find these as well")
+    flight.add_argument(
+        "--hold", action="store_true", help="take surveyed positions as exact, even where the pixels contradict them"
+    )
 
 
 def _flight(options: argparse.Namespace) -> int:
@@ -64,6 +67,7 @@ def _flight(options: argparse.Namespace) -> int:
         from_s=options.from_s,
         to_s=options.to_s,
         free=options.free,
+        hold=options.hold,
     )
     print(calibrate_flight(request).report)
     print(f"\nwrote {options.out}")
