@@ -3,13 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline, make_smoothing_spline
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.evaluation.series import ReferenceSeries, nose_from_antenna
 
 _CUBIC = 3
 _LEAST_FIXES = _CUBIC + 1
+# fewer do not tell their noise from their path
+_LEAST_TO_SMOOTH = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +35,10 @@ class TrackPoints:
 
 
 class ReferenceTrack:
-    """Cubic splines through the fixes, one for each stretch without a gap longer than ``max_gap_s``.
+    """Cubic splines along the fixes, one for each stretch without a gap longer than ``max_gap_s``.
+
+    They are smoothed, by generalised cross-validation: a spline through noisy fixes is quieter between two of them than
+    at one, and a camera's clock would be drawn to where it is quiet.
 
     ``step_s`` is the usual time between two fixes.
     """
@@ -46,10 +51,7 @@ class ReferenceTrack:
         self.step_s = float(np.median(np.diff(t))) if len(t) > 1 else max_gap_s
         cuts = np.flatnonzero(np.diff(t) > max_gap_s + 1e-9) + 1
         stretches = [k for k in np.split(np.arange(len(t)), cuts) if len(k) >= _LEAST_FIXES]
-        self._splines = [
-            (float(t[k[0]]), float(t[k[-1]]), make_interp_spline(t[k], reference.position_m[k], k=_CUBIC))
-            for k in stretches
-        ]
+        self._splines = [(float(t[k[0]]), float(t[k[-1]]), _splines(t[k], reference.position_m[k])) for k in stretches]
         axes = [reference.position_m - nose_from_antenna(reference, axis).position_m for axis in np.eye(3)]
         self._axes = np.stack(axes, axis=2)
 
@@ -63,9 +65,10 @@ class ReferenceTrack:
         """Return the antenna at instants (n,) of the log's clock."""
         n = len(t_s)
         position, velocity, usable = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, dtype=np.bool_)
-        for first, last, spline in self._splines:
+        for first, last, splines in self._splines:
             inside = (t_s >= first) & (t_s <= last)
-            position[inside], velocity[inside] = spline(t_s[inside]), spline.derivative()(t_s[inside])
+            for axis, spline in enumerate(splines):
+                position[inside, axis], velocity[inside, axis] = spline(t_s[inside]), spline(t_s[inside], nu=1)
             usable |= inside
         if not self._splines:
             nothing = np.zeros((n, 3))
@@ -91,3 +94,10 @@ class ReferenceTrack:
             turning_per_s=(self._axes[right] - self._axes[right - 1]) / gap[:, None, None],
             usable=usable,
         )
+
+
+def _splines(t_s: FloatArray, position_m: FloatArray) -> list[BSpline]:
+    """Return a spline of time for each axis of positions (n, 3)."""
+    if len(t_s) < _LEAST_TO_SMOOTH:
+        return [make_interp_spline(t_s, axis, k=_CUBIC) for axis in position_m.T]
+    return [make_smoothing_spline(t_s, axis) for axis in position_m.T]
