@@ -23,7 +23,7 @@ _WORST_EXCLUDED_SHARE = 0.4
 # a pose of which nothing was known has to come out better than this, one sigma
 _WORST_ROTATION_RAD = float(np.radians(2.0))
 _WORST_POSITION_M = 10.0
-_DOUBTED = ("position", "readout")
+_DOUBTED = ("position", "readout", "drift")
 _FAR_BETTER = 0.7
 
 
@@ -63,7 +63,7 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
     data = gather_flight(session, request.detections, request.from_s, request.to_s)
     antenna = session.target.antenna_in_body_m
     fit = _solve(session, data, free)
-    notes = []
+    notes: list[str] = []
     new = [s.name for s in session.rig.stations if not {"orientation", "position"} <= set(s.known)]
     if new and not request.hold:
         fit, notes = _doubted(session, data, fit, words)
@@ -90,7 +90,7 @@ def _solve(session: Session, data: FlightData, free: FreeParameters) -> FlightFi
 
 
 def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequence[str]) -> tuple[FlightFit, list[str]]:
-    """Return a fit with surveyed positions and shutters free where that explains the pixels far better, and why.
+    """Return a fit with surveyed positions, shutters and drifts free where that explains the pixels far better, and why.
 
     A station that nobody has calibrated yet has a position off a map or a tape: it is known, but not to a pixel.
     """
@@ -106,7 +106,7 @@ def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequenc
     if not better:
         return held, []
     return freed, [
-        f"the surveyed positions (and shutters) as exact: with them free within {KNOWN_POSITION_M:g} m the pixels of "
+        f"the surveyed positions (shutters, drifts) as exact: with them free within {KNOWN_POSITION_M:g} m the pixels of "
         f"{', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps them)"
     ]
 

@@ -60,7 +60,10 @@ def test_sigmas_hold_over_seeds(tmp_path: Path) -> None:
 
 
 def test_clocks_are_found(tmp_path: Path) -> None:
-    """A PTU 30 ms off on a head that lags, a camera 20 ms off: both within 4 ms, and within their sigmas."""
+    """A PTU 30 ms off on a head that lags, a camera 20 ms off: within their sigmas, the PTU's below 4 ms.
+
+    The head holds the aircraft, so that camera and picture hardly tell when a picture was taken.
+    """
     errors = {
         "left": StationErrors(ptu_offset_s=0.03, camera_offset_s=-0.02),
         "right": StationErrors(ptu_offset_s=-0.02),
@@ -72,9 +75,9 @@ def test_clocks_are_found(tmp_path: Path) -> None:
         fit = found.fit
         for clock, true in (("ptu_clock", ptu), ("camera_clock", camera)):
             place = fit.problem.names.index(f"{name}.{clock}.offset")
-            assert fit.change[place] == pytest.approx(true, abs=max(4.0 * fit.sigma[place], 0.001))
-            assert fit.sigma[place] < 0.006
-    assert found.rig["left"].ptu_clock.offset_s == pytest.approx(0.03, abs=0.02)
+            assert fit.change[place] == pytest.approx(true, abs=max(3.5 * fit.sigma[place], 0.001))
+            assert fit.sigma[place] < (0.003 if clock == "ptu_clock" else 0.02)
+    assert found.rig["left"].ptu_clock.offset_s == pytest.approx(0.03, abs=0.004)
 
 
 def wandering(seed: int, **dgps: object):
