@@ -1,4 +1,4 @@
-"""A flight as a least-squares problem: what each parameter does to each pixel (docs/derivation.md, section 14).
+"""A flight as a least-squares problem: what each parameter does to each pixel (docs/derivation.md, section 16).
 
 Parameters are differences from what the rig says, in rad, m, s, s/s. Names are ``station.parameter``: those of
 `groundstation.geometry.calibration`, and

@@ -90,7 +90,7 @@ def _solve(session: Session, data: FlightData, free: FreeParameters) -> FlightFi
 
 
 def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequence[str]) -> tuple[FlightFit, list[str]]:
-    """Return a fit with surveyed positions, shutters and drifts free where that explains the pixels far better, and why.
+    """Return a fit with positions, shutters and drifts free where that explains the pixels far better, and why.
 
     A station that nobody has calibrated yet has a position off a map or a tape: it is known, but not to a pixel.
     """
@@ -106,8 +106,8 @@ def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequenc
     if not better:
         return held, []
     return freed, [
-        f"the surveyed positions (shutters, drifts) as exact: with them free within {KNOWN_POSITION_M:g} m the pixels of "
-        f"{', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps them)"
+        f"the surveyed positions (shutters, drifts) as exact: with them free within {KNOWN_POSITION_M:g} m the"
+        f" pixels of {', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps them)"
     ]
 
 
