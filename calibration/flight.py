@@ -21,7 +21,14 @@ _GROSS_SIGMA = 4.5
 # errors that last are seen as blocks that do not average out
 _BLOCK_S = 1.0
 _LEAST_BLOCKS = 6
-_SCALES = {"runway_from_base": 1e-3, "head_from_camera": 1e-3, "ptu_position": 0.1, "drift": 1e-5}
+_SCALES = {
+    "runway_from_base": 1e-3,
+    "head_from_camera": 1e-3,
+    "ptu_position": 0.1,
+    "drift": 1e-5,
+    "focal": 1.0,
+    "principal": 1.0,
+}
 _OTHER_SCALE = 0.01
 
 

@@ -13,13 +13,26 @@ from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig import PARTS, ClockModel, Rig, Station
 
 AXES = ("x", "y", "z")
-FREE_WORDS = ("orientation", "position", "boresight", "camera_clock", "drift", "ptu_clock", "readout", "antenna")
+FREE_WORDS = (
+    "orientation",
+    "position",
+    "boresight",
+    "camera_clock",
+    "drift",
+    "ptu_clock",
+    "readout",
+    "lens",
+    "antenna",
+)
 # one sigma before, of what is freed although it is known and the rig does not say how well
 KNOWN_ROTATION_RAD = float(np.radians(1.0))
 KNOWN_POSITION_M = 0.3
 KNOWN_CLOCK_S = 0.1
 KNOWN_DRIFT = 5e-5
 KNOWN_READOUT_S = 0.02
+KNOWN_FOCAL_SHARE = 0.01
+KNOWN_PRINCIPAL_POINT_PX = 10.0
+KNOWN_DISTORTION = 0.02
 KNOWN_ANTENNA_M = 0.5
 DGPS_CLOCK_S = 1.0
 # no flight vouches for less: a mount settles, gears play, stamps are rounded
@@ -78,6 +91,11 @@ def _of_station(station: Station, words: Sequence[str]) -> dict[str, float]:
     if "boresight" in words:
         for axis in AXES:
             chosen[f"head_from_camera.{axis}"] = _said(station, f"head_from_camera.{axis}", KNOWN_ROTATION_RAD)
+    if "lens" in words:
+        lens = [(f"focal.{axis}", KNOWN_FOCAL_SHARE * float(station.lens.focal_px[0])) for axis in "xy"]
+        lens += [(f"principal_point.{axis}", KNOWN_PRINCIPAL_POINT_PX) for axis in "xy"]
+        lens += [(f"distortion.{name}", KNOWN_DISTORTION) for name in ("k1", "k2")]
+        chosen.update({name: _said(station, name, sigma) for name, sigma in lens})
     clocks = {"camera_clock": station.camera_clock or ClockModel()}
     if not station.fixed:
         clocks["ptu_clock"] = station.ptu_clock
@@ -157,7 +175,9 @@ def _covariance(station: Station, fit: FlightFit) -> tuple[tuple[str, ...], Floa
     covariance = np.zeros((n + m, n + m))
     covariance[:n, :n] = fit.covariance[np.ix_(places, places)]
     covariance[n:, n:] = station.covariance[np.ix_(rest, rest)]
-    floors = [FLOOR_POSITION_M if short.startswith("ptu_position") else FLOOR_ROTATION_RAD for short in found]
+    least = {"ptu_position": FLOOR_POSITION_M, "runway_from_base": FLOOR_ROTATION_RAD}
+    least["head_from_camera"] = FLOOR_ROTATION_RAD
+    floors = [least.get(short.partition(".")[0], 0.0) for short in found]
     covariance[:n, :n] += np.diag(np.square(floors))
     covariance = 0.5 * (covariance + covariance.T)
     return (*found, *(station.covariance_parameters[k] for k in rest)), covariance

@@ -72,6 +72,11 @@ def _row(before: Rig, after: Rig, fit: FlightFit, k: int, name: str, antenna_m: 
         unit, scale, value = "s", 1.0, clock.offset_s
         if axis == "drift":
             unit, scale, value = "ppm", 1e6, clock.drift_ppm * 1e-6
+    elif group in ("focal", "principal_point", "distortion"):
+        lens = after[station].lens
+        values = {"focal": lens.focal_px, "principal_point": lens.principal_point_px, "distortion": lens.distortion}
+        place = ("k1", "k2", "p1", "p2", "k3").index(axis) if group == "distortion" else "xy".index(axis)
+        unit, value = ("" if group == "distortion" else "px"), float(values[group][place])
     elif group == "readout":
         unit, value = "s", after[station].readout_s
     elif station == "dgps_antenna":

@@ -23,7 +23,8 @@ _WORST_EXCLUDED_SHARE = 0.4
 # a pose of which nothing was known has to come out better than this, one sigma
 _WORST_ROTATION_RAD = float(np.radians(2.0))
 _WORST_POSITION_M = 10.0
-_DOUBTED = ("position", "readout", "drift")
+# what is doubted first, and what only where that is not all
+_DOUBTED = (("position", "readout", "drift"), ("position", "readout", "drift", "lens"))
 _FAR_BETTER = 0.7
 
 
@@ -66,7 +67,9 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
     notes: list[str] = []
     new = [s.name for s in session.rig.stations if not {"orientation", "position"} <= set(s.known)]
     if new and not request.hold:
-        fit, notes = _doubted(session, data, fit, words)
+        for doubted in _DOUBTED:
+            fit, note = _doubted(session, data, fit, (*words, *doubted))
+            notes += note
     _require_fit(session, fit)
     rig = solved_rig(session.rig, fit)
     report = format_flight_report(session.rig, rig, fit, [*notes, *data.excluded], antenna)
@@ -90,11 +93,11 @@ def _solve(session: Session, data: FlightData, free: FreeParameters) -> FlightFi
 
 
 def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequence[str]) -> tuple[FlightFit, list[str]]:
-    """Return a fit with positions, shutters and drifts free where that explains the pixels far better, and why.
+    """Return a fit with surveyed positions, shutters … free where that explains the pixels far better, and why.
 
     A station that nobody has calibrated yet has a position off a map or a tape: it is known, but not to a pixel.
     """
-    more = choose_parameters(session.rig, [*words, *_DOUBTED], dgps_clock_open=not session.has_clocks)
+    more = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
     if set(more.names) <= set(held.problem.names):
         return held, []
     freed = _solve(session, data, more)
@@ -106,8 +109,8 @@ def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequenc
     if not better:
         return held, []
     return freed, [
-        f"the surveyed positions (shutters, drifts) as exact: with them free within {KNOWN_POSITION_M:g} m the"
-        f" pixels of {', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps them)"
+        f"{', '.join(words)} as exact: free within {KNOWN_POSITION_M:g} m, 1 % of the focal length … the pixels of"
+        f" {', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps what is known)"
     ]
 
 

@@ -12,8 +12,10 @@ _FLIGHT_MORE = """example:
   groundstation calibrate flight SESSION --to 342 --out rig.toml
 
 LIST, with commas: orientation, position, boresight, camera_clock, drift,
-ptu_clock, readout, antenna. Of what is freed though it is known, the rig's
-covariance (else 1 deg, 0.3 m, 0.1 s) stays as knowledge.
+ptu_clock, readout, lens, antenna. Of what is freed though it is known, the
+rig's covariance (else 1 deg, 0.3 m, 0.1 s, 1 % of focal) stays as knowledge.
+Stations without a pose: positions, shutters, drifts and lenses are freed where
+the pixels contradict them; --hold keeps them.
 
 exit code: 0 done; 1 the flight cannot teach that; 2 wrong usage"""
 

@@ -53,8 +53,8 @@ def rmse_m(session: Session, names: Sequence[str]) -> float:
 
 @pytest.mark.parametrize("names", [("sony5n", "sony5100"), ("sony5100", "sonyG"), ("sony5n", "sonyG")])
 def test_pairs(session: Session, names: tuple[str, str]) -> None:
-    assert rmse_m(session, names) < 0.16
+    assert rmse_m(session, names) < 0.14
 
 
 def test_all_four(session: Session) -> None:
-    assert rmse_m(session, session.rig.names) < 0.16
+    assert rmse_m(session, session.rig.names) < 0.15
