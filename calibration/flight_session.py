@@ -72,7 +72,7 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
             notes += note
     _require_fit(session, fit)
     rig = solved_rig(session.rig, fit)
-    report = format_flight_report(session.rig, rig, fit, [*notes, *data.excluded], antenna)
+    report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna)])
     _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
     return FlightCalibration(fit=fit, rig=rig, report=report)
 
@@ -109,8 +109,8 @@ def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequenc
     if not better:
         return held, []
     return freed, [
-        f"{', '.join(words)} as exact: free within {KNOWN_POSITION_M:g} m, 1 % of the focal length … the pixels of"
-        f" {', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps what is known)"
+        f"note: freed {', '.join(words)}: within {KNOWN_POSITION_M:g} m, 1 % of the focal length and so on, the"
+        f" pixels of {', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps what is known)"
     ]
 
 

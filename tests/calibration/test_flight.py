@@ -102,6 +102,19 @@ def test_an_unknown_orientation_needs_no_guess(tmp_path: Path) -> None:
         assert "orientation" in load_rig(tmp_path / "rig.toml")[name].known
 
 
+def test_an_unknown_pose_needs_no_guess(tmp_path: Path) -> None:
+    """Position and orientation from a flight that turns about: within five sigmas and 1 m."""
+    scenario = wandering(5)
+    scenario = replace(scenario, rig=unknown(scenario.rig, "orientation", "position"))
+    found = calibrated(tmp_path, scenario, clocks_sigma_s=0.0, hold=True)
+    for name in ("left", "right"):
+        place = [k for k, short in enumerate(found.rig[name].covariance_parameters) if short.startswith("ptu_position")]
+        sigma = np.sqrt(np.diag(found.rig[name].covariance)[place])
+        off = found.rig[name].ptu_position_m - scenario.true_rig[name].ptu_position_m
+        assert np.all(np.abs(off) < 5.0 * sigma)
+        assert np.abs(off).max() < 1.0
+
+
 def test_gross_pixels_and_glitches_are_left_out_and_listed(tmp_path: Path) -> None:
     scenario = approach(4, MOUNTS)
     cameras = {name: replace(camera, outlier_probability=0.1) for name, camera in scenario.cameras.items()}
