@@ -110,7 +110,7 @@ def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequenc
         return held, []
     return freed, [
         f"note: freed {', '.join(words)}: within {KNOWN_POSITION_M:g} m, 1 % of the focal length and so on, the"
-        f" pixels of {', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps what is known)"
+        f" pixels of {', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps them)"
     ]
 
 
