@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from groundstation.errors import InputError
 from groundstation.progress import ProgressLine
 
 _INTRINSICS = """The lens of a camera from pictures of a board: corners to a fraction of a pixel,
@@ -23,6 +24,18 @@ exit code: 0 done; 1 the pictures are at fault, and nothing is written; 2 wrong
 usage; 130 interrupted"""
 _CONVERT = """A lens from one format into another: the lens keys of rig.toml (or a whole
 rig.toml), OpenCV's or ROS's YAML, Kalibr's camchain (pinhole-radtan)."""
+_FLIGHT = """Calibrate stations on an aircraft's DGPS track and the pixels that they saw:
+orientation, position, clocks; whatever the rig's `known` leaves open."""
+_FLIGHT_MORE = """example:
+  groundstation calibrate flight SESSION --to 342 --out rig.toml
+
+LIST, with commas: orientation, position, boresight, camera_clock, drift,
+ptu_clock, readout, lens, antenna. Of what is freed though it is known, the
+rig's covariance (else 1 deg, 0.3 m, 0.1 s, 1 % of focal) stays as knowledge.
+Stations without a pose: positions, shutters, drifts and lenses are freed where
+the pixels contradict them; --hold keeps them.
+
+exit code: 0 done; 1 the flight cannot teach that; 2 wrong usage"""
 _HOLDABLE = ("k2", "k3", "p")
 
 
@@ -30,9 +43,11 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
     """Add `calibrate` and what can be calibrated."""
     calibrate = commands.add_parser(
         "calibrate",
-        help="what a rig file holds, from pictures of a board",
+        help="find what a rig file holds",
+        description="Find what a rig file holds.",
     )
     kinds = calibrate.add_subparsers(dest="calibrate", metavar="WHAT", required=True)
+    _add_flight(kinds)
     intrinsics = kinds.add_parser(
         "intrinsics",
         help="pictures of a board in, the lens out",
@@ -63,6 +78,28 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
     convert.add_argument("--refit", action="store_true", help="put k3 into k1 and k2 where the format has none")
 
 
+def _add_flight(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    flight = kinds.add_parser(
+        "flight",
+        help="from an aircraft's DGPS track and the pixels that saw it",
+        description=_FLIGHT,
+        epilog=_FLIGHT_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    flight.add_argument("session", type=Path, metavar="SESSION", help="session folder with dgps.csv")
+    flight.add_argument("--out", type=Path, required=True, metavar="FILE", help="the rig file to write")
+    flight.add_argument("--rig", type=Path, metavar="FILE", help="another rig than the session's rig.toml")
+    flight.add_argument(
+        "--detections", type=Path, metavar="FILE", help="pixels of an earlier replay: its detections.csv"
+    )
+    flight.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
+    flight.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    flight.add_argument("--free", default="", metavar="LIST", help="find these as well")
+    flight.add_argument(
+        "--hold", action="store_true", help="take surveyed positions as exact, even where the pixels contradict them"
+    )
+
+
 def _add_format(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--format", choices=("toml", "opencv", "kalibr"), help="of the lens; .yaml is opencv unless said"
@@ -80,6 +117,28 @@ def _held(text: str) -> frozenset[str]:
 def run_calibrate(options: argparse.Namespace) -> int:
     """Run one calibration; returns the exit code."""
     return _KINDS[options.calibrate](options)
+
+
+def _flight(options: argparse.Namespace) -> int:
+    """Calibrate on a flight, print the report and the path."""
+    from calibration.flight_session import FlightRequest, calibrate_flight
+
+    if options.out.resolve() == (options.session / "rig.toml").resolve():
+        wanted = "another file: a recording keeps the rig that it was made with"
+        raise InputError(str(options.out), got="the session's own rig", wanted=wanted)
+    request = FlightRequest(
+        session=options.session,
+        out=options.out,
+        rig=options.rig,
+        detections=options.detections,
+        from_s=options.from_s,
+        to_s=options.to_s,
+        free=options.free,
+        hold=options.hold,
+    )
+    print(calibrate_flight(request).report)
+    print(f"\nwrote {options.out}")
+    return 0
 
 
 def _intrinsics(options: argparse.Namespace) -> int:
@@ -126,4 +185,8 @@ def _convert(options: argparse.Namespace) -> int:
     return 0
 
 
-_KINDS: dict[str, Callable[[argparse.Namespace], int]] = {"intrinsics": _intrinsics, "convert-lens": _convert}
+_KINDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "flight": _flight,
+    "intrinsics": _intrinsics,
+    "convert-lens": _convert,
+}

@@ -93,3 +93,20 @@ def _by_lens(s: FloatArray, xd: float, yd: float, arm: FloatArray, calibration: 
         radial *= q
     calibration[0, 18], calibration[1, 18] = fx * shrink * 2.0 * x * y, fy * shrink * (r2 + 2.0 * y * y)
     calibration[0, 19], calibration[1, 19] = fx * shrink * (r2 + 2.0 * x * x), fy * shrink * 2.0 * x * y
+
+
+@njit(cache=True)
+def project_calibration_many(
+    s: FloatArray,
+    points: FloatArray,
+    angles: FloatArray,
+    pixels: FloatArray,
+    jacobians: FloatArray,
+    calibrations: FloatArray,
+    depths: FloatArray,
+) -> None:
+    """Do `project_calibration` for points (n, 3) at pan and tilt (n, 2) into arrays of n; ``depths`` (n,) in m."""
+    for k in range(len(points)):
+        depths[k] = project_calibration(
+            s, points[k], angles[k, 0], angles[k, 1], pixels[k], jacobians[k], calibrations[k]
+        )

@@ -12,6 +12,7 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
     ("groundstation.cli_calibrate",),
+    ("calibration",),
     ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
     ("groundstation.run", "groundstation.planning"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),

@@ -1,0 +1,247 @@
+"""Solving a flight: robustly, then without what is grossly off, with a covariance that allows for lasting errors."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from calibration.flight_problem import FlightProblem, left_jacobian
+from groundstation.arrays import FloatArray, MaskArray
+from groundstation.errors import GroundstationError
+
+LEAST_LOOKS = 20
+_ROBUST_ROUNDS = 4
+_FINAL_ROUNDS = 3
+# soft-L1 bends here, in sigmas
+_BEND_SIGMA = 1.5
+# the length of a two-dimensional normal residual: its median, and what one in 25 000 exceeds
+_MEDIAN_LENGTH = 1.1774
+_GROSS_SIGMA = 4.5
+# errors that last are seen as blocks that do not average out
+_BLOCK_S = 1.0
+_LEAST_BLOCKS = 6
+_SCALES = {
+    "runway_from_base": 1e-3,
+    "head_from_camera": 1e-3,
+    "ptu_position": 0.1,
+    "drift": 1e-5,
+    "focal": 1.0,
+    "principal": 1.0,
+}
+_OTHER_SCALE = 0.01
+
+
+class FlightFitError(GroundstationError):
+    """The flight does not determine what is asked for, or does not fit at all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StationFit:
+    """How one station's n looks fit: ``residual_px`` (n, 2), ``kept`` (n,), ``usable`` (n,), noise found over assumed.
+
+    ``usable`` is False where there is no angle or no reference; ``kept`` where the look is gross, too.
+    """
+
+    residual_px: FloatArray
+    usable: MaskArray
+    kept: MaskArray
+    noise_factor: float
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square distance between seen and predicted pixels that were kept, px."""
+        return float(np.sqrt(np.mean(np.sum(self.residual_px[self.kept] ** 2, axis=1)))) if self.kept.any() else 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightFit:
+    """The solution of a `FlightProblem` of p parameters.
+
+    Attributes
+    ----------
+    change, sigma : (p,) what was found and one sigma.
+    covariance : (p, p), rotations as small angles about the solution, in the frame of their name.
+    reduced_chi_square : of the kept residuals by the assumed noise.
+    lasting_factor : (p,) by how much errors that last have raised each sigma.
+    condition : of the information, its parameters scaled to unit diagonal.
+    """
+
+    problem: FlightProblem
+    change: FloatArray
+    covariance: FloatArray
+    reduced_chi_square: float
+    lasting_factor: FloatArray
+    condition: float
+    stations: Mapping[str, StationFit] = field(default_factory=dict)
+
+    @property
+    def sigma(self) -> FloatArray:
+        """One sigma of each parameter (p,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlations (p, p)."""
+        return np.asarray(self.covariance / np.outer(self.sigma, self.sigma))
+
+
+@dataclass(slots=True, eq=False)
+class _Weighted:
+    """Residuals and Jacobian of the kept looks in sigmas, computed once for each point."""
+
+    problem: FlightProblem
+    whitening: dict[str, FloatArray]
+    kept: dict[str, MaskArray]
+    _at: bytes = b""
+    _residual: FloatArray = field(default_factory=lambda: np.zeros(0))
+    _jacobian: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def residual(self, change: FloatArray) -> FloatArray:
+        self._compute(change)
+        return self._residual
+
+    def jacobian(self, change: FloatArray) -> FloatArray:
+        self._compute(change)
+        return self._jacobian
+
+    def _compute(self, change: FloatArray) -> None:
+        if change.tobytes() == self._at:
+            return
+        problem = self.problem
+        residuals, jacobians = [], []
+        for name, looks in problem.looks.items():
+            predicted = problem.predict(name, change)
+            # a look that lost its reference meanwhile pulls nowhere
+            kept = (self.kept[name] & predicted.usable)[self.kept[name], None, None]
+            whitening = self.whitening[name][self.kept[name]] * kept
+            off = (predicted.pixel_px - looks.pixel_px)[self.kept[name]]
+            residuals.append(np.einsum("nij,nj->ni", whitening, off).ravel())
+            jacobians.append((whitening @ predicted.jacobian[self.kept[name]]).reshape(-1, len(change)))
+        known = np.isfinite(problem.prior_sigma)
+        residuals.append((change / problem.prior_sigma)[known])
+        jacobians.append(np.diag(1.0 / problem.prior_sigma)[known])
+        self._at = change.tobytes()
+        self._residual, self._jacobian = np.concatenate(residuals), np.concatenate(jacobians)
+
+
+def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> FlightFit:
+    """Find the parameters from a start (p,), zero by default; raises `FlightFitError` where looks are too few."""
+    change = np.zeros(len(problem.names)) if start is None else start.copy()
+    factors = dict.fromkeys(problem.looks, 1.0)
+    for round_ in range(_ROBUST_ROUNDS + _FINAL_ROUNDS):
+        robust = round_ < _ROBUST_ROUNDS
+        fits = {name: _station_fit(problem, name, change, factors[name], gross=not robust) for name in problem.looks}
+        _require_enough(problem, fits)
+        # the scale follows the residuals down from a start that may be far off
+        factors = {name: fit.noise_factor for name, fit in fits.items()}
+        weighted = _weighted(problem, change, fits)
+        found = least_squares(
+            weighted.residual,
+            change,
+            jac=weighted.jacobian,
+            loss="soft_l1" if robust else "linear",
+            f_scale=_BEND_SIGMA,
+            x_scale=np.array([_scale(name) for name in problem.names]),
+            max_nfev=60,
+        )
+        change = np.asarray(found.x, dtype=np.float64)
+    fits = {name: _station_fit(problem, name, change, factors[name], gross=True) for name in problem.looks}
+    _require_enough(problem, fits)
+    return _with_covariance(problem, change, fits)
+
+
+def _scale(name: str) -> float:
+    return next((value for part, value in _SCALES.items() if part in name), _OTHER_SCALE)
+
+
+def _station_fit(problem: FlightProblem, name: str, change: FloatArray, factor: float, gross: bool) -> StationFit:
+    """Judge one station's looks at a solution; ``gross`` leaves out what is far off."""
+    looks, predicted = problem.looks[name], problem.predict(name, change)
+    off = predicted.pixel_px - looks.pixel_px
+    white = np.einsum("nij,nj->ni", _whitening(predicted.covariance_px2), off)
+    length = np.linalg.norm(white, axis=1)
+    usable = predicted.usable
+    median = float(np.median(length[usable])) if usable.any() else 1.0
+    found = max(median / _MEDIAN_LENGTH, 1e-6)
+    if looks.sigma_given:
+        found = max(found, 1.0)
+    kept = usable & (length <= _GROSS_SIGMA * found) if gross else usable
+    return StationFit(residual_px=off, usable=usable, kept=kept, noise_factor=found if found else factor)
+
+
+def _whitening(covariance: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+
+
+def _weighted(problem: FlightProblem, change: FloatArray, fits: Mapping[str, StationFit]) -> _Weighted:
+    whitening = {
+        name: _whitening(problem.predict(name, change).covariance_px2) / fit.noise_factor for name, fit in fits.items()
+    }
+    return _Weighted(problem=problem, whitening=whitening, kept={name: fit.kept for name, fit in fits.items()})
+
+
+def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> None:
+    for name, fit in fits.items():
+        count, all_of_them = int(fit.kept.sum()), len(problem.looks[name])
+        if count < LEAST_LOOKS:
+            got = f"{count} of {all_of_them} pixels with angle, reference and a fit"
+            raise FlightFitError(f"station {name}: got {got}; wanted at least {LEAST_LOOKS}")
+
+
+def _with_covariance(problem: FlightProblem, change: FloatArray, fits: Mapping[str, StationFit]) -> FlightFit:
+    """Return the fit with (JᵀWJ)⁻¹, raised by the reduced chi-square and by what lasts."""
+    weighted = _weighted(problem, change, fits)
+    residual, jacobian = weighted.residual(change), weighted.jacobian(change)
+    information = jacobian.T @ jacobian
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    unit = information / np.outer(scale, scale)
+    condition = float(np.linalg.cond(unit))
+    covariance = np.linalg.pinv(unit, rcond=1e-14, hermitian=True) / np.outer(scale, scale)
+    count = 2 * sum(int(fit.kept.sum()) for fit in fits.values())
+    chi_square = float((residual[:count] ** 2).sum()) / max(count - len(change), 1)
+    covariance = covariance * max(1.0, chi_square)
+    lasting = _lasting_factor(problem, fits, residual[:count], jacobian[:count], covariance)
+    covariance = covariance * np.outer(lasting, lasting)
+    turned = np.eye(len(change))
+    for name in problem.looks:
+        station = problem.station_change(change, name)
+        for group, part in (("runway_from_base", slice(0, 3)), ("head_from_camera", slice(6, 9))):
+            places = [k for k, n in enumerate(problem.names) if n.startswith(f"{name}.{group}.")]
+            if len(places) == 3:
+                turned[np.ix_(places, places)] = left_jacobian(station[part])
+    return FlightFit(
+        problem=problem,
+        change=change,
+        covariance=turned @ covariance @ turned.T,
+        reduced_chi_square=chi_square,
+        lasting_factor=lasting,
+        condition=condition,
+        stations=dict(fits),
+    )
+
+
+def _lasting_factor(
+    problem: FlightProblem,
+    fits: Mapping[str, StationFit],
+    residual: FloatArray,
+    jacobian: FloatArray,
+    covariance: FloatArray,
+) -> FloatArray:
+    """Return by how much (p,) errors that last raise each sigma: the sandwich over blocks of time, never below 1.
+
+    Pixels of one block, of all stations, count as one observation: steps of an encoder, the reference's own
+    wandering and a biased target point do not average out within it.
+    """
+    t = np.concatenate([problem.looks[name].t_s[fit.kept] for name, fit in fits.items()])
+    block = np.floor((t - t.min()) / _BLOCK_S).astype(np.int64)
+    _, block = np.unique(block, return_inverse=True)
+    blocks = int(block.max()) + 1
+    p = len(covariance)
+    if blocks < max(_LEAST_BLOCKS, p // 2):
+        return np.ones(p)
+    scores = np.zeros((blocks, p))
+    np.add.at(scores, np.repeat(block, 2), jacobian * residual[:, None])
+    meat = scores.T @ scores * blocks / max(blocks - 1, 1)
+    sandwich = covariance @ meat @ covariance
+    return np.asarray(np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(covariance), 1e-300), 1.0)))

@@ -1,0 +1,143 @@
+"""The whole job of `groundstation calibrate flight`: a session in, a better rig out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calibration.flight import FlightFit, FlightFitError, solve_flight
+from calibration.flight_data import FlightData, gather_flight
+from calibration.flight_parameters import KNOWN_POSITION_M, FreeParameters, choose_parameters, free_words, solved_rig
+from calibration.flight_problem import FlightProblem
+from calibration.flight_report import format_flight_report, rig_header
+from calibration.flight_start import find_start
+from groundstation.errors import InputError
+from groundstation.rig import Rig
+from groundstation.rig_toml import rig_to_toml
+from groundstation.session import Session, load_session
+
+# pixels off by more of the picture's width than this are no fit, whatever their number
+_WORST_RMS_SHARE = 0.01
+_WORST_EXCLUDED_SHARE = 0.4
+# a pose of which nothing was known has to come out better than this, one sigma
+_WORST_ROTATION_RAD = float(np.radians(2.0))
+_WORST_POSITION_M = 10.0
+# what is doubted first, and what only where that is not all
+_DOUBTED = (("position", "readout", "drift"), ("position", "readout", "drift", "lens"))
+_FAR_BETTER = 0.7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightRequest:
+    """What to calibrate.
+
+    ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known.
+    """
+
+    session: Path
+    out: Path
+    rig: Path | None = None
+    detections: Path | None = None
+    from_s: float | None = None
+    to_s: float | None = None
+    free: str = ""
+    hold: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightCalibration:
+    """What was found: the fit, the rig with it, and the words for a person."""
+
+    fit: FlightFit
+    rig: Rig
+    report: str
+
+
+def calibrate_flight(request: FlightRequest) -> FlightCalibration:
+    """Calibrate, and write the rig file; raises `GroundstationError`, one line, where the flight cannot do it."""
+    words = free_words(request.free)
+    session = load_session(request.session, request.rig)
+    if request.out.is_dir() or request.out.suffix != ".toml":
+        raise InputError(str(request.out), got="no name of a TOML file", wanted="--out rig.toml")
+    free = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
+    data = gather_flight(session, request.detections, request.from_s, request.to_s)
+    antenna = session.target.antenna_in_body_m
+    fit = _solve(session, data, free)
+    notes: list[str] = []
+    new = [s.name for s in session.rig.stations if not {"orientation", "position"} <= set(s.known)]
+    if new and not request.hold:
+        for doubted in _DOUBTED:
+            fit, note = _doubted(session, data, fit, (*words, *doubted))
+            notes += note
+    _require_fit(session, fit)
+    rig = solved_rig(session.rig, fit)
+    report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna)])
+    _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
+    return FlightCalibration(fit=fit, rig=rig, report=report)
+
+
+def _solve(session: Session, data: FlightData, free: FreeParameters) -> FlightFit:
+    antenna = session.target.antenna_in_body_m
+    start = find_start(
+        FlightProblem(
+            stations={s.name: s for s in session.rig.stations},
+            looks=data.looks,
+            track=data.track,
+            antenna_in_body_m=np.zeros(3) if antenna is None else antenna,
+            names=free.names,
+            prior_sigma=free.prior_sigma,
+        )
+    )
+    return solve_flight(start.problem, start.change)
+
+
+def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequence[str]) -> tuple[FlightFit, list[str]]:
+    """Return a fit with surveyed positions, shutters … free where that explains the pixels far better, and why.
+
+    A station that nobody has calibrated yet has a position off a map or a tape: it is known, but not to a pixel.
+    """
+    more = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
+    if set(more.names) <= set(held.problem.names):
+        return held, []
+    freed = _solve(session, data, more)
+    better = [
+        name
+        for name, station in freed.stations.items()
+        if station.noise_factor < _FAR_BETTER * held.stations[name].noise_factor
+    ]
+    if not better:
+        return held, []
+    return freed, [
+        f"note: freed {', '.join(words)}: within {KNOWN_POSITION_M:g} m, 1 % of the focal length and so on, the"
+        f" pixels of {', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps them)"
+    ]
+
+
+def _require_fit(session: Session, fit: FlightFit) -> None:
+    """Raise `FlightFitError` where the answer is none."""
+    for name, station in fit.stations.items():
+        width = session.rig[name].lens.image_size_px[0]
+        usable, kept = int(station.usable.sum()), int(station.kept.sum())
+        wanted = "pixels and DGPS of the same flight and aircraft, and a lens and clocks that are right"
+        if station.rms_px > _WORST_RMS_SHARE * width:
+            got = f"pixels that fit to {station.rms_px:.0f} px only"
+            raise FlightFitError(f"station {name}: got {got}; wanted {wanted}")
+        if kept < (1.0 - _WORST_EXCLUDED_SHARE) * usable:
+            got = f"{usable - kept} of {usable} pixels that do not fit"
+            raise FlightFitError(f"station {name}: got {got}; wanted {wanted}")
+    for name, sigma, prior in zip(fit.problem.names, fit.sigma, fit.problem.prior_sigma, strict=True):
+        limit = {"runway_from_base": _WORST_ROTATION_RAD, "ptu_position": _WORST_POSITION_M}
+        worst = next((value for part, value in limit.items() if f".{part}." in name), np.inf)
+        if not np.isfinite(prior) and not sigma <= worst:
+            unit = f"{np.degrees(sigma):.3g}°" if "runway_from_base" in name else f"{sigma:.3g} m"
+            wanted = "a flight that moves more across this station's view, or this part known"
+            raise FlightFitError(f"{name}: got ± {unit} from this flight; wanted {wanted}")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
