@@ -12,7 +12,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import FloatArray
+from groundstation.picture import Picture
 
 
 # --------------------------------------------------------------------------------------------- events in
@@ -30,13 +31,13 @@ class PtuSample:
 class Frame:
     """One camera image; ``t_s`` is its mid-exposure, ``epoch`` the number of its stereo pair.
 
-    ``image`` is (h, w, 3) uint8 BGR, distorted as the camera gave it.
+    ``image`` is as the camera gave it, distorted.
     """
 
     t_s: float
     station: str
     epoch: int
-    image: ImageArray
+    image: Picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -278,7 +279,7 @@ class CameraReport:
     innovation: Innovation | None
     elapsed_s: float
     channel_contrast: Mapping[str, float] | None = None
-    image: ImageArray | None = None
+    image: Picture | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -30,7 +30,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.rig_toml",),
     ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
-    ("groundstation.geometry",),
+    ("groundstation.geometry", "groundstation.picture"),
     ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
 )
 # tuning of a component is read by the layer that gathers all tuning, wherever the component lives
@@ -39,6 +39,7 @@ CORE = (
     "detection",
     "estimation",
     "geometry",
+    "picture",
     "pipeline",
     "frame_update",
     "synchronise",
