@@ -26,7 +26,13 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ),
     ("groundstation.config",),
     ("groundstation.epoch", "groundstation.track_life", "groundstation.warm_up"),
-    ("groundstation.integrity", "groundstation.existence", "groundstation.search_region"),
+    (
+        "groundstation.integrity",
+        "groundstation.existence",
+        "groundstation.search_region",
+        "groundstation.search_pattern",
+        "groundstation.pointing",
+    ),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.rig_toml",),
     ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
@@ -51,6 +57,8 @@ CORE = (
     "station_health",
     "integrity",
     "existence",
+    "pointing",
+    "search_pattern",
     "search_region",
     "simulation",
 )
