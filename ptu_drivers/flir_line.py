@@ -141,6 +141,19 @@ class FlirLine:
                     self._keep_pace()
                     question = self._send(f"Z{next(self._nonce)}")
 
+    def greet(self, deadline_s: float) -> None:
+        """Bring a unit of unknown state to echo: spoil half a command, switch the echo on, and `resynchronise`.
+
+        Raises
+        ------
+        Doubt, LineError.
+        """
+        for command in ("Z0", "EE"):
+            self._drain(deadline_s)
+            self._keep_pace()
+            self._send(command)
+        self.resynchronise(deadline_s)
+
     def begin(self, command: str) -> Callable[[float], bool]:
         """Send a command whose answer may take long; return what asks (until a time) whether it has come."""
         self._sweep()
@@ -179,9 +192,7 @@ class FlirLine:
         self._counter.exchanges += 1
         self.transport.write(data)
         self._last_s = begun
-        return _Question(
-            command=command, begun_s=begun, earliest_s=begun + len(data) * self.transport.character_s()
-        )
+        return _Question(command=command, begun_s=begun, earliest_s=begun + len(data) * self.transport.character_s())
 
     def _finish(
         self, question: _Question, deadline_s: float | None, type_ahead: Callable[[], None] | None = None
