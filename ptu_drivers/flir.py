@@ -85,7 +85,7 @@ def connect(
 def _find(line: FlirLine, settings: UnitSettings, patience_s: float) -> None:
     """Greet at all speeds until something answers. Raises ProtocolError."""
     transport = line.transport
-    bauds = BAUDS if transport.baud() else (0,)
+    bauds: tuple[int, ...] = BAUDS if transport.baud() else (0,)
     if settings.baud and transport.baud():
         bauds = (BAUDS[0], settings.baud, *(b for b in BAUDS[1:] if b != settings.baud))
     end, got = transport.now() + patience_s, "silence"
@@ -296,7 +296,7 @@ class FlirUnit(PanTiltUnit):
                     self._advance(self._transport.now() + self._limit_s)
                     if not self._recovery.halt_pending:
                         break
-                    if self._counter.state is not UnitState.READY:
+                    if not self._is_ready():
                         fault = self._nothing("H", began)
                         continue
                 try:
@@ -400,6 +400,9 @@ class FlirUnit(PanTiltUnit):
         if not answer.ok:
             raise RefusedError(command, said=answer.text)
 
+    def _is_ready(self) -> bool:
+        return self._counter.state is UnitState.READY
+
     def _must_be_open(self) -> None:
         if self._counter.state is UnitState.CLOSED:
             raise LineError(self._transport.url, got="a closed unit", wanted="an open one")
@@ -407,12 +410,10 @@ class FlirUnit(PanTiltUnit):
     def _must_be_ready(self) -> None:
         """Give a line in doubt one step to come back. Raises NoAnswerError."""
         began = self._transport.now()
-        if self._counter.state is not UnitState.READY:
+        if not self._is_ready():
             self._advance(began + self._limit_s)
-        if self._counter.state is not UnitState.READY:
+        if not self._is_ready():
             raise self._nothing("a command", began)
 
     def _nothing(self, command: str, began_s: float) -> NoAnswerError:
-        return NoAnswerError(
-            command, waited_s=self._transport.now() - began_s, got=f"a line that is {self._counter.state}"
-        )
+        return NoAnswerError(command, waited_s=self._transport.now() - began_s, got=f"state: {self._counter.state}")

@@ -124,7 +124,7 @@ def parse_line(data: bytes) -> Answer | Stray:
 
     Raises
     ------
-    ProtocolError : bytes that no unit sends as text, or a line that is too long.
+    ProtocolError : bytes that no unit sends as text, a line that is too long, or answers without an end between them.
     """
     if len(data) >= LONGEST_LINE or any(not 0x20 <= byte < 0x7F and byte != 0x09 for byte in data):
         raise ProtocolError("line", got=repr(data[:40]), wanted="printable text")
@@ -134,6 +134,8 @@ def parse_line(data: bytes) -> Answer | Stray:
     found = _LINE.fullmatch(text)
     if not found:
         return Stray(text=text, events=0)
+    if any(mark in found["text"] for mark in "*!"):
+        raise ProtocolError("line", got=repr(text), wanted="one answer, not several merged")
     echo = found["echo"]
     return Answer(
         echo=echo,

@@ -180,10 +180,9 @@ class FlirLine:
             return command
         spelled, bit = [], 0
         for c in command:
-            if c.isalpha() and bit < 3:
-                c = c.lower() if n >> bit & 1 else c.upper()
-                bit += 1
-            spelled.append(c)
+            varied = c.isalpha() and bit < 3
+            spelled.append((c.lower() if n >> bit & 1 else c.upper()) if varied else c)
+            bit += varied
         return "".join(spelled)
 
     def _send(self, command: str, *, typed: bool = False) -> _Question:

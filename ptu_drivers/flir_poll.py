@@ -53,10 +53,8 @@ class Poller:
         self._settings = settings
         self._clock = DeviceClock(facts.clock_hz) if facts.clock_hz else None
         self._gates = {
-            axis: Plausibility(
-                quantum=1.0, max_rate=facts.axis(axis).max_rate, max_acceleration=facts.axis(axis).acceleration
-            )
-            for axis in Axis
+            axis: Plausibility(quantum=1.0, max_rate=a.max_rate, max_acceleration=a.acceleration)
+            for axis, a in ((Axis.PAN, facts.pan), (Axis.TILT, facts.tilt))
         }
 
     def forget(self) -> None:

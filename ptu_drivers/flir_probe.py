@@ -163,10 +163,15 @@ def probe(line: FlirLine) -> UnitFacts:
 
 def _axis(line: FlirLine, letter: str) -> AxisFacts:
     def number(what: str) -> float:
-        said = insist(line, letter + what).answer
-        if not said.ok:
-            raise ProtocolError(letter + what, got=said.text or "an error", wanted="a number")
-        return only_number(said.text)
+        for last in (False, False, True):
+            said = insist(line, letter + what).answer
+            try:
+                return only_number(said.text if said.ok else "an error: " + said.text)
+            except ProtocolError:
+                # another line may have run into this one
+                if last:
+                    raise
+        raise AssertionError
 
     acceleration = insist(line, letter + "A").answer
     facts = AxisFacts(

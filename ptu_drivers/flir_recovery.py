@@ -70,7 +70,7 @@ class Recovery:
             self.doubt(DoubtReason.LINE_LOST)
             self._line.transport.wait(_IDLE_S)
             return DoubtReason.LINE_LOST
-        return DoubtReason.STARTING if self._counter.state is UnitState.STARTING else DoubtReason.TIMEOUT
+        return DoubtReason.STARTING if self._queue else DoubtReason.TIMEOUT
 
     def _resynchronise(self, deadline_s: float) -> None:
         self._counter.resyncs += 1
