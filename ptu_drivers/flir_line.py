@@ -113,8 +113,7 @@ class FlirLine:
             typed = True
 
         one = self._finish(self._send(self._spell(first)), deadline_s, type_ahead)
-        if not typed or self.pace_s:
-            self._keep_pace()
+        self._keep_pace()
         question = self._send(spelled, typed=typed)
         return one, self._finish(question, deadline_s)
 
@@ -190,7 +189,8 @@ class FlirLine:
         begun = self.transport.now()
         self._counter.exchanges += 1
         self.transport.write(data)
-        self._last_s = begun
+        # the unit counts from the delimiter, which comes last
+        self._last_s = begun + len(data) * self.transport.character_s()
         return _Question(command=command, begun_s=begun, earliest_s=begun + len(data) * self.transport.character_s())
 
     def _finish(
