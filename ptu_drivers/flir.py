@@ -205,6 +205,7 @@ class FlirUnit(PanTiltUnit):
             self._lose_line()
             return DoubtReason.LINE_LOST
         self._last = reading
+        self._recovery.note_answer()
         self._counter.readings += 1
         self._counter.last_reading_s = max(reading.pan.t_s, reading.tilt.t_s)
         return reading

@@ -11,6 +11,9 @@ from ptu_drivers.simulated_unit import DEFAULT_BAUD
 
 _REOPEN_AFTER = 4
 _IDLE_S = 0.02
+_RESYNCHRONISE = ""
+# no unit boots and homes faster
+_BOOT_S = 1.0
 
 
 class Recovery:
@@ -36,9 +39,14 @@ class Recovery:
         self._setup = setup
         self._baud = line.transport.baud()
         self._failed = 0
+        self._answered_s = line.transport.now()
         self._queue: deque[str] = deque()
         self._awaited: Callable[[float], bool] | None = None
         self._await_until_s = 0.0
+
+    def note_answer(self) -> None:
+        """Everything is well."""
+        self._answered_s = self._line.transport.now()
 
     def keep_baud(self) -> None:
         """Take the line's speed as the one that the unit is meant to have."""
@@ -79,10 +87,10 @@ class Recovery:
             line.greet(deadline_s)
         else:
             line.resynchronise(deadline_s)
-        if self.halt_pending:
+        self._look_for_restart(deadline_s)
+        if self.halt_pending and not self._queue:
             line.ask("H", deadline_s=deadline_s)
             self.halt_pending = False
-        self._look_for_restart(deadline_s)
         self._failed = 0
         if line.transport.baud() != self._baud:
             # it answers at another speed than it was set to
@@ -97,15 +105,21 @@ class Recovery:
         except ProtocolError as fault:
             if not said.ok or "position" not in said.text:
                 raise Doubt(DoubtReason.GARBAGE, said.text) from fault
-            self._restart()
+            if self._line.transport.now() - self._answered_s > _BOOT_S:
+                self._restart()
+            else:
+                # no time to boot: somebody changed the setting
+                self._queue = deque(("EE", "FT"))
 
     def _restart(self) -> None:
         """Set everything anew, after it has homed."""
         if not self._queue:
             self._counter.restarts += 1
         self.restarted = True
-        baud = (f"@({self._baud},0,F)",) if self._baud not in (0, self._line.transport.baud()) else ()
-        self._queue = deque(("EE", "FT", "A", *self._setup(), *baud))
+        self.halt_pending = False
+        baud = (f"@({self._baud},0,F)", _RESYNCHRONISE) if self._baud not in (0, self._line.transport.baud()) else ()
+        # speeds of zero stop motion by rate, and are refused by a unit that homes or goes to a position
+        self._queue = deque(("EE", "FT", "PS0", "TS0", "A", *self._setup(), *baud))
 
     def _start(self, deadline_s: float) -> None:
         line = self._line
@@ -122,11 +136,12 @@ class Recovery:
         if command == "A":
             self._awaited = line.begin("A")
             self._await_until_s = line.transport.now() + self._homing_timeout_s
+        elif command == _RESYNCHRONISE:
+            line.resynchronise(deadline_s)
         else:
             line.ask(command, deadline_s=deadline_s)
             if command.startswith("@"):
                 line.transport.set_baud(self._baud)
-                line.resynchronise(deadline_s + line.longest_s())
         self._queue.popleft()
 
     def _fail(self, reason: DoubtReason) -> None:
@@ -135,7 +150,7 @@ class Recovery:
         transport = self._line.transport
         if self._failed % _REOPEN_AFTER == 0:
             self._counter.state = UnitState.LINE_LOST
-        elif self._failed % 2 == 0 and self._baud not in (0, DEFAULT_BAUD):
+        elif self._baud not in (0, DEFAULT_BAUD):
             other = DEFAULT_BAUD if transport.baud() == self._baud else self._baud
             transport.set_baud(other)
 

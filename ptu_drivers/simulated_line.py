@@ -14,6 +14,8 @@ from ptu_drivers.errors import LineError
 from ptu_drivers.simulated_unit import DEFAULT_BAUD, SimulatedUnit
 from ptu_drivers.transport import BITS_PER_CHARACTER, Chunk
 
+_SEND_SIGMA_S = 0.0005
+
 
 @dataclass(slots=True)
 class LineFaults:
@@ -101,6 +103,10 @@ class VirtualLine:
     def character_s(self) -> float:
         """Return the time of one character at our speed, s."""
         return BITS_PER_CHARACTER / self._baud if self._baud else 0.0
+
+    def send_sigma_s(self) -> float:
+        """Return the spread of the delay before the line, s."""
+        return _SEND_SIGMA_S if self._baud else float("inf")
 
     def baud(self) -> int:
         """Return the speed of our end."""

@@ -61,6 +61,8 @@ class SimulatedUnit:
         self.lost_commands = 0
         self.late_s: list[float] = []
         """Extra delays of the next replies, s: a fault to be set from outside."""
+        self.homed_s = 0.0
+        """When the last power-cycle's homing ends, s."""
         self._random = random.Random(seed)
         self._off_until_s = 0.0
         self._deaf_until_s = 0.0
@@ -102,7 +104,7 @@ class SimulatedUnit:
         else:
             for axis in self.flir.axes.values():
                 axis.origin = axis.motor(t_s)
-        self._off_until_s = self._deaf_until_s = self._busy_until_s = done
+        self.homed_s = self._off_until_s = self._deaf_until_s = self._busy_until_s = done
         self._line_free_s = up_s
 
     def receive(self, t_s: float, byte: int, baud: int) -> None:
