@@ -187,7 +187,7 @@ class FlirUnit(PanTiltUnit):
             self._must_be_open()
             deadline = self._transport.now() + self._limit_s
             if self._counter.state is UnitState.READY:
-                reason = self._watch_commands() or self._poll(deadline)
+                reason = self._watch_commands(deadline) or self._poll(deadline)
                 if isinstance(reason, Reading):
                     return reason
             else:
@@ -197,7 +197,7 @@ class FlirUnit(PanTiltUnit):
     def _poll(self, deadline_s: float) -> Reading | DoubtReason:
         try:
             reading = self._poller.poll(deadline_s)
-            self._guard(reading)
+            self._guard(reading, deadline_s)
         except Doubt as doubt:
             self._recovery.doubt(doubt.reason)
             return doubt.reason
@@ -359,16 +359,24 @@ class FlirUnit(PanTiltUnit):
                 self._counter.state = UnitState.CLOSED
                 self._transport.close()
 
-    def _watch_commands(self) -> DoubtReason | None:
-        """Halt if motion by rate goes on and no command came."""
-        turning = any(self._turning.values())
+    def _watch_commands(self, deadline_s: float) -> DoubtReason | None:
+        """Halt if motion by rate goes on and no command came; return why that could not be done."""
         late = self._settings.watchdog_s and self._transport.now() - self._commanded_s > self._settings.watchdog_s
-        if turning and late:
-            self._counter.watchdog_stops += 1
-            try:
-                self.halt()
-            except PtuError:
-                return DoubtReason.TIMEOUT
+        if not late or not any(self._turning.values()):
+            return None
+        self._counter.watchdog_stops += 1
+        try:
+            for command in ("PS0", "TS0"):
+                self._line.ask(command, deadline_s=deadline_s)
+        except Doubt as doubt:
+            self._recovery.doubt(doubt.reason)
+            self._recovery.halt_pending = True
+            return doubt.reason
+        except LineError:
+            self._lose_line()
+            return DoubtReason.LINE_LOST
+        self._turning = dict.fromkeys(Axis, 0.0)
+        self._moving = False
         return None
 
     def _watch(self) -> None:
@@ -379,11 +387,11 @@ class FlirUnit(PanTiltUnit):
             if self._transport.now() - self._counter.last_reading_s > _WATCH_S:
                 self.read()
 
-    def _guard(self, reading: Reading) -> None:
+    def _guard(self, reading: Reading, deadline_s: float) -> None:
         """Stop an axis that turns by rate before it passes its limit."""
         for axis, rate in self._turning.items():
             if rate and self._convert.outward(axis, reading, rate):
-                self._line.ask(f"{LETTER[axis]}S0")
+                self._line.ask(f"{LETTER[axis]}S0", deadline_s=deadline_s)
                 self._turning[axis] = 0.0
 
     def _command(self, command: str) -> None:
