@@ -11,7 +11,7 @@ import random
 import sys
 from dataclasses import dataclass, field
 
-from ptu_drivers import Axis, NoReading, PanTiltUnit, PtuError, Reading, UnitSettings, UnitState
+from ptu_drivers import Axis, NoReading, PanTiltUnit, PtuError, Reading, UnitSettings
 from ptu_drivers.flir import connect
 from ptu_drivers.simulated_faults import FAULTS
 from ptu_drivers.simulated_flir import FlirModel
@@ -120,9 +120,9 @@ def run(seed: int) -> Outcome:
         asked = line.now()
         got = device.read()
         outcome.longest_read_s = max(outcome.longest_read_s, line.now() - asked)
-        well_s = max([well_s, *ends])
+        well_s = max([well_s, unit.late_until_s, *ends])
         moving = any(axis.end_s() > line.now() for axis in unit.flir.axes.values())
-        if moving and device.health().state is UnitState.STARTING:
+        if moving and device.health().restarts and not isinstance(got, Reading):
             # it talked verbosely after a long silence, as a restarted unit does, and is awaited until it stands still
             well_s = max(well_s, line.now())
         if isinstance(got, Reading):

@@ -138,7 +138,7 @@ class FlirUnit(PanTiltUnit):
         self._description = self._describe()
         self._convert = Converter(facts=facts, description=self._description, settings=settings)
         self._poller = Poller(line, facts, self._convert, settings)
-        self._recovery = Recovery(line, counter, settings.homing_timeout_s, self._setup)
+        self._recovery = Recovery(line, counter, self._setup)
         self._rates = {axis: facts.axis(axis).rate for axis in Axis}
         self._turning: dict[Axis, float] = {}
         self._moving = False

@@ -169,13 +169,17 @@ class FlirLine:
             try:
                 self._finish(question, until_s)
             except Doubt as doubt:
-                if doubt.reason in (DoubtReason.TIMEOUT, DoubtReason.TRUNCATED):
+                if doubt.reason is DoubtReason.TIMEOUT or question.command.startswith(self._pending()):
                     # the echo comes at once, the answer when it is done
                     return False
                 raise
             return True
 
         return answered
+
+    def _pending(self) -> str:
+        """Return the line that has not ended, as text."""
+        return self._splitter.unfinished.decode("latin-1").strip()
 
     def _spell(self, command: str) -> str:
         """Vary the case of the letters; the unit does not care, and its echo repeats it."""

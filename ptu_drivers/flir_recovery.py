@@ -14,6 +14,8 @@ _IDLE_S = 0.02
 _RESYNCHRONISE = ""
 # no unit boots and homes faster
 _BOOT_S = 1.0
+# then the question is asked anew: power may have been lost meanwhile, and the question with it
+_AWAIT_S = 2.0
 
 
 class Recovery:
@@ -22,20 +24,16 @@ class Recovery:
     Parameters
     ----------
     line : the line. counter : its `state` is ours to set.
-    homing_timeout_s : how long a restarted unit may take to home, s.
     setup : commands that bring a restarted unit back to what it was, after echo and terse answers.
     """
 
-    def __init__(
-        self, line: FlirLine, counter: HealthCounter, homing_timeout_s: float, setup: Callable[[], tuple[str, ...]]
-    ) -> None:
+    def __init__(self, line: FlirLine, counter: HealthCounter, setup: Callable[[], tuple[str, ...]]) -> None:
         self.halt_pending = False
         """Halt as soon as the unit answers: motion may go on of which nothing is known."""
         self.restarted = False
         """The unit was found restarted since this was last cleared."""
         self._line = line
         self._counter = counter
-        self._homing_timeout_s = homing_timeout_s
         self._setup = setup
         self._baud = line.transport.baud()
         self._failed = 0
@@ -123,19 +121,19 @@ class Recovery:
 
     def _start(self, deadline_s: float) -> None:
         line = self._line
-        if self._awaited is not None:
-            if self._awaited(deadline_s):
-                self._awaited = None
-            elif line.transport.now() > self._await_until_s:
-                raise Doubt(DoubtReason.TIMEOUT, "it is still homing")
-            return
         if not self._queue:
             self._counter.state = UnitState.READY
             return
         command = self._queue[0]
         if command == "A":
-            self._awaited = line.begin("A")
-            self._await_until_s = line.transport.now() + self._homing_timeout_s
+            if self._awaited is None:
+                self._awaited = line.begin("A")
+                self._await_until_s = line.transport.now() + _AWAIT_S
+            elif line.transport.now() > self._await_until_s:
+                raise Doubt(DoubtReason.TIMEOUT, "nothing to A")
+            if not self._awaited(deadline_s):
+                return
+            self._awaited = None
         elif command == _RESYNCHRONISE:
             line.resynchronise(deadline_s)
         else:

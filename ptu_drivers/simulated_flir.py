@@ -197,7 +197,8 @@ class FlirInterpreter:
                 self.axes[letter].halt(t_s)
             return Said(text="*")
         if name == "A":
-            return Said(text="*", not_before_s=self._end_s(t_s))
+            end = self._end_s(t_s)
+            return Said(text="*", not_before_s=end, deaf_until_s=end)
         if name == "R":
             done = self.home(t_s)
             return Said(text="!T!T!P!P*" if not m.model else "*", not_before_s=done, deaf_until_s=done)

@@ -59,6 +59,7 @@ class SimulatedUnit:
         self.line = line or LineModel()
         self.baud = self.line.baud
         self.lost_commands = 0
+        self.late_until_s = 0.0
         self.late_s: list[float] = []
         """Extra delays of the next replies, s: a fault to be set from outside."""
         self.homed_s = 0.0
@@ -134,6 +135,7 @@ class SimulatedUnit:
         ready = max(begin + self._random.uniform(*self.line.latency_s), said.not_before_s)
         if self.late_s:
             ready += self.late_s.pop()
+            self.late_until_s = ready
         self._busy_until_s = ready
         self._deaf_until_s = max(self._deaf_until_s, said.deaf_until_s)
         lead = b"\n" if self.line.leading_lf and not self.flir.echo else b""
