@@ -2,8 +2,8 @@
 
     python benchmarks/live_faults.py [--runs N] [--seed N]
 
-Virtual time, pixels in place of pictures (groundstation.live.rehearsal): 200 m of a landing at 20 m/s, the faults of one or two
-devices at drawn times. Printed for each kind: how often the track was still or again there two seconds after the last
+Virtual time, pixels in place of pictures (groundstation.live.rehearsal): 200 m of a landing at 20 m/s, the faults of
+one or two devices at drawn times. Printed for each kind: how often the track was there two seconds after the last
 fault, the share of answers that were lost, and the ANEES of all answers with a position.
 """
 
