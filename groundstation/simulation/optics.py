@@ -57,8 +57,8 @@ class Optics:
         """Which of B, G, R a pixel has, (2, 2) by even and odd row and column."""
         return np.array(_CHANNELS[self.pattern])
 
-    def sigmas(self) -> NDArray[np.float32]:
-        """Return one sigma of the noise at each grey level, (256,): shot noise and read noise, before rounding."""
+    @property
+    def noise(self) -> tuple[float, float]:
+        """Return slope and floor of the noise's variance over the grey level: shot noise and read noise, levels²."""
         per_level = self.electrons_per_level / self.gain
-        levels = np.arange(256) + 0.5
-        return np.sqrt(levels / per_level + (self.read_noise_electrons / per_level) ** 2).astype(np.float32)
+        return 1.0 / per_level, (self.read_noise_electrons / per_level) ** 2

@@ -28,7 +28,7 @@ _NOISE_STREAM = 301
 _NORMALS = 1 << 20
 _MAX_LOOKS = 8
 _SCALES = (16, 8, 4, 2, 1)
-_MAX_SAMPLES = 400_000
+_MAX_SAMPLES = 250_000
 _SHUTTER_ROUNDS = 4
 _LEAST_MOTION_PX = 0.25
 _MAX_MOTION_PX = 400.0
@@ -108,7 +108,6 @@ class RenderedCamera:
         self._rays = _node_rays(self._geometry.packed, (w, h))
         self._nodes = np.empty((*self._rays.shape[:2], 2))
         self._channels = self.optics.channels
-        self._sigmas = self.optics.sigmas()
         generator = np.random.default_rng(self._seed)
         self._normals = generator.standard_normal(_NORMALS + w, dtype=np.float32)
         self._light = np.empty((h, w), np.uint16)
@@ -177,8 +176,8 @@ class RenderedCamera:
             moved[..., 0] = (moved[..., 0] + np.pi) % (2.0 * np.pi) - np.pi
         fine, coarse = self._around.fine, self._around.coarse
         render_kernels.surroundings(
-            *(self._nodes, moved, looks, fine.image, fine.place, coarse.image, coarse.place),
-            *(self._channels, self._light),
+            *(self._nodes, moved, looks, fine.image, fine.place, fine.flat),
+            *(coarse.image, coarse.place, coarse.flat, self._channels, self._light),
         )
 
     def _row_times(self) -> FloatArray:
@@ -294,7 +293,7 @@ class RenderedCamera:
         moment = round(t_s * 1e6) & 0xFFFFFFFFFFFFFFFF
         starts = np.random.default_rng((*self._seed, moment)).integers(0, _NORMALS, h)
         raw = np.empty((h, w), np.uint8)
-        render_kernels.expose(self._light, self.optics.brightness, self._sigmas, self._normals, starts, raw)
+        render_kernels.expose(self._light, self.optics.brightness, *self.optics.noise, self._normals, starts, raw)
         return raw
 
 

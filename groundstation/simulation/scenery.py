@@ -11,16 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import FloatArray, ImageArray, MaskArray
 from groundstation.simulation.checks import require, require_positive, require_share
+from groundstation.simulation.render_kernels import TILE, flat_blocks
 from groundstation.simulation.scenery_kernels import bake
 
-FINE_AZIMUTH_RAD = math.radians(32.0)
+FINE_AZIMUTH_RAD = math.radians(25.0)
 FINE_LOW_RAD, FINE_HIGH_RAD = math.radians(-12.0), math.radians(5.0)
 # of the lens's own pixels to a radian; interpolation then blurs about as a lens does
 _FINE_SHARE = 0.8
-_MAX_FINE_PIXELS = 14_000_000
-_MAX_COARSE_DENSITY = 500.0
+_MAX_FINE_PIXELS = 10_000_000
+_MAX_COARSE_DENSITY = 350.0
+# of a pixel off the plane through its block's corners, rounding included; noise is some two levels
+_FLAT_LEVELS = 1.5
 _LAP_RAD = 0.7  # the coarse panorama goes on beyond a full turn, so that no tile is torn
 
 
@@ -60,10 +63,14 @@ class Scenery:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Panorama:
-    """An equirectangular picture (h, w, 3) BGR; ``place`` (3,): azimuth and elevation of pixel (0, 0), and px/rad."""
+    """An equirectangular picture (h, w, 3) BGR; ``place`` (3,): azimuth and elevation of pixel (0, 0), and px/rad.
+
+    ``flat`` (h // 16, w // 16) tells which blocks change evenly between their corners, as a clear sky does.
+    """
 
     image: ImageArray
     place: FloatArray
+    flat: MaskArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,4 +101,6 @@ def _panorama(
     runway = [scenery.runway_half_width_m, scenery.runway_from_y_m, scenery.runway_to_y_m, scenery.aim_mark_y_m]
     first = np.array([-azimuth, elevations[1]])
     bake(first, density, eye, np.array(runway), scenery.cloud_cover, scenery.seed, grey, image)
-    return Panorama(image=image, place=np.array([*first, density]))
+    flat = np.zeros((-(-height // TILE), -(-width // TILE)), dtype=bool)
+    flat_blocks(image, _FLAT_LEVELS, flat)
+    return Panorama(image=image, place=np.array([*first, density]), flat=flat)
