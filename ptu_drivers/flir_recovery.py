@@ -7,8 +7,9 @@ from ptu_drivers.errors import LineError, ProtocolError
 from ptu_drivers.flir_codec import integer
 from ptu_drivers.flir_line import Doubt, FlirLine
 from ptu_drivers.health import DoubtReason, HealthCounter, UnitState
-from ptu_drivers.simulated_unit import DEFAULT_BAUD
 
+# a unit's speed at power-up, as it leaves the factory
+DEFAULT_BAUD = 9600
 _REOPEN_AFTER = 4
 _IDLE_S = 0.02
 _RESYNCHRONISE = ""

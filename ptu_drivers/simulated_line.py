@@ -166,6 +166,23 @@ class VirtualLine:
         """Let time pass on a line that may be closed or gone: for the tests' side."""
         self._advance(self._t_s + duration_s)
 
+    def take(self) -> bytes:
+        """Return what has come until now, whoever listens: for a server that hands it on."""
+        data = bytes(self._inbox)
+        self._inbox.clear()
+        return data
+
+    def put(self, data: bytes, baud: int) -> None:
+        """Send at a speed that may have changed: for a server."""
+        if self._baud and baud:
+            self._baud = baud
+        self._open = True
+        self.write(data)
+
+    def next_s(self) -> float:
+        """Return when the next thing happens, s."""
+        return self._next_s()
+
     def _check(self) -> None:
         if self.gone:
             self._open = False
