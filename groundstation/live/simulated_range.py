@@ -1,10 +1,11 @@
 """An airstrip that is not there: simulated PTUs on real serial lines and cameras that look where they look.
 
 It runs in a process of its own, so that the station in operation is alone in hers, as it would be in the field: they
-meet at ptys, and at pictures that arrive through shared memory with a frame number and a device's stamp, like those of a
-camera on a network. What truly was is told with each picture, for the evaluation alone.
+meet at ptys, and at pictures that arrive through shared memory with a frame number and a device's stamp, like those of
+a camera on a network. What truly was is told with each picture, for the evaluation alone.
 """
 
+import contextlib
 import math
 import multiprocessing as mp
 import threading
@@ -120,10 +121,8 @@ class SimulatedRange:
     ) -> None:
         if self._process is not None:
             if self._control is not None and self._process.is_alive():
-                try:
+                with contextlib.suppress(OSError):
                     self._control.send("stop")
-                except OSError:
-                    pass
             self._process.join(5.0)
             if self._process.is_alive():
                 self._process.kill()
@@ -207,19 +206,15 @@ def serve_range(
         station.camera.picture(time.monotonic(), 0.0, 0.0)
     first_s = time.monotonic() + 0.5
     threads = [
-        threading.Thread(
-            target=_deliver, args=(s, memories[s.name], pipes[s.name], config, first_s, stop), daemon=True
-        )
+        threading.Thread(target=_deliver, args=(s, memories[s.name], pipes[s.name], config, first_s, stop), daemon=True)
         for s in stations
     ]
     threads += [threading.Thread(target=s.server.run, daemon=True) for s in stations]
     for thread in threads:
         thread.start()
     control.send("ready")
-    try:
+    with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
         control.recv()
-    except (EOFError, OSError, KeyboardInterrupt):
-        pass
     stop.set()
     for station in stations:
         station.server.stop()
@@ -247,9 +242,7 @@ def _made(rig: Rig, number: int, world: World, config: RangeConfig) -> _Station:
     station = rig.stations[number]
     arcsec = math.degrees(station.ptu_resolution_rad) * _ARCSEC or FlirModel().arcsec
     counts = round(90.0 * _ARCSEC / arcsec)
-    model = FlirModel(
-        arcsec=arcsec, pan=(-counts, counts), tilt=(-counts // 3, counts // 2), min_rate=0, homing_s=8.0
-    )
+    model = FlirModel(arcsec=arcsec, pan=(-counts, counts), tilt=(-counts // 3, counts // 2), min_rate=0, homing_s=8.0)
     unit = SimulatedUnit(model, LineModel(baud=config.baud), seed=config.seed + number)
     line = VirtualLine(unit, config.baud, start_s=time.monotonic(), seed=config.seed + number)
     server = SimulatedServer(line, config.folder / f"ptu-{station.name}")
@@ -283,9 +276,7 @@ def _deliver(
         slots[number % _SLOTS] = picture.kept((0, 0, w, h)).pixels
         truth = station.camera.truth(t_s, *angles)
         u, v = (math.nan, math.nan) if truth.pixel_px is None else (float(x) for x in truth.pixel_px)
-        told = PictureTold(
-            t_s=t_s, pan_rad=angles[0], tilt_rad=angles[1], u_px=u, v_px=v, visible=bool(truth.visible)
-        )
+        told = PictureTold(t_s=t_s, pan_rad=angles[0], tilt_rad=angles[1], u_px=u, v_px=v, visible=bool(truth.visible))
         stop.wait(max(t_s + config.delivery_s - time.monotonic(), 0.0))
         try:
             pipe.send((number % _SLOTS, number, round(t_s * 1e9), told))
