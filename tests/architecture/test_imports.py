@@ -41,7 +41,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.rig_toml",),
     ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
     ("groundstation.geometry", "groundstation.picture"),
-    ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
+    ("groundstation.errors", "groundstation.arrays", "groundstation.hand_over", "groundstation.__version__"),
 )
 # tuning of a component is read by the layer that gathers all tuning, wherever the component lives
 LEAVES = ("groundstation.evaluation.config",)
