@@ -29,7 +29,9 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.integrity", "groundstation.existence", "groundstation.search_region"),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.rig_toml",),
-    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
+    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance"),
+    ("groundstation.ptu_axes",),
+    ("groundstation.toml_table",),
     ("groundstation.geometry",),
     ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
 )
