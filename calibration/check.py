@@ -162,9 +162,9 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Movemen
     unknowns = [int(np.flatnonzero(problem.spread[k])[0]) for k in places]
     rest = [k for k in range(len(fit.unknowns)) if k not in unknowns]
     across = fit.information[np.ix_(unknowns, rest)]
-    marginal = fit.information[np.ix_(unknowns, unknowns)] - across @ inverted(
-        fit.information[np.ix_(rest, rest)]
-    ) @ across.T
+    marginal = (
+        fit.information[np.ix_(unknowns, unknowns)] - across @ inverted(fit.information[np.ix_(rest, rest)]) @ across.T
+    )
     # what was known of the turn before, which is no evidence, is taken out again
     by_looks = (marginal - np.eye(3)) / MOVED_SIGMA_RAD**2 / fit.raised**2
     runway_from_base = matrix_from_wxyz(station.runway_from_base_wxyz)

@@ -149,7 +149,10 @@ def looks_of(fit: LandmarkFit, name: str) -> list[tuple[LandmarkLooks, FloatArra
 def kept_landmarks(fit: LandmarkFit, name: str) -> list[str]:
     """Return the names of the landmarks that one station saw and that fit."""
     numbers = {
-        int(k) for looks, rows in looks_of(fit, name) for k, kept in zip(looks.landmark, fit.kept[rows], strict=True) if kept
+        int(k)
+        for looks, rows in looks_of(fit, name)
+        for k, kept in zip(looks.landmark, fit.kept[rows], strict=True)
+        if kept
     }
     return [fit.problem.landmarks[k].name for k in sorted(numbers)]
 
