@@ -1,4 +1,4 @@
-"""`groundstation calibrate check`: whether mounts have moved since the rig was calibrated (docs/derivation.md, section 17)."""
+"""`groundstation calibrate check`: whether mounts have moved since the rig was calibrated (derivation, section 17)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,9 +9,10 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
 from calibration.joint_covariance import with_covariance
-from calibration.landmark_fit import LandmarkFit, LandmarkFitError, inverted, solve_landmarks
+from calibration.landmark_fit import LandmarkFit, inverted, solve_landmarks
 from calibration.landmark_looks import LandmarkLooks, gather_looks
 from calibration.landmark_problem import AXES, MOVED_SIGMA_RAD, pose_problem
+from calibration.landmark_rejection import LandmarkFitError
 from calibration.rig_reach import moved_by_m
 from calibration.sightings import Landmark, Sighting, require_consistent
 from calibration.survey import floors, kept_landmarks, require_lens, seen_landmarks

@@ -1,4 +1,4 @@
-"""A joint covariance over stations put into a rig: each station's own block, and one shared where stations correlate."""
+"""A joint covariance over stations put into a rig: each station's own, and one shared where stations correlate."""
 
 from dataclasses import replace
 

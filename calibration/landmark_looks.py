@@ -64,7 +64,7 @@ def gather_looks(
 
 
 def stops_of(sightings: Sequence[Sighting], station: Station) -> NDArray[np.int64]:
-    """Return for each sighting (n,) the number of its stop: the PTU stands, and one landmark is seen again and again."""
+    """Return for each sighting (n,) the number of its stop: the PTU stands, one landmark is seen again and again."""
     within = 8.0 * station.angle_sigma_rad + station.ptu_resolution_rad
     numbers = np.zeros(len(sightings), dtype=np.int64)
     for k in range(1, len(sightings)):
@@ -79,8 +79,8 @@ def lasting_variance(step_rad: float, sigma_rad: float) -> float:
     """Return the variance, rad², of a step's error that reading again does not average out.
 
     An axis that stands anywhere within a step and is read with noise sigma: the mean reading is off by
-    (s/π) Σ (−1)^k/k · exp(−2π²k²σ²/s²) · sin(2πkx/s); its mean square is s²/12 without noise, and almost nothing once the
-    noise reaches half a step.
+    (s/π) Σ (−1)^k/k · exp(−2π²k²σ²/s²) · sin(2πkx/s); its mean square is s²/12 without noise, and almost nothing
+    once the noise reaches half a step.
     """
     if step_rad <= 0.0:
         return 0.0

@@ -133,7 +133,7 @@ class LandmarkProblem:
             places = self.places(f"landmark {self.landmarks[k].name}")
             if places:
                 by_place = by_state[seen, :, :3] @ by_places[k]
-                jacobian[np.ix_(np.flatnonzero(seen), [0, 1], places)] = by_place
+                jacobian[seen, :, places[0] : places[0] + 3] = by_place
         usable = depth > MIN_DEPTH_M
         jacobian[~usable] = 0.0
         return Evaluated(pixel_px=pixel, jacobian=jacobian @ self.spread, by_angle=by_state[:, :, 3:], usable=usable)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.flight_parameters import (
     FLOOR_POSITION_M,
@@ -14,9 +15,10 @@ from calibration.flight_parameters import (
     KNOWN_ROTATION_RAD,
 )
 from calibration.joint_covariance import with_covariance
-from calibration.landmark_fit import LandmarkFit, LandmarkFitError, solve_landmarks
+from calibration.landmark_fit import LandmarkFit, solve_landmarks
 from calibration.landmark_looks import LandmarkLooks, gather_looks
 from calibration.landmark_problem import AXES, pose_problem
+from calibration.landmark_rejection import LandmarkFitError
 from calibration.sightings import Landmark, Sighting, require_consistent
 from calibration.survey_start import found_stations
 from groundstation.arrays import FloatArray
@@ -136,12 +138,12 @@ def known_before(rig: Rig, names: Sequence[str], words: Sequence[str]) -> Parame
     return ParameterCovariance(names=(*found, *more), matrix=joint)
 
 
-def looks_of(fit: LandmarkFit, name: str) -> list[tuple[LandmarkLooks, FloatArray]]:
+def looks_of(fit: LandmarkFit, name: str) -> list[tuple[LandmarkLooks, NDArray[np.int64]]]:
     """Return a station's looks with the numbers (n,) of their rows in the fit."""
     start, found = 0, []
     for looks in fit.problem.looks:
         if looks.station == name:
-            found.append((looks, np.arange(start, start + len(looks))))
+            found.append((looks, np.arange(start, start + len(looks), dtype=np.int64)))
         start += len(looks)
     return found
 
@@ -171,7 +173,7 @@ def require_determined(fit: LandmarkFit, stations: Mapping[str, Station]) -> Non
             own = [f"{name}.{group}.{axis}" for axis in AXES]
             if not set(own) <= set(fit.problem.names):
                 continue
-            sigma = float(np.sqrt(np.linalg.eigvalsh(fit.block(own))[-1]))
+            sigma = float(np.sqrt(np.linalg.eigvalsh(_apart_from_boresight(fit, name, own))[-1]))
             if sigma > worst:
                 text = f"± {np.degrees(sigma):.2g}°" if group == "runway_from_base" else f"± {sigma:.2g} m"
                 part = "orientation" if group == "runway_from_base" else "position"
@@ -184,15 +186,28 @@ def require_determined(fit: LandmarkFit, stations: Mapping[str, Station]) -> Non
         raise LandmarkFitError(f"sightings: got {got}; wanted this rig's lenses, angles and landmarks")
 
 
+def _apart_from_boresight(fit: LandmarkFit, station: str, names: Sequence[str]) -> FloatArray:
+    """Return the covariance of parameters with the boresight held: base and boresight may stand for each other."""
+    held = [fit.problem.names[k] for k in fit.problem.places(f"{station}.head_from_camera")]
+    block = fit.block(names)
+    if not held:
+        return block
+    joint = fit.block([*names, *held])
+    n = len(names)
+    across = joint[:n, n:]
+    return np.asarray(block - across @ np.linalg.pinv(joint[n:, n:], hermitian=True) @ across.T)
+
+
 def _solved(rig: Rig, started: Mapping[str, Station], fit: LandmarkFit) -> Rig:
     """Return the rig with every pose that was found and the joint covariance, not below the floors."""
     stations = []
     for station in rig.stations:
-        if station.name in started:
-            change = fit.problem.station_change(fit.change, station.name, today=False)
-            known = tuple(p for p in PARTS if p in (*station.known, "position", "orientation"))
-            station = replace(started[station.name].changed(change), known=known)
-        stations.append(station)
+        if station.name not in started:
+            stations.append(station)
+            continue
+        change = fit.problem.station_change(fit.change, station.name, today=False)
+        known = tuple(p for p in PARTS if p in (*station.known, "position", "orientation"))
+        stations.append(replace(started[station.name].changed(change), known=known))
     names = [name for name in fit.problem.names if not name.startswith("landmark ")]
     return with_covariance(
         replace(rig, stations=tuple(stations)),

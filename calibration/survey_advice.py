@@ -33,7 +33,8 @@ def advise_survey(survey: Survey) -> SurveyAdvice:
     names = [s.name for s in posed(survey.rig)]
     if len(names) < 2:
         verdict = [f"one station with a pose ({', '.join(names) or 'none'}): a position needs two"]
-        return SurveyAdvice(verdict=tuple(verdict), next_steps=tuple(_geometry(survey)), table=())
+        next_steps = (*_geometry(survey), "sightings of the same landmarks from another station")
+        return SurveyAdvice(verdict=tuple(verdict), next_steps=next_steps, table=())
     table = []
     for range_m in RANGES_M:
         reach, pair = reach_at(survey.rig, range_m), relative_sigma_rad(survey.rig, names[0], names[-1], range_m)
@@ -46,8 +47,8 @@ def advise_survey(survey: Survey) -> SurveyAdvice:
     if table:
         alongs = ", ".join(f"{row[4]} at {row[0]}" for row in table)
         verdict.append(
-            f"bearings of {names[0]} and {names[-1]}, {apart:.2f} m apart, are good to {table[1][1]} in relative pan at "
-            f"{table[1][0]} (1 sigma); that is along the runway {alongs}"
+            f"bearings of {names[0]} and {names[-1]}, {apart:.2f} m apart, are good to {table[-1][1]} in relative pan "
+            f"at {table[-1][0]} (1 sigma); that is along the runway {alongs}"
         )
     good = good_to_m(survey.rig)
     if good:

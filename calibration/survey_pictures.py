@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from calibration.rig_reach import reach_at
 from calibration.survey import Survey, kept_landmarks, looks_of
@@ -51,8 +52,8 @@ def survey_pictures(survey: Survey) -> list[SurveyPicture]:
             (
                 "residuals",
                 "What is left over",
-                "Each sighting's distance from where it is predicted, in sigmas of encoder and pixel noise; hollow: left "
-                "out. Noise alone is below 3.",
+                "Each sighting's distance from where it is predicted, in sigmas of encoder and pixel noise; hollow: "
+                "left out. Noise alone is below 3.",
                 _residuals,
             ),
             (
@@ -88,7 +89,13 @@ def _map(ax: Axes, survey: Survey) -> None:
     for mark in points:
         if mark.place is not None:
             ax.plot(*mark.place[:2], "o", ms=6, color="#1b1f24")
-            ax.annotate(mark.name, mark.place[:2], xytext=(6, 4), textcoords="offset points", fontsize=11)
+            ax.annotate(
+                mark.name,
+                (float(mark.place[0]), float(mark.place[1])),
+                xytext=(6, 4),
+                textcoords="offset points",
+                fontsize=11,
+            )
     ax.set_aspect("equal", adjustable="datalim")
     ax.grid(color="#dddddd", lw=0.7)
     ax.set_xlabel("x in m")
@@ -109,10 +116,11 @@ def _residuals(ax: Axes, survey: Survey) -> None:
             ax.plot((looks.landmark + spread)[kept], length[kept], ".", ms=6, color=colour, label=name)
             ax.plot((looks.landmark + spread)[~kept], length[~kept], "o", ms=6, mfc="none", color=colour)
     ax.set_xticks(range(len(names)), names, rotation=30, ha="right")
-    ax.set_ylim(bottom=0.0)
+    top = float(np.min([30.0, np.max([3.0, *survey.fit.length])]))
+    ax.set_ylim(0.0, 1.15 * top)
     ax.grid(axis="y", color="#dddddd", lw=0.7)
     ax.set_ylabel("residual in sigmas")
-    ax.legend(frameon=False, loc="upper right")
+    ax.legend(frameon=False, loc="upper right", ncols=min(len(seen), 4), borderaxespad=0.0)
 
 
 def _reach(ax: Axes, survey: Survey) -> None:
@@ -129,6 +137,7 @@ def _reach(ax: Axes, survey: Survey) -> None:
     ax.grid(which="both", color="#e6e6e6", lw=0.7)
     ax.set_xticks([50, 100, 200, 400, 800], ["50", "100", "200", "400", "800"])
     ax.minorticks_off()
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
     ax.set_xlabel("range in m")
     ax.set_ylabel("1 σ in m")
     ax.legend(frameon=False)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.landmark_fit import GROSS_SIGMA, LandmarkFit
+from calibration.landmark_fit import LandmarkFit
+from calibration.landmark_rejection import GROSS_SIGMA
 from calibration.report_page import report_figure, report_list, report_page, report_table
 from calibration.survey import Survey, kept_landmarks, looks_of
 from calibration.survey_advice import TABLE_HEAD, SurveyAdvice, advise_survey
@@ -109,8 +110,8 @@ def rig_header(survey: Survey, sightings: str, landmarks: str) -> str:
     """Return the comment at the head of the rig file."""
     return (
         f"# found by a survey: {sightings!r} of {landmarks!r}\n"
-        f"# covariance: joint over stations and landmarks, sigmas times {survey.fit.raised:.2f} by the fit, with floors for"
-        " mounts that settle\n"
+        f"# covariance: joint over stations and landmarks, sigmas times {survey.fit.raised:.2f} by the fit, with floors"
+        " for mounts that settle\n"
     )
 
 

@@ -6,13 +6,15 @@ from itertools import combinations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from calibration.landmark_fit import LandmarkFit, LandmarkFitError, solve_landmarks
+from calibration.landmark_fit import LandmarkFit, solve_landmarks
 from calibration.landmark_looks import LandmarkLooks, stops_of
 from calibration.landmark_problem import pose_problem
+from calibration.landmark_rejection import LandmarkFitError
 from calibration.orientation import PoseGuess, bearings_in_base, find_orientation, find_position, kabsch
 from calibration.sightings import Landmark
-from groundstation.arrays import FloatArray
+from groundstation.arrays import FloatArray, MaskArray
 from groundstation.geometry.rotation import matrix_from_wxyz, wxyz_from_matrix
 from groundstation.rig import Station
 from groundstation.rig_covariance import ParameterCovariance
@@ -40,9 +42,9 @@ class _Seen:
     """One bearing (n, 3) of each stop, base frame, the landmark's number (n,), its point (n, 3); ``far`` (n,)."""
 
     bearings: FloatArray
-    landmark: FloatArray
+    landmark: NDArray[np.int64]
     points_m: FloatArray
-    far: FloatArray
+    far: MaskArray
 
 
 def find_station(
