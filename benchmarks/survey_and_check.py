@@ -133,9 +133,7 @@ def study_check(rigs: int, mornings: int, knocked_mornings: int, readings: int) 
     for word, count in (("with", with_reference), ("without", without)):
         print(f"check, {readings} readings of each landmark, {word} reference")
         share, mean = 100 * count.alarms / count.still, float(np.mean(count.statistic))
-        print(
-            f"  {count.still} mornings still: {count.alarms} false alarms ({share:.2f} %), mean statistic {mean:.2f} of 3"
-        )
+        print(f"  {count.still} still: {count.alarms} false alarms ({share:.2f} %), statistic {mean:.2f} of 3")
         for axis, name in enumerate(AXES):
             sees = np.median(np.array(count.sees_deg)[:, axis])
             print(f"  0.01° in {name}: found {count.found[axis]} of {count.knocks}; surely sees {sees:.4f}°")
@@ -146,10 +144,10 @@ def main() -> None:
     parser.add_argument("--rigs", type=int, default=120)
     parser.add_argument("--mornings", type=int, default=8)
     parser.add_argument("--knocked", type=int, default=3)
-    parser.add_argument("--readings", type=int, nargs="+", default=[20, 40])
+    parser.add_argument("--readings", type=int, nargs="+", default=[24, 40])
     options = parser.parse_args()
     for total_station in (True, False):
-        study_survey(options.rigs, 20, total_station)
+        study_survey(options.rigs, options.readings[0], total_station)
     for readings in options.readings:
         study_check(options.rigs, options.mornings, options.knocked, readings)
 

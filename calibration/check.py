@@ -18,6 +18,7 @@ from calibration.sightings import Landmark, Sighting, require_consistent
 from calibration.survey import floors, kept_landmarks, require_lens, seen_landmarks
 from calibration.survey_start import ONE_BEARING_RAD
 from groundstation.arrays import FloatArray
+from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.rig import Rig, Station
 from groundstation.rig_covariance import ParameterCovariance
@@ -119,7 +120,7 @@ def solve_check(
         movements=movements,
         unseen=tuple(name for name in rig.names if name not in names),
         fit=fit,
-        corrected=_corrected(rig, fit, found) if found else rig,
+        corrected=_corrected(rig, fit, found, {looks.station for looks in then}),
         along_m={m.station: _along_m(rig, m) for m in movements},
     )
 
@@ -191,8 +192,37 @@ def _along_m(rig: Rig, movement: Movement) -> float | None:
     return None if moved is None else abs(float(moved[1]))
 
 
-def _corrected(rig: Rig, fit: LandmarkFit, moved: Sequence[Movement]) -> Rig:
+def _corrected(rig: Rig, fit: LandmarkFit, moved: Sequence[Movement], referred: set[str]) -> Rig:
     """Return the rig with the stations that have moved as they stand today, and a covariance that has grown."""
+    rig = _replaced(rig, fit, [m for m in moved if m.station not in referred])
+    return _turned(rig, fit, [m for m in moved if m.station in referred])
+
+
+def _turned(rig: Rig, fit: LandmarkFit, moved: Sequence[Movement]) -> Rig:
+    """Return the rig turned by what was found against a reference; what the turn is uncertain by comes on top."""
+    if not moved:
+        return rig
+    before = rig.calibration_covariance()
+    turned = [f"{m.station}.runway_from_base.{axis}" for m in moved for axis in AXES]
+    names = (*before.names, *(name for name in turned if name not in before.names))
+    matrix = np.zeros((len(names), len(names)))
+    matrix[: len(before.names), : len(before.names)] = before.matrix
+    places = [names.index(name) for name in turned]
+    by = [k for m in moved for k in fit.problem.places(f"{m.station}.moved")]
+    doubt = np.diag([_doubt(m) for m in moved for _ in AXES])
+    matrix[np.ix_(places, places)] += fit.covariance[np.ix_(by, by)] + doubt
+    stations = list(rig.stations)
+    for movement in moved:
+        change = np.zeros(CALIBRATION_SIZE)
+        change[0:3] = movement.turned_runway_rad
+        stations = [s.changed(change) if s.name == movement.station else s for s in stations]
+    return with_covariance(replace(rig, stations=tuple(stations)), ParameterCovariance(names=names, matrix=matrix))
+
+
+def _replaced(rig: Rig, fit: LandmarkFit, moved: Sequence[Movement]) -> Rig:
+    """Return the rig with stations as today's looks alone have them, within what the rig says of all but orientation."""
+    if not moved:
+        return rig
     problem = fit.problem
     stations = list(rig.stations)
     names: list[str] = []
@@ -212,10 +242,14 @@ def _corrected(rig: Rig, fit: LandmarkFit, moved: Sequence[Movement]) -> Rig:
                 row[problem.places(f"{name}.moved")[turned.index(parameter)]] = 1.0
             names.append(parameter)
             rows.append(row)
-            size = float(np.linalg.norm(movement.turned_rad)) if parameter in turned else 0.0
-            doubt.append((_DOUBT * size) ** 2)
+            doubt.append(_doubt(movement) if parameter in turned else 0.0)
     gather = np.array(rows)
     matrix = gather @ fit.covariance @ gather.T + np.diag(doubt) + floors(names)
     return with_covariance(
         replace(rig, stations=tuple(stations)), ParameterCovariance(names=tuple(names), matrix=matrix)
     )
+
+
+def _doubt(movement: Movement) -> float:
+    """Return the variance, rad², of not knowing whether the base has turned or the camera on its head."""
+    return (_DOUBT * float(np.linalg.norm(movement.turned_rad))) ** 2
