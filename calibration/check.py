@@ -1,56 +1,56 @@
 """`groundstation calibrate check`: whether mounts have moved since the rig was calibrated (derivation, section 17)."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
-from calibration.joint_covariance import with_covariance
+from calibration.check_correction import Turn, corrected_rig
 from calibration.landmark_fit import LandmarkFit, inverted, solve_landmarks
 from calibration.landmark_looks import LandmarkLooks, gather_looks
 from calibration.landmark_problem import AXES, MOVED_SIGMA_RAD, pose_problem
-from calibration.landmark_rejection import LandmarkFitError
+from calibration.landmark_rejection import GROSS_SIGMA, LandmarkFitError
 from calibration.rig_reach import moved_by_m
 from calibration.sightings import Landmark, Sighting, require_consistent
-from calibration.survey import floors, kept_landmarks, require_lens, seen_landmarks
+from calibration.survey import kept_landmarks, require_lens, seen_landmarks
 from calibration.survey_start import ONE_BEARING_RAD
 from groundstation.arrays import FloatArray
-from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.rig import Rig, Station
-from groundstation.rig_covariance import ParameterCovariance
 
 # over the whole rig, all stations and axes together
 FALSE_ALARM = 0.01
 POWER = 0.99
 # further than this is another set-up, not a knock
 MOST_MOVED_RAD = float(np.radians(3.0))
-# whether the base or the camera has turned is not known: of what was found so much stays uncertain
-_DOUBT = 0.1
+# chi-square by which a slipped camera must explain the looks better than a base that has turned
+_CLEARLY = 15.0
 _WORST_MISFIT = 5.0
 EFFECT_RANGE_M = 400.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Movement:
-    """By how much one station's base has turned.
+    """By how much one station's base has turned, or its camera on the head.
 
     Attributes
     ----------
-    turned_rad, sigma_rad : (3,) about the base's axes x (tilt), y (roll), z (pan).
-    turned_runway_rad : (3,) the same rotation, runway frame.
+    group : of the rotation that has changed, ``runway_from_base`` or ``head_from_camera``.
+    turned_rad, sigma_rad : (3,) about the axes x (tilt), y (roll), z (pan) of the base, or of the head.
+    change_rad : (3,) the same rotation in the frame of the group, runway or head.
     statistic, threshold : chi-square of three degrees of freedom, and what it exceeds by chance too rarely.
     detectable_rad : (3,) the turn about each axis that this check finds in 99 of 100 cases.
     landmarks : names of those that were used.
     """
 
     station: str
+    group: str
     turned_rad: FloatArray
     sigma_rad: FloatArray
-    turned_runway_rad: FloatArray
+    change_rad: FloatArray
     statistic: float
     threshold: float
     detectable_rad: FloatArray
@@ -60,6 +60,11 @@ class Movement:
     def moved(self) -> bool:
         """Whether chance does not explain it."""
         return self.statistic > self.threshold
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names ``station.parameter`` of the rotation that has changed."""
+        return tuple(f"{self.station}.{self.group}.{axis}" for axis in AXES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,8 +115,13 @@ def solve_check(
     then = [looks for looks in then if len(looks)]
     # what the rig says of an orientation may come from these very sightings: it is found anew from them
     free = [f"{looks.station}.runway_from_base.{axis}" for looks in then for axis in AXES]
-    problem = pose_problem(stations, [*today, *then], seen, free, rig.calibration_covariance(), moved=names)
-    fit = solve_landmarks(problem)
+    before = rig.calibration_covariance()
+
+    def solve(slipped: frozenset[str]) -> LandmarkFit:
+        problem = pose_problem(stations, [*today, *then], seen, free, before, moved=names, slipped=slipped)
+        return solve_landmarks(problem)
+
+    fit = _best(solve, [s.name for s in stations.values() if not s.fixed])
     _require_fit(fit, names)
     movements = tuple(_movement(fit, stations[name], false_alarm / len(names)) for name in names)
     found = [m for m in movements if m.moved]
@@ -120,9 +130,46 @@ def solve_check(
         movements=movements,
         unseen=tuple(name for name in rig.names if name not in names),
         fit=fit,
-        corrected=_corrected(rig, fit, found, {looks.station for looks in then}),
+        corrected=corrected_rig(
+            rig,
+            fit,
+            [Turn(station=m.station, names=m.names, change_rad=m.change_rad) for m in found],
+            {looks.station for looks in then},
+        ),
         along_m={m.station: _along_m(rig, m) for m in movements},
     )
+
+
+def _best(solve: Callable[[frozenset[str]], LandmarkFit], turning: Sequence[str]) -> LandmarkFit:
+    """Return the fit with bases that have turned; where that does not fit, with cameras slipped that explain it better.
+
+    Raises `LandmarkFitError` where neither fits.
+    """
+    slipped: frozenset[str] = frozenset()
+    best: LandmarkFit | None = None
+    fault: LandmarkFitError | None = None
+    try:
+        best = solve(slipped)
+    except LandmarkFitError as error:
+        fault = error
+    if best is not None and best.raised == 1.0 and best.kept.all():
+        return best
+    for name in turning:
+        try:
+            other = solve(slipped | {name})
+        except LandmarkFitError:
+            continue
+        if best is None or _cost(other) < _cost(best) - _CLEARLY:
+            best, slipped = other, slipped | {name}
+    if best is None:
+        raise fault or LandmarkFitError("sightings: got none that fits; wanted the landmarks that the table names")
+    return best
+
+
+def _cost(fit: LandmarkFit) -> float:
+    """Return the sum of squares in sigmas, of what was left out as much as just stays in."""
+    known = fit.unknowns[fit.problem.known]
+    return float((np.minimum(fit.length, GROSS_SIGMA) ** 2).sum() + known @ known)
 
 
 def _require_two(looks: LandmarkLooks, landmarks: Sequence[Landmark], station: Station) -> None:
@@ -158,7 +205,7 @@ def _require_fit(fit: LandmarkFit, names: Sequence[str]) -> None:
 
 
 def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Movement:
-    """Test whether one station's base has turned: what the looks alone know of the turn, all else being uncertain."""
+    """Test whether one station has turned: what the looks alone know of the turn, all else being uncertain."""
     problem = fit.problem
     places = problem.places(f"{station.name}.moved")
     unknowns = [int(np.flatnonzero(problem.spread[k])[0]) for k in places]
@@ -169,17 +216,20 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Movemen
     )
     # what was known of the turn before, which is no evidence, is taken out again
     by_looks = (marginal - np.eye(3)) / MOVED_SIGMA_RAD**2 / fit.raised**2
-    runway_from_base = matrix_from_wxyz(station.runway_from_base_wxyz)
-    by_looks = runway_from_base.T @ by_looks @ runway_from_base
-    turned = runway_from_base.T @ fit.change[places]
-    covariance = runway_from_base.T @ fit.covariance[np.ix_(places, places)] @ runway_from_base
+    slipped = station.name in problem.slipped
+    # the base's own axes; the head's are those of its group already
+    own = np.eye(3) if slipped else matrix_from_wxyz(station.runway_from_base_wxyz)
+    by_looks = own.T @ by_looks @ own
+    turned = own.T @ fit.change[places]
+    covariance = own.T @ fit.covariance[np.ix_(places, places)] @ own
     threshold = float(chi2.ppf(1.0 - false_alarm, 3))
     distance = float(brentq(lambda d: ncx2.sf(threshold, 3, d) - POWER, 1e-3, 1e3))
     return Movement(
         station=station.name,
+        group="head_from_camera" if slipped else "runway_from_base",
         turned_rad=turned,
         sigma_rad=np.sqrt(np.diag(covariance)),
-        turned_runway_rad=fit.change[places],
+        change_rad=fit.change[places],
         statistic=float(turned @ by_looks @ turned),
         threshold=threshold,
         detectable_rad=np.sqrt(distance / np.maximum(np.diag(by_looks), 1e-30)),
@@ -188,68 +238,5 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Movemen
 
 
 def _along_m(rig: Rig, movement: Movement) -> float | None:
-    moved = moved_by_m(rig, {movement.station: movement.turned_runway_rad}, EFFECT_RANGE_M)
+    moved = moved_by_m(rig, movement.names, movement.change_rad, EFFECT_RANGE_M)
     return None if moved is None else abs(float(moved[1]))
-
-
-def _corrected(rig: Rig, fit: LandmarkFit, moved: Sequence[Movement], referred: set[str]) -> Rig:
-    """Return the rig with the stations that have moved as they stand today, and a covariance that has grown."""
-    rig = _replaced(rig, fit, [m for m in moved if m.station not in referred])
-    return _turned(rig, fit, [m for m in moved if m.station in referred])
-
-
-def _turned(rig: Rig, fit: LandmarkFit, moved: Sequence[Movement]) -> Rig:
-    """Return the rig turned by what was found against a reference; what the turn is uncertain by comes on top."""
-    if not moved:
-        return rig
-    before = rig.calibration_covariance()
-    turned = [f"{m.station}.runway_from_base.{axis}" for m in moved for axis in AXES]
-    names = (*before.names, *(name for name in turned if name not in before.names))
-    matrix = np.zeros((len(names), len(names)))
-    matrix[: len(before.names), : len(before.names)] = before.matrix
-    places = [names.index(name) for name in turned]
-    by = [k for m in moved for k in fit.problem.places(f"{m.station}.moved")]
-    doubt = np.diag([_doubt(m) for m in moved for _ in AXES])
-    matrix[np.ix_(places, places)] += fit.covariance[np.ix_(by, by)] + doubt
-    stations = list(rig.stations)
-    for movement in moved:
-        change = np.zeros(CALIBRATION_SIZE)
-        change[0:3] = movement.turned_runway_rad
-        stations = [s.changed(change) if s.name == movement.station else s for s in stations]
-    return with_covariance(replace(rig, stations=tuple(stations)), ParameterCovariance(names=names, matrix=matrix))
-
-
-def _replaced(rig: Rig, fit: LandmarkFit, moved: Sequence[Movement]) -> Rig:
-    """Return the rig with stations as today's looks alone have them, within what the rig says of all but orientation."""
-    if not moved:
-        return rig
-    problem = fit.problem
-    stations = list(rig.stations)
-    names: list[str] = []
-    rows: list[FloatArray] = []
-    doubt: list[float] = []
-    for movement in moved:
-        name = movement.station
-        change = problem.station_change(fit.change, name, today=True)
-        stations = [s.changed(change) if s.name == name else s for s in stations]
-        turned = [f"{name}.runway_from_base.{axis}" for axis in AXES]
-        own = [n for n in problem.names if n.startswith(f"{name}.") and not n.startswith(f"{name}.moved.")]
-        for parameter in [*turned, *(n for n in own if n not in turned)]:
-            row = np.zeros(len(problem.names))
-            if parameter in problem.names:
-                row[problem.names.index(parameter)] = 1.0
-            if parameter in turned:
-                row[problem.places(f"{name}.moved")[turned.index(parameter)]] = 1.0
-            names.append(parameter)
-            rows.append(row)
-            doubt.append(_doubt(movement) if parameter in turned else 0.0)
-    gather = np.array(rows)
-    matrix = gather @ fit.covariance @ gather.T + np.diag(doubt) + floors(names)
-    return with_covariance(
-        replace(rig, stations=tuple(stations)), ParameterCovariance(names=tuple(names), matrix=matrix)
-    )
-
-
-def _doubt(movement: Movement) -> float:
-    """Return the variance, rad², of not knowing whether the base has turned or the camera on its head."""
-    return (_DOUBT * float(np.linalg.norm(movement.turned_rad))) ** 2

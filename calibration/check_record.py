@@ -82,6 +82,7 @@ def _station(check: Check, movement: Movement) -> dict[str, Any]:
     }
     return {
         "moved": movement.moved,
+        "part": movement.group,
         **degrees,
         "chi_square": round(movement.statistic, 3),
         "alarm_above": round(movement.threshold, 3),

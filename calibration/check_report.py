@@ -33,7 +33,8 @@ def station_line(check: Check, movement: Movement) -> str:
     degrees = abs(float(np.degrees(movement.turned_rad[k])))
     along = check.along_m[movement.station]
     effect = "" if along is None else f": {along:.1f} m along the runway at {EFFECT_RANGE_M:g} m"
-    return f"{movement.station}: mount has turned {degrees:.3f} deg in {axis}{effect} ({parts})"
+    what = "camera has turned on its head by" if movement.group == "head_from_camera" else "mount has turned"
+    return f"{movement.station}: {what} {degrees:.3f} deg in {axis}{effect} ({parts})"
 
 
 def notes(check: Check, alarm_deg: float) -> list[str]:

@@ -2,7 +2,7 @@
 
 A parameter is a difference from the rig or from the table of landmarks, in rad, m, px. Names are
 ``station.parameter`` as in `groundstation.geometry.calibration`; ``station.moved.x .y .z``, by which small rotation
-(runway frame) the base has turned since; ``landmark NAME.x .y .z``.
+the base (runway frame), or the camera on its head (head frame), has turned since; ``landmark NAME.x .y .z``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,6 +50,7 @@ class LandmarkProblem:
     names : (p,) of the parameters.
     spread : (p, q) a change is spread · unknowns.
     known : (q,) unknowns that are standard normal before anything is seen; of the others nothing is known.
+    slipped : stations whose camera has turned on its head, where of others the base has.
     """
 
     stations: Mapping[str, Station]
@@ -58,6 +59,7 @@ class LandmarkProblem:
     names: tuple[str, ...]
     spread: FloatArray
     known: MaskArray
+    slipped: frozenset[str] = frozenset()
 
     @property
     def pixel_px(self) -> FloatArray:
@@ -91,9 +93,14 @@ class LandmarkProblem:
         for place, there in self.own(station):
             own[there] = change[place]
         if today:
+            first = self.moved_from(station)
             moved = self.places(f"{station}.moved")
-            own[: len(moved)] += change[moved]
+            own[first : first + len(moved)] += change[moved]
         return own
+
+    def moved_from(self, station: str) -> int:
+        """Return where the rotation that ``moved`` adds to stands among `CALIBRATION_PARAMETERS`."""
+        return CALIBRATION_PARAMETERS.index("head_from_camera.x" if station in self.slipped else "runway_from_base.x")
 
     def evaluate(self, unknowns: FloatArray) -> Evaluated:
         """Predict all looks' pixels at unknowns (q,)."""
@@ -126,8 +133,9 @@ class LandmarkProblem:
         for place, there in self.own(looks.station):
             jacobian[:, :, place] = by_rig[:, :, there]
         if looks.today:
+            first = self.moved_from(looks.station)
             for axis, place in enumerate(self.places(f"{looks.station}.moved")):
-                jacobian[:, :, place] = by_rig[:, :, axis]
+                jacobian[:, :, place] = by_rig[:, :, first + axis]
         for k in np.unique(looks.landmark):
             seen = looks.landmark == k
             places = self.places(f"landmark {self.landmarks[k].name}")
@@ -159,11 +167,13 @@ def pose_problem(
     free: Sequence[str],
     before: ParameterCovariance,
     moved: Sequence[str] = (),
+    slipped: frozenset[str] = frozenset(),
 ) -> LandmarkProblem:
     """Return the problem of finding ``free`` parameters, of which nothing is known, and the rest within ``before``.
 
     ``before`` is a joint covariance of ``station.parameter``; what it says of ``free`` ones is not used. Landmarks are
-    uncertain by their own sigmas. Stations of ``moved`` may have turned by `MOVED_SIGMA_RAD` between looks.
+    uncertain by their own sigmas. Stations of ``moved`` may have turned by `MOVED_SIGMA_RAD` between looks, those of
+    ``slipped`` not with their base but with the camera on the head.
     """
     blocks: list[tuple[tuple[str, ...], FloatArray, bool]] = []
     for name in free:
@@ -195,6 +205,7 @@ def pose_problem(
         names=tuple(name for names, _, _ in blocks for name in names),
         spread=spread,
         known=np.array(known, dtype=np.bool_),
+        slipped=slipped,
     )
 
 

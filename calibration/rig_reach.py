@@ -86,13 +86,12 @@ def relative_sigma_rad(rig: Rig, first: str, second: str, range_m: float) -> Flo
     return np.sqrt(np.maximum(np.diag(difference @ known.matrix @ difference.T), 0.0))
 
 
-def moved_by_m(rig: Rig, turned_rad: dict[str, FloatArray], range_m: float) -> FloatArray | None:
-    """Return by how much (3,) a point is put wrong where bases have turned by small angles (3,), runway frame."""
-    names = [f"{name}.runway_from_base.{axis}" for name in turned_rad for axis in "xyz"]
-    if not names or len(posed(rig)) < 2:
+def moved_by_m(rig: Rig, names: Sequence[str], change: FloatArray, range_m: float) -> FloatArray | None:
+    """Return by how much (3,) a point is put wrong where parameters have changed (p,); None for a single station."""
+    if len(posed(rig)) < 2:
         return None
     gain = reach_gain(rig, names, approach_point(rig, range_m))
-    return None if gain is None else np.asarray(gain @ np.concatenate(list(turned_rad.values())))
+    return None if gain is None else np.asarray(gain @ change)
 
 
 def good_to_m(rig: Rig) -> list[tuple[float, float]]:

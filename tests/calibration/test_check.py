@@ -1,6 +1,7 @@
 """Check: knocks found, rigs that stand left alone, a corrected rig better than the spoilt one, always a record."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -107,6 +108,27 @@ def test_a_corrected_rig_localises_better_than_the_spoilt_one(rng: np.random.Gen
     places = [after.names.index(n) for n in names]
     off = turned_rad(check.corrected["left"], true["left"])
     assert off @ np.linalg.solve(after.matrix[np.ix_(places, places)], off) < chi2.ppf(0.9999, 3)
+
+
+@pytest.mark.parametrize("with_reference", [True, False])
+def test_a_camera_that_slipped_on_its_head_is_told_from_a_base_that_turned(
+    rng: np.random.Generator, with_reference: bool
+) -> None:
+    """Seen over 120 degrees of pan, a tilt of the camera is no turn of the base."""
+    day = morning(rng)
+    first = look(day.true, day.stands, rng, READINGS)
+    rig = solve_survey(day.believed, first, day.table).rig
+    slip = np.zeros(21)
+    slip[6:9] = np.radians([0.1, 0.0, 0.02])
+    true = replace(day.true, stations=(day.true["left"], day.true["right"].changed(slip)))
+    check = solve_check(rig, look(true, day.stands, rng, READINGS), day.table, first if with_reference else ())
+    assert [(m.station, m.group) for m in check.moved] == [("right", "head_from_camera")]
+    assert re.search(
+        r"camera has turned on its head by 0\.(09|10)\d deg in tilt", station_line(check, check.movements[1])
+    )
+    (off, sigma) = check.movements[1].turned_rad - slip[6:9], check.movements[1].sigma_rad
+    assert (np.abs(off) < 4 * sigma).all()
+    assert localisation_error(check.corrected, true) < 0.25 * localisation_error(rig, true)
 
 
 def test_an_axis_that_the_landmarks_do_not_show_stays(rng: np.random.Generator) -> None:
