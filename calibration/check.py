@@ -1,4 +1,4 @@
-"""`groundstation calibrate check`: whether mounts have moved since the rig was calibrated (derivation, section 17)."""
+"""`groundstation calibrate check`: whether mounts have moved since the rig was calibrated (docs/derivation.md, survey and check)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
