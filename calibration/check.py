@@ -1,4 +1,4 @@
-"""`groundstation calibrate check`: whether mounts have moved since the rig was calibrated (docs/derivation.md, survey and check)."""
+"""`groundstation calibrate check`: whether mounts have moved since (docs/derivation.md, survey and check)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from calibration.landmark_problem import AXES, MOVED_SIGMA_RAD, pose_problem
 from calibration.landmark_rejection import GROSS_SIGMA, LandmarkFitError
 from calibration.rig_reach import moved_by_m
 from calibration.sightings import Landmark, Sighting, require_consistent
-from calibration.survey import kept_landmarks, require_lens, seen_landmarks
+from calibration.survey import kept_landmarks, require_lens, require_most_kept, seen_landmarks
 from calibration.survey_start import ONE_BEARING_RAD
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import matrix_from_wxyz
@@ -190,6 +190,7 @@ def _require_two(looks: LandmarkLooks, landmarks: Sequence[Landmark], station: S
 def _require_fit(fit: LandmarkFit, names: Sequence[str]) -> None:
     """Raise `LandmarkFitError` where what was seen contradicts itself."""
     for name in names:
+        require_most_kept(fit, name)
         kept = kept_landmarks(fit, name)
         if len(kept) < 2:
             got = f"landmarks that contradict each other, {len(kept)} left"

@@ -6,7 +6,7 @@ the base (runway frame), or the camera on its head (head frame), has turned sinc
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -60,6 +60,12 @@ class LandmarkProblem:
     spread: FloatArray
     known: MaskArray
     slipped: frozenset[str] = frozenset()
+    _packed: Mapping[str, FloatArray] = field(init=False, repr=False)
+    _newest: dict[bytes, Evaluated] = field(default_factory=dict, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        packed = {name: station.geometry().packed for name, station in self.stations.items()}
+        object.__setattr__(self, "_packed", packed)
 
     @property
     def pixel_px(self) -> FloatArray:
@@ -104,7 +110,14 @@ class LandmarkProblem:
 
     def evaluate(self, unknowns: FloatArray) -> Evaluated:
         """Predict all looks' pixels at unknowns (q,)."""
-        change = self.spread @ unknowns
+        at = unknowns.tobytes()
+        # a solver asks for residuals, slopes and noise at one place
+        if at not in self._newest:
+            self._newest.clear()
+            self._newest[at] = self._evaluate(self.spread @ unknowns)
+        return self._newest[at]
+
+    def _evaluate(self, change: FloatArray) -> Evaluated:
         parts = [self._predict(looks, change) for looks in self.looks]
         return Evaluated(
             pixel_px=np.concatenate([p.pixel_px for p in parts]),
@@ -116,7 +129,7 @@ class LandmarkProblem:
     def _predict(self, looks: LandmarkLooks, change: FloatArray) -> Evaluated:
         n = len(looks)
         own = self.station_change(change, looks.station, today=looks.today)
-        packed = changed_packed(self.stations[looks.station].geometry().packed, own)
+        packed = changed_packed(self._packed[looks.station], own)
         points, by_places = np.zeros((n, 3)), np.zeros((len(self.landmarks), 3, 3))
         far = np.zeros(n, dtype=np.bool_)
         for k in np.unique(looks.landmark):

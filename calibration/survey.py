@@ -159,10 +159,21 @@ def kept_landmarks(fit: LandmarkFit, name: str) -> list[str]:
     return [fit.problem.landmarks[k].name for k in sorted(numbers)]
 
 
+def require_most_kept(fit: LandmarkFit, name: str) -> None:
+    """Raise `LandmarkFitError` where more landmarks of a station do not fit than mistakes are likely."""
+    seen = {s.landmark for looks, _ in looks_of(fit, name) for s in looks.sightings}
+    out = sorted(seen - set(kept_landmarks(fit, name)))
+    if len(out) > max(1, len(seen) // 4):
+        got = f"{len(out)} of {len(seen)} landmarks that contradict each other ({', '.join(out[:8])})"
+        wanted = "right coordinates, and a lens, a camera's mount (--free boresight) and angles that are right"
+        raise LandmarkFitError(f"station {name}: got {got}; wanted {wanted}")
+
+
 def require_determined(fit: LandmarkFit, stations: Mapping[str, Station]) -> None:
     """Raise `LandmarkFitError` where a pose is not determined, or sightings contradict each other."""
     for name, station in stations.items():
         kept = kept_landmarks(fit, name)
+        require_most_kept(fit, name)
         least = 2 if "position" in station.known else 3
         if len(kept) < least:
             left = ", ".join(fit.rejected_landmarks) or "single sightings"
