@@ -39,17 +39,16 @@ def errors(survey: Survey, day: Morning) -> dict[str, float]:
     return found
 
 
-def pose_nees(survey: Survey, day: Morning, total_station: bool) -> float:
-    """Return eᵀC⁻¹e of both stations' orientations, and positions where they were not known."""
+def pose_nees(survey: Survey, day: Morning) -> float:
+    """Return eᵀC⁻¹e of both stations' orientations and positions."""
     names: list[str] = []
     off: list[float] = []
     for station in day.true.stations:
         own = survey.rig[station.name]
         names += [f"{station.name}.runway_from_base.{a}" for a in "xyz"]
         off += list(turned_rad(own, station))
-        if not total_station:
-            names += [f"{station.name}.ptu_position.{a}" for a in "xyz"]
-            off += list(station.ptu_position_m - own.ptu_position_m)
+        names += [f"{station.name}.ptu_position.{a}" for a in "xyz"]
+        off += list(station.ptu_position_m - own.ptu_position_m)
     return float(np.array(off) @ np.linalg.solve(survey.fit.block(names), np.array(off)))
 
 
@@ -62,10 +61,10 @@ def study_survey(rigs: int, readings: int, total_station: bool) -> None:
         day = morning(generator, total_station=total_station)
         survey = solve_survey(day.believed, look(day.true, day.stands, generator, readings), day.table)
         raised += survey.fit.raised > 1.0
-        nees.append(pose_nees(survey, day, total_station))
+        nees.append(pose_nees(survey, day))
         for name, value in errors(survey, day).items():
             squares[name] = squares.get(name, 0.0) + value**2
-    n = 6 if total_station else 12
+    n = 12
     low, high = chi2.ppf([CHANCE / 2, 1 - CHANCE / 2], n * rigs) / rigs
     where = "positions by total station" if total_station else "positions not known"
     print(f"survey, {where}: {rigs} rigs, {readings} readings of each landmark, {raised} with raised sigmas")

@@ -207,8 +207,10 @@ def _refined(
     for station in candidates:
         fit = _own_fit(station, looks, landmarks, before)
         cost = float((np.minimum(fit.length, 10.0) ** 2).sum())
-        places = fit.problem.station_change(fit.change, station.name, today=False)
-        found.append((cost, station.changed(places)))
+        change = fit.problem.station_change(fit.change, station.name, today=False)
+        # of what was known before only the pose moves: the rest stays where that knowledge is centred
+        change[3 if "position" in station.known else 6 :] = 0.0
+        found.append((cost, station.changed(change)))
     found.sort(key=lambda pair: pair[0])
     best = [station for cost, station in found if cost <= found[0][0] + _AS_GOOD]
     first = best[0]
