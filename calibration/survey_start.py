@@ -233,7 +233,7 @@ def _same(a: Station, b: Station) -> bool:
 def _own_fit(
     station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark], before: ParameterCovariance
 ) -> LandmarkFit:
-    groups = ["runway_from_base"] + ([] if "position" in station.known else ["ptu_position"])
+    groups = ["runway_from_base", *([] if "position" in station.known else ["ptu_position"])]
     free = [f"{station.name}.{group}.{axis}" for group in groups for axis in "xyz"]
     return solve_landmarks(pose_problem({station.name: station}, [looks], landmarks, free, before))
 
