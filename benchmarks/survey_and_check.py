@@ -141,8 +141,8 @@ def study_check(rigs: int, mornings: int, knocked_mornings: int, readings: int) 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rigs", type=int, default=120)
-    parser.add_argument("--mornings", type=int, default=6)
-    parser.add_argument("--knocked", type=int, default=2)
+    parser.add_argument("--mornings", type=int, default=4)
+    parser.add_argument("--knocked", type=int, default=1)
     parser.add_argument("--readings", type=int, nargs="+", default=[24, 40])
     options = parser.parse_args()
     for total_station in (True, False):

@@ -10,7 +10,7 @@ _SURVEY_MORE = """example:
       --rig lenses.toml --out rig.toml --report out/survey
 
 how: aim each station at four or more landmarks in different directions; at
-each, wait until it stands and note 24 or more rows of angles and pixel; leave
+each, wait until it stands and note 40 or more rows of angles and pixel; leave
 for the next one, and come back to the first at the end. A station's position is
 found too unless the rig has known = ["position", ...]; its covariance there is
 how well. LIST, with commas: position, boresight, focal: find these within what
@@ -28,9 +28,9 @@ _CHECK_MORE = """examples:
       --rig rig.toml --out today.toml
 
 how: from each station aim at the landmarks (the runway's corners will do) and
-note 24 or more rows at each, six landmarks better than two. With --reference,
+note 40 or more rows at each, six landmarks better than two. With --reference,
 sightings of the same landmarks from the day of the calibration, errors of their
-coordinates do not matter, and 0.01 deg of pan or tilt is found.
+coordinates do not matter, and six times 40 rows find 0.01 deg about any axis.
 False alarms: at most 1 in 100 checks, over all stations and axes together.
 Without --out, a mount that moved is refused; with it, a corrected rig is
 written. Every check adds a line to the record.
