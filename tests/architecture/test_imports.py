@@ -13,6 +13,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
     (
         "groundstation.cli_calibrate",
+        "groundstation.cli_calibrate_landmarks",
         "groundstation.cli_cameras",
         "groundstation.cli_ptu",
     ),
@@ -39,7 +40,9 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.rig_toml",),
-    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
+    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance"),
+    ("groundstation.ptu_axes",),
+    ("groundstation.toml_table",),
     ("groundstation.geometry", "groundstation.picture"),
     ("groundstation.errors", "groundstation.arrays", "groundstation.hand_over", "groundstation.__version__"),
 )
