@@ -15,6 +15,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.cli_calibrate",
         "groundstation.cli_calibrate_landmarks",
         "groundstation.cli_cameras",
+        "groundstation.cli_live",
         "groundstation.cli_ptu",
     ),
     ("calibration",),
