@@ -115,10 +115,8 @@ def axes_from_file_units(values: dict[str, float]) -> PtuAxes:
 
 def axes_in_file_units(axes: PtuAxes) -> dict[str, float]:
     """Return the axes as numbers in degrees and ppm, by `AXES_KEYS`."""
-    return {
-        key: float(getattr(axes, _field(key)) / (_PPM if key.endswith("_ppm") else np.radians(1.0)))
-        for key in AXES_KEYS
-    }
+    units = {key: _PPM if key.endswith("_ppm") else np.radians(1.0) for key in AXES_KEYS}
+    return {key: float(getattr(axes, _field(key)) / unit) for key, unit in units.items()}
 
 
 def read_axes(table: Table) -> PtuAxes:
