@@ -9,7 +9,7 @@ from calibration.lens_advice import RANGES_M, across_m, advise, along_m, middle_
 from calibration.lens_model import PARAMETERS
 from calibration.lens_pictures import LensPicture, lens_pictures
 
-_CSS = """
+PAGE_STYLE = """
 :root{--ink:#1b1f24;--soft:#5a636e;--line:#d9dde2;--panel:#f6f8fa;--accent:#0072B2}
 *{box-sizing:border-box}
 body{margin:0 auto;max-width:1180px;padding:1.2rem 1rem 3rem;font:16px/1.5 system-ui,-apple-system,"Segoe UI",
@@ -57,7 +57,7 @@ def lens_report(found: Intrinsics, pictures: list[LensPicture], name: str) -> st
     return (
         "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{escape(name)} – lens</title><style>{_CSS}</style></head><body>\n{body}\n</body></html>\n"
+        f"<title>{escape(name)} – lens</title><style>{PAGE_STYLE}</style></head><body>\n{body}\n</body></html>\n"
     )
 
 

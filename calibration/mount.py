@@ -67,6 +67,7 @@ class MountFit:
     problem, change : as solved, the free parameters only; ``covariance`` (p, p) raised by the noise factor, rotations as
         small angles about the solution.
     held : parameters that the sightings do not determine, with the sigma that they were taken to have.
+    joint_names, joint_covariance : of the free ones and behind them the held.
     kept : (n,) which sightings of ``problem`` were used; ``rejected`` the others.
     residual_px : (n, 2).
     noise_factor : rms of the whitened residuals, where above 1.
@@ -76,6 +77,8 @@ class MountFit:
     change: FloatArray
     covariance: FloatArray
     held: dict[str, float]
+    joint_names: tuple[str, ...]
+    joint_covariance: FloatArray
     kept: MaskArray
     rejected: tuple[Rejected, ...]
     residual_px: FloatArray
@@ -113,12 +116,14 @@ def solve_mount(problem: MountProblem, start: FloatArray) -> MountFit:
     residual, jacobian = _whitened(freed, sought, kept)
     free = max(len(residual) - len(at), 1)
     factor = max(1.0, float(np.sqrt(residual @ residual / free)))
-    covariance = _considered(problem, freed, at, kept, held, factor)
+    joint = _considered(problem, freed, at, kept, held, factor)
     return MountFit(
         problem=freed,
         change=at,
-        covariance=covariance,
+        covariance=joint[: len(at), : len(at)],
         held=held,
+        joint_names=(*freed.names, *held),
+        joint_covariance=joint,
         kept=kept,
         rejected=tuple(Rejected(label=problem.sightings.label[k], reason=text) for k, text in sorted(reasons.items())),
         residual_px=problem.sightings.pixel_px - sought.pixel_px,
@@ -323,7 +328,7 @@ def _considered(
     held: dict[str, float],
     factor: float,
 ) -> FloatArray:
-    """Return the covariance (p, p) of what is free, what the held ones may be off included."""
+    """Return the covariance of what is free and, behind it, of the held ones, which what is free has to bear."""
     full = np.zeros(len(problem.names))
     places = [problem.names.index(name) for name in freed.names]
     full[places] = change
@@ -334,8 +339,10 @@ def _considered(
     covariance = np.linalg.pinv(own, hermitian=True, rcond=1e-16) if not _well(own) else _scaled_inverse(own)
     lasting = [problem.names.index(name) for name in held]
     gain = covariance @ information[np.ix_(places, lasting)]
-    covariance = covariance + gain @ np.diag(np.square(list(held.values()))) @ gain.T
-    turned = np.eye(len(change))
+    held_covariance = np.diag(np.square(np.array(list(held.values()), dtype=np.float64)))
+    both = -gain @ held_covariance
+    covariance = np.block([[covariance + gain @ held_covariance @ gain.T, both], [both.T, held_covariance]])
+    turned = np.eye(len(change) + len(lasting))
     for group in (BORESIGHT, BASE):
         where = [freed.names.index(name) for name in group if name in freed.names]
         if len(where) == 3:

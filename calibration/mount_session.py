@@ -15,11 +15,12 @@ from calibration.mount_parameters import (
 )
 from calibration.mount_problem import Mark, MarkKind, MountProblem, MountSightings
 from calibration.mount_start import mount_starts
-from calibration.sightings import Landmark, Sighting
+from calibration.sightings import Landmark, Sighting, read_landmarks, read_sightings
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, RigError
 from groundstation.rig import Rig, Station
 from groundstation.rig_toml import rig_to_toml
+from groundstation.toml_table import quoted
 
 # residuals of so many sigmas are no noise, whatever their number
 _WORST_NOISE_FACTOR = 30.0
@@ -162,3 +163,19 @@ def write_rig(path: Path, found: MountCalibration) -> None:
         path.write_text("\n".join([*notes, ""]) + rig_to_toml(found.rig), encoding="utf-8")
     except OSError as error:
         raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
+
+
+def read_mount_tables(
+    sightings: Path, landmarks: Path | None, rig: Rig
+) -> tuple[dict[str, MountSightings], tuple[Mark, ...]]:
+    """Read sightings.csv and landmarks.csv: each station's sightings, and the marks; raises `InputError`."""
+    rows = read_sightings(sightings)
+    known = {} if landmarks is None else read_landmarks(landmarks)
+    for row in rows:
+        if row.station not in rig.names:
+            wanted = "a station of the rig: " + ", ".join(rig.names)
+            raise InputError(f"{sightings.name}: line {row.line}", got=f"station {quoted(row.station)}", wanted=wanted)
+    names = list(dict.fromkeys(row.landmark for row in rows))
+    stations = dict.fromkeys(row.station for row in rows)
+    seen = {name: mount_sightings([r for r in rows if r.station == name], names, sightings.name) for name in stations}
+    return seen, marks_of(known, names)

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from groundstation.cli_calibrate_mount import add_mount, run_mount
 from groundstation.errors import InputError
 from groundstation.progress import ProgressLine
 
@@ -48,6 +49,7 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
     )
     kinds = calibrate.add_subparsers(dest="calibrate", metavar="WHAT", required=True)
     _add_flight(kinds)
+    add_mount(kinds)
     intrinsics = kinds.add_parser(
         "intrinsics",
         help="pictures of a board in, the lens out",
@@ -188,5 +190,6 @@ def _convert(options: argparse.Namespace) -> int:
 _KINDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "flight": _flight,
     "intrinsics": _intrinsics,
+    "mount": run_mount,
     "convert-lens": _convert,
 }

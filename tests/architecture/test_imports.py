@@ -12,6 +12,7 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
     ("groundstation.cli_calibrate",),
+    ("groundstation.cli_calibrate_mount", "groundstation.cli_calibrate_timing"),
     ("calibration",),
     ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
     ("groundstation.run", "groundstation.planning"),
