@@ -72,7 +72,9 @@ def gather_motion(
     Raises `SessionError` where the session has no pictures, no turning station or no readings.
     """
     if session.detections_only:
-        raise SessionError(str(session.folder), got="no pictures", wanted="videos or folders of pictures, with frames.csv")
+        raise SessionError(
+            str(session.folder), got="no pictures", wanted="videos or folders of pictures, with frames.csv"
+        )
     turning = [s for s in session.rig.stations if not s.fixed]
     if not turning:
         raise SessionError(str(session.folder), got="fixed stations only", wanted="a station with a PTU")
@@ -194,7 +196,11 @@ class _Pair:
     def __init__(self, geometry: StationGeometry, before: FloatArray, after: FloatArray) -> None:
         lens = geometry.lens
         self._matrix = np.array(
-            [[lens.focal_px[0], 0, lens.principal_point_px[0]], [0, lens.focal_px[1], lens.principal_point_px[1]], [0, 0, 1]]
+            [
+                [lens.focal_px[0], 0, lens.principal_point_px[0]],
+                [0, lens.focal_px[1], lens.principal_point_px[1]],
+                [0, 0, 1],
+            ]
         )
         self._distortion = lens.distortion
         self._geometry, self._after = geometry, after
@@ -244,9 +250,7 @@ def _coarse(pair: _Pair, before: ImageArray, after: ImageArray, corners: FloatAr
     return np.asarray(np.linalg.solve(by_angle, _COARSE * np.array(shift) - expected))
 
 
-def _tracked(
-    pair: _Pair, before: ImageArray, after: ImageArray, corners: FloatArray, left: FloatArray
-) -> _Turn | None:
+def _tracked(pair: _Pair, before: ImageArray, after: ImageArray, corners: FloatArray, left: FloatArray) -> _Turn | None:
     guess = pair.predict(corners, left)
     height, width = before.shape
     inside = np.all((guess > 12) & (guess < (width - 13, height - 13)), axis=1)
@@ -262,7 +266,14 @@ def _tracked(
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
     back, again, _ = cv2.calcOpticalFlowPyrLK(
-        after, before, moved, start.copy(), winSize=_WINDOW, maxLevel=1, criteria=_FINE, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
+        after,
+        before,
+        moved,
+        start.copy(),
+        winSize=_WINDOW,
+        maxLevel=1,
+        criteria=_FINE,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
     same = np.linalg.norm((back - start).reshape(-1, 2), axis=1) < _BACK_PX
     kept = same & (good.ravel() == 1) & (again.ravel() == 1)

@@ -154,7 +154,9 @@ def _robust(problem: MountProblem, start: FloatArray) -> tuple[FloatArray, MaskA
     share = float(kept.mean())
     if share < _LEAST_KEPT_SHARE:
         got = f"{n - int(kept.sum())} of {n} sightings that do not fit the others"
-        wanted = "marks that stand still, each with one name, and angles in degrees with the signs of docs/conventions.md"
+        wanted = (
+            "marks that stand still, each with one name, and angles in degrees with the signs of docs/conventions.md"
+        )
         raise MountFitError(f"station {problem.station.name}: got {got}; wanted {wanted}")
     return change, kept, reasons
 

@@ -104,6 +104,14 @@ def solved_station(before: Station, fit: MountFit) -> Station:
     works, is added to the boresight about the head's vertical and about the tilt axis.
     """
     station = fit.problem.station_at(fit.change)
+    axes = station.ptu_axes
+    # gears that hardly play come out a little below none
+    axes = replace(
+        axes,
+        pan_backlash_rad=max(axes.pan_backlash_rad, 0.0),
+        tilt_backlash_rad=max(axes.tilt_backlash_rad, 0.0),
+    )
+    station = replace(station, ptu_axes=axes)
     names, covariance = _covariance(before, fit)
     oriented = "orientation" in before.known or BASE[0] in fit.problem.names
     known = tuple(p for p in PARTS if p in before.known or (p == "orientation" and oriented))

@@ -79,7 +79,9 @@ def sightings_of_pictures(
             rows.setdefault(item.station, []).append((item, *found))
     if not rows:
         what = "lamp" if board is None else "board"
-        raise InputError(str(folder), got=f"no {what} in any of {len(listed)} pictures", wanted=f"pictures of one {what}")
+        raise InputError(
+            str(folder), got=f"no {what} in any of {len(listed)} pictures", wanted=f"pictures of one {what}"
+        )
     kind = MarkKind.UNKNOWN_POINT if board is None else MarkKind.BOARD
     mark = Mark(
         name="lamp" if board is None else "board",

@@ -66,7 +66,9 @@ def pointing_sigma(fit: MountFit) -> Pointing:
             angles = station.ptu_axes.angles(float(pan), float(tilt), 0.0, 0.0)
             unit = geometry.ray(float(pixel[0]), float(pixel[1]), *angles).direction_runway
             marks.append(
-                Mark(name=f"#{k}", kind=MarkKind.DIRECTION, place_m=unit, sigma=np.zeros(3), runway_from_board=np.eye(3))
+                Mark(
+                    name=f"#{k}", kind=MarkKind.DIRECTION, place_m=unit, sigma=np.zeros(3), runway_from_board=np.eye(3)
+                )
             )
         n = len(readings)
         seen = MountSightings(

@@ -26,6 +26,7 @@ from groundstation.toml_table import quoted
 _WORST_NOISE_FACTOR = 30.0
 # readings this close are one standstill, if nothing else tells
 _SAME_RAD = 1e-9
+_WRONG_SENSE_SIGMAS = 6.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,7 +117,18 @@ def calibrate_station(
         got = f"sightings that fit to {best.rms_px:.1f} px only"
         wanted = "marks that stand still, the lens of this camera, and angles with the signs of docs/conventions.md"
         raise MountFitError(f"station {station.name}: got {got}; wanted {wanted}")
+    _require_senses(best)
     return StationMount(before=station, after=solved_station(station, best), fit=best)
+
+
+def _require_senses(fit: MountFit) -> None:
+    """Raise `MountFitError` where a backlash comes out clearly negative: the senses are the wrong way round."""
+    axes = fit.problem.axes(fit.change)
+    for name, value in (("pan", axes.pan_backlash_rad), ("tilt", axes.tilt_backlash_rad)):
+        if value < -_WRONG_SENSE_SIGMAS * fit.sigma(f"{name}_backlash") and f"{name}_backlash" in fit.problem.names:
+            got = f"a {name} backlash of {np.degrees(value):.4f} deg"
+            wanted = f"{name}_from +1 where the reading grew last, -1 where it shrank"
+            raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
 
 
 def _cost(fit: MountFit) -> float:

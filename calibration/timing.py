@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 from scipy.sparse import bmat, csr_matrix, diags, identity
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from calibration.image_motion import ImageMotion
 from groundstation.arrays import FloatArray, MaskArray
@@ -138,11 +138,7 @@ class _Model:
     def left_over(self, p: FloatArray) -> FloatArray:
         """Return the weighted residuals: readings' pan and tilt, turns' pan and tilt, then the rest."""
         design, data = self.matrices(p)
-        normal = (design.T @ design).tocsc()
-        coefficients = splu(normal + 1e-12 * normal.diagonal().mean() * identity(normal.shape[0], format="csc")).solve(
-            design.T @ data
-        )
-        return np.asarray(design @ coefficients - data)
+        return np.asarray(design @ _factors(design).solve(design.T @ data) - data)
 
     def freedom(self, p: FloatArray) -> tuple[float, float]:
         """Return how many parameters the readings and the turns each pay for."""
@@ -150,33 +146,62 @@ class _Model:
         n = 2 * len(self.readings)
         parts = design[:n], design[n : n + 2 * len(self.motion.from_s)]
         normal = (design.T @ design).toarray()
-        inverse = np.linalg.pinv(normal, hermitian=True)
+        inverse = np.linalg.inv(normal + 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal)))
         taken = [float(np.sum((part.T @ part).multiply(inverse.T))) for part in parts]
         return taken[0], taken[1]
 
     def solve(self, start: FloatArray) -> FloatArray:
-        prior = self.prior()
+        """Return the parameters (4,) from a start (4,)."""
+        prior, free = self.prior(), self.free()
 
-        def residual(x: FloatArray) -> FloatArray:
-            p = x * _STEPS
-            return np.concatenate([self.left_over(p), p / prior])
+        def at(x: FloatArray) -> FloatArray:
+            p = start.copy()
+            p[free] += x * _STEPS[free]
+            return p
 
-        def jacobian(x: FloatArray) -> FloatArray:
-            return np.concatenate([self.jacobian(x * _STEPS) * _STEPS, np.diag(_STEPS / prior)])
+        # differences from the start: a trust region begins with the size of what it starts from
+        found = least_squares(
+            lambda x: np.concatenate([self.left_over(at(x)), at(x)[free] / prior[free]]),
+            np.zeros(int(free.sum())),
+            jac=lambda x: np.concatenate(
+                [self.jacobian(at(x))[:, free] * _STEPS[free], np.diag(_STEPS[free] / prior[free])]
+            ),
+            ftol=1e-7,
+            xtol=1e-5,
+            max_nfev=60,
+        )
+        return at(np.asarray(found.x))
 
-        found = least_squares(residual, start / _STEPS, jac=jacobian, max_nfev=60)
-        return np.asarray(found.x * _STEPS)
+    def free(self) -> MaskArray:
+        """Return which of the four parameters are sought."""
+        return np.array([True, self.with_drift, True, True])
 
     def prior(self) -> FloatArray:
         return np.array([1e3, DRIFT_SIGMA if self.with_drift else 1e-12, SCALE_SIGMA, ROLL_SIGMA_RAD])
 
     def jacobian(self, p: FloatArray) -> FloatArray:
+        """Return the derivatives (n, 4) of `left_over`, without the part that vanishes with the residuals (Kaufman)."""
+        design, data = self.matrices(p)
+        factors = _factors(design)
+        coefficients = factors.solve(design.T @ data)
         columns = []
-        for k, step in enumerate(_STEPS):
+        for k, free in enumerate(self.free()):
+            if not free:
+                columns.append(np.zeros(len(data)))
+                continue
             d = np.zeros(4)
-            d[k] = step
-            columns.append((self.left_over(p + d) - self.left_over(p - d)) / (2.0 * step))
+            d[k] = _STEPS[k]
+            moved = (self.matrices(p + d)[0] @ coefficients - self.matrices(p - d)[0] @ coefficients) / (
+                2.0 * _STEPS[k]
+            )
+            columns.append(moved - design @ factors.solve(design.T @ moved))
         return np.stack(columns, axis=1)
+
+
+def _factors(design: csr_matrix) -> SuperLU:
+    """Return the factors of the normal equations."""
+    normal = (design.T @ design).tocsc()
+    return splu(normal + 1e-12 * normal.diagonal().mean() * identity(normal.shape[0], format="csc"))
 
 
 def solve_timing(name: str, readings: FloatArray, motion: ImageMotion, reading_sigma_rad: float) -> TimingFit:
@@ -194,7 +219,9 @@ def solve_timing(name: str, readings: FloatArray, motion: ImageMotion, reading_s
     kept = inside & _bracketed(readings[:, 0], motion)
     if kept.sum() < LEAST_PAIRS:
         got = f"{int(kept.sum())} pairs of frames with readings {margin:.1f} s before and after them"
-        raise TimingFitError(f"station {name}: got {got}; wanted at least {LEAST_PAIRS}: PTU and frames of the same time")
+        raise TimingFitError(
+            f"station {name}: got {got}; wanted at least {LEAST_PAIRS}: PTU and frames of the same time"
+        )
     start = _coarse_offset(readings, motion, kept)
     best: tuple[float, _Model, FloatArray, MaskArray] | None = None
     for spacing in _SPACINGS_S:
@@ -276,7 +303,7 @@ def _solved(
     middle = float(0.5 * (motion.from_s[0] + motion.to_s[-1]))
     kept = kept.copy()
     n = 2 * len(readings)
-    criterion, model = np.inf, None
+    criterion = np.inf
     for _ in range(_VARIANCE_ROUNDS):
         used = _pairs(motion, kept)
         model = _Model(
@@ -294,7 +321,7 @@ def _solved(
         taken = model.freedom(p)
         off_reading, off_turn = left[:n] * sigma, left[n : n + m] / model.weight_turn.T.ravel()
         criterion = _criterion(model, left, n, m, sigma)
-        sigma = float(np.sqrt(np.sum(off_reading**2) / max(n - taken[0], 1.0)))
+        before, sigma = sigma, float(np.sqrt(np.sum(off_reading**2) / max(n - taken[0], 1.0)))
         white = np.hypot(*left[n : n + m].reshape(2, -1))
         usual = max(float(np.median(white)) / 1.1774, 1e-9)
         good = white < _GROSS_SIGMA * max(usual, 1.0)
@@ -302,11 +329,10 @@ def _solved(
         kept[places[~good]] = False
         # what the windows' own agreement does not know of, the same for all pairs
         variance = float(np.sum(off_turn.reshape(2, -1)[:, good] ** 2)) / max(2 * good.sum() - taken[1], 1.0)
-        extra = max(variance - float(np.mean(used.sigma_rad[good] ** 2)), 0.0)
-    assert_model = model
-    if assert_model is None:
-        raise TimingFitError("no fit")
-    return criterion, assert_model, p, kept
+        added, extra = extra, max(variance - float(np.mean(used.sigma_rad[good] ** 2)), 0.0)
+        if good.all() and abs(sigma - before) < 0.02 * sigma and abs(extra - added) < 0.05 * (variance + extra):
+            break
+    return criterion, model, p, kept
 
 
 def _criterion(model: _Model, left: FloatArray, n: int, m: int, sigma: float) -> float:
@@ -334,7 +360,10 @@ def _answer(name: str, model: _Model, p: FloatArray, kept: MaskArray) -> TimingF
     drift, drift_sigma = 0.0, None
     if float(np.ptp(model.motion.from_s)) >= _DRIFT_SPAN_S:
         drifting = _Model(
-            **{f: getattr(model, f) for f in ("readings", "motion", "knots", "weight_reading", "weight_turn", "middle_s")},
+            **{
+                f: getattr(model, f)
+                for f in ("readings", "motion", "knots", "weight_reading", "weight_turn", "middle_s")
+            },
             with_drift=True,
         )
         q = drifting.solve(p)
@@ -392,5 +421,3 @@ def _covariance(model: _Model, p: FloatArray) -> tuple[FloatArray, float]:
     meat = covariance @ (scores.T @ scores) @ covariance * blocks / (blocks - 1)
     ratio = float(meat[0, 0] / covariance[0, 0])
     return covariance, float(np.sqrt(ratio)) if ratio > 1.0 + 2.0 * np.sqrt(2.0 / blocks) else 1.0
-
-

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from groundstation.cli_calibrate_mount import add_mount, run_mount
+from groundstation.cli_calibrate_timing import add_timing, run_timing
 from groundstation.errors import InputError
 from groundstation.progress import ProgressLine
 
@@ -50,6 +51,7 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
     kinds = calibrate.add_subparsers(dest="calibrate", metavar="WHAT", required=True)
     _add_flight(kinds)
     add_mount(kinds)
+    add_timing(kinds)
     intrinsics = kinds.add_parser(
         "intrinsics",
         help="pictures of a board in, the lens out",
@@ -191,5 +193,6 @@ _KINDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "flight": _flight,
     "intrinsics": _intrinsics,
     "mount": run_mount,
+    "timing": run_timing,
     "convert-lens": _convert,
 }
