@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -120,11 +121,9 @@ def image_motion(
     angles = np.column_stack([np.interp(t_s, readings[:, 0], np.unwrap(readings[:, k])) for k in (1, 2)])
     rows: list[tuple[float, ...]] = []
     pairs, plain, torn = 0, 0, 0
-    before: ImageArray | None = None
-    # what the last pair was off its readings: the clocks differ by the same also now
-    for k, picture in enumerate(pictures):
-        grey = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-        if before is not None and t_s[k] - t_s[k - 1] <= MAX_PAIR_S:
+    greys = (np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8) for picture in pictures)
+    for k, (before, grey) in enumerate(pairwise(greys), start=1):
+        if t_s[k] - t_s[k - 1] <= MAX_PAIR_S:
             pairs += 1
             corners = _corners(before)
             if corners is None:
@@ -135,7 +134,6 @@ def image_motion(
                     torn += 1
                 else:
                     rows.append(_row(station, t_s[k - 1], t_s[k], angles[k] - angles[k - 1], turn))
-        before = grey
     values = np.array(rows, dtype=np.float64).reshape(-1, 6)
     return ImageMotion(
         from_s=values[:, 0],
@@ -241,8 +239,8 @@ def _turn(pair: _Pair, before: ImageArray, after: ImageArray, corners: FloatArra
 def _coarse(pair: _Pair, before: ImageArray, after: ImageArray, corners: FloatArray) -> FloatArray | None:
     """Return what the whole picture has turned beyond the readings (2,), by phase correlation of small copies."""
     size = (before.shape[1] // _COARSE, before.shape[0] // _COARSE)
-    small = [cv2.resize(p, size, interpolation=cv2.INTER_AREA).astype(np.float32) for p in (before, after)]
-    shift, answer = cv2.phaseCorrelate(*small, cv2.createHanningWindow(size, cv2.CV_32F))
+    old, new = (cv2.resize(p, size, interpolation=cv2.INTER_AREA).astype(np.float32) for p in (before, after))
+    shift, answer = cv2.phaseCorrelate(old, new, cv2.createHanningWindow(size, cv2.CV_32F))
     if answer < 0.03:
         return None
     expected = np.median(pair.predict(corners, np.zeros(2)) - corners, axis=0)
@@ -285,7 +283,7 @@ def _tracked(pair: _Pair, before: ImageArray, after: ImageArray, corners: FloatA
 
 def _agreed(pair: _Pair, corners: FloatArray, moved: FloatArray, shape: tuple[int, ...]) -> _Turn | None:
     """Return the turn that most windows agree on: of the median, then the mean of those near it."""
-    left = np.zeros(2)
+    left, step = np.zeros(2), np.zeros(2)
     agree = np.ones(len(corners), dtype=np.bool_)
     off, by_angle = np.zeros((0, 2)), np.zeros((0, 2, 2))
     for round_ in range(_ROUNDS):

@@ -1,13 +1,20 @@
 """Solving a mount: robustly, then without what is grossly off; what the sightings do not determine is held and said."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
-from calibration.flight_problem import left_jacobian
+from calibration.mount_covariance import (
+    BASE,
+    BORESIGHT,
+    considered,
+    information,
+    scaled_inverse,
+    undetermined,
+    well_conditioned,
+    whitened,
+)
 from calibration.mount_problem import MountProblem, Sought
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
@@ -20,16 +27,11 @@ _GROSS_SIGMA = 4.5
 _MEDIAN_LENGTH = 1.1774
 # within one standstill the readings' errors are common: a mark that alone is off stands out from the others'
 _LEAST_KEPT_SHARE = 0.6
-# a parameter is determined if it is known so much better than before, and to this
-_TAUGHT = 0.5
-_WORST_ROTATION_RAD = float(np.radians(0.5))
 _SCALES = {"mark": 0.01, "camera_in_head": 0.01, "ptu_position": 0.01, "scale": 1e-4}
 _OTHER_SCALE = 1e-3
 # every fifth standstill is kept apart to judge by
 _HELD_OUT_EACH = 5
 _LEAST_POINTINGS = 4
-BORESIGHT = tuple(f"head_from_camera.{axis}" for axis in "xyz")
-BASE = tuple(f"runway_from_base.{axis}" for axis in "xyz")
 
 
 class MountFitError(GroundstationError):
@@ -48,8 +50,8 @@ class Rejected:
 class HeldOut:
     """Standstills that the fit did not see.
 
-    ``rms_px`` of their n sightings, per axis; ``noise_px`` what pixel and encoder noise alone make; ``expected_px`` what
-    they make with the uncertainty of the fit; ``residual_px`` (n, 2).
+    ``rms_px`` of their n sightings, per axis; ``noise_px`` what pixel and encoder noise alone make; ``expected_px``
+    what they make with the uncertainty of the fit; ``residual_px`` (n, 2).
     """
 
     rms_px: float
@@ -64,9 +66,9 @@ class MountFit:
 
     Attributes
     ----------
-    problem, change : as solved, the free parameters only; ``covariance`` (p, p) raised by the noise factor, rotations as
-        small angles about the solution.
-    held : parameters that the sightings do not determine, with the sigma that they were taken to have.
+    problem, change : as solved, the free parameters only; ``covariance`` (p, p) raised by the noise factor, rotations
+        as small angles about the solution.
+    held : parameters that the sightings do not determine, with the sigma they were taken to have.
     joint_names, joint_covariance : of the free ones and behind them the held.
     kept : (n,) which sightings of ``problem`` were used; ``rejected`` the others.
     residual_px : (n, 2).
@@ -101,7 +103,7 @@ class MountFit:
 def solve_mount(problem: MountProblem, start: FloatArray) -> MountFit:
     """Find the parameters from a start (p,); raises `MountFitError` where the sightings cannot."""
     change, kept, reasons = _robust(problem, start)
-    held = _undetermined(problem, change, kept)
+    held = undetermined(problem, change, kept)
     if missing := [name for name in (*BORESIGHT, *BASE) if held.get(name) == np.inf]:
         wanted = "known marks or directions far apart in pan, and some 20 deg or more apart in tilt"
         raise MountFitError(f"station {problem.station.name}: got nothing that tells {missing[0]}; wanted {wanted}")
@@ -113,10 +115,10 @@ def solve_mount(problem: MountProblem, start: FloatArray) -> MountFit:
         kept, reasons = _judge(freed, at)
     at = _linear(freed, at, kept)
     sought = freed.predict(at)
-    residual, jacobian = _whitened(freed, sought, kept)
+    residual, _ = whitened(freed, sought, kept)
     free = max(len(residual) - len(at), 1)
     factor = max(1.0, float(np.sqrt(residual @ residual / free)))
-    joint = _considered(problem, freed, at, kept, held, factor)
+    joint = considered(problem, freed, at, kept, held, factor)
     return MountFit(
         problem=freed,
         change=at,
@@ -197,25 +199,6 @@ def _judge(problem: MountProblem, change: FloatArray) -> tuple[MaskArray, dict[i
     return kept, reasons
 
 
-def _whitened(problem: MountProblem, sought: Sought, kept: MaskArray) -> tuple[FloatArray, FloatArray]:
-    """Return residuals and Jacobian of what is kept, in sigmas and uncorrelated, and behind them what was known."""
-    seen = problem.sightings
-    residuals, jacobians = [], []
-    for number in np.unique(seen.pointing[kept]):
-        own = np.flatnonzero(kept & (seen.pointing == number))
-        by_angle = sought.by_angle[own].reshape(-1, 2)
-        covariance = problem.station.angle_sigma_rad**2 * by_angle @ by_angle.T
-        covariance += np.diag(np.repeat(seen.sigma_px[own] ** 2, 2))
-        root = np.linalg.cholesky(covariance)
-        both = np.column_stack(
-            [(sought.pixel_px - seen.pixel_px)[own].ravel(), sought.jacobian[own].reshape(len(by_angle), -1)]
-        )
-        white = solve_triangular(root, both, lower=True, check_finite=False)
-        residuals.append(white[:, 0])
-        jacobians.append(white[:, 1:])
-    return np.concatenate(residuals), np.concatenate(jacobians)
-
-
 def _prior(problem: MountProblem, change: FloatArray) -> tuple[FloatArray, FloatArray]:
     known = np.isfinite(problem.prior_sigma)
     return (change / problem.prior_sigma)[known], np.diag(1.0 / problem.prior_sigma)[known]
@@ -225,7 +208,7 @@ def _linear(problem: MountProblem, change: FloatArray, kept: MaskArray) -> Float
     """Return the solution of what is kept, each standstill's common errors allowed for."""
 
     def both(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        residual, jacobian = _whitened(problem, problem.predict(x), kept)
+        residual, jacobian = whitened(problem, problem.predict(x), kept)
         behind, below = _prior(problem, x)
         return np.concatenate([residual, behind]), np.concatenate([jacobian, below])
 
@@ -275,93 +258,6 @@ def _scale(name: str) -> float:
     return next((value for part, value in _SCALES.items() if part in name), _OTHER_SCALE)
 
 
-def _information(problem: MountProblem, change: FloatArray, kept: MaskArray) -> FloatArray:
-    _, jacobian = _whitened(problem, problem.predict(change), kept)
-    return np.asarray(jacobian.T @ jacobian)
-
-
-def _inverse(information: FloatArray) -> FloatArray:
-    """Return the inverse, infinite variances where there is none."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    unit = information / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(unit)
-    bad = values < 1e-13
-    inverse = (vectors[:, ~bad] / values[~bad]) @ vectors[:, ~bad].T
-    lost = np.abs(vectors[:, bad]).max(axis=1, initial=0.0) > 1e-3
-    inverse = inverse / np.outer(scale, scale)
-    inverse[lost, lost] = np.inf
-    return np.asarray(inverse)
-
-
-def _undetermined(problem: MountProblem, change: FloatArray, kept: MaskArray) -> dict[str, float]:
-    """Return the parameters that are hardly better known than before, with what they are taken to have.
-
-    One after the other, the worst first: with it held, the others may be determined after all.
-    """
-    held: dict[str, float] = {}
-    information = _information(problem, change, kept)
-    with np.errstate(divide="ignore"):
-        information = information + np.diag(1.0 / problem.prior_sigma**2)
-    free = [k for k, name in enumerate(problem.names)]
-    own = [k for k, name in enumerate(problem.names) if not name.startswith(("mark ", "ptu_position"))]
-    while True:
-        covariance = _inverse(information[np.ix_(free, free)])
-        worst, worst_ratio = None, 1.0
-        for place, k in enumerate(free):
-            if k not in own:
-                continue
-            limit = _TAUGHT * problem.prior_sigma[k]
-            if problem.names[k] in (*BORESIGHT, *BASE):
-                limit = min(limit, _WORST_ROTATION_RAD)
-            ratio = float(np.sqrt(covariance[place, place])) / limit if limit < np.inf else 0.0
-            if ratio > worst_ratio:
-                worst, worst_ratio = k, ratio
-        if worst is None:
-            return held
-        held[problem.names[worst]] = float(problem.prior_sigma[worst])
-        free.remove(worst)
-
-
-def _considered(
-    problem: MountProblem,
-    freed: MountProblem,
-    change: FloatArray,
-    kept: MaskArray,
-    held: dict[str, float],
-    factor: float,
-) -> FloatArray:
-    """Return the covariance of what is free and, behind it, of the held ones, which what is free has to bear."""
-    full = np.zeros(len(problem.names))
-    places = [problem.names.index(name) for name in freed.names]
-    full[places] = change
-    information = factor**-2 * _information(problem, full, kept)
-    own = information[np.ix_(places, places)]
-    with np.errstate(divide="ignore"):
-        own = own + np.diag(1.0 / freed.prior_sigma**2)
-    covariance = np.linalg.pinv(own, hermitian=True, rcond=1e-16) if not _well(own) else _scaled_inverse(own)
-    lasting = [problem.names.index(name) for name in held]
-    gain = covariance @ information[np.ix_(places, lasting)]
-    held_covariance = np.diag(np.square(np.array(list(held.values()), dtype=np.float64)))
-    both = -gain @ held_covariance
-    covariance = np.block([[covariance + gain @ held_covariance @ gain.T, both], [both.T, held_covariance]])
-    turned = np.eye(len(change) + len(lasting))
-    for group in (BORESIGHT, BASE):
-        where = [freed.names.index(name) for name in group if name in freed.names]
-        if len(where) == 3:
-            turned[np.ix_(where, where)] = left_jacobian(change[where])
-    return np.asarray(turned @ covariance @ turned.T)
-
-
-def _well(information: FloatArray) -> bool:
-    scale = np.sqrt(np.diag(information))
-    return bool(np.all(scale > 0) and np.linalg.cond(information / np.outer(scale, scale)) < 1e13)
-
-
-def _scaled_inverse(information: FloatArray) -> FloatArray:
-    scale = np.sqrt(np.diag(information))
-    return np.asarray(np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale))
-
-
 def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor: float) -> HeldOut | None:
     """Fit without every fifth standstill and judge by these; None where too few are left to fit to."""
     seen = problem.sightings
@@ -372,14 +268,14 @@ def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor
         return None
     at = _linear(problem, change, rest)
     sought = problem.predict(at)
-    information = _information(problem, at, rest)
+    known = information(problem, at, rest)
     with np.errstate(divide="ignore"):
-        information = information + np.diag(1.0 / problem.prior_sigma**2)
-    if not _well(information):
+        known = known + np.diag(1.0 / problem.prior_sigma**2)
+    if not well_conditioned(known):
         return None
     noise = problem.covariance_px2(sought.by_angle)[apart]
     jacobian = sought.jacobian[apart]
-    expected = noise + jacobian @ _scaled_inverse(information) @ np.swapaxes(jacobian, 1, 2)
+    expected = noise + jacobian @ scaled_inverse(known) @ np.swapaxes(jacobian, 1, 2)
     residual = (seen.pixel_px - sought.pixel_px)[apart]
     return HeldOut(
         rms_px=float(np.sqrt(np.mean(residual**2))),
@@ -407,19 +303,3 @@ def require_enough(problem: MountProblem) -> None:
     if not any(k.known or k.value.startswith("board") for k in kinds) and counts.max() < 2:
         wanted = "a mark seen at several pairs of angles, or the marks' places (--landmarks)"
         raise MountFitError(f"{where}: got no mark of unknown place that is seen twice; wanted {wanted}")
-
-
-def seen_marks_only(problem: MountProblem) -> MountProblem:
-    """Return the problem without marks that this station never saw, and without their parameters."""
-    used = sorted(set(problem.sightings.mark.tolist()))
-    number = {old: new for new, old in enumerate(used)}
-    marks = tuple(problem.marks[k] for k in used)
-    unseen = _names_of(m for k, m in enumerate(problem.marks) if k not in number)
-    sightings = replace(
-        problem.sightings, mark=np.array([number[k] for k in problem.sightings.mark.tolist()], dtype=np.int64)
-    )
-    return replace(problem.without(unseen), sightings=sightings, marks=marks)
-
-
-def _names_of(marks: object) -> Sequence[str]:
-    return [name for mark in marks for name in mark.names]  # type: ignore[attr-defined]

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.mount import BASE, BORESIGHT, MountFit
+from calibration.mount import MountFit
+from calibration.mount_covariance import BASE, BORESIGHT
 from calibration.mount_problem import Mark, MarkKind
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
@@ -45,8 +46,8 @@ def mount_words(text: str) -> tuple[str, ...]:
 def choose_mount(station: Station, marks: Sequence[Mark], words: Sequence[str]) -> dict[str, float]:
     """Return names and one sigma before of what is to be found of a station, its marks included.
 
-    Without a mark of known place or direction the base stays: any turn of it could be one of the marks. The zeros turn
-    the same way as the base about its vertical and the boresight about the tilt axis, so they are sought in their place.
+    Without a mark of known place or direction the base stays: any turn of it could be one of the marks. The zeros
+    turn the same way as the base about its vertical and the boresight about the tilt axis, and take their place.
     """
     rotation = KNOWN_ROTATION_RAD if "orientation" in station.known else np.inf
     chosen: dict[str, float] = {}
@@ -143,7 +144,7 @@ def _covariance(before: Station, fit: MountFit) -> tuple[tuple[str, ...], FloatA
 
 
 def axis_variances(fit: MountFit) -> dict[str, float]:
-    """Return what the errors of the axes leave uncertain of the boresight's pan and tilt, rad², where a station works."""
+    """Return what the axes' errors leave uncertain of the boresight's pan and tilt, rad², where a station works."""
 
     def variance(parts: dict[str, float]) -> float:
         return sum((fit.sigma(name) * effect) ** 2 for name, effect in parts.items() if name in fit.problem.names)

@@ -1,8 +1,9 @@
 """A camera on its pan-tilt head as a least-squares problem: what each parameter does to each sighting.
 
 Parameters are differences from the station that one starts from, in rad, m and without unit: those of
-`groundstation.geometry.calibration` (``runway_from_base``, ``ptu_position``, ``head_from_camera``, ``camera_in_head``), the
-fields of `groundstation.ptu_axes.PtuAxes` without their unit (``lean``, ``pan_scale``, …), and for each mark ``mark NAME.part``.
+`groundstation.geometry.calibration` (``runway_from_base``, ``ptu_position``, ``head_from_camera``, ``camera_in_head``),
+the fields of `groundstation.ptu_axes.PtuAxes` without their unit (``lean``, ``pan_scale``, …), and for each mark
+``mark NAME.part``.
 Equations: docs/derivation.md, section on the mount.
 """
 
@@ -157,7 +158,7 @@ class MountSightings:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sought:
-    """Predicted pixels (n, 2), ``jacobian`` (n, 2, p), ``by_angle`` (n, 2, 2), and which are in front, ``usable`` (n,)."""
+    """Predicted pixels (n, 2), ``jacobian`` (n, 2, p), ``by_angle`` (n, 2, 2); ``usable`` (n,) which are in front."""
 
     pixel_px: FloatArray
     jacobian: FloatArray
@@ -167,7 +168,7 @@ class Sought:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MountProblem:
-    """A station, its sightings, the marks, and the p free parameters with one sigma (p,) known before (inf: nothing)."""
+    """A station, its sightings, the marks, and p free parameters with one sigma (p,) before (inf: nothing known)."""
 
     station: Station
     sightings: MountSightings
@@ -204,8 +205,7 @@ class MountProblem:
         station = self.station_at(change)
         packed = station.geometry().packed
         axes = station.ptu_axes
-        pan, tilt = axes.angles(*seen.reading_rad.T, *seen.sense.T)  # type: ignore[arg-type]
-        angles = np.column_stack([pan, tilt])
+        angles = axes.angles_many(seen.reading_rad, seen.sense)
         points, by_mark = np.zeros((n, 3)), []
         for number, mark in enumerate(self.marks):
             own = np.flatnonzero(seen.mark == number)
@@ -216,7 +216,7 @@ class MountProblem:
         depth = np.zeros(n)
         project_calibration_many(packed, points, angles, pixel, by_state, by_rig, depth)
         by_angle = by_state[:, :, 3:].copy()
-        columns = self._axis_columns(by_angle, by_rig, tilt, station.camera_in_head_m)
+        columns = self._axis_columns(by_angle, by_rig, angles[:, 1], station.camera_in_head_m)
         self._left(change, by_rig)
         jacobian = np.zeros((n, 2, len(self.names)))
         for k, name in enumerate(self.names):

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.lens_advice import across_m, along_m
-from calibration.mount import BASE, BORESIGHT, MountFit
+from calibration.mount import MountFit
+from calibration.mount_covariance import BASE, BORESIGHT
 from calibration.mount_parameters import LEVER
 from calibration.mount_problem import AXES, Mark, MarkKind, MountProblem, MountSightings
 from calibration.mount_session import StationMount

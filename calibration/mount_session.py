@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -68,7 +69,7 @@ def mount_sightings(rows: Sequence[Sighting], names: Sequence[str], path: str) -
     readings = np.array([(row.pan_rad, row.tilt_rad) for row in rows])
     moved = np.zeros(len(rows), dtype=np.bool_)
     moved[1:] = np.abs(np.diff(readings, axis=0)).max(axis=1) > _SAME_RAD
-    moved[1:] |= [a.t_s != b.t_s for a, b in zip(rows[:-1], rows[1:], strict=True)]
+    moved[1:] |= [a.t_s != b.t_s for a, b in pairwise(rows)]
     return MountSightings(
         reading_rad=readings,
         sense=np.array([(row.pan_from, row.tilt_from) for row in rows], dtype=np.float64),

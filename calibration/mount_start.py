@@ -29,26 +29,27 @@ class MountStart:
 
 
 def mount_starts(station: Station, seen: MountSightings, marks: Sequence[Mark]) -> list[MountStart]:
-    """Return starts, the best first: the rig's own orientation, and others where it is not known or misses the marks."""
-    own = [_start(station, seen, marks, turned=False), _start(station, seen, marks, turned=True)]
-    own = [start for start in own if start is not None]
+    """Return starts, the best first: the rig's own orientation, and others where that is not known or misses."""
+    tried = (_start(station, seen, marks, turned=turned) for turned in (False, True))
+    own = [start for start in tried if start is not None]
     best = min((s.miss_rad for s in own), default=np.inf)
     if "orientation" in station.known and best < _NEAR_RAD:
         return _with_boards(own, seen, marks)
-    starts = []
+    starts: list[MountStart] = []
     for quarter in _QUARTERS_RAD:
         # an ideal camera looks along the head's y; turned about it, as a camera may be screwed on
         head_from_camera = rotation_y(quarter) @ rotation_x(-0.5 * np.pi)
-        tried = replace(station, head_from_camera_wxyz=wxyz_from_matrix(head_from_camera))
-        starts += [_start(tried, seen, marks, turned=True), _start(tried, seen, marks, turned=False)]
-    found = sorted([*own, *(s for s in starts if s is not None)], key=lambda s: s.miss_rad)
+        camera = replace(station, head_from_camera_wxyz=wxyz_from_matrix(head_from_camera))
+        either = (_start(camera, seen, marks, turned=turned) for turned in (True, False))
+        starts += [start for start in either if start is not None]
+    found = sorted([*own, *starts], key=lambda s: s.miss_rad)
     return _with_boards(found[:3], seen, marks)
 
 
 def _start(station: Station, seen: MountSightings, marks: Sequence[Mark], turned: bool) -> MountStart | None:
     """Return a start with the camera as it is; ``turned`` with the base turned until known marks fit."""
     geometry = replace(station, runway_from_base_wxyz=np.array([1.0, 0.0, 0.0, 0.0])).geometry()
-    angles = np.column_stack(station.ptu_axes.angles(*seen.reading_rad.T, *seen.sense.T))  # type: ignore[arg-type]
+    angles = station.ptu_axes.angles_many(seen.reading_rad, seen.sense)
     bearings = bearings_in_base(geometry, seen.pixel_px, angles)
     good = np.isfinite(bearings).all(axis=1)
     towards = np.full((len(seen), 3), np.nan)
@@ -72,9 +73,10 @@ def _start(station: Station, seen: MountSightings, marks: Sequence[Mark], turned
             middle /= np.linalg.norm(middle)
             far = np.linalg.norm(mark.place_m) if mark.kind is MarkKind.UNKNOWN_POINT else 1.0
             at = station.ptu_position_m if mark.kind is MarkKind.UNKNOWN_POINT else np.zeros(3)
-            mark = replace(mark, place_m=at + far * middle)
+            placed.append(replace(mark, place_m=at + far * middle))
             towards[own] = middle
-        placed.append(mark)
+        else:
+            placed.append(mark)
     has = good & np.isfinite(towards).all(axis=1)
     misses = np.linalg.norm(looking[has] - towards[has], axis=1)
     tried = replace(station, runway_from_base_wxyz=wxyz_from_matrix(base))

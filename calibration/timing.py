@@ -9,37 +9,25 @@ squares are linear and are solved on the way (variable projection); what is left
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.optimize import least_squares
-from scipy.sparse import bmat, csr_matrix, diags, identity
-from scipy.sparse.linalg import SuperLU, splu
 
 from calibration.image_motion import ImageMotion
+from calibration.motion_spline import CUBIC, MotionSpline
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
 
 LEAST_PAIRS = 20
 LEAST_S = 1.5
-_CUBIC = 3
 _SPACINGS_S = (0.8, 0.4, 0.2, 0.1, 0.05)
 _MOST_KNOTS = 700
-# nothing but a guard against stretches without a reading
-_STIFFNESS = 1e-5
 _SEARCH_S, _SEARCH_STEP_S = 0.3, 0.02
 _GROSS_SIGMA = 4.5
 _VARIANCE_ROUNDS = 4
 _BLOCK_S = 1.0
 _LEAST_BLOCKS = 8
-# one sigma before: of a lens's scale, of a camera's roll in rad, of a quartz
-SCALE_SIGMA = 0.02
-ROLL_SIGMA_RAD = float(np.radians(2.0))
-DRIFT_SIGMA = 2e-4
 _DRIFT_SPAN_S = 20.0
 _DRIFT_SIGNIFICANT = 4.0
 _WORST_SIGMA_S = 0.02
 _LEAST_RATE_RAD_S = float(np.radians(0.1))
-# of numeric derivatives, and the scale of each parameter
-_STEPS = np.array([1e-4, 1e-6, 1e-4, 1e-4])
 
 
 class TimingFitError(GroundstationError):
@@ -52,8 +40,8 @@ class TimingFit:
 
     Attributes
     ----------
-    offset_s, sigma_s : to be added to the PTU clock's offset: its readings are truly so much later than they say, by the
-        camera's clock, at ``middle_s``.
+    offset_s, sigma_s : to be added to the PTU clock's offset: its readings are truly so much later than they say,
+        by the camera's clock, at ``middle_s``.
     drift, drift_sigma : of that, s/s; 0 and None where the data do not tell one.
     scale, roll_rad : of the camera, found on the way.
     reading_sigma_rad, turn_sigma_rad : scatter of readings and of the pictures' turns about the fit.
@@ -78,132 +66,6 @@ class TimingFit:
     rate_rad_s: FloatArray
 
 
-@dataclass(slots=True, eq=False)
-class _Model:
-    """Data and weights; answers each (offset, drift, scale, roll) with what is left over."""
-
-    readings: FloatArray
-    motion: ImageMotion
-    knots: FloatArray
-    weight_reading: float
-    weight_turn: FloatArray
-    middle_s: float
-    with_drift: bool
-
-    def __post_init__(self) -> None:
-        self._basis = self._at(self.readings[:, 0])
-        count = self._basis.shape[1]
-        bend = diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(count - 2, count)).tocsr()
-        self._stiff = _STIFFNESS * bend
-
-    _basis: csr_matrix = None
-    _stiff: csr_matrix = None
-
-    def _at(self, t_s: FloatArray) -> csr_matrix:
-        inside = np.clip(t_s, self.knots[_CUBIC], self.knots[-_CUBIC - 1] - 1e-9)
-        return BSpline.design_matrix(inside, self.knots, _CUBIC).tocsr()
-
-    def matrices(self, p: FloatArray) -> tuple[csr_matrix, FloatArray]:
-        """Return the weighted design of the splines' coefficients and the weighted data, behind the rest."""
-        offset, drift, scale, roll = p
-        motion = self.motion
-        times = []
-        for t in (motion.from_s, motion.to_s):
-            times.append(t - offset - drift * (t - self.middle_s))
-        turn = self._at(times[1]) - self._at(times[0])
-        w = self.weight_reading
-        wp, wt = (diags(self.weight_turn[:, k]) for k in (0, 1))
-        s = 1.0 + scale
-        design = bmat(
-            [
-                [w * self._basis, None],
-                [None, w * self._basis],
-                [wp @ turn * s, wp @ turn * (-roll * s)],
-                [wt @ turn * (roll * s), wt @ turn * s],
-                [w * self._stiff, None],
-                [None, w * self._stiff],
-            ]
-        ).tocsc()
-        data = np.concatenate(
-            [
-                w * self.readings[:, 1],
-                w * self.readings[:, 2],
-                self.weight_turn[:, 0] * motion.turn_rad[:, 0],
-                self.weight_turn[:, 1] * motion.turn_rad[:, 1],
-                np.zeros(2 * self._stiff.shape[0]),
-            ]
-        )
-        return design, data
-
-    def left_over(self, p: FloatArray) -> FloatArray:
-        """Return the weighted residuals: readings' pan and tilt, turns' pan and tilt, then the rest."""
-        design, data = self.matrices(p)
-        return np.asarray(design @ _factors(design).solve(design.T @ data) - data)
-
-    def freedom(self, p: FloatArray) -> tuple[float, float]:
-        """Return how many parameters the readings and the turns each pay for."""
-        design, _ = self.matrices(p)
-        n = 2 * len(self.readings)
-        parts = design[:n], design[n : n + 2 * len(self.motion.from_s)]
-        normal = (design.T @ design).toarray()
-        inverse = np.linalg.inv(normal + 1e-12 * np.trace(normal) / len(normal) * np.eye(len(normal)))
-        taken = [float(np.sum((part.T @ part).multiply(inverse.T))) for part in parts]
-        return taken[0], taken[1]
-
-    def solve(self, start: FloatArray) -> FloatArray:
-        """Return the parameters (4,) from a start (4,)."""
-        prior, free = self.prior(), self.free()
-
-        def at(x: FloatArray) -> FloatArray:
-            p = start.copy()
-            p[free] += x * _STEPS[free]
-            return p
-
-        # differences from the start: a trust region begins with the size of what it starts from
-        found = least_squares(
-            lambda x: np.concatenate([self.left_over(at(x)), at(x)[free] / prior[free]]),
-            np.zeros(int(free.sum())),
-            jac=lambda x: np.concatenate(
-                [self.jacobian(at(x))[:, free] * _STEPS[free], np.diag(_STEPS[free] / prior[free])]
-            ),
-            ftol=1e-7,
-            xtol=1e-5,
-            max_nfev=60,
-        )
-        return at(np.asarray(found.x))
-
-    def free(self) -> MaskArray:
-        """Return which of the four parameters are sought."""
-        return np.array([True, self.with_drift, True, True])
-
-    def prior(self) -> FloatArray:
-        return np.array([1e3, DRIFT_SIGMA if self.with_drift else 1e-12, SCALE_SIGMA, ROLL_SIGMA_RAD])
-
-    def jacobian(self, p: FloatArray) -> FloatArray:
-        """Return the derivatives (n, 4) of `left_over`, without the part that vanishes with the residuals (Kaufman)."""
-        design, data = self.matrices(p)
-        factors = _factors(design)
-        coefficients = factors.solve(design.T @ data)
-        columns = []
-        for k, free in enumerate(self.free()):
-            if not free:
-                columns.append(np.zeros(len(data)))
-                continue
-            d = np.zeros(4)
-            d[k] = _STEPS[k]
-            moved = (self.matrices(p + d)[0] @ coefficients - self.matrices(p - d)[0] @ coefficients) / (
-                2.0 * _STEPS[k]
-            )
-            columns.append(moved - design @ factors.solve(design.T @ moved))
-        return np.stack(columns, axis=1)
-
-
-def _factors(design: csr_matrix) -> SuperLU:
-    """Return the factors of the normal equations."""
-    normal = (design.T @ design).tocsc()
-    return splu(normal + 1e-12 * normal.diagonal().mean() * identity(normal.shape[0], format="csc"))
-
-
 def solve_timing(name: str, readings: FloatArray, motion: ImageMotion, reading_sigma_rad: float) -> TimingFit:
     """Find the offset from readings (m, 3) of session time, pan, tilt and a camera's turns.
 
@@ -223,9 +85,9 @@ def solve_timing(name: str, readings: FloatArray, motion: ImageMotion, reading_s
             f"station {name}: got {got}; wanted at least {LEAST_PAIRS}: PTU and frames of the same time"
         )
     start = _coarse_offset(readings, motion, kept)
-    best: tuple[float, _Model, FloatArray, MaskArray] | None = None
+    best: tuple[float, MotionSpline, FloatArray, MaskArray] | None = None
     for spacing in _SPACINGS_S:
-        if not _possible(readings, spacing):
+        if not _possible(readings, motion, spacing):
             continue
         tried = _solved(readings, motion, kept, start, spacing, reading_sigma_rad)
         if best is None or tried[0] < best[0]:
@@ -282,31 +144,33 @@ def _coarse_offset(readings: FloatArray, motion: ImageMotion, kept: MaskArray) -
     return float(offsets[int(np.argmin(misfits))])
 
 
-def _possible(readings: FloatArray, spacing_s: float) -> bool:
+def _possible(readings: FloatArray, motion: ImageMotion, spacing_s: float) -> bool:
+    """Return whether knots so far apart leave readings and pictures something to disagree about."""
     span = float(np.ptp(readings[:, 0]))
     step = float(np.median(np.diff(readings[:, 0])))
+    frames = float(np.median(motion.to_s - motion.from_s))
+    step = max(step, 0.45 * frames)
     return 2.0 * step <= spacing_s and 4.0 * spacing_s <= span and span / spacing_s <= _MOST_KNOTS
 
 
 def _knots(readings: FloatArray, spacing_s: float) -> FloatArray:
     first, last = float(readings[0, 0]), float(readings[-1, 0])
     inner = np.linspace(first, last, max(2, round((last - first) / spacing_s) + 1))
-    return np.concatenate([[first] * _CUBIC, inner, [last] * _CUBIC])
+    return np.concatenate([[first] * CUBIC, inner, [last] * CUBIC])
 
 
 def _solved(
     readings: FloatArray, motion: ImageMotion, kept: MaskArray, start: float, spacing: float, sigma: float
-) -> tuple[float, _Model, FloatArray, MaskArray]:
+) -> tuple[float, MotionSpline, FloatArray, MaskArray]:
     """Return Bayes' information criterion, the model, its parameters and the pairs used, for one spacing of knots."""
     p = np.array([start, 0.0, 0.0, 0.0])
     knots, extra = _knots(readings, spacing), 0.0
     middle = float(0.5 * (motion.from_s[0] + motion.to_s[-1]))
     kept = kept.copy()
     n = 2 * len(readings)
-    criterion = np.inf
-    for _ in range(_VARIANCE_ROUNDS):
+    for round_ in range(_VARIANCE_ROUNDS):
         used = _pairs(motion, kept)
-        model = _Model(
+        model = MotionSpline(
             readings=readings,
             motion=used,
             knots=knots,
@@ -330,14 +194,15 @@ def _solved(
         # what the windows' own agreement does not know of, the same for all pairs
         variance = float(np.sum(off_turn.reshape(2, -1)[:, good] ** 2)) / max(2 * good.sum() - taken[1], 1.0)
         added, extra = extra, max(variance - float(np.mean(used.sigma_rad[good] ** 2)), 0.0)
-        if good.all() and abs(sigma - before) < 0.02 * sigma and abs(extra - added) < 0.05 * (variance + extra):
-            break
-    return criterion, model, p, kept
+        settled = good.all() and abs(sigma - before) < 0.02 * sigma and abs(extra - added) < 0.05 * (variance + extra)
+        if settled or round_ == _VARIANCE_ROUNDS - 1:
+            return criterion, model, p, kept
+    raise TimingFitError("no round was made")
 
 
-def _criterion(model: _Model, left: FloatArray, n: int, m: int, sigma: float) -> float:
-    """Return Bayes' information criterion; the readings' scatter is what it is, the turns' never below the windows' own."""
-    count = 2 * (len(model.knots) - _CUBIC - 1)
+def _criterion(model: MotionSpline, left: FloatArray, n: int, m: int, sigma: float) -> float:
+    """Return Bayes' information criterion; the turns scatter no less than the windows' agreement says."""
+    count = 2 * (len(model.knots) - CUBIC - 1)
     readings = n * np.log(np.sum((left[:n] * sigma) ** 2) / n)
     turns = float(np.sum(left[n : n + m] ** 2)) - 2.0 * float(np.sum(np.log(model.weight_turn)))
     return float(readings + turns + count * np.log(n + m))
@@ -355,11 +220,11 @@ def _pairs(motion: ImageMotion, kept: MaskArray) -> ImageMotion:
     )
 
 
-def _answer(name: str, model: _Model, p: FloatArray, kept: MaskArray) -> TimingFit:
+def _answer(name: str, model: MotionSpline, p: FloatArray, kept: MaskArray) -> TimingFit:
     covariance, factor = _covariance(model, p)
     drift, drift_sigma = 0.0, None
     if float(np.ptp(model.motion.from_s)) >= _DRIFT_SPAN_S:
-        drifting = _Model(
+        drifting = MotionSpline(
             **{
                 f: getattr(model, f)
                 for f in ("readings", "motion", "knots", "weight_reading", "weight_turn", "middle_s")
@@ -400,7 +265,7 @@ def _answer(name: str, model: _Model, p: FloatArray, kept: MaskArray) -> TimingF
     )
 
 
-def _covariance(model: _Model, p: FloatArray) -> tuple[FloatArray, float]:
+def _covariance(model: MotionSpline, p: FloatArray) -> tuple[FloatArray, float]:
     """Return (JᵀJ)⁻¹ of what the splines leave over (4, 4), and by how much errors that last raise the offset's sigma.
 
     Successive turns share a frame, and a picture's coding lasts: turns of one second count as one observation, if that

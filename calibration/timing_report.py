@@ -39,8 +39,8 @@ def _station(found: TimingCalibration, name: str, fit: TimingFit) -> list[str]:
     lines = [
         f"station {name}, by pictures: its PTU's readings are {_ms(_difference(fit))} later than the rig said;"
         f" ptu_clock offset now {1e3 * found.rig[name].ptu_clock.offset_s:.2f} ms",
-        f"  {int(fit.kept.sum())} of {motion.frames} pairs of frames; {motion.plain} without texture all over the picture,"
-        f" {motion.torn} whose windows do not agree, {int((~fit.kept).sum())} that do not fit or have no readings around",
+        f"  {int(fit.kept.sum())} of {motion.frames} pairs of frames; {motion.plain} without texture all over,"
+        f" {motion.torn} whose windows do not agree, {int((~fit.kept).sum())} that do not fit or lack readings around",
         f"  the head turned at up to {np.degrees(fit.rate_rad_s.max()):.2f} deg/s,"
         f" {np.degrees(np.sqrt(np.mean(fit.rate_rad_s**2))):.2f} rms; readings scatter by"
         f" {np.degrees(fit.reading_sigma_rad):.4f} deg, shifts of pictures by {focal * fit.turn_sigma_rad:.3f} px",

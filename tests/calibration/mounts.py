@@ -93,7 +93,7 @@ def look(
     marks: tuple[Mark, ...],
     rng: np.random.Generator,
     pointings: int,
-    noise: Noise = Noise(),  # noqa: B008 - frozen
+    noise: Noise = Noise(),
     bodies: dict[str, np.ndarray] | None = None,
 ) -> MountSightings:
     """Return what is seen where the head looks near each mark in turn, coming from either side."""
