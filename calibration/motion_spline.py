@@ -126,6 +126,7 @@ class MotionSpline:
         return np.array([True, self.with_drift, True, True])
 
     def prior(self) -> FloatArray:
+        """Return one sigma before of the four parameters; a drift that is not sought is exact."""
         return np.array([1e3, DRIFT_SIGMA if self.with_drift else 1e-12, SCALE_SIGMA, ROLL_SIGMA_RAD])
 
     def jacobian(self, p: FloatArray) -> FloatArray:

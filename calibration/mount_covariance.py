@@ -1,7 +1,6 @@
 """What sightings determine of a mount, what they do not, and how well: information, held parameters, covariance."""
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from calibration.flight_problem import left_jacobian
 from calibration.mount_problem import MountProblem, Sought
@@ -17,19 +16,21 @@ BASE = tuple(f"runway_from_base.{axis}" for axis in "xyz")
 def whitened(problem: MountProblem, sought: Sought, kept: MaskArray) -> tuple[FloatArray, FloatArray]:
     """Return residuals and Jacobian of what is kept, in sigmas and uncorrelated, and behind them what was known."""
     seen = problem.sightings
+    own = np.flatnonzero(kept)
+    own = own[np.argsort(seen.pointing[own], kind="stable")]
+    _, first, counts = np.unique(seen.pointing[own], return_index=True, return_counts=True)
+    both = np.concatenate([(sought.pixel_px - seen.pixel_px)[:, :, None], sought.jacobian], axis=2)
     residuals, jacobians = [], []
-    for number in np.unique(seen.pointing[kept]):
-        own = np.flatnonzero(kept & (seen.pointing == number))
-        by_angle = sought.by_angle[own].reshape(-1, 2)
-        covariance = problem.station.angle_sigma_rad**2 * by_angle @ by_angle.T
-        covariance += np.diag(np.repeat(seen.sigma_px[own] ** 2, 2))
-        root = np.linalg.cholesky(covariance)
-        both = np.column_stack(
-            [(sought.pixel_px - seen.pixel_px)[own].ravel(), sought.jacobian[own].reshape(len(by_angle), -1)]
-        )
-        white = solve_triangular(root, both, lower=True, check_finite=False)
-        residuals.append(white[:, 0])
-        jacobians.append(white[:, 1:])
+    # standstills of as many sightings at once
+    for count in np.unique(counts):
+        rows = own[first[counts == count][:, None] + np.arange(count)]
+        size = 2 * int(count)
+        by_angle = sought.by_angle[rows].reshape(len(rows), size, 2)
+        covariance = problem.station.angle_sigma_rad**2 * by_angle @ np.swapaxes(by_angle, 1, 2)
+        covariance[:, np.arange(size), np.arange(size)] += np.repeat(seen.sigma_px[rows] ** 2, 2, axis=1)
+        white = np.linalg.solve(np.linalg.cholesky(covariance), both[rows].reshape(len(rows), size, -1))
+        residuals.append(white[:, :, 0].ravel())
+        jacobians.append(white[:, :, 1:].reshape(len(rows) * size, -1))
     return np.concatenate(residuals), np.concatenate(jacobians)
 
 

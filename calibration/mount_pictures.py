@@ -9,8 +9,8 @@ import numpy as np
 
 from calibration.boards import Board
 from calibration.corners import CornerFinder
-from calibration.mount_problem import Mark, MarkKind, MountSightings
 from calibration.mount_parameters import UNKNOWN_DISTANCE_M
+from calibration.mount_problem import Mark, MarkKind, MountSightings
 from calibration.sightings import MAX_PAN_DEG, MAX_TILT_DEG, STANDING_DEG
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.errors import InputError, SessionError

@@ -35,6 +35,7 @@ def _difference(fit: TimingFit) -> ClockDifference:
 
 def _station(found: TimingCalibration, name: str, fit: TimingFit) -> list[str]:
     motion = found.motions[name].motion
+    windows = float(np.median(motion.sigma_rad))
     focal = float(found.session.rig[name].lens.focal_px[0])
     lines = [
         f"station {name}, by pictures: its PTU's readings are {_ms(_difference(fit))} later than the rig said;"
@@ -43,7 +44,7 @@ def _station(found: TimingCalibration, name: str, fit: TimingFit) -> list[str]:
         f" {motion.torn} whose windows do not agree, {int((~fit.kept).sum())} that do not fit or lack readings around",
         f"  the head turned at up to {np.degrees(fit.rate_rad_s.max()):.2f} deg/s,"
         f" {np.degrees(np.sqrt(np.mean(fit.rate_rad_s**2))):.2f} rms; readings scatter by"
-        f" {np.degrees(fit.reading_sigma_rad):.4f} deg, shifts of pictures by {focal * fit.turn_sigma_rad:.3f} px",
+        f" {np.degrees(fit.reading_sigma_rad):.4f} deg; a picture's windows agree to {focal * windows:.3f} px",
         f"  found on the way: scale {1e2 * fit.scale:+.3f} %, roll {np.degrees(fit.roll_rad):+.3f} deg",
     ]
     if fit.drift_sigma is not None:
@@ -70,13 +71,13 @@ def _cameras(found: TimingCalibration) -> list[str]:
             a, b = found.by_pictures[first], found.by_pictures[other]
             gap = ClockDifference(value_s=a.offset_s - b.offset_s, sigma_s=float(np.hypot(a.sigma_s, b.sigma_s)))
             lines.append(
-                f"camera {other} against camera {first}, if one clock stamps both PTUs: {_ms(gap)} later than its stamps"
-                " say (--one-ptu-clock writes it)"
+                f"camera {other} against camera {first}, if one clock stamps both PTUs: {_ms(gap)} later than it says"
+                " (--one-ptu-clock writes it)"
             )
         flown = found.flight_cameras(first, other)
         if flown is not None:
             lines.append(
-                f"camera {other} against camera {first}, by the flight: {_ms(flown)} later than its stamps say"
+                f"camera {other} against camera {first}, by the flight: {_ms(flown)} later than it says"
             )
     return lines
 
