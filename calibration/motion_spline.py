@@ -23,7 +23,7 @@ _STIFFNESS = 1e-5
 SCALE_SIGMA = 0.02
 ROLL_SIGMA_RAD = float(np.radians(2.0))
 DRIFT_SIGMA = 2e-4
-# of numeric derivatives, and the scale of each parameter: offset in s, drift, scale, roll in rad
+# the scale of each parameter: offset in s, drift, scale, roll in rad
 _STEPS = np.array([1e-4, 1e-6, 1e-4, 1e-4])
 
 
@@ -47,19 +47,23 @@ class MotionSpline:
 
     _basis: csr_matrix = None
     _stiff: csr_matrix = None
+    _last: "_Solution | None" = None
+
+    def _inside(self, t_s: FloatArray) -> FloatArray:
+        return np.clip(t_s, self.knots[CUBIC], self.knots[-CUBIC - 1] - 1e-9)
 
     def _at(self, t_s: FloatArray) -> csr_matrix:
-        inside = np.clip(t_s, self.knots[CUBIC], self.knots[-CUBIC - 1] - 1e-9)
-        return BSpline.design_matrix(inside, self.knots, CUBIC).tocsr()
+        return BSpline.design_matrix(self._inside(t_s), self.knots, CUBIC).tocsr()
+
+    def _times(self, t_s: FloatArray, p: FloatArray) -> FloatArray:
+        """Return the PTU's times (n,) of instants of the session."""
+        return np.asarray(t_s - p[0] - p[1] * (t_s - self.middle_s))
 
     def matrices(self, p: FloatArray) -> tuple[csr_matrix, FloatArray]:
         """Return the weighted design of the splines' coefficients and the weighted data, behind the rest."""
-        offset, drift, scale, roll = p
+        _, _, scale, roll = p
         motion = self.motion
-        times = []
-        for t in (motion.from_s, motion.to_s):
-            times.append(t - offset - drift * (t - self.middle_s))
-        turn = self._at(times[1]) - self._at(times[0])
+        turn = self._at(self._times(motion.to_s, p)) - self._at(self._times(motion.from_s, p))
         w = self.weight_reading
         wp, wt = (diags(self.weight_turn[:, k]) for k in (0, 1))
         s = 1.0 + scale
@@ -84,10 +88,19 @@ class MotionSpline:
         )
         return design, data
 
+    def _solution(self, p: FloatArray) -> "_Solution":
+        """Return the splines that fit best at four parameters; the last answer is remembered."""
+        if self._last is None or not np.array_equal(self._last.p, p):
+            design, data = self.matrices(p)
+            factors = _factors(design)
+            coefficients = np.asarray(factors.solve(design.T @ data))
+            self._last = _Solution(p.copy(), design, data, factors, coefficients)
+        return self._last
+
     def left_over(self, p: FloatArray) -> FloatArray:
         """Return the weighted residuals: readings' pan and tilt, turns' pan and tilt, then the rest."""
-        design, data = self.matrices(p)
-        return np.asarray(design @ _factors(design).solve(design.T @ data) - data)
+        at = self._solution(p)
+        return np.asarray(at.design @ at.coefficients - at.data)
 
     def freedom(self, p: FloatArray) -> tuple[float, float]:
         """Return how many parameters the readings and the turns each pay for."""
@@ -131,21 +144,37 @@ class MotionSpline:
 
     def jacobian(self, p: FloatArray) -> FloatArray:
         """Return the derivatives (n, 4) of `left_over`, without the part that vanishes with the residuals (Kaufman)."""
-        design, data = self.matrices(p)
-        factors = _factors(design)
-        coefficients = factors.solve(design.T @ data)
-        columns = []
-        for k, free in enumerate(self.free()):
-            if not free:
-                columns.append(np.zeros(len(data)))
-                continue
-            d = np.zeros(4)
-            d[k] = _STEPS[k]
-            moved = (self.matrices(p + d)[0] @ coefficients - self.matrices(p - d)[0] @ coefficients) / (
-                2.0 * _STEPS[k]
-            )
-            columns.append(moved - design @ factors.solve(design.T @ moved))
-        return np.stack(columns, axis=1)
+        at = self._solution(p)
+        n, m = len(self.readings), len(self.motion.from_s)
+        scale, roll = 1.0 + p[2], p[3]
+        halves = np.split(at.coefficients, 2)
+        curves = [BSpline(self.knots, half, CUBIC) for half in halves]
+        by_offset, by_drift, turn = np.zeros((2, m)), np.zeros((2, m)), np.zeros((2, m))
+        for sign, stamps in ((-1.0, self.motion.from_s), (1.0, self.motion.to_s)):
+            inside = self._inside(self._times(stamps, p))
+            for axis, curve in enumerate(curves):
+                rate = curve(inside, nu=1)
+                by_offset[axis] -= sign * rate
+                by_drift[axis] -= sign * rate * (stamps - self.middle_s)
+                turn[axis] += sign * curve(inside)
+        mix = scale * np.array([[1.0, -roll], [roll, 1.0]])
+        columns = np.zeros((len(at.data), 4))
+        parts = (mix @ by_offset, mix @ by_drift, mix @ turn / scale, scale * np.array([-turn[1], turn[0]]))
+        for k, part in enumerate(parts):
+            if self.free()[k]:
+                moved = np.zeros(len(at.data))
+                moved[2 * n : 2 * n + 2 * m] = (part * self.weight_turn.T).ravel()
+                columns[:, k] = moved - at.design @ at.factors.solve(at.design.T @ moved)
+        return columns
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solution:
+    p: FloatArray
+    design: csr_matrix
+    data: FloatArray
+    factors: SuperLU
+    coefficients: FloatArray
 
 
 def _factors(design: csr_matrix) -> SuperLU:

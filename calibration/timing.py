@@ -17,7 +17,7 @@ from groundstation.errors import GroundstationError
 
 LEAST_PAIRS = 20
 LEAST_S = 1.5
-_SPACINGS_S = (0.8, 0.4, 0.2, 0.1, 0.05)
+_SPACINGS_S = (0.4, 0.2, 0.1, 0.05)
 _MOST_KNOTS = 700
 _SEARCH_S, _SEARCH_STEP_S = 0.3, 0.02
 _GROSS_SIGMA = 4.5
@@ -28,6 +28,8 @@ _DRIFT_SPAN_S = 20.0
 _DRIFT_SIGNIFICANT = 4.0
 _WORST_SIGMA_S = 0.02
 _LEAST_RATE_RAD_S = float(np.radians(0.1))
+# what noise alone spans
+_NOISES = 10.0
 
 
 class TimingFitError(GroundstationError):
@@ -71,7 +73,7 @@ def solve_timing(name: str, readings: FloatArray, motion: ImageMotion, reading_s
 
     Raises `TimingFitError`, one line, where they cannot tell it.
     """
-    _require_enough(name, readings, motion)
+    _require_enough(name, readings, motion, reading_sigma_rad)
     t, first = np.unique(readings[:, 0], return_index=True)
     readings = np.column_stack([t, np.unwrap(readings[first, 1:], axis=0)])
     margin = _SEARCH_S + 0.1
@@ -90,14 +92,15 @@ def solve_timing(name: str, readings: FloatArray, motion: ImageMotion, reading_s
         if not _possible(readings, motion, spacing):
             continue
         tried = _solved(readings, motion, kept, start, spacing, reading_sigma_rad)
-        if best is None or tried[0] < best[0]:
-            best = tried
+        if best is not None and tried[0] >= best[0]:
+            break
+        best = tried
     if best is None:
         raise TimingFitError(f"station {name}: got readings for too short a time; wanted {LEAST_S:g} s or more")
     return _answer(name, best[1], best[2], best[3])
 
 
-def _require_enough(name: str, readings: FloatArray, motion: ImageMotion) -> None:
+def _require_enough(name: str, readings: FloatArray, motion: ImageMotion, sigma_rad: float) -> None:
     where = f"station {name}"
     good = len(motion.from_s)
     if motion.frames < LEAST_PAIRS or (good and np.ptp(motion.to_s) < LEAST_S and good < LEAST_PAIRS):
@@ -107,10 +110,10 @@ def _require_enough(name: str, readings: FloatArray, motion: ImageMotion) -> Non
         got = f"{good} pairs of frames whose motion shows, {motion.plain} without texture, {motion.torn} torn"
         wanted = "a scene with texture all over the picture that stands still: trees, houses, ground, no plain sky"
         raise TimingFitError(f"{where}: got {got}; wanted {wanted}")
-    moves = np.degrees(np.ptp(readings[:, 1:], axis=0)).max()
+    moves = np.degrees(np.ptp(_thin(readings)[:, 1:], axis=0)).max()
     seconds = max(float(np.ptp(readings[:, 0])), 1e-9)
     path = float(np.abs(np.diff(_thin(readings)[:, 1:], axis=0)).sum()) / seconds
-    if moves < 0.05 or path < _LEAST_RATE_RAD_S:
+    if moves < 0.05 or path < _LEAST_RATE_RAD_S or moves < _NOISES * np.degrees(sigma_rad):
         got = f"a PTU that moves {moves:.3f} deg in all, {np.degrees(path):.3f} deg/s on average"
         raise TimingFitError(f"{where}: got {got}; wanted one that swings, 5 deg at 0.3 Hz or so")
 
