@@ -38,7 +38,9 @@ def main() -> None:
         errors, sigmas = [], []
         for seed in range(n):
             rng = np.random.default_rng([7, seed])
-            made = Recorder(**{**{f: getattr(how, f) for f in Recorder.__slots__}, "offset_s": rng.uniform(-0.08, 0.08)})
+            made = Recorder(
+                **{**{f: getattr(how, f) for f in Recorder.__slots__}, "offset_s": rng.uniform(-0.08, 0.08)}
+            )
             readings, motion = recorded(swing, made, rng)
             fit = solve_timing("left", readings, motion, np.radians(0.01))
             errors.append(fit.offset_s - made.offset_s)

@@ -163,9 +163,7 @@ def _row(station: Station, from_s: float, to_s: float, encoder: FloatArray, turn
 def _corners(grey: ImageArray) -> FloatArray | None:
     """Return corners (n, 2) of the scene's texture, spread over the picture; None where there are too few."""
     found = cv2.goodFeaturesToTrack(grey, _CORNERS, _QUALITY, _APART_PX, blockSize=7)
-    if found is None:
-        return None
-    corners = np.asarray(found, dtype=np.float64).reshape(-1, 2)
+    corners = np.zeros((0, 2)) if found is None else np.asarray(found, dtype=np.float64).reshape(-1, 2)
     strength = cv2.cornerMinEigenVal(grey, 7, ksize=3)
     column, row = corners.astype(np.intp).T
     # Sobel's kernel over 7 x 7 pixels: about the square of the slope, grey levels per px

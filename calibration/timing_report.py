@@ -76,9 +76,7 @@ def _cameras(found: TimingCalibration) -> list[str]:
             )
         flown = found.flight_cameras(first, other)
         if flown is not None:
-            lines.append(
-                f"camera {other} against camera {first}, by the flight: {_ms(flown)} later than it says"
-            )
+            lines.append(f"camera {other} against camera {first}, by the flight: {_ms(flown)} later than it says")
     return lines
 
 

@@ -1,4 +1,4 @@
-"""`calibrate mount`: errors within their sigmas, what cannot be known held and said, outliers named, bad input refused."""
+"""`calibrate mount`: errors within their sigmas, what cannot be known held, outliers named, bad input refused."""
 
 from dataclasses import replace
 
@@ -9,8 +9,8 @@ from scipy.stats import chi2
 
 from calibration.boards import parse_board
 from calibration.mount import MountFitError
-from calibration.mount_pictures import find_lamp
 from calibration.mount_parameters import USUAL_WORDS, choose_mount, mount_words
+from calibration.mount_pictures import find_lamp
 from calibration.mount_problem import Mark, MarkKind, MountProblem
 from calibration.mount_report import format_mount, pointing_sigma, verdict
 from calibration.mount_session import calibrate_station
@@ -22,7 +22,11 @@ from groundstation.rig_toml import rig_to_toml
 from tests.calibration.mounts import Noise, look, marks_around, off_by, plain_station, spoiled
 
 UNKNOWN_BOARD = Mark(
-    name="board", kind=MarkKind.BOARD, place_m=np.array([0.0, 50.0, 0.0]), sigma=np.zeros(3), runway_from_board=np.eye(3)
+    name="board",
+    kind=MarkKind.BOARD,
+    place_m=np.array([0.0, 50.0, 0.0]),
+    sigma=np.zeros(3),
+    runway_from_board=np.eye(3),
 )
 
 
@@ -251,8 +255,7 @@ def test_free_refuses_words_it_does_not_know() -> None:
 # ------------------------------------------------------------------------------------------------ pictures
 def blob(at, size=(120, 160), width=1.6, bright=180.0):
     v, u = np.mgrid[0 : size[0], 0 : size[1]]
-    spot = bright * np.exp(-((u - at[0]) ** 2 + (v - at[1]) ** 2) / (2 * width**2))
-    return spot
+    return bright * np.exp(-((u - at[0]) ** 2 + (v - at[1]) ** 2) / (2 * width**2))
 
 
 def test_a_lamp_is_found_to_a_fraction_of_a_pixel(rng) -> None:
