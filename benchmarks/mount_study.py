@@ -3,8 +3,8 @@
     python benchmarks/mount_study.py [--rigs 120]
 
 Heads with every error that is sought (0.3° boresight and base, 1 cm lever arm, 300 ppm scales, 0.05° lean, backlash
-up to 0.06°), encoders of 0.01° noise and 0.00625° steps, pixels of 0.3 px, twelve marks of known place or direction over
-pan ±60° and tilt −10 to 58°, each place approached from either side.
+up to 0.06°), encoders of 0.01° noise and 0.00625° steps, pixels of 0.3 px, twelve marks of known place or direction
+over pan ±60° and tilt −10 to 58°, each place approached from either side.
 """
 
 import argparse

@@ -28,6 +28,8 @@ _WORST_NOISE_FACTOR = 30.0
 # readings this close are one standstill, if nothing else tells
 _SAME_RAD = 1e-9
 _WRONG_SENSE_SIGMAS = 6.0
+# a rig that knows its orientation is not so far off
+_FARTHEST_RAD = float(np.radians(30.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,8 +120,25 @@ def calibrate_station(
         got = f"sightings that fit to {best.rms_px:.1f} px only"
         wanted = "marks that stand still, the lens of this camera, and angles with the signs of docs/conventions.md"
         raise MountFitError(f"station {station.name}: got {got}; wanted {wanted}")
+    _require_signs(station, best)
     _require_senses(best)
     return StationMount(before=station, after=solved_station(station, best), fit=best)
+
+
+def _require_signs(station: Station, fit: MountFit) -> None:
+    """Raise `MountFitError` where a camera comes out elsewhere than anybody who knew its orientation would have it.
+
+    A head that reads the wrong way round is one whose camera looks backwards, or stands on its head.
+    """
+    if "orientation" not in station.known:
+        return
+    found = fit.problem.station_at(fit.change)
+    for name in ("head_from_camera_wxyz", "runway_from_base_wxyz"):
+        turned = 2.0 * np.arccos(min(1.0, abs(float(getattr(found, name) @ getattr(station, name)))))
+        if turned > _FARTHEST_RAD:
+            got = f"a {name.removesuffix('_wxyz')} {np.degrees(turned):.0f} deg off the rig's"
+            wanted = "angles with the signs of docs/conventions.md, or a rig without orientation in `known`"
+            raise MountFitError(f"station {station.name}: got {got}; wanted {wanted}")
 
 
 def _require_senses(fit: MountFit) -> None:
