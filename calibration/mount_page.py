@@ -17,7 +17,7 @@ from calibration.mount_session import StationMount
 _BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
 _CAPTIONS = {
     "residuals": "Each dot is a sighting: how far it was from where the result puts it. Orange: left out.",
-    "coverage": "At which angles marks were seen, what is left over drawn 2000 times too large.",
+    "coverage": "At which angles marks were seen, what is left over drawn 300 times too large.",
     "over-angle": "What is left over against the reading. A slope or a bow is an error that the model does not have.",
 }
 
@@ -70,7 +70,7 @@ def _pictures(one: StationMount) -> dict[str, bytes]:
         focal = one.after.lens.focal_px
         drawn = np.degrees(residual[kept] / focal) * (1, -1)
         axes.plot(*degrees[kept].T, ".", color=_BLUE, ms=3)
-        axes.quiver(*degrees[kept].T, *drawn.T, angles="xy", scale_units="xy", scale=5e-4, width=0.002, color=_GREEN)
+        axes.quiver(*degrees[kept].T, *drawn.T, angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.002, color=_GREEN)
         axes.plot(*degrees[~kept].T, "x", color=_ORANGE)
         axes.set(xlabel="pan, deg", ylabel="tilt, deg")
 
