@@ -1,6 +1,5 @@
 """report.html of a mount: one self-contained page with the residuals drawn."""
 
-import base64
 import io
 from collections.abc import Sequence
 from html import escape
@@ -10,11 +9,16 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from calibration.lens_report import PAGE_STYLE
 from calibration.mount_report import format_mount, verdict
 from calibration.mount_session import StationMount
+from calibration.report_page import report_figure, report_list, report_page
 
 _BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
+_TITLES = {
+    "residuals": "What is left over",
+    "coverage": "Where marks were seen",
+    "over-angle": "Left over against angle",
+}
 _CAPTIONS = {
     "residuals": "Each dot is a sighting: how far it was from where the result puts it. Orange: left out.",
     "coverage": "At which angles marks were seen, what is left over drawn 300 times too large.",
@@ -29,25 +33,15 @@ def write_mount_page(folder: Path, found: Sequence[StationMount]) -> list[Path]:
     for one in found:
         name = one.before.name
         parts.append(f"<h2>Station {escape(name)}</h2><p class='verdict'>{escape(verdict(one)[0])}</p>")
-        parts.append("<ul>" + "".join(f"<li>{escape(line)}</li>" for line in verdict(one)[1:]) + "</ul>")
+        parts.append(report_list(verdict(one)[1:]))
         parts.append("<div class='pictures'>")
         for kind, png in _pictures(one).items():
             written.append(folder / f"{name}-{kind}.png")
             written[-1].write_bytes(png)
-            data = base64.b64encode(png).decode("ascii")
-            caption = escape(_CAPTIONS[kind])
-            parts.append(
-                f"<figure><img alt='{kind}' src='data:image/png;base64,{data}'>"
-                f"<figcaption>{caption}</figcaption></figure>"
-            )
+            parts.append(report_figure(_TITLES[kind], _CAPTIONS[kind], png))
         parts.append(f"</div><div class='wide'><pre>{escape(format_mount(one))}</pre></div>")
     body = "<p class='soft'>Groundstation · camera on its head</p><h1>Mount</h1>" + "\n".join(parts)
-    page = (
-        "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>Mount</title><style>{PAGE_STYLE}</style></head><body>\n{body}\n</body></html>\n"
-    )
-    written[0].write_text(page, encoding="utf-8")
+    written[0].write_text(report_page("Mount", body), encoding="utf-8")
     return written
 
 
@@ -70,7 +64,9 @@ def _pictures(one: StationMount) -> dict[str, bytes]:
         focal = one.after.lens.focal_px
         drawn = np.degrees(residual[kept] / focal) * (1, -1)
         axes.plot(*degrees[kept].T, ".", color=_BLUE, ms=3)
-        axes.quiver(*degrees[kept].T, *drawn.T, angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.002, color=_GREEN)
+        axes.quiver(
+            *degrees[kept].T, *drawn.T, angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.002, color=_GREEN
+        )
         axes.plot(*degrees[~kept].T, "x", color=_ORANGE)
         axes.set(xlabel="pan, deg", ylabel="tilt, deg")
 

@@ -1,6 +1,6 @@
 """Landmarks seen through a station: the tables that `calibrate mount`, `survey` and `check` read (docs/formats.md)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -101,7 +101,7 @@ def read_landmarks(path: Path) -> dict[str, Landmark]:
 
 
 def require_consistent(
-    sightings: Sequence[Sighting], landmarks: dict[str, Landmark], stations: Sequence[str], path: Path
+    sightings: Sequence[Sighting], landmarks: Mapping[str, Landmark], stations: Sequence[str], path: Path
 ) -> None:
     """Raise `InputError` for the first sighting whose landmark or station nobody knows."""
     for sighting in sightings:

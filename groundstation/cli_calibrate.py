@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from groundstation.cli_calibrate_landmarks import add_landmark_kinds, run_calibrate_check, run_calibrate_survey
 from groundstation.cli_calibrate_mount import add_mount, run_mount
 from groundstation.cli_calibrate_timing import add_timing, run_timing
 from groundstation.errors import InputError
@@ -52,6 +53,7 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
     _add_flight(kinds)
     add_mount(kinds)
     add_timing(kinds)
+    add_landmark_kinds(kinds)
     intrinsics = kinds.add_parser(
         "intrinsics",
         help="pictures of a board in, the lens out",
@@ -191,6 +193,8 @@ def _convert(options: argparse.Namespace) -> int:
 
 _KINDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "flight": _flight,
+    "survey": run_calibrate_survey,
+    "check": run_calibrate_check,
     "intrinsics": _intrinsics,
     "mount": run_mount,
     "timing": run_timing,
