@@ -74,7 +74,7 @@ def gather_flight(session: Session, detections: Path | None, from_s: float | Non
     track = _track(session, excluded)
     stamps = np.concatenate([found.rows[:, 0] for found in pixels.values()])
     _require_overlap(session, stamps, track)
-    readings = _readings(session, float(stamps.min()), float(stamps.max()))
+    readings = read_angles(session, float(stamps.min()), float(stamps.max()))
     looks = {s.name: _looks(s, pixels[s.name], readings.get(s.name)) for s in session.rig.stations}
     return FlightData(looks=looks, track=track, excluded=tuple(excluded))
 
@@ -152,7 +152,7 @@ def _require_overlap(session: Session, stamps_s: FloatArray, track: ReferenceTra
         raise SessionError(session.name, got=got, wanted="a DGPS log of the same flight ([clocks] in session.toml)")
 
 
-def _readings(session: Session, from_s: float, to_s: float) -> dict[str, FloatArray]:
+def read_angles(session: Session, from_s: float, to_s: float) -> dict[str, FloatArray]:
     """Return each turning station's readings (m, 3): session time, pan, tilt."""
     if all(s.fixed for s in session.rig.stations):
         return {}

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from groundstation.cli_calibrate_landmarks import add_landmark_kinds, run_calibrate_check, run_calibrate_survey
+from groundstation.cli_calibrate_mount import add_mount, run_mount
+from groundstation.cli_calibrate_timing import add_timing, run_timing
 from groundstation.errors import InputError
 from groundstation.progress import ProgressLine
 
@@ -49,6 +51,8 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
     )
     kinds = calibrate.add_subparsers(dest="calibrate", metavar="WHAT", required=True)
     _add_flight(kinds)
+    add_mount(kinds)
+    add_timing(kinds)
     add_landmark_kinds(kinds)
     intrinsics = kinds.add_parser(
         "intrinsics",
@@ -192,5 +196,7 @@ _KINDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "survey": run_calibrate_survey,
     "check": run_calibrate_check,
     "intrinsics": _intrinsics,
+    "mount": run_mount,
+    "timing": run_timing,
     "convert-lens": _convert,
 }

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from groundstation.arrays import FloatArray
 from groundstation.toml_table import Table
 
 # no head that turns is worse; beyond it, someone meant another unit
@@ -40,6 +41,13 @@ class PtuAxes:
             pan_rad * (1.0 + self.pan_scale) + self.pan_zero_rad - 0.5 * pan_from * self.pan_backlash_rad,
             tilt_rad * (1.0 + self.tilt_scale) + self.tilt_zero_rad - 0.5 * tilt_from * self.tilt_backlash_rad,
         )
+
+    def angles_many(self, readings_rad: FloatArray, senses: FloatArray) -> FloatArray:
+        """Return pan and tilt (n, 2), rad, of readings (n, 2), rad, and senses (n, 2)."""
+        scale = np.array([self.pan_scale, self.tilt_scale])
+        zero = np.array([self.pan_zero_rad, self.tilt_zero_rad])
+        backlash = np.array([self.pan_backlash_rad, self.tilt_backlash_rad])
+        return np.asarray(readings_rad * (1.0 + scale) + zero - 0.5 * senses * backlash)
 
     def readings(self, pan_rad: float, tilt_rad: float, pan_from: float, tilt_from: float) -> tuple[float, float]:
         """Return the readings, rad, at which the head has two angles, rad: the inverse of `angles`."""
@@ -115,10 +123,8 @@ def axes_from_file_units(values: dict[str, float]) -> PtuAxes:
 
 def axes_in_file_units(axes: PtuAxes) -> dict[str, float]:
     """Return the axes as numbers in degrees and ppm, by `AXES_KEYS`."""
-    return {
-        key: float(getattr(axes, _field(key)) / (_PPM if key.endswith("_ppm") else np.radians(1.0)))
-        for key in AXES_KEYS
-    }
+    units = {key: _PPM if key.endswith("_ppm") else np.radians(1.0) for key in AXES_KEYS}
+    return {key: float(getattr(axes, _field(key)) / unit) for key, unit in units.items()}
 
 
 def read_axes(table: Table) -> PtuAxes:

@@ -14,7 +14,9 @@ from groundstation.session.tables import CsvTable, Row
 
 
 class PtuReadings:
-    """Streams ptu.csv in order of session time, as angles: the one place where `ptu_axes` of rig.toml are applied; a rig of fixed stations has no readings and needs no file.
+    """Streams ptu.csv in order of session time; a rig of fixed stations has no readings and needs no file.
+
+    What it streams are angles: this is the one place where a replay applies ``ptu_axes`` of rig.toml.
 
     ``fault`` is what ended the stream early, if anything did; ``newest_s`` the last reading handed out.
     Raises `SessionError` on opening if the file or a column is missing.

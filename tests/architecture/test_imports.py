@@ -14,6 +14,8 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     (
         "groundstation.cli_calibrate",
         "groundstation.cli_calibrate_landmarks",
+        "groundstation.cli_calibrate_mount",
+        "groundstation.cli_calibrate_timing",
         "groundstation.cli_cameras",
         "groundstation.cli_live",
         "groundstation.cli_ptu",
