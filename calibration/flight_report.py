@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibration.flight import FlightFit
-from calibration.flight_parameters import FLOOR_CLOCK_S, FLOOR_POSITION_M, FLOOR_ROTATION_RAD
 from calibration.flight_problem import FlightProblem
+from calibration.flight_rig import FLOOR_CLOCK_S, FLOOR_POSITION_M, FLOOR_ROTATION_RAD
 from groundstation.arrays import FloatArray
 from groundstation.geometry.aim import aim_at
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, project_with_calibration

@@ -8,9 +8,10 @@ import numpy as np
 
 from calibration.flight import FlightFit, FlightFitError, solve_flight
 from calibration.flight_data import FlightData, gather_flight
-from calibration.flight_parameters import KNOWN_POSITION_M, FreeParameters, choose_parameters, free_words, solved_rig
+from calibration.flight_parameters import KNOWN_POSITION_M, FreeParameters, choose_parameters, free_words
 from calibration.flight_problem import FlightProblem
 from calibration.flight_report import format_flight_report, rig_header
+from calibration.flight_rig import solved_rig
 from calibration.flight_start import find_start
 from groundstation.errors import InputError
 from groundstation.rig import Rig
@@ -71,7 +72,7 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
             fit, note = _doubted(session, data, fit, (*words, *doubted))
             notes += note
     _require_fit(session, fit)
-    rig = solved_rig(session.rig, fit)
+    rig = solved_rig(session.rig, fit, session.name, antenna)
     report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna)])
     _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
     return FlightCalibration(fit=fit, rig=rig, report=report)

@@ -14,7 +14,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli_calibrate",),
     ("calibration",),
     ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
-    ("groundstation.run", "groundstation.planning"),
+    ("groundstation.run", "groundstation.planning", "groundstation.reference_knowledge"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
     (
@@ -29,7 +29,13 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.integrity", "groundstation.existence", "groundstation.search_region"),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.rig_toml",),
-    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
+    (
+        "groundstation.messages",
+        "groundstation.rig",
+        "groundstation.rig_covariance",
+        "groundstation.rig_reference",
+        "groundstation.toml_table",
+    ),
     ("groundstation.geometry",),
     ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
 )
