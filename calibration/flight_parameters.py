@@ -95,7 +95,8 @@ def _of_station(station: Station, words: Sequence[str]) -> dict[str, float]:
         clocks["ptu_clock"] = station.ptu_clock
     for clock, model in clocks.items():
         if model.sigma_s > 0.0 or clock in words:
-            chosen[f"{clock}.offset"] = model.sigma_s or KNOWN_CLOCK_S
+            # who names it doubts what the rig says of it
+            chosen[f"{clock}.offset"] = max(model.sigma_s, KNOWN_CLOCK_S if clock in words else 0.0)
     if "drift" in words:
         chosen["camera_clock.drift"] = KNOWN_DRIFT
     if "readout" in words:

@@ -13,6 +13,7 @@ from calibration.flight_problem import FlightProblem
 from calibration.flight_report import format_flight_report, rig_header
 from calibration.flight_rig import solved_rig
 from calibration.flight_start import find_start
+from calibration.flight_verdict import judge_flight
 from groundstation.errors import InputError
 from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
@@ -73,7 +74,8 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
             notes += note
     _require_fit(session, fit)
     rig = solved_rig(session.rig, fit, session.name, antenna)
-    report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna)])
+    verdict = judge_flight(rig, fit)
+    report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna, verdict)])
     _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
     return FlightCalibration(fit=fit, rig=rig, report=report)
 
