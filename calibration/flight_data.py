@@ -144,7 +144,8 @@ def _track(session: Session, excluded: list[str]) -> ReferenceTrack:
 def _require_overlap(session: Session, stamps_s: FloatArray, track: ReferenceTrack) -> None:
     """Raise `SessionError` where pixels and fixes have no time in common."""
     if not len(stamps_s):
-        raise SessionError(session.name, got="no pixel in that time", wanted="pixels of the aircraft in flight")
+        wanted = "pixels of the aircraft in flight (a replay finds none with a rig that is further off than it states)"
+        raise SessionError(session.name, got="no pixel in that time", wanted=wanted)
     first, last = track.span_s
     start, end = float(stamps_s.min()), float(stamps_s.max())
     if last < start or first > end:

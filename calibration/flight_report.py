@@ -111,8 +111,6 @@ def _verdict_lines(verdict: FlightVerdict) -> list[str]:
     lines = ["verdict:", *(f"  {text}" for text in verdict.apart), f"  {verdict.summary}"]
     lines += [f"  {text}" for text in verdict.notes]
     if verdict.ranges:
-        lines.append(
-            "  what is left of the calibration's error does to a fix, 1 sigma along / across / up, clocks apart:"
-        )
+        lines.append("  what is left of the calibration's error does to a fix, 1 sigma along / across / up:")
         lines += [f"    {text}" for text in range_lines(verdict.ranges)]
     return [*lines, "  to do next:", *(f"    - {text}" for text in verdict.next_steps)]

@@ -25,7 +25,8 @@ _WORST_EXCLUDED_SHARE = 0.4
 # a pose of which nothing was known has to come out better than this, one sigma
 _WORST_ROTATION_RAD = float(np.radians(2.0))
 _WORST_POSITION_M = 10.0
-# what is doubted first, and what only where that is not all
+# what is doubted first, and what only where that is not all; a lens only where the position is surveyed: without
+# one, focal length and distance go together
 _DOUBTED = (("position", "readout", "drift"), ("position", "readout", "drift", "lens"))
 _FAR_BETTER = 0.7
 
@@ -69,7 +70,8 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
     notes: list[str] = []
     new = [s.name for s in session.rig.stations if not {"orientation", "position"} <= set(s.known)]
     if new and not request.hold:
-        for doubted in _DOUBTED:
+        surveyed = all("position" in s.known for s in session.rig.stations)
+        for doubted in _DOUBTED if surveyed else _DOUBTED[:1]:
             fit, note = _doubted(session, data, fit, (*words, *doubted))
             notes += note
     _require_fit(session, fit)
