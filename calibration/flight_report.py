@@ -32,7 +32,7 @@ def format_flight_report(
         usable, kept, looks = int(station.usable.sum()), int(station.kept.sum()), len(station.usable)
         lines.append(
             f"{name}: {station.rms_px:.2f} px rms over {kept} pixels; {usable - kept} gross, "
-            f"{looks - usable} without angle or DGPS{_gross_times(fit, name)}"
+            f"{looks - usable} without angle or DGPS{gross_times(fit, name)}"
         )
     lines += [f"left out: {text}" for text in excluded[:_MOST_SPANS]]
     if len(excluded) > _MOST_SPANS:
@@ -97,7 +97,8 @@ def parameter_row(before: Rig, after: Rig, fit: FlightFit, k: int, antenna_m: Fl
     return ParameterRow(value=shown, sigma=f"{scale * sigma:.5f}", change=f"{scale * change:+.5f}", unit=unit)
 
 
-def _gross_times(fit: FlightFit, name: str) -> str:
+def gross_times(fit: FlightFit, name: str) -> str:
+    """Say when a station's pixels were left out, in brackets; empty where none was."""
     station = fit.stations[name]
     t = fit.problem.looks[name].t_s[station.usable & ~station.kept]
     if not len(t):

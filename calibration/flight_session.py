@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.flight import FlightFit, FlightFitError, solve_flight
 from calibration.flight_data import FlightData, gather_flight
+from calibration.flight_page import FlightPage, write_flight_page
 from calibration.flight_parameters import KNOWN_POSITION_M, FreeParameters, choose_parameters, free_words
 from calibration.flight_problem import FlightProblem
 from calibration.flight_report import format_flight_report, rig_header
@@ -35,7 +36,8 @@ _FAR_BETTER = 0.7
 class FlightRequest:
     """What to calibrate.
 
-    ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known.
+    ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known; ``report`` is a
+    folder for report.html and its pictures.
     """
 
     session: Path
@@ -46,15 +48,17 @@ class FlightRequest:
     to_s: float | None = None
     free: str = ""
     hold: bool = False
+    report: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightCalibration:
-    """What was found: the fit, the rig with it, and the words for a person."""
+    """What was found: the fit, the rig with it, the words for a person, and the files written."""
 
     fit: FlightFit
     rig: Rig
     report: str
+    files: tuple[Path, ...]
 
 
 def calibrate_flight(request: FlightRequest) -> FlightCalibration:
@@ -79,7 +83,27 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
     verdict = judge_flight(rig, fit)
     report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna, verdict)])
     _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
-    return FlightCalibration(fit=fit, rig=rig, report=report)
+    written = [request.out]
+    if request.report is not None:
+        content = FlightPage(
+            session=session.name,
+            before=session.rig,
+            after=rig,
+            fit=fit,
+            verdict=verdict,
+            notes=notes,
+            excluded=data.excluded,
+            antenna_m=antenna,
+        )
+        written += _write_page(request.report, content)
+    return FlightCalibration(fit=fit, rig=rig, report=report, files=tuple(written))
+
+
+def _write_page(folder: Path, content: FlightPage) -> list[Path]:
+    try:
+        return write_flight_page(folder, content)
+    except OSError as error:
+        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
 
 
 def _solve(session: Session, data: FlightData, free: FreeParameters) -> FlightFit:
