@@ -83,11 +83,8 @@ def _parameters(content: FlightPage) -> str:
         row = parameter_row(content.before, content.after, fit, k, content.antenna_m)
         rows.append([name, row.value, row.sigma, row.change, row.unit, f"{fit.lasting_factor[k]:.1f}"])
     heads = ["parameter", "value", "1 σ", "change", "unit", "raised by"]
-    return (
-        table(heads, rows, words=(4,))
-        + "<p class='soft'>Raised by: so many times the sigma of noise that averages out,"
-        " because of errors that last longer than a frame.</p>"
-    )
+    note = "so many times the sigma of noise that averages out, because of errors that last longer than a frame"
+    return table(heads, rows, words=(4,)) + f"<p class='soft'>Raised by: {note}.</p>"
 
 
 def _stations(fit: FlightFit) -> str:

@@ -51,8 +51,8 @@ def flight_pictures(after: Rig, fit: FlightFit, verdict: FlightVerdict) -> list[
         (
             "geometry",
             "Where it flew, and who saw it",
-            "Stations, the DGPS path (grey), and what each station saw of it. A path that leaves the straight line, near "
-            "and far, tells parameters apart.",
+            "Stations, the DGPS path (grey), and what each station saw of it. A path that leaves the straight line, "
+            "near and far, tells parameters apart.",
             (6.4, 6.4),
             _geometry,
         ),
@@ -67,8 +67,8 @@ def flight_pictures(after: Rig, fit: FlightFit, verdict: FlightVerdict) -> list[
         (
             "over_image",
             "What is left over, over the picture",
-            "Mean predicted minus seen pixel in cells of each station's picture. A pattern is a lens that does not fit, "
-            "or a target point that shifts.",
+            "Mean predicted minus seen pixel in cells of each station's picture. A pattern is a lens that does not "
+            "fit, or a target point that shifts.",
             (6.4, 0.6 + 3.6 * ((rows + 1) // 2)),
             _over_image,
         ),
@@ -83,8 +83,8 @@ def flight_pictures(after: Rig, fit: FlightFit, verdict: FlightVerdict) -> list[
         (
             "learnt",
             "How much was learnt",
-            "One sigma after the flight over one sigma before it, where something was known before. Near 1, nothing was "
-            "learnt.",
+            "One sigma after the flight over one sigma before it, where something was known before. Near 1, nothing "
+            "was learnt.",
             (6.4, 1.2 + 0.22 * min(len(fit.problem.names), 80)),
             _learnt,
         ),
@@ -124,12 +124,8 @@ def _geometry(figure: Figure, content: _Content) -> None:
     for ax, vertical in ((above, 1), (side, 2)):
         ax.plot(path[:, 0], path[:, vertical], color=_SOFT, lw=1.2, zorder=1)
         for colour, (name, looks) in zip(_cycle(len(problem.looks)), problem.looks.items(), strict=True):
-            t = (
-                looks.t_s
-                + problem.value(fit.change, f"{name}.camera_clock.offset")
-                + problem.value(fit.change, DGPS_OFFSET)
-            )
-            seen = problem.track.at(t)
+            later_s = (problem.value(fit.change, clock) for clock in (f"{name}.camera_clock.offset", DGPS_OFFSET))
+            seen = problem.track.at(looks.t_s + sum(later_s))
             shown = seen.position_m[seen.usable & fit.stations[name].kept]
             ax.plot(shown[:, 0], shown[:, vertical], ".", ms=2.5, color=colour, zorder=2)
             place = content.after[name].ptu_position_m
@@ -175,13 +171,24 @@ def _over_image(figure: Figure, content: _Content) -> None:
         ax.set_axis_off()
     for ax, (name, station) in zip(axes[:count], fit.stations.items(), strict=True):
         _arrows(ax, fit.problem.looks[name].pixel_px[station.kept], station.residual_px[station.kept])
-        w, h = content.after[name].lens.image_size_px
-        ax.set_xlim(-0.5, w - 0.5)
-        ax.set_ylim(h - 0.5, -0.5)
+        left, right, top, bottom = _seen_part(content, name)
+        ax.set_xlim(left, right)
+        ax.set_ylim(bottom, top)
         ax.set_aspect("equal")
         for edge in ("top", "right"):
             ax.spines[edge].set_visible(True)
         ax.set_title(name)
+
+
+def _seen_part(content: _Content, name: str) -> tuple[float, float, float, float]:
+    """Return left, right, top and bottom of the picture, or of the part of it in which all pixels are."""
+    w, h = content.after[name].lens.image_size_px
+    pixel = content.fit.problem.looks[name].pixel_px[content.fit.stations[name].kept]
+    if not len(pixel) or float(np.ptp(pixel, axis=0).max()) > w / 3.0:
+        return (-0.5, w - 0.5, -0.5, h - 0.5)
+    u, v = 0.5 * (pixel.min(axis=0) + pixel.max(axis=0))
+    half = 0.65 * max(float(np.ptp(pixel, axis=0).max()), 10.0)
+    return (u - half, u + half, v - half, v + half)
 
 
 def _arrows(ax: Axes, pixel: FloatArray, off: FloatArray) -> None:
@@ -197,9 +204,8 @@ def _arrows(ax: Axes, pixel: FloatArray, off: FloatArray) -> None:
     at = np.array([pixel[c].mean(axis=0) for c in cells])
     mean = np.array([off[c].mean(axis=0) for c in cells])
     scale = max(float(np.percentile(np.linalg.norm(mean, axis=1), 90)), 1e-3)
-    arrows = ax.quiver(
-        *at.T, *mean.T, angles="xy", scale_units="xy", scale=scale / cell, color=_COLOURS[0], width=0.006
-    )
+    how: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": scale / cell, "color": _COLOURS[0]}
+    arrows = ax.quiver(*at.T, *mean.T, width=0.006, **how)
     ax.quiverkey(arrows, 0.78, 1.05, scale, f"{scale:.2g} px", labelpos="E")
 
 
