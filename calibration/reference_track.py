@@ -16,6 +16,7 @@ _LEAST_TO_SMOOTH = 12
 _REACH_S = 2.0
 _FINE = 8
 _SMALL = 0.01
+_MOST_FOR_NOISE = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,6 +115,8 @@ class ReferenceTrack:
         stretches = [k for k in np.split(np.arange(len(t)), cuts) if len(k) >= _LEAST_FIXES]
         self._splines = [(float(t[k[0]]), float(t[k[-1]]), _splines(t[k], reference.position_m[k])) for k in stretches]
         longest = max(stretches, key=len, default=np.arange(0))
+        half = len(longest) // 2
+        longest = longest[max(half - _MOST_FOR_NOISE // 2, 0) : half + _MOST_FOR_NOISE // 2]
         self.noise = path_noise(t[longest], reference.position_m[longest])
         axes = [reference.position_m - nose_from_antenna(reference, axis).position_m for axis in np.eye(3)]
         self._axes = np.stack(axes, axis=2)
