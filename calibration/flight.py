@@ -13,7 +13,7 @@ from groundstation.errors import GroundstationError
 
 LEAST_LOOKS = 20
 _ROBUST_ROUNDS = 4
-_FINAL_ROUNDS = 3
+_FINAL_ROUNDS = 2
 # soft-L1 bends here, in sigmas
 _BEND_SIGMA = 1.5
 # the length of a two-dimensional normal residual: its median, and what one in 25 000 exceeds
@@ -144,7 +144,7 @@ def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> Fli
             loss="soft_l1" if robust else "linear",
             f_scale=_BEND_SIGMA,
             x_scale=np.array([_scale(name) for name in problem.names]),
-            max_nfev=60,
+            max_nfev=60 if robust else 12,
         )
         change = np.asarray(found.x, dtype=np.float64)
     fits = {name: _station_fit(problem, name, change, factors[name], gross=True) for name in problem.looks}

@@ -21,7 +21,7 @@ from groundstation.evaluation.series import IndexArray
 
 @dataclass(slots=True, eq=False)
 class JointResiduals:
-    """Whitened residuals and Jacobian of the kept looks, computed once for each point; then those of the priors.
+    """Whitened residuals and Jacobian of the kept looks; then those of the priors.
 
     ``change`` is where covariances are taken; ``factors`` the noise found over assumed, ``kept`` the looks, by station.
     """
@@ -35,7 +35,7 @@ class JointResiduals:
     _lower: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     _at: bytes = b""
     _residual: FloatArray = field(default_factory=lambda: np.zeros(0))
-    _jacobian: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    _seen: dict[str, Predicted] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         seen = self._predictions(self.change)
@@ -52,35 +52,32 @@ class JointResiduals:
 
     def residual(self, change: FloatArray) -> FloatArray:
         """Return all residuals in sigmas: two for each look in the order of time, then the priors'."""
-        self._compute(change)
+        if change.tobytes() != self._at:
+            off = []
+            self._seen, self._at = self._predictions(change), change.tobytes()
+            for name, predicted in self._seen.items():
+                kept = self.kept[name]
+                # a look that lost its reference meanwhile pulls nowhere
+                there = predicted.usable[kept][:, None]
+                off.append((predicted.pixel_px - self.problem.looks[name].pixel_px)[kept] * there)
+            white = self._whitened(np.concatenate(off)[self._order].ravel())
+            known = np.isfinite(self.problem.prior_sigma)
+            self._residual = np.concatenate([white, (change / self.problem.prior_sigma)[known]])
         return self._residual
 
     def jacobian(self, change: FloatArray) -> FloatArray:
         """Return their derivatives (n, p)."""
-        self._compute(change)
-        return self._jacobian
+        self.residual(change)
+        by_change = np.concatenate([seen.jacobian[self.kept[name]] for name, seen in self._seen.items()])
+        white = self._whitened(by_change[self._order].reshape(-1, len(change)))
+        known = np.isfinite(self.problem.prior_sigma)
+        return np.vstack([white, np.diag(1.0 / self.problem.prior_sigma)[known]])
 
     def _predictions(self, change: FloatArray) -> dict[str, Predicted]:
         return {name: self.problem.predict(name, change) for name in self.problem.looks}
 
-    def _compute(self, change: FloatArray) -> None:
-        if change.tobytes() == self._at:
-            return
-        problem, p = self.problem, len(change)
-        off, by_change = [], []
-        for name, predicted in self._predictions(change).items():
-            kept = self.kept[name]
-            # a look that lost its reference meanwhile pulls nowhere
-            there = predicted.usable[kept][:, None]
-            off.append((predicted.pixel_px - problem.looks[name].pixel_px)[kept] * there)
-            by_change.append(predicted.jacobian[kept])
-        residual = np.concatenate(off)[self._order].ravel()
-        jacobian = np.concatenate(by_change)[self._order].reshape(-1, p)
-        white = solve_banded((len(self._lower) - 1, 0), self._lower, np.column_stack([residual, jacobian]))
-        known = np.isfinite(problem.prior_sigma)
-        self._residual = np.concatenate([white[:, 0], (change / problem.prior_sigma)[known]])
-        self._jacobian = np.vstack([white[:, 1:], np.diag(1.0 / problem.prior_sigma)[known]])
-        self._at = change.tobytes()
+    def _whitened(self, values: FloatArray) -> FloatArray:
+        return np.asarray(solve_banded((len(self._lower) - 1, 0), self._lower, values))
 
 
 def _banded_root(problem: FlightProblem, own: FloatArray, shared: FloatArray, t_s: FloatArray) -> FloatArray:
