@@ -9,7 +9,8 @@ from calibration.flight import FlightFit
 from calibration.flight_pictures import flight_pictures
 from calibration.flight_report import gross_times, parameter_row
 from calibration.flight_verdict import FlightVerdict
-from calibration.report_page import ReportPicture, bullets, figure, page, table, write_page
+from calibration.report_page import report_figure, report_list, report_page, report_table
+from calibration.report_picture import ReportPicture, write_page
 from groundstation.arrays import FloatArray
 from groundstation.rig import Rig
 
@@ -43,22 +44,23 @@ def write_flight_page(folder: Path, content: FlightPage) -> list[Path]:
 def flight_page(content: FlightPage, pictures: Sequence[ReportPicture]) -> str:
     """Return the page; it loads nothing from anywhere."""
     verdict, fit = content.verdict, content.fit
+    shown = "".join(report_figure(p.title, p.caption, p.png) for p in pictures)
     parts = [
         f"<p class='soft'>Groundstation · calibrated on a flight</p><h1>{escape(content.session)}</h1>",
         f"<p class='verdict'>{escape(verdict.summary)}</p>",
     ]
     if verdict.apart:
-        parts.append("<h2>What this flight could not tell</h2>" + bullets(verdict.apart))
+        parts.append("<h2>What this flight could not tell</h2>" + report_list(verdict.apart))
     parts += [
-        "<h2>What to do next</h2>" + bullets(verdict.next_steps),
+        "<h2>What to do next</h2>" + report_list(verdict.next_steps),
         _ranges(verdict),
-        "<h2>Notes</h2>" + bullets([*content.notes, *verdict.notes]),
-        "<h2>Pictures</h2><div class='pictures'>" + "".join(figure(p) for p in pictures) + "</div>",
+        "<h2>Notes</h2>" + report_list([*content.notes, *verdict.notes]),
+        f"<h2>Pictures</h2><div class='pictures'>{shown}</div>",
         "<h2>What was found</h2>" + _parameters(content),
         "<h2>How the pixels fit</h2>" + _stations(fit),
-        "<h2>What was left out</h2>" + bullets(content.excluded or ["nothing of the DGPS"]),
+        "<h2>What was left out</h2>" + report_list(content.excluded or ["nothing of the DGPS"]),
     ]
-    return page(f"{content.session} – flight", "\n".join(parts))
+    return report_page(f"{content.session} – flight", "\n".join(parts))
 
 
 def _ranges(verdict: FlightVerdict) -> str:
@@ -73,7 +75,7 @@ def _ranges(verdict: FlightVerdict) -> str:
     return (
         "<h2>What that is in the air</h2><p class='soft'>One sigma of what is left of the calibration's error, beside"
         " the noise of one fix by pixels and encoders; good where the first is not above the second.</p>"
-        + table([*heads, "good"], rows)
+        + report_table([*heads, "good"], rows)
     )
 
 
@@ -84,7 +86,7 @@ def _parameters(content: FlightPage) -> str:
         rows.append([name, row.value, row.sigma, row.change, row.unit, f"{fit.lasting_factor[k]:.1f}"])
     heads = ["parameter", "value", "1 σ", "change", "unit", "raised by"]
     note = "so many times the sigma of noise that averages out, because of errors that last longer than a frame"
-    return table(heads, rows, words=(4,)) + f"<p class='soft'>Raised by: {note}.</p>"
+    return report_table(heads, rows) + f"<p class='soft'>Raised by: {note}.</p>"
 
 
 def _stations(fit: FlightFit) -> str:
@@ -93,4 +95,4 @@ def _stations(fit: FlightFit) -> str:
         usable, kept, looks = int(station.usable.sum()), int(station.kept.sum()), len(station.usable)
         numbers = [f"{station.rms_px:.2f}", str(kept), str(usable - kept), str(looks - usable)]
         rows.append([name, *numbers, gross_times(fit, name).strip(" ()")])
-    return table(["station", "rms, px", "pixels", "gross", "without angle or DGPS", "when"], rows, words=(5,))
+    return report_table(["station", "rms, px", "pixels", "gross", "without angle or DGPS", "when"], rows)

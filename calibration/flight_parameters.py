@@ -33,6 +33,10 @@ KNOWN_PRINCIPAL_POINT_PX = 10.0
 KNOWN_DISTORTION = 0.02
 KNOWN_ANTENNA_M = 0.5
 DGPS_CLOCK_S = 1.0
+# no flight vouches for less: a mount settles, gears play, stamps are rounded
+FLOOR_ROTATION_RAD = float(np.radians(0.0002))
+FLOOR_POSITION_M = 0.002
+FLOOR_CLOCK_S = 0.0002
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

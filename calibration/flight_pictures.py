@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from calibration.flight import FlightFit
 from calibration.flight_problem import DGPS_OFFSET
 from calibration.flight_verdict import FlightVerdict
-from calibration.report_page import ReportPicture
+from calibration.report_picture import ReportPicture
 from groundstation.arrays import FloatArray
 from groundstation.rig import Rig
 

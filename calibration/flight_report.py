@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.flight import FlightFit
-from calibration.flight_rig import FLOOR_CLOCK_S, FLOOR_POSITION_M, FLOOR_ROTATION_RAD
+from calibration.flight_parameters import FLOOR_CLOCK_S, FLOOR_POSITION_M, FLOOR_ROTATION_RAD
 from calibration.flight_verdict import FlightVerdict, range_lines
 from groundstation.arrays import FloatArray
 from groundstation.rig import ClockModel, Rig

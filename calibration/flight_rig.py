@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.flight import FlightFit
+from calibration.flight_parameters import FLOOR_CLOCK_S, FLOOR_POSITION_M, FLOOR_ROTATION_RAD
 from calibration.flight_problem import ANTENNA, DGPS_OFFSET
 from groundstation.arrays import FloatArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
@@ -13,10 +14,6 @@ from groundstation.rig import PARTS, ClockModel, Rig, Station
 from groundstation.rig_covariance import CLOCK_NAMES, REFERENCE_NAMES, ParameterCovariance, joined
 from groundstation.rig_reference import RigReference
 
-# no flight vouches for less: a mount settles, gears play, stamps are rounded
-FLOOR_ROTATION_RAD = float(np.radians(0.0002))
-FLOOR_POSITION_M = 0.002
-FLOOR_CLOCK_S = 0.0002
 _FLOORS = {
     "ptu_position": FLOOR_POSITION_M,
     "runway_from_base": FLOOR_ROTATION_RAD,

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
@@ -14,7 +15,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from calibration.intrinsics import Intrinsics
 from calibration.lens_advice import tilts_deg
-from calibration.report_page import ReportPicture
 
 _SIZE_IN = (6.4, 5.4)
 _DPI = 150
@@ -30,7 +30,17 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def lens_pictures(found: Intrinsics) -> list[ReportPicture]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LensPicture:
+    """One picture: file ``name`` without suffix, ``title``, ``caption``, and the PNG file's bytes."""
+
+    name: str
+    title: str
+    caption: str
+    png: bytes
+
+
+def lens_pictures(found: Intrinsics) -> list[LensPicture]:
     """Draw all pictures of a calibration; needs no window system."""
     pictures = []
     for name, title, caption, draw in (
@@ -60,7 +70,7 @@ def lens_pictures(found: Intrinsics) -> list[ReportPicture]:
             _uncertainty,
         ),
     ):
-        pictures.append(ReportPicture(name=name, title=title, caption=caption, png=_png(found, draw)))
+        pictures.append(LensPicture(name=name, title=title, caption=caption, png=_png(found, draw)))
     return pictures
 
 

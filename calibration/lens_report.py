@@ -6,17 +6,23 @@ from pathlib import Path
 from calibration.intrinsics import Intrinsics
 from calibration.lens_advice import RANGES_M, across_m, advise, along_m, middle_angle_deg
 from calibration.lens_model import PARAMETERS
-from calibration.lens_pictures import lens_pictures
-from calibration.report_page import ReportPicture, bullets, figure, page, write_page
+from calibration.lens_pictures import LensPicture, lens_pictures
+from calibration.report_page import report_figure, report_list, report_page
 
 
 def write_lens_report(folder: Path, found: Intrinsics, name: str) -> list[Path]:
     """Write report.html and the pictures as PNG into ``folder``, made if missing; returns what was written."""
+    folder.mkdir(parents=True, exist_ok=True)
     pictures = lens_pictures(found)
-    return write_page(folder, lens_report(found, pictures, name), pictures)
+    written = [folder / "report.html"]
+    written[0].write_text(lens_report(found, pictures, name), encoding="utf-8")
+    for picture in pictures:
+        written.append(folder / f"{picture.name}.png")
+        written[-1].write_bytes(picture.png)
+    return written
 
 
-def lens_report(found: Intrinsics, pictures: list[ReportPicture], name: str) -> str:
+def lens_report(found: Intrinsics, pictures: list[LensPicture], name: str) -> str:
     """Return the page; it loads nothing from anywhere."""
     advice = advise(found)
     w, h = found.fit.lens.image_size_px
@@ -24,16 +30,18 @@ def lens_report(found: Intrinsics, pictures: list[ReportPicture], name: str) -> 
         [
             f"<p class='soft'>Groundstation · lens calibration</p><h1>{escape(name)}</h1>",
             f"<p class='verdict'>{escape(advice.verdict)}</p>",
-            "<h2>What to do next</h2>" + bullets(advice.next_steps),
-            "<h2>What was found</h2>" + bullets(advice.notes),
+            "<h2>What to do next</h2>" + report_list(advice.next_steps),
+            "<h2>What was found</h2>" + report_list(advice.notes),
             f"<p class='soft'>{w} × {h} px; board {escape(_board(found))}.</p>",
             _parameters(found),
             _ranges(found),
-            "<h2>Pictures</h2><div class='pictures'>" + "".join(figure(p) for p in pictures) + "</div>",
+            "<h2>Pictures</h2><div class='pictures'>"
+            + "".join(report_figure(p.title, p.caption, p.png) for p in pictures)
+            + "</div>",
             _views(found),
         ]
     )
-    return page(f"{name} – lens", body)
+    return report_page(f"{name} – lens", body)
 
 
 def _board(found: Intrinsics) -> str:

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from groundstation.cli_calibrate_landmarks import add_landmark_kinds, run_calibrate_check, run_calibrate_survey
 from groundstation.errors import InputError
 from groundstation.progress import ProgressLine
 
@@ -51,6 +52,7 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
     )
     kinds = calibrate.add_subparsers(dest="calibrate", metavar="WHAT", required=True)
     _add_flight(kinds)
+    add_landmark_kinds(kinds)
     intrinsics = kinds.add_parser(
         "intrinsics",
         help="pictures of a board in, the lens out",
@@ -195,6 +197,8 @@ def _convert(options: argparse.Namespace) -> int:
 
 _KINDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "flight": _flight,
+    "survey": run_calibrate_survey,
+    "check": run_calibrate_check,
     "intrinsics": _intrinsics,
     "convert-lens": _convert,
 }

@@ -17,6 +17,7 @@ from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
 from groundstation.evaluation.report import write_report
 from groundstation.evaluation.run_description import RunDescription
+from groundstation.hand_over import quick_hand_over
 from groundstation.messages import DgpsFix, InitialState, ReferenceFix
 from groundstation.pipeline import Pipeline
 from groundstation.reference_knowledge import ReferenceKnowledge, reference_knowledge
@@ -84,6 +85,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     known = reference_knowledge(session, config.estimation)
     faults += known.notes
     with ExitStack() as opened:
+        opened.enter_context(quick_hand_over())
         source = opened.enter_context(ReplaySource(session, request.from_s, request.to_s))
         taught = _lessons(request, session, dgps, known)
         initial = _start(config.start, session, dgps, source.span_s[0])

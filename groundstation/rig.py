@@ -14,6 +14,7 @@ from groundstation.geometry.calibration import changed_station
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.geometry.station import StationGeometry
+from groundstation.ptu_axes import IDEAL_AXES, PtuAxes, read_axes
 from groundstation.rig_covariance import ParameterCovariance, joined, read_covariance, require_agreement
 from groundstation.rig_reference import RigReference, read_reference
 from groundstation.toml_table import Table, load_toml, quoted
@@ -31,6 +32,7 @@ _STATION_KEYS = frozenset(
         *("name", "fixed", "known", "ptu_position_m", "runway_from_base_wxyz", "head_from_camera_wxyz"),
         *("camera_in_head_m", "image_size_px", "focal_px", "principal_point_px", "distortion"),
         *("ptu_resolution_deg", "ptu_sigma_deg", "ptu_clock", "camera_clock", "readout_s", "covariance"),
+        "ptu_axes",
     }
 )
 _CLOCK_KEYS = frozenset({"offset_s", "drift_ppm", "sigma_s"})
@@ -69,6 +71,7 @@ class Station:
     known : which of position, orientation and lens are calibrated.
     covariance_parameters, covariance : names and matrix of the calibration's covariance (may be empty).
     ptu_clock_given : whether the rig file itself gives ``ptu_clock``, be it zero.
+    ptu_axes : how readings differ from the angles of an ideal head.
     """
 
     name: str
@@ -87,6 +90,7 @@ class Station:
     covariance_parameters: tuple[str, ...]
     covariance: FloatArray
     ptu_clock_given: bool = False
+    ptu_axes: PtuAxes = IDEAL_AXES
 
     @property
     def angle_sigma_rad(self) -> float:
@@ -102,6 +106,7 @@ class Station:
             head_from_camera_wxyz=self.head_from_camera_wxyz,
             camera_in_head_m=self.camera_in_head_m,
             lens=self.lens,
+            lean_rad=self.ptu_axes.lean_rad,
         )
 
     def changed(self, change: FloatArray) -> "Station":
@@ -248,6 +253,7 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
         covariance_parameters=covariance.names,
         covariance=covariance.matrix,
         ptu_clock_given="ptu_clock" in table,
+        ptu_axes=read_axes(table.table("ptu_axes")),
     )
 
 

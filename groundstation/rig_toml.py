@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from groundstation.ptu_axes import IDEAL_AXES, axes_to_toml
 from groundstation.rig import PARTS, RIG_FORMAT, ClockModel, Rig, Station
 from groundstation.rig_covariance import ParameterCovariance
 from groundstation.rig_reference import RigReference
@@ -57,6 +58,8 @@ def _station(station: Station) -> str:
     # fifteen digits hide what the conversion to radians and back leaves, and lose nothing else
     lines.append(f"ptu_resolution_deg = {np.degrees(station.ptu_resolution_rad):.15g}")
     lines.append(f"ptu_sigma_deg = {np.degrees(station.ptu_sigma_rad):.15g}")
+    if station.ptu_axes != IDEAL_AXES:
+        lines.append(f"ptu_axes = {axes_to_toml(station.ptu_axes)}")
     if station.ptu_clock_given or station.ptu_clock != ClockModel():
         lines.append(f"ptu_clock = {_clock(station.ptu_clock)}")
     if station.camera_clock is not None:
