@@ -1,5 +1,6 @@
 """A rig as the text of rig.toml: what `groundstation.rig.load_rig` reads back."""
 
+import json
 from collections.abc import Iterable
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from groundstation.ptu_axes import IDEAL_AXES, axes_to_toml
 from groundstation.rig import PARTS, RIG_FORMAT, ClockModel, Rig, Station
 from groundstation.rig_covariance import ParameterCovariance
+from groundstation.rig_reference import RigReference
 
 
 def rig_to_toml(rig: Rig) -> str:
@@ -14,7 +16,24 @@ def rig_to_toml(rig: Rig) -> str:
     parts = [f'format = "{RIG_FORMAT}"', *(_station(station) for station in rig.stations)]
     if rig.shared_covariance.names:
         parts.append("\n".join(_covariance("covariance", rig.shared_covariance)))
+    if rig.reference is not None:
+        parts.append("\n".join(_reference(rig.reference)))
     return "\n\n".join(parts) + "\n"
+
+
+def _reference(reference: RigReference) -> list[str]:
+    """Return the table of what is known of the DGPS."""
+    lines = ["[reference]"]
+    if reference.session:
+        lines.append(f"session = {json.dumps(reference.session)}")
+    if reference.offset_s is not None:
+        numbers = f"offset_s = {float(reference.offset_s)!r}, sigma_s = {float(reference.offset_sigma_s)!r}"
+        lines.append(f"dgps_clock = {{ {numbers} }}")
+    if reference.antenna_in_body_m is not None:
+        lines.append(f"antenna_in_body_m = {_list(reference.antenna_in_body_m)}")
+        if reference.antenna_sigma_m is not None:
+            lines.append(f"antenna_sigma_m = {_list(reference.antenna_sigma_m)}")
+    return lines
 
 
 def _station(station: Station) -> str:
