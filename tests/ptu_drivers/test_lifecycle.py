@@ -30,6 +30,8 @@ WAYS = [
     ("rate", "silence"),
 ]
 
+Running = dict[str, tuple[SimulatedServer, "subprocess.Popen[str]"]]
+
 
 def serve(stack: ExitStack, link: Path | int) -> SimulatedServer:
     model = FlirModel(combined=False, device_clock=False)
@@ -43,9 +45,7 @@ def moves(server: SimulatedServer) -> bool:
 
 
 @pytest.fixture(scope="module")
-def children(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[dict[str, tuple[SimulatedServer, subprocess.Popen[str]]]]:
+def children(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """All programs at once: each takes its time to start."""
     folder = tmp_path_factory.mktemp("units")
     with ExitStack() as stack:
@@ -53,13 +53,9 @@ def children(
         for k, (motion, end) in enumerate(WAYS):
             server = serve(stack, folder / f"unit{k}")
             command = [sys.executable, str(CHILD), server.url, motion, str(end)]
+            pipe = subprocess.PIPE
             child = subprocess.Popen(
-                command,
-                cwd=ROOT,
-                env={"PYTHONPATH": str(ROOT)},
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
+                command, cwd=ROOT, env={"PYTHONPATH": str(ROOT)}, stdout=pipe, stderr=pipe, text=True
             )
             running[f"{motion} {end}"] = (server, child)
         yield running
