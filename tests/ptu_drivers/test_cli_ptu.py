@@ -16,10 +16,10 @@ from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
 
 
 @pytest.fixture(scope="module")
-def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def url() -> Iterator[str]:
+    """A unit on a TCP port: without a serial line's times."""
     unit = SimulatedUnit(FlirModel(), LineModel(baud=0, latency_s=(0.0, 0.001)))
-    line = VirtualLine(unit, 0, start_s=time.monotonic())
-    with SimulatedServer(line, tmp_path_factory.mktemp("ptu") / "unit") as server:
+    with SimulatedServer(VirtualLine(unit, 0, start_s=time.monotonic()), 0) as server:
         yield server.url
 
 

@@ -80,3 +80,11 @@ def test_a_device_clock_is_known_better_than_one_exchange() -> None:
     assert rms < 0.0005
     assert readings[-1].pan.t_s == readings[-1].tilt.t_s
     assert {s.axis for r in readings for s in (r.pan, r.tilt)} == set(Axis)
+
+
+def test_an_echo_that_interrupts_answers_is_noticed_and_avoided() -> None:
+    line = VirtualLine(SimulatedUnit(PAIR, LineModel(echo_interrupts=True), seed=1))
+    device = connect(line, UnitSettings())
+    tried = device.health().doubts
+    assert all(isinstance(device.read(), Reading) for _ in range(50))
+    assert device.health().doubts == tried
