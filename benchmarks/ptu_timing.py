@@ -1,8 +1,8 @@
 """How fast and how truly a FLIR unit is asked, in virtual time and on a pty: rates, instants, processor time.
 
 The simulated unit has 2 to 8 ms of latency, turns at 2000 counts/s and shows six-character positions. In virtual
-time nothing but the protocol counts; on the pty, with the unit in a process of its own, this machine counts too: the
-more it has to do besides, the worse. Figures in docs/results.md.
+time nothing but the protocol counts, and that a port sends up to 1 ms late; on the pty, with the unit in a process of
+its own, this machine counts too: the more it has to do besides, the worse. Figures in docs/results.md.
 """
 
 import argparse
@@ -24,6 +24,7 @@ from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
 
 TERSE_PAIR_HZ = 36.9
 RATE = 2000.0
+USB_FRAME_S = 0.001
 # query, baud raised to, period of an adapter's batches, network
 CASES = (
     ("pair", 0, 0.0, False),
@@ -40,7 +41,7 @@ CASES = (
 
 def in_virtual_time(query: str, baud: int, batch_s: float, network: bool) -> str:
     unit = SimulatedUnit(FlirModel(), LineModel(baud=0 if network else 9600), seed=5)
-    line = VirtualLine(unit, 0 if network else 9600, batch_s=batch_s)
+    line = VirtualLine(unit, 0 if network else 9600, batch_s=batch_s, send_delay_s=USB_FRAME_S)
     device = connect(line, UnitSettings(baud=baud), query=query)
     q = device.describe().pan.quantum_rad
     device.move_to(pan_rad=-25000 * q, tilt_rad=-4000 * q, rate_rad_s=8000 * q)

@@ -30,7 +30,7 @@ class Latency:
     Attributes
     ----------
     unit_s, unit_sigma_s : from the delimiter to the reply's first bit, and its spread.
-    send_sigma_s : of the delay between a write and the line; infinite over a network.
+    send_sigma_s : of the delay between a write and the line, which is that much on average; infinite over a network.
     """
 
     unit_s: float
@@ -54,7 +54,9 @@ def of_query(*, earliest_s: float, sent_s: float, latest_s: float, first_bit_s: 
     width = latest_s - earliest_s
     if math.isfinite(latency.send_sigma_s):
         sigma = math.hypot(latency.send_sigma_s, (sent_s - earliest_s) / _SQRT12)
-        at, source = min(max(sent_s, earliest_s), latest_s), AngleSource.LAST_BYTE_SENT
+        # a port may send later than it was told, never earlier; no later than the middle of the bounds is likely
+        at = max(earliest_s, min(sent_s + latency.send_sigma_s, 0.5 * (earliest_s + latest_s)))
+        source = AngleSource.LAST_BYTE_SENT
         return Instant(t_s=at, sigma_s=_at_least(min(sigma, width / _SQRT12)), source=source)
     guess = first_bit_s - latency.unit_s
     if earliest_s <= guess <= latest_s and width <= latency.unit_s + 3.0 * latency.unit_sigma_s:
