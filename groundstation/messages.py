@@ -12,7 +12,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import FloatArray
+from groundstation.picture import Picture
 
 
 # --------------------------------------------------------------------------------------------- events in
@@ -30,13 +31,13 @@ class PtuSample:
 class Frame:
     """One camera image; ``t_s`` is its mid-exposure, ``epoch`` the number of its stereo pair.
 
-    ``image`` is (h, w, 3) uint8 BGR, distorted as the camera gave it.
+    ``image`` is as the camera gave it, distorted.
     """
 
     t_s: float
     station: str
     epoch: int
-    image: ImageArray
+    image: Picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -278,7 +279,7 @@ class CameraReport:
     innovation: Innovation | None
     elapsed_s: float
     channel_contrast: Mapping[str, float] | None = None
-    image: ImageArray | None = None
+    image: Picture | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -296,6 +297,31 @@ class TrackEstimate:
     triangulation_status: TriangulationStatus
     triangulation: Triangulation | None
     latency_s: float = 0.0
+
+
+class Purpose(StrEnum):
+    """Why a PTU is turned."""
+
+    TRACK = "track"
+    SEARCH = "search"
+    HOLD = "hold"
+    PARK = "park"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointingCommand:
+    """How a station's PTU shall turn from ``t_s`` on: at these rates, and so that it is at these angles by then.
+
+    Angles in rad, rates in rad/s, as in `PtuSample`; whoever turns the unit uses the one or the other, as the unit can.
+    """
+
+    t_s: float
+    station: str
+    pan_rad: float
+    tilt_rad: float
+    pan_rate_rad_s: float
+    tilt_rate_rad_s: float
+    purpose: Purpose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -123,6 +123,8 @@ class SimulatedServer:
         on_fault: Callable[[str], None] = lambda _name: None,
     ) -> None:
         self.line = line
+        self.lock = threading.Lock()
+        """Held while the unit is being changed: whoever looks at its axes from another thread holds it, too."""
         self._link = link
         self._clock = clock
         self._faults, self._rate, self._on_fault = tuple(faults), faults_per_minute / 60.0, on_fault
@@ -153,8 +155,8 @@ class SimulatedServer:
         line = self.line
         try:
             while not self._stop.is_set():
-                now = self._clock()
-                line.settle(now - line.now())
+                with self.lock:
+                    line.settle(self._clock() - line.now())
                 if line.gone and self._end is not None:
                     self._unplug()
                 elif not line.gone and self._end is None:
@@ -167,8 +169,9 @@ class SimulatedServer:
                 if data:
                     self._end.write(data)
                 if select.select([self._end], [], [], sleep_s)[0] and (typed := self._end.read()):
-                    line.settle(self._clock() - line.now())
-                    line.put(typed, self._end.baud())
+                    with self.lock:
+                        line.settle(self._clock() - line.now())
+                        line.put(typed, self._end.baud())
         finally:
             if self._end is not None:
                 self._end.close()

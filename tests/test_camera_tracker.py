@@ -9,6 +9,7 @@ from groundstation.camera_tracker import CameraTracker, SpanModel, silhouette_ma
 from groundstation.config import Config
 from groundstation.detection.detector import DetectionHint
 from groundstation.messages import Detection, Frame, Roi
+from groundstation.picture import BgrPicture
 from tests.stereo_rig import make_station
 
 
@@ -79,7 +80,7 @@ def test_a_look_reports_the_contrast_of_every_channel(picture: np.ndarray) -> No
         up_px_per_m=np.array([0.0, -35.0]),
         px_per_m=35.0,
     )
-    frame = Frame(t_s=0.0, station="left", epoch=0, image=picture)
+    frame = Frame(t_s=0.0, station="left", epoch=0, image=BgrPicture(picture))
     look = tracker.look(frame, hint.predicted_px, hint.predicted_covariance_px2, hint)
     assert look is not None
     assert isinstance(look.result, Detection)

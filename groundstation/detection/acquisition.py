@@ -14,6 +14,7 @@ from groundstation.detection.background_motion import Change, SceneMemory
 from groundstation.detection.candidates import Spot, contrast_map, find_spots, gap, joined, scales
 from groundstation.detection.skyline import CELL_PX, sky_around, sky_cells
 from groundstation.geometry.camera import Lens
+from groundstation.picture import Picture, as_picture
 
 _MIN_FRAME_PX = 16
 _NEAR_PX = 5.0  # working px: moving fragments closer than this are one
@@ -128,17 +129,17 @@ class CandidateFinder:
         self._memory.reset()
 
     def find(
-        self, image: ImageArray, t_s: float, camera_from_runway: FloatArray | None = None
+        self, image: ImageArray | Picture, t_s: float, camera_from_runway: FloatArray | None = None
     ) -> tuple[Candidate, ...]:
         """Return the candidates of one frame, best first.
 
         Parameters
         ----------
-        image : (h, w, 3) BGR.
+        image : a picture, or (h, w, 3) BGR.
         t_s : its mid-exposure; a frame that is not newer than the last one starts afresh.
         camera_from_runway : (3, 3) rotation at that time, None where it is not known.
         """
-        grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        grey = cv2.cvtColor(as_picture(image).whole(), cv2.COLOR_BGR2GRAY)
         if (grey.shape[1], grey.shape[0]) != self._size:
             grey = cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA)
         working = np.asarray(grey, np.uint8)

@@ -1,4 +1,4 @@
-"""What lies behind the target, learnt from earlier frames: a few whole frames, shifted into place.
+"""What lies behind the target, learnt from earlier frames: a few of their surroundings of it, shifted into place.
 
 The camera turns about a point close to its centre, so over the region of interest the scene moves as a whole:
 one shift, found on the scene's own texture with the target left out, brings an old frame under the new one.
@@ -25,11 +25,14 @@ from groundstation.detection.registration import (
     refine,
     textured,
 )
+from groundstation.picture import Picture, grown
 
 Float32Array = NDArray[np.float32]
 Weights = tuple[np.float32, np.float32, np.float32, np.float32]
 
 _KEPT = 6
+# how far around the region of interest the scene is kept: the target moves on, and the camera turns
+KEPT_MARGIN_PX = 48
 _MOVED_PER_SPAN = 0.25
 _MAX_AGE = 60  # frames without a new one
 _MAX_SHIFT_SIGMA_PX = 0.1
@@ -182,14 +185,19 @@ def _weigh(residual: Float32Array, valid: Box, hole: Box, misfit: Float32Array) 
             misfit[i, j] = np.float32(_UNKNOWN)
 
 
-class BackgroundMemory:
-    """Whole frames of one camera with the target's place in each, and their shift to the newest image.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """A part (h, w, 3) of an earlier frame, with its corner in it, px."""
 
-    The images are kept as they were handed over, not copied: nobody writes into a frame.
-    """
+    image: ImageArray
+    corner: tuple[int, int]
+
+
+class BackgroundMemory:
+    """Parts of earlier frames of one camera with the target's place in each, and their shift to the newest image."""
 
     def __init__(self) -> None:
-        self._frames: dict[int, ImageArray] = {}
+        self._frames: dict[int, _Seen] = {}
         self._hidden = np.zeros((_KEPT, 4), np.int64)
         self._shifts = np.zeros((_KEPT, 2))
         self._order: list[int] = []
@@ -212,65 +220,76 @@ class BackgroundMemory:
         self._motion = np.zeros(2)
 
     def subtract(
-        self, image: ImageArray, origin: tuple[int, int], size: tuple[int, int], target: Box
+        self, picture: Picture, origin: tuple[int, int], size: tuple[int, int], target: Box
     ) -> Difference | None:
         """Return a window's difference from the learnt background, or None where none can be laid under it.
 
-        ``origin`` and ``size`` place the window in ``image``; ``target`` x0, y0, x1, y1 is where the target is
+        ``origin`` and ``size`` place the window in ``picture``; ``target`` x0, y0, x1, y1 is where the target is
         expected; all in full-image px.
         """
         if not self._order:
             return None
-        if not self._register(image, origin, size, target):
+        w, h = size
+        # one pixel more all around: texture is told from the neighbours
+        image, corner = picture.window(grown((*origin, origin[0] + w, origin[1] + h), 1))
+        inside = (origin[0] - corner[0], origin[1] - corner[1])
+        if not self._register(_Seen(image, corner), inside, size, target):
             self.reset()
             return None
-        w, h = size
         residual = np.zeros((3, h, w), np.float32)
         edge = np.zeros((h, w), np.float32)
         misfit = np.full((h, w), np.float32(_UNKNOWN))
-        newest = self._order[0]
-        frame, hidden = self._frames[newest], _as_box(self._hidden[newest])
-        x0, y0 = origin[0] + float(self._shifts[newest, 0]), origin[1] + float(self._shifts[newest, 1])
+        frame, hidden, shift = self._laid_under(self._order[0], corner)
+        x0, y0 = inside[0] + shift[0], inside[1] + shift[1]
         ground = _cut(frame, math.floor(x0), math.floor(y0), (w + 1, h + 1))
-        window = planes(image[origin[1] : origin[1] + h, origin[0] : origin[0] + w])
+        window = planes(image[inside[1] : inside[1] + h, inside[0] : inside[0] + w])
         _compare(window, ground, (x0 - math.floor(x0), y0 - math.floor(y0)), self._edge_px, residual, edge)
         last = (math.floor(frame.shape[1] - 1 - x0), math.floor(frame.shape[0] - 1 - y0))
         valid = (max(math.ceil(-x0), 0), max(math.ceil(-y0), 0), min(last[0], w), min(last[1], h))
         top_left = (math.ceil(hidden[0] - x0), math.ceil(hidden[1] - y0))
         hole = (*top_left, math.ceil(hidden[2] - x0), math.ceil(hidden[3] - y0))
         _weigh(residual, valid, hole, misfit)
-        # older frames serve where the target may be, and where the newest one hides the scene
+        # older frames serve where the target may be, where the newest one hides the scene, and where it ends
         near = _union(
             (target[0] - origin[0], target[1] - origin[1], target[2] - origin[0], target[3] - origin[1]), hole, size
         )
-        open_px, out = _unexplained(near, misfit), (residual, edge, misfit)
+        whole = (0, 0, w, h)
+        open_px, out = _unexplained(near if valid == whole else whole, misfit), (residual, edge, misfit)
         for k in self._order[1:]:
-            shift = (float(self._shifts[k, 0]), float(self._shifts[k, 1]))
-            frame, hidden = self._frames[k], _as_box(self._hidden[k])
-            open_px = _difference(image, origin, open_px, frame, shift, hidden, self._edge_px, *out)
+            frame, hidden, shift = self._laid_under(k, corner)
+            open_px = _difference(image, inside, open_px, frame, shift, hidden, self._edge_px, *out)
         return Difference(residual=residual, edge=edge, known=misfit < _UNKNOWN)
 
-    def _register(self, image: ImageArray, origin: tuple[int, int], size: tuple[int, int], target: Box) -> bool:
+    def _laid_under(self, k: int, corner: tuple[int, int]) -> tuple[ImageArray, Box, tuple[float, float]]:
+        """Return a kept part, what the target hides of it, and the shift to it from a part at ``corner``."""
+        kept, hidden = self._frames[k], self._hidden[k]
+        (x, y), shift = kept.corner, self._shifts[k]
+        hole = (int(hidden[0]) - x, int(hidden[1]) - y, int(hidden[2]) - x, int(hidden[3]) - y)
+        return kept.image, hole, (float(shift[0]) + corner[0] - x, float(shift[1]) + corner[1] - y)
+
+    def _register(self, seen: _Seen, inside: tuple[int, int], size: tuple[int, int], target: Box) -> bool:
         """Find the new image's shift to the newest kept frame and carry it over to the others."""
-        rows = textured(image, origin, size, target)
+        x, y = seen.corner
+        keep_out = (target[0] - x, target[1] - y, target[2] - x, target[3] - y)
+        rows = textured(seen.image, inside, size, keep_out)
         if rows.shape[0] < MIN_TEXTURED:
             return False
         newest = self._order[0]
-        reference, hidden = self._frames[newest], _as_box(self._hidden[newest])
-        start = self._shifts[newest] + self._motion
-        sx, sy, sigma = refine(rows, reference, hidden, start[0], start[1])
+        reference, hidden, shift = self._laid_under(newest, seen.corner)
+        start = (shift[0] + float(self._motion[0]), shift[1] + float(self._motion[1]))
+        sx, sy, sigma = refine(rows, reference, hidden, *start)
         if sigma > _MAX_SHIFT_SIGMA_PX or mean_misfit(rows, reference, hidden, sx, sy, 1) > _MAX_MISFIT:
-            cx, cy = coarse(rows, reference, hidden, start[0], start[1])
+            cx, cy = coarse(rows, reference, hidden, *start)
             sx, sy, sigma = refine(rows, reference, hidden, cx, cy)
             if sigma > _MAX_SHIFT_SIGMA_PX or mean_misfit(rows, reference, hidden, sx, sy, 1) > _MAX_MISFIT:
                 return False
         self._edge_px = misplacement(rows, reference, hidden, sx, sy)
-        self._motion = np.array([sx, sy]) - self._shifts[newest]
+        self._motion = np.array([sx - shift[0], sy - shift[1]])
         self._shifts += self._motion
         return True
 
-    def remember(self, image: ImageArray, target: Box, span_px: float) -> None:
-        """Keep this image if the target, within ``target``, has moved against the scene since the last one kept."""
+    def remember(self, picture: Picture, around: Box, target: Box, span_px: float) -> None:
+        """Keep what is ``around`` if the target, within ``target``, has moved against the scene since the last time."""
         self._age += 1
         if self._order:
             newest = self._order[0]
@@ -278,11 +297,10 @@ class BackgroundMemory:
             moved = np.array([target[0] - old[0], target[1] - old[1]]) + self._shifts[newest]
             if float(np.hypot(*moved)) < _MOVED_PER_SPAN * span_px and self._age < _MAX_AGE:
                 return
-        if self._order and self._frames[self._order[0]].shape != image.shape:
-            self._order = []
         free = [k for k in range(_KEPT) if k not in self._order]
         slot = free[0] if free else self._order.pop()
-        self._frames[slot] = image
+        image, corner = picture.window(grown(around, KEPT_MARGIN_PX))
+        self._frames[slot] = _Seen(image.copy(), corner)
         self._hidden[slot] = target
         self._shifts[slot] = 0.0
         self._order.insert(0, slot)
@@ -293,7 +311,3 @@ def _union(a: Box, b: Box, size: tuple[int, int]) -> Box:
     """Return the box that holds two boxes, within a window of this size."""
     x0, y0 = max(min(a[0], b[0]), 0), max(min(a[1], b[1]), 0)
     return x0, y0, min(max(a[2], b[2]), size[0]), min(max(a[3], b[3]), size[1])
-
-
-def _as_box(row: NDArray[np.int64]) -> Box:
-    return int(row[0]), int(row[1]), int(row[2]), int(row[3])

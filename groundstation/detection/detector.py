@@ -22,6 +22,7 @@ from groundstation.detection.segmentation import make_segmenter
 from groundstation.detection.start_contour import Silhouette, start_contour
 from groundstation.detection.target_point import find_nose
 from groundstation.messages import Detection, Miss, MissReason, Roi
+from groundstation.picture import Picture, as_picture
 
 __all__ = ["DetectionHint", "Detector", "warm_up"]
 
@@ -61,15 +62,16 @@ class Detector:
         yield
         self._memory, self._last, self._background = memory, last, background
 
-    def detect(self, image: ImageArray, roi: Roi, hint: DetectionHint) -> Detection | Miss:
-        """Look for the target inside ``roi`` of a full image (h, w, 3) BGR."""
+    def detect(self, image: ImageArray | Picture, roi: Roi, hint: DetectionHint) -> Detection | Miss:
+        """Look for the target inside ``roi`` of a picture, or a full image (h, w, 3) BGR."""
+        picture = as_picture(image)
         limits = (self._config.min_span_px, self._config.max_working_span_px)
-        look = start_look(image, roi, hint, self._expected_size(hint), limits)
+        look = start_look(picture, roi, hint, self._expected_size(hint), limits)
         expected = expectation(look)
         box = expected.box
         if box[2] - box[0] < 2 or box[3] - box[1] < 2:
             return Miss(reason=MissReason.OUT_OF_VIEW, detail="the prediction lies outside the region of interest")
-        difference = self._learnt_difference(image, look, box)
+        difference = self._learnt_difference(picture, look, box)
         prepared = prepare(look.image, expected, difference, self._config)
         if prepared.level < self._config.min_contrast_to_noise:
             detail = f"nothing above {prepared.level:.1f} sigma near the prediction"
@@ -86,7 +88,7 @@ class Detector:
         if isinstance(detection, Miss):
             return self._missed(detection)
         if not detection.cut:
-            self._learn(image, detection, features_of(choice, regions, look))
+            self._learn(picture, roi, detection, features_of(choice, regions, look))
         return detection
 
     def _divide(self, prepared: Prepared, start: MaskArray, look: Look) -> tuple[Regions, Group | Miss]:
@@ -105,7 +107,7 @@ class Detector:
                 self._memory = None
         return miss
 
-    def _learn(self, image: ImageArray, detection: Detection, seen: FloatArray) -> None:
+    def _learn(self, picture: Picture, roi: Roi, detection: Detection, seen: FloatArray) -> None:
         """Take over what a detection shows of the target's size and looks, and of its background."""
         width, appearance = max(detection.box[2], 1.0), first_look(seen)
         if self._memory is not None:
@@ -115,15 +117,16 @@ class Detector:
         self._memory = Memory(span_px=width, appearance=appearance)
         sure = detection.contrast_to_noise >= _TRUSTED_CONTRAST
         if sure and self._config.learn_background:
-            self._background.remember(image, _place_of(detection), detection.box[2])
+            around = (roi.x, roi.y, roi.x + roi.w, roi.y + roi.h)
+            self._background.remember(picture, around, _place_of(detection), detection.box[2])
 
-    def _learnt_difference(self, image: ImageArray, look: Look, box: tuple[int, int, int, int]) -> Difference | None:
+    def _learnt_difference(self, picture: Picture, look: Look, box: tuple[int, int, int, int]) -> Difference | None:
         """Return the image less the learnt background; large targets, seen reduced, go without."""
         if look.scale > 1 or not self._config.learn_background:
             return None
         x, y = look.roi.x, look.roi.y
         target = (box[0] + x, box[1] + y, box[2] + x, box[3] + y)
-        return self._background.subtract(image, (x, y), (look.roi.w, look.roi.h), target)
+        return self._background.subtract(picture, (x, y), (look.roi.w, look.roi.h), target)
 
     def _expected_size(self, hint: DetectionHint) -> tuple[float | None, float]:
         """Return the span to expect in px and the sigma of its logarithm: the better of hint and memory."""

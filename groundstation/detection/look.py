@@ -8,6 +8,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.preprocess import Expectation
 from groundstation.messages import Roi
+from groundstation.picture import Picture, as_picture
 
 UNKNOWN_SPAN_PX = 25.0
 _LENGTH_PER_SPAN = 0.75
@@ -110,7 +111,7 @@ class Look:
 
 
 def start_look(
-    image: ImageArray,
+    image: ImageArray | Picture,
     roi: Roi,
     hint: DetectionHint,
     size: tuple[float | None, float],
@@ -122,7 +123,8 @@ def start_look(
     the largest to be seen unreduced.
     """
     span, sigma = size
-    window = image[roi.y : roi.y + roi.h, roi.x : roi.x + roi.w]
+    picture = as_picture(image)
+    window, _ = picture.window((roi.x, roi.y, roi.x + roi.w, roi.y + roi.h))
     scale = 1
     while span is not None and span / scale > limits[1]:
         scale *= 2
@@ -136,7 +138,7 @@ def start_look(
         roi=roi,
         scale=scale,
         image=np.ascontiguousarray(window),
-        image_size_px=(image.shape[1], image.shape[0]),
+        image_size_px=picture.size_px,
         predicted=(np.asarray(hint.predicted_px, np.float64) - offset) / scale,
         covariance=np.asarray(hint.predicted_covariance_px2, np.float64) / scale**2,
         span=None if span is None else max(span / scale, limits[0]),

@@ -23,6 +23,7 @@ from groundstation.detection.flatten import flatten
 from groundstation.detection.palette import discount_common_colours
 from groundstation.detection.registration import Box
 from groundstation.messages import Roi
+from groundstation.picture import Picture, as_picture
 
 Float32Array = NDArray[np.float32]
 
@@ -267,14 +268,14 @@ def saturation_contrast(image: ImageArray, window: int, target_box: Box, *, equa
     return np.abs(residual) / np.float32(math.hypot(spread, _NOISE_FLOOR))
 
 
-def measure_channels(image: ImageArray, roi: Roi, mask: MaskArray) -> Mapping[str, float]:
+def measure_channels(image: ImageArray | Picture, roi: Roi, mask: MaskArray) -> Mapping[str, float]:
     """Return each channel's contrast-to-noise of a silhouette against its surroundings in the ROI.
 
     ``mask`` is (roi.h, roi.w), True on the target. The contrast is the difference of the means inside and
     in the ROI outside (after flattening), the noise the standard deviation outside. "saturation" is the
     reference system's channel.
     """
-    window_image = image[roi.y : roi.y + roi.h, roi.x : roi.x + roi.w]
+    window_image, _ = as_picture(image).window((roi.x, roi.y, roi.x + roi.w, roi.y + roi.h))
     columns = np.flatnonzero(mask.any(axis=0))
     span = float(columns[-1] - columns[0] + 1) if columns.size else None
     window = median_window(None if span is None else _WINDOW_PER_SPAN * span)

@@ -27,6 +27,8 @@ DETECTION_COLUMNS = (
 # what is written after the run; an earlier run's must not lie beside this run's track
 _WRITTEN_AFTERWARDS = ("summary.json", "report.html", "smoothed.csv")
 _UPPER_TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+# session time
+_FLUSH_EVERY_S = 0.5
 
 
 class TrackFilesSink:
@@ -37,6 +39,7 @@ class TrackFilesSink:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._flushed_s = -math.inf
         with ExitStack() as stack:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
@@ -70,10 +73,13 @@ class TrackFilesSink:
             self._triangulation.write(_line(_triangulation_cells(estimate)))
             if (pose := _tum_line(estimate)) is not None:
                 self._tum.write(pose)
-        if report.cameras:
-            self._detections.flush()
-        if report.estimates:
-            for file in (self._track, self._triangulation, self._tum):
+            self._flush(estimate.t_s)
+
+    def _flush(self, t_s: float) -> None:
+        """Hand the rows to the operating system every half second of the session: a crash costs no more."""
+        if abs(t_s - self._flushed_s) >= _FLUSH_EVERY_S:
+            self._flushed_s = t_s
+            for file in (self._detections, self._track, self._triangulation, self._tum):
                 file.flush()
 
     def close(self) -> None:

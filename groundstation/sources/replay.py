@@ -13,6 +13,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import SessionError
 from groundstation.messages import Epoch, Event, Frame
+from groundstation.picture import BgrPicture
 from groundstation.session import Session
 from groundstation.sources.frame_table import FrameTable, read_frames
 from groundstation.sources.labels import label_events, read_labels
@@ -161,7 +162,7 @@ class ReplaySource:
                 self._fault = fault
                 return
             if picture is not None:
-                yield t, Frame(t_s=t, station=names[rank], epoch=epoch, image=picture.image)
+                yield t, Frame(t_s=t, station=names[rank], epoch=epoch, image=BgrPicture(picture.image))
         self._check_ends()
 
     def _check_ends(self) -> None:

@@ -11,10 +11,18 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 # From the top down: a module may import from its own layer and from those below it, never from above.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
-    ("groundstation.cli_calibrate", "groundstation.cli_ptu"),
+    (
+        "groundstation.cli_calibrate",
+        "groundstation.cli_calibrate_landmarks",
+        "groundstation.cli_calibrate_mount",
+        "groundstation.cli_calibrate_timing",
+        "groundstation.cli_cameras",
+        "groundstation.cli_live",
+        "groundstation.cli_ptu",
+    ),
     ("calibration",),
     ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
-    ("groundstation.run", "groundstation.planning"),
+    ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
     (
@@ -26,12 +34,20 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ),
     ("groundstation.config",),
     ("groundstation.epoch", "groundstation.track_life", "groundstation.warm_up"),
-    ("groundstation.integrity", "groundstation.existence", "groundstation.search_region"),
+    (
+        "groundstation.integrity",
+        "groundstation.existence",
+        "groundstation.search_region",
+        "groundstation.search_pattern",
+        "groundstation.pointing",
+    ),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.rig_toml",),
-    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
-    ("groundstation.geometry",),
-    ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
+    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.rig_reference"),
+    ("groundstation.ptu_axes",),
+    ("groundstation.toml_table",),
+    ("groundstation.geometry", "groundstation.picture"),
+    ("groundstation.errors", "groundstation.arrays", "groundstation.hand_over", "groundstation.__version__"),
 )
 # tuning of a component is read by the layer that gathers all tuning, wherever the component lives
 LEAVES = ("groundstation.evaluation.config",)
@@ -39,6 +55,7 @@ CORE = (
     "detection",
     "estimation",
     "geometry",
+    "picture",
     "pipeline",
     "frame_update",
     "synchronise",
@@ -50,6 +67,8 @@ CORE = (
     "station_health",
     "integrity",
     "existence",
+    "pointing",
+    "search_pattern",
     "search_region",
     "simulation",
 )
