@@ -1,0 +1,344 @@
+"""What the drivers of units that only answer questions have in common: lock, limits, counts, watchdog, halt, reconnection.
+
+A protocol adds how to ask, move, halt and set up. Its angles are the unit's own, before the settings' sign and zero.
+"""
+
+import threading
+from abc import abstractmethod
+from typing import Protocol
+
+from ptu_drivers.errors import LimitError, LineError, NoAnswerError, PtuError, UnsupportedError
+from ptu_drivers.health import DoubtReason, Health, HealthCounter, UnitState
+from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.messages import Axis, AxisDescription, Capability, NoReading, Reading, UnitDescription
+from ptu_drivers.settings import AxisSettings, UnitSettings
+
+# timeouts in a row after which the line is opened again: a socket can be half open, an adapter asleep
+_SILENCES = 4
+_REOPEN_S = 0.2
+_HALT_TRIES = 3
+
+
+class Doubtful(Exception):
+    """Inside a driver: an answer that cannot be believed, or none."""
+
+    def __init__(self, reason: DoubtReason, said: str = "") -> None:
+        self.reason = reason
+        super().__init__(said or reason.value)
+
+
+class Line(Protocol):
+    """What the common part needs of a line; a `Transport`, or a connection of another kind."""
+
+    url: str
+
+    def now(self) -> float:
+        """Return the clock, s."""
+
+    def wait(self, duration_s: float) -> None:
+        """Let time pass."""
+
+    def reopen(self) -> None:
+        """Close and open again. Raises LineError."""
+
+    def close(self) -> None:
+        """Let go; never raises."""
+
+
+def narrowed(
+    axis: AxisSettings,
+    *,
+    quantum_rad: float,
+    low_rad: float,
+    high_rad: float,
+    max_rate_rad_s: float,
+    min_rate_rad_s: float = 0.0,
+    limits_from: str = "unit",
+) -> AxisDescription:
+    """Return an axis after sign, zero and soft limits; arguments are the unit's own, rad and rad/s."""
+    ends = sorted((axis.angle(low_rad), axis.angle(high_rad)))
+    return AxisDescription(
+        quantum_rad=quantum_rad,
+        low_rad=max(ends[0], axis.low_rad),
+        high_rad=min(ends[1], axis.high_rad),
+        low_from="settings" if axis.low_rad > ends[0] else limits_from,
+        high_from="settings" if axis.high_rad < ends[1] else limits_from,
+        max_rate_rad_s=min(max_rate_rad_s, axis.max_rate_rad_s),
+        min_rate_rad_s=min_rate_rad_s,
+        rate_from="settings" if axis.max_rate_rad_s < max_rate_rad_s else limits_from,
+    )
+
+
+class PolledUnit(PanTiltUnit):
+    """The common part; see the module.
+
+    Parameters
+    ----------
+    line : the line, open; owned by this from now on.
+    settings : as given to `open_ptu`.
+    description : what the probe found.
+    health : the counts of the probe, to be carried on.
+    watch : run the watchdog in a thread of its own; without it, it is looked at with each call (time that is simulated).
+    """
+
+    def __init__(
+        self, line: Line, settings: UnitSettings, description: UnitDescription, health: HealthCounter, *, watch: bool
+    ) -> None:
+        self._line = line
+        self._settings = settings
+        self._description = description
+        self._health = health
+        self._health.state = UnitState.READY
+        self._lock = threading.RLock()
+        self._closed = False
+        self._halt_owed = False
+        self._silences = 0
+        self._next_reopen_s = float("-inf")
+        self._rates: dict[Axis, float] | None = None
+        self._rate_command_s = 0.0
+        self._stop_watching = threading.Event()
+        if watch and settings.watchdog_s > 0 and Capability.VELOCITY in description.capabilities:
+            threading.Thread(target=self._watch, name="ptu watchdog", daemon=True).start()
+
+    @abstractmethod
+    def _ask(self) -> Reading:
+        """Ask both axes; raises Doubtful, LineError."""
+
+    @abstractmethod
+    def _resynchronise(self) -> None:
+        """After a doubt: make sure that the next answer belongs to the next question; raises Doubtful, LineError."""
+
+    @abstractmethod
+    def _set_up(self) -> None:
+        """After the line was opened again: set what the unit may have lost; raises Doubtful, LineError."""
+
+    @abstractmethod
+    def _send_position(self, targets: dict[Axis, float], rate_rad_s: float | None) -> None:
+        """Command positions, the unit's own rad; raises Doubtful, RefusedError, LineError."""
+
+    @abstractmethod
+    def _send_rates(self, rates: dict[Axis, float]) -> None:
+        """Command rates, the unit's own rad/s; raises Doubtful, RefusedError, LineError."""
+
+    @abstractmethod
+    def _send_halt(self) -> None:
+        """Stop both axes; raises Doubtful, RefusedError, LineError."""
+
+    def describe(self) -> UnitDescription:
+        """Return what the probe found."""
+        return self._description
+
+    def health(self) -> Health:
+        """Return the counts until now."""
+        with self._lock:
+            return self._health.snapshot()
+
+    def read(self) -> Reading | NoReading:
+        """Ask both axes where they are."""
+        with self._lock:
+            self._open_or_raise()
+            self._check_watchdog()
+            try:
+                if self._health.state is not UnitState.READY:
+                    self._recover()
+                reading = self._ask()
+            except (Doubtful, LineError) as fault:
+                return self._doubt(fault)
+            self._silences = 0
+            self._health.state = UnitState.READY
+            self._health.readings += 2
+            self._health.last_reading_s = max(reading.pan.t_s, reading.tilt.t_s)
+            self._stop_at_limits(reading)
+            if self._halt_owed:
+                self._try_halt()
+            return reading
+
+    def move_to(
+        self, *, pan_rad: float | None = None, tilt_rad: float | None = None, rate_rad_s: float | None = None
+    ) -> None:
+        """Start to turn to a position."""
+        asked = {a: v for a, v in ((Axis.PAN, pan_rad), (Axis.TILT, tilt_rad)) if v is not None}
+        with self._lock:
+            self._open_or_raise()
+            for axis, value in asked.items():
+                said = self._description.axis(axis)
+                if not value >= said.low_rad:  # so written that NaN is refused
+                    raise LimitError(axis.value, "lower limit", got=value, bound=said.low_rad, origin=said.low_from)
+                if value > said.high_rad:
+                    raise LimitError(axis.value, "upper limit", got=value, bound=said.high_rad, origin=said.high_from)
+                if rate_rad_s is not None:
+                    self._check_rate(axis, rate_rad_s)
+            self._rates = None
+            targets = {axis: self._axis(axis).unit_angle(value) for axis, value in asked.items()}
+            self._command("move", lambda: self._send_position(targets, rate_rad_s))
+
+    def move_at(self, *, pan_rad_s: float, tilt_rad_s: float) -> None:
+        """Turn at a rate until the next command."""
+        with self._lock:
+            self._open_or_raise()
+            if Capability.VELOCITY not in self._description.capabilities:
+                raise UnsupportedError(self._description.protocol, got="a rate")
+            asked = {Axis.PAN: pan_rad_s, Axis.TILT: tilt_rad_s}
+            for axis, value in asked.items():
+                self._check_rate(axis, value)
+            self._rate_command_s = self._line.now()
+            self._rates = asked
+            rates = {axis: self._axis(axis).sign * value for axis, value in asked.items()}
+            self._command("turn", lambda: self._send_rates(rates))
+
+    def halt(self) -> None:
+        """Stop both axes now."""
+        with self._lock:
+            self._open_or_raise()
+            self._halt()
+
+    def home(self) -> None:
+        """Reset and home; units of these protocols cannot be asked to."""
+        with self._lock:
+            self._open_or_raise()
+            raise UnsupportedError(self._description.protocol, got="a request to home")
+
+    def close(self) -> None:
+        """Halt and let go of the line."""
+        self._stop_watching.set()
+        with self._lock:
+            if self._closed:
+                return
+            self._try_halt()
+            self._closed = True
+            self._health.state = UnitState.CLOSED
+            self._line.close()
+
+    def _axis(self, axis: Axis) -> AxisSettings:
+        return self._settings.pan if axis is Axis.PAN else self._settings.tilt
+
+    def _open_or_raise(self) -> None:
+        if self._closed:
+            raise LineError(self._description.url, got="a unit that was closed", wanted="an open one")
+
+    def _check_rate(self, axis: Axis, rate_rad_s: float) -> None:
+        said = self._description.axis(axis)
+        if not abs(rate_rad_s) <= said.max_rate_rad_s:
+            raise LimitError(
+                axis.value, "maximum speed", got=rate_rad_s, bound=said.max_rate_rad_s, origin=said.rate_from
+            )
+        if 0 < abs(rate_rad_s) < said.min_rate_rad_s:
+            raise LimitError(axis.value, "minimum speed", got=rate_rad_s, bound=said.min_rate_rad_s, origin="unit")
+
+    def _command(self, name: str, send: "_Send") -> None:
+        """Send once; what is not acknowledged may still move, and is halted when the line is back."""
+        began = self._line.now()
+        try:
+            if self._health.state is not UnitState.READY:
+                self._recover()
+            send()
+        except (Doubtful, LineError) as fault:
+            self._rates = None
+            self._halt_owed = True
+            self._doubt(fault)
+            if isinstance(fault, LineError):
+                raise
+            raise NoAnswerError(name, waited_s=self._line.now() - began, got=str(fault)) from fault
+        # a new command replaces the motion that the halt was owed for
+        self._halt_owed = False
+        self._health.state = UnitState.READY
+        self._silences = 0
+
+    def _halt(self) -> None:
+        self._rates = None
+        self._halt_owed = True
+        began = self._line.now()
+        last: Doubtful | LineError | None = None
+        for _ in range(_HALT_TRIES):
+            try:
+                if self._health.state is UnitState.LINE_LOST:
+                    self._reconnect()
+                # no resynchronisation first: a halt that may be heard is worth more than an answer that is certain
+                self._send_halt()
+            except (Doubtful, LineError) as fault:
+                last = fault
+                self._doubt(fault)
+                if isinstance(fault, LineError):
+                    break
+            else:
+                self._halt_owed = False
+                return
+        if isinstance(last, LineError):
+            raise last
+        raise NoAnswerError("halt", waited_s=self._line.now() - began, got=str(last))
+
+    def _try_halt(self) -> None:
+        """Halt; failure stays owed."""
+        try:
+            self._halt()
+        except PtuError:
+            return
+
+    def _doubt(self, fault: Doubtful | LineError) -> NoReading:
+        """Count it, and decide what comes next."""
+        if isinstance(fault, LineError):
+            reason = DoubtReason.LINE_LOST
+            self._lose()
+        else:
+            reason = fault.reason
+            silent = reason in (DoubtReason.TIMEOUT, DoubtReason.LINE_LOST)
+            self._silences = self._silences + 1 if silent else 0
+            if self._health.state is UnitState.READY:
+                self._health.state = UnitState.RESYNCHRONISING
+                self._health.resyncs += 1
+            if self._silences >= _SILENCES and self._health.state is not UnitState.LINE_LOST:
+                self._lose()
+        self._health.doubts[reason] += 1
+        return NoReading(reason=reason, state=self._health.state, t_s=self._line.now())
+
+    def _lose(self) -> None:
+        self._silences = 0
+        if self._rates is not None:
+            self._halt_owed = True
+            self._rates = None
+        self._health.state = UnitState.LINE_LOST
+
+    def _recover(self) -> None:
+        if self._health.state is UnitState.LINE_LOST:
+            self._reconnect()
+            self._set_up()
+        self._resynchronise()
+
+    def _reconnect(self) -> None:
+        now = self._line.now()
+        if now < self._next_reopen_s:
+            self._line.wait(min(self._next_reopen_s - now, self._settings.reply_timeout_s))
+        self._next_reopen_s = self._line.now() + _REOPEN_S
+        self._line.reopen()
+        self._health.reconnects += 1
+        self._health.state = UnitState.RESYNCHRONISING
+
+    def _check_watchdog(self) -> None:
+        """Halt motion by rate that nobody renewed."""
+        if self._rates is None or not any(self._rates.values()) or self._settings.watchdog_s <= 0:
+            return
+        if self._line.now() - self._rate_command_s > self._settings.watchdog_s:
+            self._health.watchdog_stops += 1
+            self._try_halt()
+
+    def _stop_at_limits(self, reading: Reading) -> None:
+        """Halt motion by rate that would pass a limit before the next look."""
+        if self._rates is None:
+            return
+        for axis, sample in ((Axis.PAN, reading.pan), (Axis.TILT, reading.tilt)):
+            said, rate = self._description.axis(axis), self._rates[axis]
+            ahead = sample.angle_rad + rate * (self._line.now() - sample.t_s + self._settings.reply_timeout_s)
+            if (rate > 0 and ahead > said.high_rad) or (rate < 0 and ahead < said.low_rad):
+                self._health.limit_events += 1
+                self._try_halt()
+                return
+
+    def _watch(self) -> None:
+        while not self._stop_watching.wait(self._settings.watchdog_s / 4):
+            with self._lock:
+                if not self._closed:
+                    self._check_watchdog()
+
+
+class _Send(Protocol):
+    def __call__(self) -> None: ...
