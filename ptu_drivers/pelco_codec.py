@@ -111,7 +111,7 @@ def decode(frame: bytes, framing: PelcoFraming = PelcoFraming.D) -> PelcoMessage
     return PelcoMessage(address=address, command_1=frame[2], opcode=frame[3], data_1=frame[4], data_2=frame[5])
 
 
-def is_acknowledgement(frame: bytes, command: PelcoMessage) -> PelcoAcknowledgement | None:
+def acknowledgement_of(frame: bytes, command: PelcoMessage) -> PelcoAcknowledgement | None:
     """Return the short answer to this command that exactly these bytes are, or None."""
     if len(frame) != _SHORT or frame[0] != _D_START or frame[1] != command.address:
         return None
@@ -120,19 +120,54 @@ def is_acknowledgement(frame: bytes, command: PelcoMessage) -> PelcoAcknowledgem
     return PelcoAcknowledgement(address=frame[1], alarms=frame[2])
 
 
-@dataclass(slots=True)
-class PelcoDecoder:
-    """Cuts a stream of bytes into messages, whatever else is in it.
-
-    A start byte that no valid message follows is given up, and the search goes on at the byte after it: a valid message
-    behind garbage is found, even when the garbage holds start bytes.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scan:
+    """What is in a piece of a stream.
 
     Attributes
     ----------
-    framing
-        Pelco-D or Pelco-P.
-    skipped
-        Bytes so far that belonged to no message.
+    found : messages with the index of their first byte.
+    used : bytes that no later byte can make part of a message any more.
+    skipped : those of them that belonged to no message.
+    """
+
+    found: tuple[tuple[int, PelcoMessage], ...]
+    used: int
+    skipped: int
+
+
+def scan(data: bytes, framing: PelcoFraming = PelcoFraming.D) -> Scan:
+    """Find the messages in a piece of a stream, whatever else is in it.
+
+    A start byte that no valid message follows is given up, and the search goes on at the byte after it: a message
+    behind garbage is found, even when the garbage holds start bytes.
+    """
+    start = _D_START if framing is PelcoFraming.D else _P_START
+    length = _LENGTH[framing]
+    found: list[tuple[int, PelcoMessage]] = []
+    at = 0
+    while True:
+        begin = data.find(start, at)
+        at = begin if begin >= 0 else len(data)
+        if len(data) - at < length:
+            break
+        message = decode(data[at : at + length], framing)
+        if message is None:
+            at += 1
+        else:
+            found.append((at, message))
+            at += length
+    return Scan(found=tuple(found), used=at, skipped=at - length * len(found))
+
+
+@dataclass(slots=True)
+class PelcoDecoder:
+    """Cuts a stream of bytes into messages; see `scan`.
+
+    Attributes
+    ----------
+    framing : Pelco-D or Pelco-P.
+    skipped : bytes so far that belonged to no message.
     """
 
     framing: PelcoFraming = PelcoFraming.D
@@ -147,34 +182,10 @@ class PelcoDecoder:
     def feed(self, data: bytes) -> list[PelcoMessage]:
         """Return the messages that these bytes complete."""
         self._pending += data
-        start = _D_START if self.framing is PelcoFraming.D else _P_START
-        length = _LENGTH[self.framing]
-        found = []
-        at = 0
-        while True:
-            begin = self._pending.find(start, at)
-            if begin < 0:
-                begin = len(self._pending)
-            self.skipped += begin - at
-            at = begin
-            if len(self._pending) - at < length:
-                break
-            message = decode(bytes(self._pending[at : at + length]), self.framing)
-            if message is None:
-                self.skipped += 1
-                at += 1
-            else:
-                found.append(message)
-                at += length
-        del self._pending[:at]
-        return found
-
-    def reset(self) -> int:
-        """Drop what is held back; returns how many bytes that were."""
-        dropped = len(self._pending)
-        self.skipped += dropped
-        self._pending.clear()
-        return dropped
+        seen = scan(bytes(self._pending), self.framing)
+        self.skipped += seen.skipped
+        del self._pending[: seen.used]
+        return [message for _, message in seen.found]
 
 
 def _xor(data: bytes) -> int:

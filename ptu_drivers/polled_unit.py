@@ -17,6 +17,8 @@ from ptu_drivers.settings import AxisSettings, UnitSettings
 _SILENCES = 4
 _REOPEN_S = 0.2
 _HALT_TRIES = 3
+# motion by rate is looked at this often by itself, so that it can be stopped at a limit
+_LOOK_S = 0.1
 
 
 class Doubtful(Exception):
@@ -185,6 +187,8 @@ class PolledUnit(PanTiltUnit):
             self._rates = asked
             rates = {axis: self._axis(axis).sign * value for axis, value in asked.items()}
             self._command("turn", lambda: self._send_rates(rates))
+            if self._line.now() - self._health.last_reading_s > _LOOK_S:
+                self.read()
 
     def halt(self) -> None:
         """Stop both axes now."""
@@ -327,17 +331,21 @@ class PolledUnit(PanTiltUnit):
             return
         for axis, sample in ((Axis.PAN, reading.pan), (Axis.TILT, reading.tilt)):
             said, rate = self._description.axis(axis), self._rates[axis]
-            ahead = sample.angle_rad + rate * (self._line.now() - sample.t_s + self._settings.reply_timeout_s)
+            ahead = sample.angle_rad + rate * (self._line.now() - sample.t_s + _LOOK_S)
             if (rate > 0 and ahead > said.high_rad) or (rate < 0 and ahead < said.low_rad):
                 self._health.limit_events += 1
                 self._try_halt()
                 return
 
     def _watch(self) -> None:
-        while not self._stop_watching.wait(self._settings.watchdog_s / 4):
+        while not self._stop_watching.wait(min(self._settings.watchdog_s / 4, _LOOK_S)):
             with self._lock:
-                if not self._closed:
-                    self._check_watchdog()
+                turning = self._rates is not None and any(self._rates.values())
+                if self._closed or not turning:
+                    continue
+                self._check_watchdog()
+                if self._line.now() - self._health.last_reading_s > _LOOK_S:
+                    self.read()
 
 
 class _Send(Protocol):
