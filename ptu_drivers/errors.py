@@ -69,7 +69,7 @@ class LimitError(PtuError):
         self.origin = origin
         unit = "deg/s" if "speed" in limit else "deg"
         got_deg, bound_deg = got * _DEG, bound * _DEG
-        super().__init__(f"{axis}: got {got_deg:.4f} {unit}; the {origin}'s {limit} is {bound_deg:.4f} {unit}")
+        super().__init__(f"{axis}: got {got_deg:.4f} {unit}; the {limit} is {bound_deg:.4f} {unit} ({origin})")
 
 
 class UnsupportedError(PtuError):

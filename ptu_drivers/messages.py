@@ -20,7 +20,7 @@ class AngleSource(StrEnum):
     DEVICE_CLOCK = "device clock"
     """The unit stamped the angle itself; its clock was tied to ours by exchanges with short round trips."""
     FIRST_REPLY_BYTE = "first reply byte"
-    """First byte of the reply, less its own time on the line, less half of nothing but the unit's stated latency."""
+    """First byte of the reply, less its own time on the line and the unit's stated latency."""
     ROUND_TRIP = "round trip"
     """Middle of the round trip: where nothing is known of when the other side read the angle (HTTP, sync read)."""
 

@@ -153,7 +153,7 @@ class PanTiltContract:
         soft = replace(rig.settings, pan=replace(rig.settings.pan, low_rad=-0.1, high_rad=0.1))
         with rig.open(soft) as unit:
             assert unit.describe().pan.high_rad == 0.1
-            with pytest.raises(LimitError, match="settings's upper limit|settings' upper limit"):
+            with pytest.raises(LimitError, match=r"pan.*upper limit.*settings"):
                 unit.move_to(pan_rad=0.11)
 
     def test_halt_stops_it(self, rig: ContractRig) -> None:
@@ -171,7 +171,7 @@ class PanTiltContract:
                 with pytest.raises(UnsupportedError):
                     unit.move_at(pan_rad_s=0.1, tilt_rad_s=0.0)
                 return
-            with pytest.raises(LimitError, match="pan.*maximum speed"):
+            with pytest.raises(LimitError, match=r"pan.*maximum speed"):
                 unit.move_at(pan_rad_s=said.pan.max_rate_rad_s * 1.01, tilt_rad_s=0.0)
             rate = 0.3 * said.pan.max_rate_rad_s
             for _ in range(10):
@@ -201,10 +201,14 @@ class PanTiltContract:
                 closed()
 
     def test_an_error_inside_halts_it_and_comes_through(self, rig: ContractRig) -> None:
-        with pytest.raises(ZeroDivisionError), rig.open(rig.settings) as unit:
-            unit.move_to(pan_rad=unit.describe().pan.high_rad)
-            rig.wait(0.1)
-            raise ZeroDivisionError
+        def work() -> None:
+            with rig.open(rig.settings) as unit:
+                unit.move_to(pan_rad=unit.describe().pan.high_rad)
+                rig.wait(0.1)
+                raise ZeroDivisionError
+
+        with pytest.raises(ZeroDivisionError):
+            work()
         rig.wait(1.0)
         stopped = rig.truth(Axis.PAN, rig.now())
         rig.wait(0.5)
