@@ -19,7 +19,7 @@ class Chunk:
     Attributes
     ----------
     data : bytes, empty if none came in time.
-    t_s : when the first of them was there to be read, s; without bytes, the end of the wait.
+    t_s : when the last of them had been read, s: none came later; without bytes, the end of the wait.
     """
 
     data: bytes
@@ -112,13 +112,15 @@ class SerialTransport:
         """Wait for the first byte, then take all that is there."""
         with _line_errors(self.url):
             port = self._opened()
+            if self._clock() >= until_s and not port.in_waiting:
+                return Chunk(data=b"", t_s=self._clock())
             while True:
-                first = port.read(1)
+                data = port.read(1)
+                if data and (waiting := port.in_waiting):
+                    data += port.read(waiting)
                 t_s = self._clock()
-                if first:
-                    return Chunk(data=first + (port.read(waiting) if (waiting := port.in_waiting) else b""), t_s=t_s)
-                if t_s >= until_s:
-                    return Chunk(data=b"", t_s=t_s)
+                if data or t_s >= until_s:
+                    return Chunk(data=data, t_s=t_s)
 
     def reopen(self) -> None:
         """Open, after closing what was open."""

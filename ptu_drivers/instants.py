@@ -1,0 +1,81 @@
+"""When an angle was true: bounds from the line, and the unit's own clock tied to ours by them."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from ptu_drivers.messages import AngleSource
+
+_SQRT12 = math.sqrt(12.0)
+_DRIFT = 200e-6
+_KEPT = 64
+_COUNTER = 2**32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instant:
+    """An instant with its 1 sigma, s, and where it is from."""
+
+    t_s: float
+    sigma_s: float
+    source: AngleSource
+
+
+def from_reply(
+    *, earliest_s: float, latest_s: float, first_byte_s: float, character_s: float, latency_s: float, sigma_s: float
+) -> Instant:
+    """Return when the query's delimiter reached the unit.
+
+    The first byte of the reply, less its own time on the line and the unit's latency; but never outside the bounds
+    that the line itself gives, and no more uncertain than they are wide.
+
+    Parameters
+    ----------
+    earliest_s, latest_s : bounds, s (`Exchanged`).
+    first_byte_s : when the first byte of the reply had come, s.
+    latency_s, sigma_s : what is known of the unit's latency, s.
+    """
+    guess = first_byte_s - character_s - latency_s
+    width = latest_s - earliest_s
+    if earliest_s <= guess <= latest_s:
+        sigma = min(sigma_s, width / _SQRT12)
+        return Instant(t_s=guess, sigma_s=sigma, source=AngleSource.FIRST_REPLY_BYTE)
+    middle = 0.5 * (earliest_s + latest_s)
+    return Instant(t_s=middle, sigma_s=width / _SQRT12, source=AngleSource.ROUND_TRIP)
+
+
+class DeviceClock:
+    """A unit's counter tied to our clock: each exchange bounds the offset, the bounds intersect.
+
+    Parameters
+    ----------
+    frequency_hz : what the unit says its counter's frequency is.
+    """
+
+    def __init__(self, frequency_hz: float) -> None:
+        self.frequency_hz = frequency_hz
+        self._bounds: deque[tuple[float, float, float]] = deque(maxlen=_KEPT)
+        self._last = -1
+        self._turns = 0
+
+    def instant(self, count: int, earliest_s: float, latest_s: float) -> Instant:
+        """Return the instant of a count that was read between the bounds, s on our clock."""
+        if count < self._last and self._last - count > _COUNTER // 2:
+            self._turns += 1
+        elif count < self._last:
+            # the unit was restarted
+            self._bounds.clear()
+        self._last = count
+        device = (count + self._turns * _COUNTER) / self.frequency_hz
+        self._bounds.append((device, earliest_s - device, latest_s - device))
+        low = max(lo - _DRIFT * (device - at) for at, lo, _ in self._bounds)
+        high = min(hi + _DRIFT * (device - at) for at, _, hi in self._bounds)
+        if low > high:
+            # a clock that jumped, or a frequency that is not what it was said to be: begin anew with this exchange
+            last = self._bounds[-1]
+            self._bounds.clear()
+            self._bounds.append(last)
+            low, high = last[1], last[2]
+        return Instant(
+            t_s=device + 0.5 * (low + high), sigma_s=(high - low) / _SQRT12, source=AngleSource.DEVICE_CLOCK
+        )
