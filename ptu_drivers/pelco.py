@@ -12,7 +12,7 @@ from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
 from ptu_drivers.pelco_codec import Opcode, PelcoFraming, PelcoMessage, with_word
 from ptu_drivers.pelco_exchange import Answer, PelcoExchange
-from ptu_drivers.plausibility import Plausibility
+from ptu_drivers.plausibility import Plausibility, Point, Verdict
 from ptu_drivers.polled_unit import Doubtful, PolledUnit, narrowed
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import SerialTransport, Transport
@@ -34,7 +34,7 @@ class PelcoOptions:
     tilt_wrap : "turn" where a negative tilt is sent as a turn less, "word" where it is a 16-bit two's complement.
     counts_per_degree : 100 in the standard.
     pan_low_deg, pan_high_deg, tilt_low_deg, tilt_high_deg : the unit's range, after pan_sign and tilt_sign.
-    max_rate_deg_s : no unit turns faster; an angle that would need it is not believed.
+    max_rate_deg_s, max_acceleration_deg_s2 : no unit does more; an angle that would need it is not believed.
     speeds_deg_s : speed byte (1 to 63) -> measured rate, deg/s. Without it the unit cannot turn at a rate: the speeds
         are no rates.
     acknowledges : the unit answers commands with the short answer of four bytes (Pelco-D only).
@@ -53,6 +53,7 @@ class PelcoOptions:
     tilt_low_deg: float = -90.0
     tilt_high_deg: float = 90.0
     max_rate_deg_s: float = 200.0
+    max_acceleration_deg_s2: float = 800.0
     speeds_deg_s: Mapping[int, float] = field(default_factory=dict)
     acknowledges: bool = False
     late_s: float = 0.6
@@ -69,6 +70,7 @@ class PelcoOptions:
             ("tilt_low_deg", -_HALF_TURN_DEG <= self.tilt_low_deg < self.tilt_high_deg, "at least -180, below high"),
             ("tilt_high_deg", self.tilt_high_deg < _HALF_TURN_DEG, "below 180"),
             ("max_rate_deg_s", self.max_rate_deg_s > 0, "above 0"),
+            ("max_acceleration_deg_s2", self.max_acceleration_deg_s2 > 0, "above 0"),
             ("speeds_deg_s", all(1 <= k <= 63 and v > 0 for k, v in self.speeds_deg_s.items()), "1 to 63: deg/s"),
         ):
             if not good:
@@ -119,46 +121,64 @@ class PelcoUnit(PolledUnit):
         super().__init__(exchange.line, settings, description, health, watch=watch)
         self._exchange = exchange
         self._options = options
-        self._believed = {
+        self._gates = {
             axis: Plausibility(
-                max_rate_rad_s=math.radians(options.max_rate_deg_s),
-                quantum_rad=description.axis(axis).quantum_rad,
-                turn_rad=2 * math.pi,
+                quantum=description.axis(axis).quantum_rad,
+                max_rate=math.radians(options.max_rate_deg_s),
+                max_acceleration=math.radians(options.max_acceleration_deg_s2),
             )
             for axis in Axis
         }
+        self._last: dict[Axis, float] = {}
 
     def _until(self) -> float:
         return self._line.now() + self._description.reply_timeout_s
 
     def _ask(self) -> Reading:
         until_s = self._until()
-        order = self._exchange.barrier()
-        answers = {axis: self._exchange.ask(axis, until_s) for axis in order}
-        self._health.exchanges = self._exchange.sent
-        samples = {axis: self._sample(axis, answer) for axis, answer in answers.items()}
+        sent_s = self._line.now()
+        samples = {axis: self._ask_axis(axis, until_s) for axis in self._exchange.barrier()}
         return Reading(
-            pan=samples[Axis.PAN],
-            tilt=samples[Axis.TILT],
-            sent_s=min(a.sent_s for a in answers.values()),
-            answered_s=max(a.answered_s for a in answers.values()),
+            pan=samples[Axis.PAN], tilt=samples[Axis.TILT], sent_s=sent_s, answered_s=self._line.now()
         )
 
-    def _sample(self, axis: Axis, answer: Answer) -> AngleSample:
+    def _ask_axis(self, axis: Axis, until_s: float) -> AngleSample:
+        """Ask once, and once more where the angle is not what the last ones led to expect.
+
+        The checksum has 8 bits: of two wrong bytes, one pair in 256 passes it.
+        """
+        gate = self._gates[axis]
+        point = self._point(axis, until_s)
+        if gate.judge(point) is not Verdict.PLAUSIBLE:
+            again = self._point(axis, until_s)
+            if not gate.confirms(point, again):
+                gate.forget()
+                raise Doubtful(DoubtReason.TOO_FAST, f"{axis.value} {math.degrees(point.angle):.2f} deg")
+            gate.accept(point)
+            point = again
+        gate.accept(point)
+        self._last[axis] = point.angle
+        turns = round(point.angle / (2 * math.pi)) if axis is Axis.PAN else 0
+        return AngleSample(
+            axis=axis,
+            t_s=point.t_s,
+            sigma_t_s=point.sigma_t_s,
+            angle_rad=self._axis(axis).angle(point.angle - 2 * math.pi * turns),
+            sigma_rad=self._description.axis(axis).quantum_rad / math.sqrt(12),
+            source=AngleSource.FIRST_REPLY_BYTE,
+        )
+
+    def _point(self, axis: Axis, until_s: float) -> Point:
+        answer = self._exchange.ask(axis, until_s)
+        self._health.exchanges = self._exchange.sent
         unit_rad = self._options.unit_angle(axis, answer.word)
         if unit_rad is None:
             raise Doubtful(DoubtReason.OUT_OF_RANGE, f"{axis.value} {answer.word}")
+        if axis is Axis.PAN and axis in self._last:
+            # the turn that is nearest to where it was, so that crossing the seam is no jump
+            unit_rad += 2 * math.pi * round((self._last[axis] - unit_rad) / (2 * math.pi))
         t_s, sigma_t_s = self._instant(answer)
-        self._believed[axis].check(t_s, sigma_t_s, unit_rad)
-        quantum_rad = self._description.axis(axis).quantum_rad
-        return AngleSample(
-            axis=axis,
-            t_s=t_s,
-            sigma_t_s=sigma_t_s,
-            angle_rad=self._axis(axis).angle(unit_rad),
-            sigma_rad=quantum_rad / math.sqrt(12),
-            source=AngleSource.FIRST_REPLY_BYTE,
-        )
+        return Point(t_s=t_s, sigma_t_s=sigma_t_s, angle=unit_rad)
 
     def _instant(self, answer: Answer) -> tuple[float, float]:
         """Return when the angle was true, and 1 sigma, s.
@@ -173,6 +193,8 @@ class PelcoUnit(PolledUnit):
         return max(answer.asked_s, answer.first_bit_s - latency_s), spread_s
 
     def _resynchronise(self) -> None:
+        for gate in self._gates.values():
+            gate.forget()
         self._exchange.settle(self._line.now() + self._settings.reply_timeout_s)
 
     def _set_up(self) -> None:
@@ -310,8 +332,8 @@ def _description(
             (Axis.TILT, options.tilt_low_deg, options.tilt_high_deg),
         )
     }
-    # commands, both axes, silence after each answer, and pauses
-    line_s = 45 * line.character_s() + 0.01 + 3 * options.gap_s
+    # commands, each axis twice, silence after each answer, and pauses
+    line_s = 80 * line.character_s() + 0.01 + 3 * options.gap_s
     return UnitDescription(
         protocol=f"pelco-{framing.value}",
         url=line.url,

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from ptu_drivers.errors import LineError, MissingExtraError
 
 _SLICE_S = 0.02
+_POLL_S = 0.0005
 # start, 8 data and stop bit
 BITS_PER_CHARACTER = 10
 
@@ -115,6 +116,12 @@ class SerialTransport:
             if self._clock() >= until_s and not port.in_waiting:
                 return Chunk(data=b"", t_s=self._clock())
             while True:
+                if until_s - self._clock() < _SLICE_S:
+                    # the port's own wait would last a whole slice
+                    while not port.in_waiting and self._clock() < until_s:
+                        time.sleep(_POLL_S)
+                    if not port.in_waiting:
+                        return Chunk(data=b"", t_s=self._clock())
                 data = port.read(1)
                 if data and (waiting := port.in_waiting):
                     data += port.read(waiting)
