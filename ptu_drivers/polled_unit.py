@@ -209,9 +209,17 @@ class PolledUnit(PanTiltUnit):
             if self._closed:
                 return
             self._try_halt()
+            try:
+                if not self._halt_owed:
+                    self._let_go()
+            except (Doubtful, PtuError) as fault:
+                self._health.doubts[fault.reason if isinstance(fault, Doubtful) else DoubtReason.LINE_LOST] += 1
             self._closed = True
             self._health.state = UnitState.CLOSED
             self._line.close()
+
+    def _let_go(self) -> None:
+        """After the last halt: what else a unit needs before it is left alone."""
 
     def _axis(self, axis: Axis) -> AxisSettings:
         return self._settings.pan if axis is Axis.PAN else self._settings.tilt
