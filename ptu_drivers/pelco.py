@@ -108,6 +108,8 @@ class PelcoOptions:
 class PelcoUnit(PolledUnit):
     """A Pelco unit, probed; made by `open_pelco_d`, `open_pelco_p` or `connect_pelco`."""
 
+    takes_rates = False
+
     def __init__(
         self,
         exchange: PelcoExchange,

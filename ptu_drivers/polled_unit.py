@@ -83,6 +83,9 @@ class PolledUnit(PanTiltUnit):
     watch : run the watchdog in a thread of its own; without it, it is looked at with each call (time that is simulated).
     """
 
+    takes_rates = True
+    """Whether a move to a position may name its speed."""
+
     def __init__(
         self, line: Line, settings: UnitSettings, description: UnitDescription, health: HealthCounter, *, watch: bool
     ) -> None:
@@ -162,6 +165,8 @@ class PolledUnit(PanTiltUnit):
         asked = {a: v for a, v in ((Axis.PAN, pan_rad), (Axis.TILT, tilt_rad)) if v is not None}
         with self._lock:
             self._open_or_raise()
+            if rate_rad_s is not None and not self.takes_rates:
+                raise UnsupportedError(self._description.protocol, got="a speed for a move to a position")
             for axis, value in asked.items():
                 said = self._description.axis(axis)
                 if not value >= said.low_rad:  # so written that NaN is refused
