@@ -243,7 +243,6 @@ def open_dynamixel(
         wanted = ", ".join(DynamixelOptions.__dataclass_fields__)
         raise ProtocolError("Dynamixel options", got=", ".join(options), wanted=wanted) from wrong
     line = SerialTransport(url, settings.baud or chosen.baud, clock)
-    line.reopen()
     return connect_dynamixel(line, settings, chosen)
 
 

@@ -15,8 +15,10 @@ LONGEST_LINE = 256
 
 _COMMAND = re.compile(r"[A-Za-z@_]{1,8}(?:-?\d{1,7}|\(\d+,\d+,[TF]\)|-?\d+,-?\d+,\d+,\d+)?")
 _EVENTS = r"(?:(?:![PTD](?![a-z])|[#$][PT])\s*)*"
-_LINE = re.compile(rf"\s*(?P<before>{_EVENTS})(?P<echo>[^*!]*?)\s*(?P<after>{_EVENTS})(?P<mark>[*!])\s*(?P<text>.*?)\s*")
-_ONLY_EVENTS = re.compile(rf"\s*(?:(?:![PTD]|[#$][PT])\s*)+")
+_LINE = re.compile(
+    rf"\s*(?P<before>{_EVENTS})(?P<echo>[^*!]*?)\s*(?P<after>{_EVENTS})(?P<mark>[*!])\s*(?P<text>.*?)\s*"
+)
+_ONLY_EVENTS = re.compile(r"\s*(?:(?:![PTD]|[#$][PT])\s*)+")
 _INTEGER = re.compile(r"[-+]?\d{1,10}")
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?![\w.]*\d)")
 
@@ -122,7 +124,7 @@ def parse_line(data: bytes) -> Answer | Stray:
 
     Raises
     ------
-    ProtocolError : bytes that no unit sends as text, or a line that is too long.
+    ProtocolError : bytes that no unit sends as text, a line that is too long, or answers without an end between them.
     """
     if len(data) >= LONGEST_LINE or any(not 0x20 <= byte < 0x7F and byte != 0x09 for byte in data):
         raise ProtocolError("line", got=repr(data[:40]), wanted="printable text")
@@ -132,6 +134,8 @@ def parse_line(data: bytes) -> Answer | Stray:
     found = _LINE.fullmatch(text)
     if not found:
         return Stray(text=text, events=0)
+    if any(mark in found["text"] for mark in "*!"):
+        raise ProtocolError("line", got=repr(text), wanted="one answer, not several merged")
     echo = found["echo"]
     return Answer(
         echo=echo,

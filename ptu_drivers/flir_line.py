@@ -113,8 +113,7 @@ class FlirLine:
             typed = True
 
         one = self._finish(self._send(self._spell(first)), deadline_s, type_ahead)
-        if not typed or self.pace_s:
-            self._keep_pace()
+        self._keep_pace()
         question = self._send(spelled, typed=typed)
         return one, self._finish(question, deadline_s)
 
@@ -140,6 +139,19 @@ class FlirLine:
                     # half a command stood before it and is spoilt; now it must come back alone
                     self._keep_pace()
                     question = self._send(f"Z{next(self._nonce)}")
+
+    def greet(self, deadline_s: float) -> None:
+        """Bring a unit of unknown state to echo: spoil half a command, switch the echo on, and `resynchronise`.
+
+        Raises
+        ------
+        Doubt, LineError.
+        """
+        for command in ("Z0", "EE"):
+            self._drain(deadline_s)
+            self._keep_pace()
+            self._send(command)
+        self.resynchronise(deadline_s)
 
     def begin(self, command: str) -> Callable[[float], bool]:
         """Send a command whose answer may take long; return what asks (until a time) whether it has come."""
@@ -167,10 +179,9 @@ class FlirLine:
             return command
         spelled, bit = [], 0
         for c in command:
-            if c.isalpha() and bit < 3:
-                c = c.lower() if n >> bit & 1 else c.upper()
-                bit += 1
-            spelled.append(c)
+            varied = c.isalpha() and bit < 3
+            spelled.append((c.lower() if n >> bit & 1 else c.upper()) if varied else c)
+            bit += varied
         return "".join(spelled)
 
     def _send(self, command: str, *, typed: bool = False) -> _Question:
@@ -178,10 +189,9 @@ class FlirLine:
         begun = self.transport.now()
         self._counter.exchanges += 1
         self.transport.write(data)
-        self._last_s = begun
-        return _Question(
-            command=command, begun_s=begun, earliest_s=begun + len(data) * self.transport.character_s()
-        )
+        # the unit counts from the delimiter, which comes last
+        self._last_s = begun + len(data) * self.transport.character_s()
+        return _Question(command=command, begun_s=begun, earliest_s=begun + len(data) * self.transport.character_s())
 
     def _finish(
         self, question: _Question, deadline_s: float | None, type_ahead: Callable[[], None] | None = None

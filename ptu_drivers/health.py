@@ -39,6 +39,8 @@ class DoubtReason(StrEnum):
     """A number where the unit cannot be."""
     TOO_FAST = "too fast"
     """Further from the last angle than the unit can have turned since."""
+    UNCONFIRMED = "unconfirmed"
+    """Not where it was expected, and asked again it said something that does not fit."""
     STARTING = "starting"
     """The unit was reset or power-cycled; its angles count from nowhere until it has homed."""
     LINE_LOST = "line lost"

@@ -58,13 +58,17 @@ class DeviceClock:
         self._last = -1
         self._turns = 0
 
+    def went_back(self, count: int) -> bool:
+        """Return whether a count is below the last one, and not because the counter turned over."""
+        return 0 <= self._last - count <= _COUNTER // 2 and count != self._last
+
     def instant(self, count: int, earliest_s: float, latest_s: float) -> Instant:
         """Return the instant of a count that was read between the bounds, s on our clock."""
-        if count < self._last and self._last - count > _COUNTER // 2:
-            self._turns += 1
-        elif count < self._last:
-            # the unit was restarted
-            self._bounds.clear()
+        if count < self._last:
+            if self.went_back(count):
+                self._bounds.clear()
+            else:
+                self._turns += 1
         self._last = count
         device = (count + self._turns * _COUNTER) / self.frequency_hz
         self._bounds.append((device, earliest_s - device, latest_s - device))
@@ -76,6 +80,4 @@ class DeviceClock:
             self._bounds.clear()
             self._bounds.append(last)
             low, high = last[1], last[2]
-        return Instant(
-            t_s=device + 0.5 * (low + high), sigma_s=(high - low) / _SQRT12, source=AngleSource.DEVICE_CLOCK
-        )
+        return Instant(t_s=device + 0.5 * (low + high), sigma_s=(high - low) / _SQRT12, source=AngleSource.DEVICE_CLOCK)

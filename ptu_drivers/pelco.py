@@ -304,7 +304,6 @@ def _open(
     if settings.baud:
         chosen = replace(chosen, baud=settings.baud)
     line = SerialTransport(url, chosen.baud, clock)
-    line.reopen()
     return connect_pelco(line, settings, chosen, framing)
 
 

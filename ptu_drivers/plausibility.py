@@ -43,6 +43,11 @@ class Plausibility:
         self._last = None
         self._slope = 0.0
 
+    @property
+    def has_past(self) -> bool:
+        """Return whether an angle was accepted since `forget`."""
+        return self._last is not None
+
     def judge(self, new: Point) -> Verdict:
         """Return what is thought of a new angle."""
         last = self._last

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 # before every command: finite, so that a speed of zero times it is zero
 _EVER_S = -1e18
 
+
 @dataclass(frozen=True, slots=True)
 class _Piece:
     """Motion of constant acceleration from `t_s` on; the speed never changes its sign within a piece."""

@@ -1,14 +1,18 @@
 """Bytes over a line: whatever pyserial opens by URL, behind four methods and a clock."""
 
+import contextlib
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from ptu_drivers.errors import LineError, MissingExtraError
+from ptu_drivers.errors import LineError, MissingExtraError, PtuError
 
 _SLICE_S = 0.02
 _POLL_S = 0.0005
+_WRITE_S = 1.0
+_REOPEN_S = 0.1
 # start, 8 data and stop bit
 BITS_PER_CHARACTER = 10
 
@@ -76,7 +80,10 @@ class SerialTransport:
         self._clock = clock
         self._is_serial = not url.startswith("socket://")
         self._port: Any = None
-        self.reopen()
+        self._opening: threading.Thread | None = None
+        self._opened_port: Any = None
+        self._fault: BaseException | None = None
+        self._port = self._open()
 
     def now(self) -> float:
         """Return the clock, s."""
@@ -130,24 +137,44 @@ class SerialTransport:
                     return Chunk(data=data, t_s=t_s)
 
     def reopen(self) -> None:
-        """Open, after closing what was open."""
+        """Open, after closing what was open.
+
+        Connecting over a network may take long: it goes on in a thread, and each call looks whether it is done.
+        """
         self.close()
+        if self._opening is None:
+            self._opened_port, self._fault = None, None
+            self._opening = threading.Thread(target=self._open_aside, name="ptu-reopen", daemon=True)
+            self._opening.start()
+        self._opening.join(_REOPEN_S)
+        if self._opening.is_alive():
+            raise LineError(self.url, got="no connection yet", wanted="a line that is there")
+        self._opening = None
+        if self._fault is not None:
+            raise LineError(self.url, got=str(self._fault), wanted="a line that is there") from self._fault
+        self._port = self._opened_port
+
+    def _open_aside(self) -> None:
+        try:
+            self._opened_port = self._open()
+        except PtuError as fault:
+            self._fault = fault
+
+    def _open(self) -> Any:
         serial = _pyserial()
         with _line_errors(self.url):
             # one timeout for good: changing it renegotiates the whole port of an RFC 2217 server
-            self._port = serial.serial_for_url(
-                self.url, baudrate=self._baud, timeout=_SLICE_S, write_timeout=1.0, exclusive=True
+            return serial.serial_for_url(
+                self.url, baudrate=self._baud, timeout=_SLICE_S, write_timeout=_WRITE_S, exclusive=True
             )
 
     def close(self) -> None:
         """Close; a line that is gone is closed already."""
         port, self._port = self._port, None
         if port is not None:
-            try:
+            # pyserial stumbles in several ways over a port that was pulled out; there is nothing left to close
+            with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
                 port.close()
-            except (OSError, ValueError, TypeError, AttributeError):
-                # pyserial stumbles in several ways over a port that was pulled out; there is nothing left to close
-                return
 
     def _opened(self) -> Any:
         if self._port is None:
