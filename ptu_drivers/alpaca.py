@@ -162,9 +162,7 @@ class AlpacaUnit(PolledUnit):
         self._telescope.put("moveaxis", self._until(), Axis=_NUMBER[axis], Rate=f"{rate_deg_s:.6f}")
 
 
-def connect_alpaca(
-    line: HttpLine, settings: UnitSettings, options: AlpacaOptions, *, watch: bool = True
-) -> AlpacaUnit:
+def connect_alpaca(line: HttpLine, settings: UnitSettings, options: AlpacaOptions, *, watch: bool = True) -> AlpacaUnit:
     """Probe the mount on a line that is open, and return it ready; arguments as `open_alpaca`."""
     telescope = AlpacaTelescope(line, options.device)
     until_s = line.now() + _PROBE_S

@@ -106,9 +106,7 @@ class DynamixelUnit(PolledUnit):
             self._health.restarts += 1
         if faults:
             raise faults[0]
-        return Reading(
-            pan=samples[Axis.PAN], tilt=samples[Axis.TILT], sent_s=sent_s, answered_s=self._line.now()
-        )
+        return Reading(pan=samples[Axis.PAN], tilt=samples[Axis.TILT], sent_s=sent_s, answered_s=self._line.now())
 
     def _sample(self, axis: Axis, state: Status) -> AngleSample:
         servo = self._servos[axis]

@@ -37,7 +37,7 @@ class Status:
 
 
 class SdkPort:
-    """A line in the form that the SDK's packet handler wants (its own port opens devices only, and measures no times)."""
+    """A line as the SDK's packet handler wants it: its own port opens devices only, and measures no times."""
 
     def __init__(self, line: Transport, reply_timeout_s: float) -> None:
         self.is_using = False
@@ -158,9 +158,7 @@ class DynamixelBus:
 
     def states(self, identifiers: tuple[int, ...]) -> tuple[Status, ...]:
         """Ask several servos at once for tick, velocity and position. Raises Doubtful, LineError."""
-        self._send(
-            self._sdk.syncReadTx, STATE.address, STATE.size, list(identifiers), len(identifiers), False
-        )
+        self._send(self._sdk.syncReadTx, STATE.address, STATE.size, list(identifiers), len(identifiers), False)
         self._port.setPacketTimeout((_STATUS_OVERHEAD + STATE.size) * len(identifiers))
         answers = tuple(self._receive(i, STATE.size, "sync read") for i in identifiers)
         if self._port.leftover():

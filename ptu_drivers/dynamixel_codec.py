@@ -115,7 +115,7 @@ class PacketDecoder:
     def feed(self, data: bytes) -> list[Packet]:
         """Return the packets that these bytes complete."""
         self._pending += data
-        found = []
+        found: list[Packet] = []
         while True:
             begin = self._pending.find(_HEADER)
             if begin < 0:

@@ -131,7 +131,7 @@ class PelcoUnit(PolledUnit):
             )
             for axis in Axis
         }
-        self._last: dict[Axis, float] = {}
+        self._unwrapped: dict[Axis, float] = {}
 
     def _until(self) -> float:
         return self._line.now() + self._description.reply_timeout_s
@@ -140,9 +140,7 @@ class PelcoUnit(PolledUnit):
         until_s = self._until()
         sent_s = self._line.now()
         samples = {axis: self._ask_axis(axis, until_s) for axis in self._exchange.barrier()}
-        return Reading(
-            pan=samples[Axis.PAN], tilt=samples[Axis.TILT], sent_s=sent_s, answered_s=self._line.now()
-        )
+        return Reading(pan=samples[Axis.PAN], tilt=samples[Axis.TILT], sent_s=sent_s, answered_s=self._line.now())
 
     def _ask_axis(self, axis: Axis, until_s: float) -> AngleSample:
         """Ask once, and once more where the angle is not what the last ones led to expect.
@@ -159,7 +157,7 @@ class PelcoUnit(PolledUnit):
             gate.accept(point)
             point = again
         gate.accept(point)
-        self._last[axis] = point.angle
+        self._unwrapped[axis] = point.angle
         turns = round(point.angle / (2 * math.pi)) if axis is Axis.PAN else 0
         return AngleSample(
             axis=axis,
@@ -176,9 +174,9 @@ class PelcoUnit(PolledUnit):
         unit_rad = self._options.unit_angle(axis, answer.word)
         if unit_rad is None:
             raise Doubtful(DoubtReason.OUT_OF_RANGE, f"{axis.value} {answer.word}")
-        if axis is Axis.PAN and axis in self._last:
+        if axis is Axis.PAN and axis in self._unwrapped:
             # the turn that is nearest to where it was, so that crossing the seam is no jump
-            unit_rad += 2 * math.pi * round((self._last[axis] - unit_rad) / (2 * math.pi))
+            unit_rad += 2 * math.pi * round((self._unwrapped[axis] - unit_rad) / (2 * math.pi))
         t_s, sigma_t_s = self._instant(answer)
         return Point(t_s=t_s, sigma_t_s=sigma_t_s, angle=unit_rad)
 
@@ -221,7 +219,7 @@ class PelcoUnit(PolledUnit):
 
     def _send_halt(self) -> None:
         stop = PelcoMessage(address=self._options.address, opcode=Opcode.STOP)
-        # a stop is not confirmed: it goes before and after a question that is, so that losing one byte loses one of them
+        # a stop is not confirmed: it goes before and after a question that is, so that a lost byte costs one of them
         self._tell(stop)
         try:
             self._insist_on_an_answer()

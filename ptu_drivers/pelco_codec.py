@@ -1,8 +1,8 @@
 """Pelco-D and Pelco-P frames: bytes to messages and back, no input or output.
 
-Pelco-D is FF, address, two command bytes, two data bytes, and the sum of the middle five modulo 256. Pelco-P carries the
-same four middle bytes between A0, an address counted from 0, and AF, then the exclusive or of all that. The short answer
-of four bytes that some units give to a command is FF, address, alarms, and the command's own sum plus the alarms.
+Pelco-D is FF, address, two command bytes, two data bytes, and the sum of the middle five modulo 256. Pelco-P carries
+the same four middle bytes between A0, an address counted from 0, and AF, then the exclusive or of all that. The short
+answer of four bytes that some units give to a command is FF, address, alarms, and the command's sum plus the alarms.
 """
 
 from dataclasses import dataclass, field

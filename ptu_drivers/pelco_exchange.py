@@ -1,4 +1,4 @@
-"""One question and its answer on a Pelco line: which bytes are the answer, when it was true, and when not to believe it.
+"""One question on a Pelco line: which bytes are its answer, when that was true, and when it is not believed.
 
 Pelco messages carry no sequence number and a checksum of 8 bits, so that much rests on order and time: one question is
 on the line at a time; an answer that is complete before the question was out belongs to an older one; after a question
@@ -173,9 +173,11 @@ class PelcoExchange:
             raise Doubtful(DoubtReason.GARBAGE, "bytes on the heels of the answer")
 
     def _why_nothing(self, received: bytes, question: bytes) -> DoubtReason:
-        rest = received.removeprefix(question)
-        if not rest:
+        seen = scan(received, self.framing)
+        if not seen.skipped and seen.used == len(received):
+            # nothing, or whole messages of others
             return DoubtReason.TIMEOUT
+        rest = received.removeprefix(question)
         start = rest.find(question[:2])
         if start < 0:
             return DoubtReason.GARBAGE

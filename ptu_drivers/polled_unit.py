@@ -1,6 +1,7 @@
-"""What the drivers of units that only answer questions have in common: lock, limits, counts, watchdog, halt, reconnection.
+"""What the drivers of units that only answer questions have in common.
 
-A protocol adds how to ask, move, halt and set up. Its angles are the unit's own, before the settings' sign and zero.
+Lock, limits, counts, watchdog, halt and reconnection are here. A
+protocol adds how to ask, move, halt and set up. Its angles are the unit's own, before the settings' sign and zero.
 """
 
 import threading
@@ -8,6 +9,7 @@ from abc import abstractmethod
 from typing import Protocol
 
 from ptu_drivers.errors import LimitError, LineError, NoAnswerError, PtuError, UnsupportedError
+from ptu_drivers.halting import Watchdog
 from ptu_drivers.health import DoubtReason, Health, HealthCounter, UnitState
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import Axis, AxisDescription, Capability, NoReading, Reading, UnitDescription
@@ -19,9 +21,11 @@ _REOPEN_S = 0.2
 _HALT_TRIES = 3
 # motion by rate is looked at this often by itself, so that it can be stopped at a limit
 _LOOK_S = 0.1
+# until it is looked at again and has come to rest
+_AHEAD_S = 0.25
 
 
-class Doubtful(Exception):
+class Doubtful(Exception):  # noqa: N818 - not an error: a named reason, which never leaves the driver
     """Inside a driver: an answer that cannot be believed, or none."""
 
     def __init__(self, reason: DoubtReason, said: str = "") -> None:
@@ -80,7 +84,7 @@ class PolledUnit(PanTiltUnit):
     settings : as given to `open_ptu`.
     description : what the probe found.
     health : the counts of the probe, to be carried on.
-    watch : run the watchdog in a thread of its own; without it, it is looked at with each call (time that is simulated).
+    watch : run the watchdog in a thread; without, it is looked at with each call (time that is simulated).
     """
 
     takes_rates = True
@@ -101,9 +105,9 @@ class PolledUnit(PanTiltUnit):
         self._next_reopen_s = float("-inf")
         self._rates: dict[Axis, float] | None = None
         self._rate_command_s = 0.0
-        self._stop_watching = threading.Event()
-        if watch and settings.watchdog_s > 0 and Capability.VELOCITY in description.capabilities:
-            threading.Thread(target=self._watch, name="ptu watchdog", daemon=True).start()
+        self._last: Reading | None = None
+        self._watches = watch
+        self._watchdog: Watchdog | None = None
 
     @abstractmethod
     def _ask(self) -> Reading:
@@ -151,7 +155,8 @@ class PolledUnit(PanTiltUnit):
                 return self._doubt(fault)
             self._silences = 0
             self._health.state = UnitState.READY
-            self._health.readings += 2
+            self._health.readings += 1
+            self._last = reading
             self._health.last_reading_s = max(reading.pan.t_s, reading.tilt.t_s)
             self._stop_at_limits(reading)
             if self._halt_owed:
@@ -188,10 +193,13 @@ class PolledUnit(PanTiltUnit):
             asked = {Axis.PAN: pan_rad_s, Axis.TILT: tilt_rad_s}
             for axis, value in asked.items():
                 self._check_rate(axis, value)
+                self._check_outward(axis, value)
             self._rate_command_s = self._line.now()
             self._rates = asked
             rates = {axis: self._axis(axis).sign * value for axis, value in asked.items()}
             self._command("turn", lambda: self._send_rates(rates))
+            if self._watches and self._watchdog is None:
+                self._watchdog = Watchdog(self._watch, min(_LOOK_S, self._settings.watchdog_s / 4 or _LOOK_S))
             if self._line.now() - self._health.last_reading_s > _LOOK_S:
                 self.read()
 
@@ -209,10 +217,11 @@ class PolledUnit(PanTiltUnit):
 
     def close(self) -> None:
         """Halt and let go of the line."""
-        self._stop_watching.set()
         with self._lock:
             if self._closed:
                 return
+            if self._watchdog is not None:
+                self._watchdog.stop()
             self._try_halt()
             try:
                 if not self._halt_owed:
@@ -241,6 +250,18 @@ class PolledUnit(PanTiltUnit):
             )
         if 0 < abs(rate_rad_s) < said.min_rate_rad_s:
             raise LimitError(axis.value, "minimum speed", got=rate_rad_s, bound=said.min_rate_rad_s, origin="unit")
+
+    def _check_outward(self, axis: Axis, rate_rad_s: float) -> None:
+        """Refuse to set out where the axis would soon be beyond its limit; motion is stopped there anyway."""
+        turns = self._rates is not None and self._rates[axis] != 0
+        if self._last is None or turns:
+            return
+        said = self._description.axis(axis)
+        angle = (self._last.pan if axis is Axis.PAN else self._last.tilt).angle_rad + rate_rad_s * _AHEAD_S
+        if rate_rad_s > 0 and angle >= said.high_rad:
+            raise LimitError(axis.value, "upper limit", got=angle, bound=said.high_rad, origin=said.high_from)
+        if rate_rad_s < 0 and angle <= said.low_rad:
+            raise LimitError(axis.value, "lower limit", got=angle, bound=said.low_rad, origin=said.low_from)
 
     def _command(self, name: str, send: "_Send") -> None:
         """Send once; what is not acknowledged may still move, and is halted when the line is back."""
@@ -344,21 +365,20 @@ class PolledUnit(PanTiltUnit):
             return
         for axis, sample in ((Axis.PAN, reading.pan), (Axis.TILT, reading.tilt)):
             said, rate = self._description.axis(axis), self._rates[axis]
-            ahead = sample.angle_rad + rate * (self._line.now() - sample.t_s + _LOOK_S)
+            ahead = sample.angle_rad + rate * (self._line.now() - sample.t_s + _AHEAD_S)
             if (rate > 0 and ahead > said.high_rad) or (rate < 0 and ahead < said.low_rad):
                 self._health.limit_events += 1
                 self._try_halt()
                 return
 
     def _watch(self) -> None:
-        while not self._stop_watching.wait(min(self._settings.watchdog_s / 4, _LOOK_S)):
-            with self._lock:
-                turning = self._rates is not None and any(self._rates.values())
-                if self._closed or not turning:
-                    continue
-                self._check_watchdog()
-                if self._line.now() - self._health.last_reading_s > _LOOK_S:
-                    self.read()
+        """Look after motion by rate: that commands come, that limits are kept."""
+        with self._lock:
+            if self._closed or self._rates is None or not any(self._rates.values()):
+                return
+            self._check_watchdog()
+            if self._line.now() - self._health.last_reading_s > _LOOK_S:
+                self.read()
 
 
 class _Send(Protocol):

@@ -64,7 +64,11 @@ class SimulatedMount:
             return 400, b"unknown device"
         body: dict[str, object] = {"ClientTransactionID": int(given.get("ClientTransactionID", 0))}
         try:
-            value = self._get(t_s, name, given) if method == "GET" else self._put(t_s, name, given)
+            value = None
+            if method == "GET":
+                value = self._get(t_s, name, given)
+            else:
+                self._put(t_s, name, given)
         except LookupError as refused:
             number, text = refused.args
             body |= {"ErrorNumber": number, "ErrorMessage": text}

@@ -1,4 +1,4 @@
-"""The far end of a simulated serial line, whatever it speaks: bytes with times in, bytes with times out; no clock, no I/O."""
+"""The far end of a simulated serial line, whatever it speaks: bytes with times in and out; no clock, no I/O."""
 
 import heapq
 import random
@@ -47,8 +47,8 @@ class SimulatedPeer(ABC):
         """Return the time of one character, s."""
         return BITS_PER_CHARACTER / self.baud if self.baud else 0.0
 
-    def connect(self, t_s: float) -> None:
-        """Somebody opened the line; these units have nothing to say to that."""
+    def connect(self, t_s: float) -> None:  # noqa: B027 - most units have nothing to say to that
+        """Somebody opened the line."""
 
     def say(self, t_s: float, data: bytes) -> None:
         """Put bytes on the line."""
@@ -74,7 +74,7 @@ class SimulatedPeer(ABC):
         self._take(t_s, byte)
 
     def _answer(self, t_s: float, data: bytes) -> float:
-        """Send an answer to what was complete at `t_s`; returns when it begins, s. One that is late holds up the next."""
+        """Send an answer to what was complete at `t_s`; returns when it begins, s. A late one holds up the next."""
         ready_s = max(t_s, self._busy_until_s) + self._random.uniform(*self.latency_s)
         if self.late_s:
             ready_s += self.late_s.pop()

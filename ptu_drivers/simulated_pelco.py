@@ -1,8 +1,8 @@
 """A simulated Pelco unit with absolute positions: acceleration, speed limits, quantum, echo, short answers, reset.
 
 It keeps its own numbers as such units do: pan clockwise from 0 to 359.99 degrees, tilt downwards, with angles above the
-horizon as a turn less (or another sense, by `PelcoModel`). Written from the protocol's description, not with the driver's
-conversions, so that a mistake there cannot cancel itself.
+horizon as a turn less (or another sense, by `PelcoModel`). Written from the protocol's description, not with the
+driver's conversions, so that a mistake there cannot cancel itself.
 """
 
 import math

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+
 from ptu_drivers.alpaca import AlpacaOptions, connect_alpaca
 from ptu_drivers.messages import Axis
 from ptu_drivers.settings import UnitSettings

@@ -1,10 +1,11 @@
 """Two Dynamixel servos keep the contract of a pan-tilt unit: simulated, in virtual time, behind the maker's SDK."""
 
 import pytest
+
 from ptu_drivers.dynamixel import DynamixelOptions, connect_dynamixel
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.simulated_dynamixel import SimulatedDynamixel
-from ptu_drivers.virtual_line import VirtualLine
+from ptu_drivers.simulated_line import VirtualLine
 from tests.contracts.pan_tilt_unit import ContractRig, PanTiltContract
 
 pytest.importorskip("dynamixel_sdk", reason="extra `dynamixel` is not installed")
@@ -12,7 +13,6 @@ pytest.importorskip("dynamixel_sdk", reason="extra `dynamixel` is not installed"
 
 def dynamixel_rig(unit: SimulatedDynamixel) -> ContractRig:
     line = VirtualLine(unit, unit.baud)
-    line.reopen()
 
     def set_dead(dead: bool) -> None:
         line.dead = dead

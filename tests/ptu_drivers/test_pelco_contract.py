@@ -1,18 +1,18 @@
 """Pelco units keep the contract of a pan-tilt unit: simulated, in virtual time."""
 
 import pytest
+
 from ptu_drivers.pelco import PelcoOptions, connect_pelco
 from ptu_drivers.pelco_codec import PelcoFraming
 from ptu_drivers.settings import UnitSettings
+from ptu_drivers.simulated_line import VirtualLine
 from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
-from ptu_drivers.virtual_line import VirtualLine
 from tests.contracts.pan_tilt_unit import ContractRig, PanTiltContract
 
 
 def pelco_rig(model: PelcoModel, **options: object) -> ContractRig:
     unit = SimulatedPelco(model, seed=4)
     line = VirtualLine(unit, model.baud)
-    line.reopen()
     if "speeds_deg_s" in options:
         options["speeds_deg_s"] = unit.speed_table()
 
@@ -29,7 +29,7 @@ def pelco_rig(model: PelcoModel, **options: object) -> ContractRig:
         ),
         now=line.now,
         wait=line.wait,
-        truth=lambda axis, t_s: unit.head_rad(axis, t_s),
+        truth=unit.head_rad,
         cut=lambda: set_dead(True),
         mend=lambda: set_dead(False),
         settings=UnitSettings(),
@@ -60,5 +60,3 @@ class TestPelcoPOfTheOtherSenses(PanTiltContract):
     def rig(self) -> ContractRig:
         model = PelcoModel(framing=PelcoFraming.P, address=7, baud=4800, clockwise=False, downwards=False)
         return pelco_rig(model, address=7, pan_sign=1, tilt_sign=1)
-
-
