@@ -78,12 +78,9 @@ class AlpacaUnit(PolledUnit):
         self._combined = combined
         self._goal: dict[Axis, float] = {}
 
-    def _until(self) -> float:
-        return self._line.now() + self._settings.reply_timeout_s
-
     def _ask(self) -> Reading:
         sent_s = self._line.now()
-        until_s = self._until()
+        until_s = self._until_s
         angles: dict[Axis, float] = {}
         spans: dict[Axis, tuple[float, float]] = {}
         try:
@@ -127,7 +124,7 @@ class AlpacaUnit(PolledUnit):
         """Nothing: an answer cannot outlive its connection."""
 
     def _set_up(self) -> None:
-        prepare(self._telescope, self._line.now() + self._description.reply_timeout_s)
+        prepare(self._telescope, self._until_s)
 
     def _send_position(self, targets: dict[Axis, float], rate_rad_s: float | None) -> None:
         if len(targets) < len(Axis):
@@ -139,7 +136,7 @@ class AlpacaUnit(PolledUnit):
         self._goal = targets
         self._telescope.put(
             "slewtoaltazasync",
-            self._until(),
+            self._until_s,
             Azimuth=f"{-math.degrees(targets[Axis.PAN]) % 360:.6f}",
             Altitude=f"{math.degrees(targets[Axis.TILT]):.6f}",
         )
@@ -156,10 +153,10 @@ class AlpacaUnit(PolledUnit):
         if Capability.VELOCITY in self._description.capabilities:
             for axis in Axis:
                 self._move_axis(axis, 0.0)
-        self._telescope.put("abortslew", self._until())
+        self._telescope.put("abortslew", self._until_s)
 
     def _move_axis(self, axis: Axis, rate_deg_s: float) -> None:
-        self._telescope.put("moveaxis", self._until(), Axis=_NUMBER[axis], Rate=f"{rate_deg_s:.6f}")
+        self._telescope.put("moveaxis", self._until_s, Axis=_NUMBER[axis], Rate=f"{rate_deg_s:.6f}")
 
 
 def connect_alpaca(line: HttpLine, settings: UnitSettings, options: AlpacaOptions, *, watch: bool = True) -> AlpacaUnit:
@@ -273,6 +270,6 @@ def _description(
         pan=axes[Axis.PAN],
         tilt=axes[Axis.TILT],
         capabilities=frozenset(capabilities),
-        reply_timeout_s=3 * settings.reply_timeout_s,
+        reply_timeout_s=2 * settings.reply_timeout_s,
         details={"device": str(options.device), "alignment": "alt-az" if alignment == _ALT_AZ else "equatorial"},
     )

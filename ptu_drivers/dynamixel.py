@@ -89,6 +89,10 @@ class DynamixelUnit(PolledUnit):
         self._mode: OperatingMode | None = None
         """What the servos are known to follow, with torque; None where they have to be set up again."""
 
+    def _try_again(self) -> None:
+        super()._try_again()
+        self._bus.finish_by(self._until_s)
+
     def _ask(self) -> Reading:
         sent_s = self._line.now()
         states = self._bus.states(tuple(self._servos[axis].identifier for axis in Axis))

@@ -45,6 +45,8 @@ class SdkPort:
         self.reply_timeout_s = reply_timeout_s
         self.sent_s = self.asked_s = 0.0
         self.sent = 0
+        self.limit_s = float("inf")
+        """No answer is waited for beyond this, s."""
         self._until_s = 0.0
         self._buffer = bytearray()
         self._arrivals: list[tuple[int, float]] = []
@@ -86,7 +88,8 @@ class SdkPort:
 
     def setPacketTimeout(self, length: int) -> None:  # noqa: N802
         """Allow for so many bytes, and for the reply time of the settings."""
-        self._until_s = self.asked_s + length * self.line.character_s() + self.reply_timeout_s
+        until_s = self.asked_s + length * self.line.character_s() + self.reply_timeout_s
+        self._until_s = min(until_s, self.limit_s)
 
     def setPacketTimeoutMillis(self, milliseconds: float) -> None:  # noqa: N802
         """Allow for so long."""
@@ -131,6 +134,10 @@ class DynamixelBus:
         self._sdk = sdk.PacketHandler(2.0)
         self._success = sdk.COMM_SUCCESS
 
+    def finish_by(self, until_s: float) -> None:
+        """Wait for no answer beyond an instant, s."""
+        self._port.limit_s = until_s
+
     @property
     def sent(self) -> int:
         """Packets sent so far."""
@@ -168,7 +175,7 @@ class DynamixelBus:
     def drain(self) -> None:
         """Listen until the line is silent, at most for the reply time. Raises LineError."""
         quiet_s = max(0.005, 20 * self.line.character_s())
-        until_s = self.line.now() + self.reply_timeout_s
+        until_s = min(self.line.now() + self.reply_timeout_s, self._port.limit_s)
         while self.line.now() < until_s and self.line.read(self.line.now() + quiet_s).data:
             pass
         self._port.is_using = False

@@ -133,11 +133,8 @@ class PelcoUnit(PolledUnit):
         }
         self._unwrapped: dict[Axis, float] = {}
 
-    def _until(self) -> float:
-        return self._line.now() + self._description.reply_timeout_s
-
     def _ask(self) -> Reading:
-        until_s = self._until()
+        until_s = self._until_s
         sent_s = self._line.now()
         samples = {axis: self._ask_axis(axis, until_s) for axis in self._exchange.barrier()}
         return Reading(pan=samples[Axis.PAN], tilt=samples[Axis.TILT], sent_s=sent_s, answered_s=self._line.now())
@@ -195,7 +192,7 @@ class PelcoUnit(PolledUnit):
     def _resynchronise(self) -> None:
         for gate in self._gates.values():
             gate.forget()
-        self._exchange.settle(self._line.now() + self._settings.reply_timeout_s)
+        self._exchange.settle(self._until_s)
 
     def _set_up(self) -> None:
         """Nothing is set that a unit could lose."""
@@ -228,14 +225,14 @@ class PelcoUnit(PolledUnit):
 
     def _tell(self, message: PelcoMessage) -> None:
         if self._options.acknowledges:
-            self._exchange.tell_and_wait(message, self._until())
+            self._exchange.tell_and_wait(message, self._until_s)
         else:
             self._exchange.tell(message)
             self._line.wait(8 * self._exchange.line.character_s() + self._options.gap_s)
 
     def _insist_on_an_answer(self) -> None:
         """Ask where the unit is, to know that somebody hears; commands have no answer of their own."""
-        self._exchange.ask(self._exchange.barrier()[0], self._until())
+        self._exchange.ask(self._exchange.barrier()[0], self._until_s)
         self._health.exchanges = self._exchange.sent
 
     def _speed(self, rate_rad_s: float) -> int:

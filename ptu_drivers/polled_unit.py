@@ -103,6 +103,8 @@ class PolledUnit(PanTiltUnit):
         self._halt_owed = False
         self._silences = 0
         self._next_reopen_s = float("-inf")
+        self._until_s = float("inf")
+        """When the present call must be over, s."""
         self._rates: dict[Axis, float] | None = None
         self._rate_command_s = 0.0
         self._last: Reading | None = None
@@ -145,7 +147,7 @@ class PolledUnit(PanTiltUnit):
     def read(self) -> Reading | NoReading:
         """Ask both axes where they are."""
         with self._lock:
-            self._open_or_raise()
+            self._begin()
             self._check_watchdog()
             try:
                 if self._health.state is not UnitState.READY:
@@ -169,7 +171,7 @@ class PolledUnit(PanTiltUnit):
         """Start to turn to a position."""
         asked = {a: v for a, v in ((Axis.PAN, pan_rad), (Axis.TILT, tilt_rad)) if v is not None}
         with self._lock:
-            self._open_or_raise()
+            self._begin()
             if rate_rad_s is not None and not self.takes_rates:
                 raise UnsupportedError(self._description.protocol, got="a speed for a move to a position")
             for axis, value in asked.items():
@@ -187,7 +189,7 @@ class PolledUnit(PanTiltUnit):
     def move_at(self, *, pan_rad_s: float, tilt_rad_s: float) -> None:
         """Turn at a rate until the next command."""
         with self._lock:
-            self._open_or_raise()
+            self._begin()
             if Capability.VELOCITY not in self._description.capabilities:
                 raise UnsupportedError(self._description.protocol, got="a rate")
             asked = {Axis.PAN: pan_rad_s, Axis.TILT: tilt_rad_s}
@@ -206,13 +208,13 @@ class PolledUnit(PanTiltUnit):
     def halt(self) -> None:
         """Stop both axes now."""
         with self._lock:
-            self._open_or_raise()
+            self._begin()
             self._halt()
 
     def home(self) -> None:
         """Reset and home; units of these protocols cannot be asked to."""
         with self._lock:
-            self._open_or_raise()
+            self._begin()
             raise UnsupportedError(self._description.protocol, got="a request to home")
 
     def close(self) -> None:
@@ -223,6 +225,7 @@ class PolledUnit(PanTiltUnit):
             if self._watchdog is not None:
                 self._watchdog.stop()
             self._try_halt()
+            self._try_again()
             try:
                 if not self._halt_owed:
                     self._let_go()
@@ -238,9 +241,15 @@ class PolledUnit(PanTiltUnit):
     def _axis(self, axis: Axis) -> AxisSettings:
         return self._settings.pan if axis is Axis.PAN else self._settings.tilt
 
-    def _open_or_raise(self) -> None:
+    def _begin(self) -> None:
+        """Begin a call: the unit must be open, and the call has its time from now on."""
         if self._closed:
             raise LineError(self._description.url, got="a unit that was closed", wanted="an open one")
+        self._try_again()
+
+    def _try_again(self) -> None:
+        """Give the call the time of one exchange from now on."""
+        self._until_s = self._line.now() + self._description.reply_timeout_s
 
     def _check_rate(self, axis: Axis, rate_rad_s: float) -> None:
         said = self._description.axis(axis)
@@ -288,6 +297,7 @@ class PolledUnit(PanTiltUnit):
         began = self._line.now()
         last: Doubtful | LineError | None = None
         for _ in range(_HALT_TRIES):
+            self._try_again()
             try:
                 if self._health.state is UnitState.LINE_LOST:
                     self._reconnect()
@@ -345,7 +355,7 @@ class PolledUnit(PanTiltUnit):
     def _reconnect(self) -> None:
         now = self._line.now()
         if now < self._next_reopen_s:
-            self._line.wait(min(self._next_reopen_s - now, self._settings.reply_timeout_s))
+            self._line.wait(min(self._next_reopen_s, self._until_s) - now)
         self._next_reopen_s = self._line.now() + _REOPEN_S
         self._line.reopen()
         self._health.reconnects += 1
