@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ptu_drivers.alpaca_line import AlpacaTelescope, HttpConnection, HttpLine, finite
-from ptu_drivers.errors import ProtocolError, RefusedError
+from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
@@ -172,8 +172,12 @@ def connect_alpaca(line: HttpLine, settings: UnitSettings, options: AlpacaOption
             telescope, settings, options, description, combined=_has_state(telescope, until_s), watch=watch
         )
     except Doubtful as fault:
+        line.close()
         raise ProtocolError(line.url, got=str(fault), wanted="an Alpaca telescope") from fault
-    except RefusedError as fault:
+    except PtuError as fault:
+        line.close()
+        if not isinstance(fault, RefusedError):
+            raise
         raise ProtocolError(line.url, got=str(fault), wanted=f"telescope {options.device} to answer") from fault
     return unit
 
@@ -260,6 +264,7 @@ def _description(
             max_rate_rad_s=math.radians(high_rate),
             min_rate_rad_s=math.radians(low_rate),
             limits_from=origin,
+            rates_from="unit" if rates.get(axis) else "settings",
         )
     return UnitDescription(
         protocol="alpaca",

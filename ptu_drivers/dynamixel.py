@@ -9,7 +9,7 @@ from typing import Any
 from ptu_drivers import dynamixel_table as table
 from ptu_drivers.dynamixel_bus import DynamixelBus, Status
 from ptu_drivers.dynamixel_table import OperatingMode
-from ptu_drivers.errors import ProtocolError, RefusedError
+from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
@@ -86,6 +86,7 @@ class DynamixelUnit(PolledUnit):
         self._options = options
         self._servos = servos
         self._clocks = {axis: TickClock(tick_s=table.TICK_S, ticks=table.TICKS) for axis in Axis}
+        self._order = list(Axis)
         self._mode: OperatingMode | None = None
         """What the servos are known to follow, with torque; None where they have to be set up again."""
 
@@ -95,11 +96,13 @@ class DynamixelUnit(PolledUnit):
 
     def _ask(self) -> Reading:
         sent_s = self._line.now()
-        states = self._bus.states(tuple(self._servos[axis].identifier for axis in Axis))
+        # who answers first does so at once, which ties its clock closely: they take turns
+        self._order.reverse()
+        states = self._bus.states(tuple(self._servos[axis].identifier for axis in self._order))
         self._health.exchanges = self._bus.sent
         faults: list[Doubtful] = []
         samples: dict[Axis, AngleSample] = {}
-        for axis, state in zip(Axis, states, strict=True):
+        for axis, state in zip(self._order, states, strict=True):
             try:
                 samples[axis] = self._sample(axis, state)
             except Doubtful as fault:
@@ -217,7 +220,11 @@ def connect_dynamixel(
         try:
             bus.drain()
             servos[axis] = _probe(bus, identifier, line.url)
-        except (Doubtful, RefusedError) as fault:
+        except PtuError:
+            line.close()
+            raise
+        except Doubtful as fault:
+            line.close()
             raise ProtocolError(
                 line.url,
                 got=f"{fault} from servo {identifier} at {line.baud()} bit/s",

@@ -198,8 +198,10 @@ class DynamixelBus:
         # the SDK has taken the stuffing out, and says in the length what is left
         length = packet[5] | packet[6] << 8
         began_s = self._port.began_s(len(packet))
-        if packet[4] != identifier or began_s < self._port.asked_s - self.line.character_s():
+        if packet[4] != identifier:
             raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{what}: an answer of servo {packet[4]}")
+        if began_s < self._port.asked_s - self.line.character_s():
+            raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{what}: an answer that began before the question was out")
         error = packet[8]
         alert = bool(error & ServoError.ALERT)
         (self.hardware_alert.add if alert else self.hardware_alert.discard)(identifier)

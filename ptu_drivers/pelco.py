@@ -306,22 +306,17 @@ def _description(
     line: Transport, settings: UnitSettings, options: PelcoOptions, framing: PelcoFraming
 ) -> UnitDescription:
     quantum_rad = math.radians(1 / options.counts_per_degree)
-    rates = {"max_rate_rad_s": math.radians(options.max_rate_deg_s)}
-    capabilities = {Capability.POSITION}
-    if options.speeds_deg_s:
-        capabilities.add(Capability.VELOCITY)
-        rates = {
-            "max_rate_rad_s": math.radians(max(options.speeds_deg_s.values())),
-            "min_rate_rad_s": math.radians(min(options.speeds_deg_s.values())),
-        }
+    table_deg_s = options.speeds_deg_s.values()
+    capabilities = {Capability.POSITION, *((Capability.VELOCITY,) if table_deg_s else ())}
     axes = {
         axis: narrowed(
             settings.pan if axis is Axis.PAN else settings.tilt,
             quantum_rad=quantum_rad,
             low_rad=math.radians(low_deg),
             high_rad=math.radians(high_deg),
+            max_rate_rad_s=math.radians(max(table_deg_s, default=options.max_rate_deg_s)),
+            min_rate_rad_s=math.radians(min(table_deg_s, default=0.0)),
             limits_from="settings",
-            **rates,
         )
         for axis, low_deg, high_deg in (
             (Axis.PAN, options.pan_low_deg, options.pan_high_deg),

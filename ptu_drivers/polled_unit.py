@@ -60,8 +60,12 @@ def narrowed(
     max_rate_rad_s: float,
     min_rate_rad_s: float = 0.0,
     limits_from: str = "unit",
+    rates_from: str = "",
 ) -> AxisDescription:
-    """Return an axis after sign, zero and soft limits; arguments are the unit's own, rad and rad/s."""
+    """Return an axis after sign, zero and soft limits; arguments are the unit's own, rad and rad/s.
+
+    `limits_from` says who knows the limits: "unit", or "settings" where a unit cannot be asked; `rates_from` likewise.
+    """
     ends = sorted((axis.angle(low_rad), axis.angle(high_rad)))
     return AxisDescription(
         quantum_rad=quantum_rad,
@@ -71,7 +75,7 @@ def narrowed(
         high_from="settings" if axis.high_rad < ends[1] else limits_from,
         max_rate_rad_s=min(max_rate_rad_s, axis.max_rate_rad_s),
         min_rate_rad_s=min_rate_rad_s,
-        rate_from="settings" if axis.max_rate_rad_s < max_rate_rad_s else limits_from,
+        rate_from="settings" if axis.max_rate_rad_s < max_rate_rad_s else rates_from or limits_from,
     )
 
 
