@@ -12,6 +12,8 @@ from ptu_drivers.transport import Transport
 
 # an answer's length on the line that is waited for beyond the timeout
 LONGEST_ANSWER_CHARACTERS = 60
+# an echo and a refusal
+_REFUSAL = 40
 _QUIET_S = 0.03
 _DRAIN_S = 0.1
 
@@ -35,6 +37,7 @@ class Exchanged:
     begun_s, done_s : when the first byte was sent, and the last one received, s.
     earliest_s, latest_s : the delimiter reached the unit in between, s: not before all bytes had been on the line,
         not after its echo or the first byte of the reply had begun.
+    sent_s : when the delimiter had been on the line if the port took it at once, s.
     mark_s : when the first byte of the reply had come, s.
     """
 
@@ -43,6 +46,7 @@ class Exchanged:
     done_s: float
     earliest_s: float
     latest_s: float
+    sent_s: float
     mark_s: float
 
 
@@ -53,6 +57,7 @@ class _Question:
     command: str
     begun_s: float
     earliest_s: float
+    sent_s: float
 
 
 class FlirLine:
@@ -130,6 +135,7 @@ class FlirLine:
         self._drain(deadline_s)
         self._keep_pace()
         question = self._send(f"Z{next(self._nonce)}")
+        deadline_s = min(deadline_s, self.transport.now() + self._timeout_s + _REFUSAL * self.transport.character_s())
         while True:
             for line in self._lines(deadline_s, question.command):
                 parsed = self._parse(line)
@@ -163,12 +169,17 @@ class FlirLine:
             try:
                 self._finish(question, until_s)
             except Doubt as doubt:
-                if doubt.reason is DoubtReason.TIMEOUT:
+                if doubt.reason is DoubtReason.TIMEOUT or question.command.startswith(self._pending()):
+                    # the echo comes at once, the answer when it is done
                     return False
                 raise
             return True
 
         return answered
+
+    def _pending(self) -> str:
+        """Return the line that has not ended, as text."""
+        return self._splitter.unfinished.decode("latin-1").strip()
 
     def _spell(self, command: str) -> str:
         """Vary the case of the letters; the unit does not care, and its echo repeats it."""
@@ -188,10 +199,11 @@ class FlirLine:
         data = DELIMITER if typed else encode(command)
         begun = self.transport.now()
         self._counter.exchanges += 1
-        self.transport.write(data)
+        written = self.transport.write(data)
         # the unit counts from the delimiter, which comes last
         self._last_s = begun + len(data) * self.transport.character_s()
-        return _Question(command=command, begun_s=begun, earliest_s=begun + len(data) * self.transport.character_s())
+        on_line = len(data) * self.transport.character_s()
+        return _Question(command=command, begun_s=begun, earliest_s=begun + on_line, sent_s=written + on_line)
 
     def _finish(
         self, question: _Question, deadline_s: float | None, type_ahead: Callable[[], None] | None = None
@@ -217,6 +229,7 @@ class FlirLine:
             begun_s=question.begun_s,
             done_s=line.times_s[-1],
             earliest_s=question.earliest_s,
+            sent_s=question.sent_s,
             latest_s=max(latest, question.earliest_s),
             mark_s=mark,
         )

@@ -9,7 +9,7 @@ from ptu_drivers.flir_line import Doubt, Exchanged, FlirLine
 from ptu_drivers.flir_motion import Converter
 from ptu_drivers.flir_probe import UnitFacts
 from ptu_drivers.health import DoubtReason
-from ptu_drivers.instants import DeviceClock, Instant, from_reply
+from ptu_drivers.instants import DeviceClock, Instant, Latency, of_query
 from ptu_drivers.messages import AngleSample, Axis, Reading
 from ptu_drivers.plausibility import Plausibility, Point, Verdict
 from ptu_drivers.settings import UnitSettings
@@ -50,7 +50,11 @@ class Poller:
         self._line = line
         self._facts = facts
         self._converter = converter
-        self._settings = settings
+        self._latency = Latency(
+            unit_s=settings.latency_s,
+            unit_sigma_s=settings.latency_sigma_s,
+            send_sigma_s=line.transport.send_sigma_s(),
+        )
         self._clock = DeviceClock(facts.clock_hz) if facts.clock_hz else None
         self._gates = {
             axis: Plausibility(quantum=1.0, max_rate=a.max_rate, max_acceleration=a.acceleration)
@@ -131,13 +135,12 @@ class Poller:
                 self.forget()
                 raise Doubt(DoubtReason.GARBAGE, f"counter {count}")
             return self._clock.instant(count, asked.earliest_s, asked.latest_s)
-        return from_reply(
+        return of_query(
             earliest_s=asked.earliest_s,
+            sent_s=asked.sent_s,
             latest_s=asked.latest_s,
-            first_byte_s=asked.mark_s,
-            character_s=self._line.transport.character_s(),
-            latency_s=self._settings.latency_s,
-            sigma_s=self._settings.latency_sigma_s,
+            first_bit_s=asked.mark_s - self._line.transport.character_s(),
+            latency=self._latency,
         )
 
     def _integer(self, answer: Answer) -> int:

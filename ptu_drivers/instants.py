@@ -21,24 +21,42 @@ class Instant:
     source: AngleSource
 
 
-def from_reply(
-    *, earliest_s: float, latest_s: float, first_byte_s: float, character_s: float, latency_s: float, sigma_s: float
-) -> Instant:
-    """Return when the query's delimiter reached the unit.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Latency:
+    """What is known of delays, s.
 
-    The first byte of the reply, less its own time on the line and the unit's latency; but never outside the bounds
-    that the line itself gives, and no more uncertain than they are wide.
+    Attributes
+    ----------
+    unit_s, unit_sigma_s : from the delimiter to the reply's first bit, and its spread.
+    send_sigma_s : of the delay between a write and the line; infinite over a network.
+    """
+
+    unit_s: float
+    unit_sigma_s: float
+    send_sigma_s: float
+
+
+def of_query(*, earliest_s: float, sent_s: float, latest_s: float, first_bit_s: float, latency: Latency) -> Instant:
+    """Return when a query's delimiter reached the unit, which reads its counters then.
+
+    On a serial port it is when the last byte had been on the line. Over a network it is the first bit of the reply less
+    the unit's latency, or, where the answer took longer than that explains, the middle of the bounds. Never outside
+    the bounds, and no more uncertain than they are wide.
 
     Parameters
     ----------
     earliest_s, latest_s : bounds, s (`Exchanged`).
-    first_byte_s : when the first byte of the reply had come, s.
-    latency_s, sigma_s : what is known of the unit's latency, s.
+    sent_s : when the last byte had been on the line if the port took it at once, s.
+    first_bit_s : when the first bit of the reply was seen, s.
     """
-    guess = first_byte_s - character_s - latency_s
     width = latest_s - earliest_s
-    if earliest_s <= guess <= latest_s:
-        sigma = min(sigma_s, width / _SQRT12)
+    if math.isfinite(latency.send_sigma_s):
+        sigma = math.hypot(latency.send_sigma_s, (sent_s - earliest_s) / _SQRT12)
+        at, source = min(max(sent_s, earliest_s), latest_s), AngleSource.LAST_BYTE_SENT
+        return Instant(t_s=at, sigma_s=min(sigma, width / _SQRT12), source=source)
+    guess = first_bit_s - latency.unit_s
+    if earliest_s <= guess <= latest_s and width <= latency.unit_s + 3.0 * latency.unit_sigma_s:
+        sigma = min(latency.unit_sigma_s, width / _SQRT12)
         return Instant(t_s=guess, sigma_s=sigma, source=AngleSource.FIRST_REPLY_BYTE)
     middle = 0.5 * (earliest_s + latest_s)
     return Instant(t_s=middle, sigma_s=width / _SQRT12, source=AngleSource.ROUND_TRIP)

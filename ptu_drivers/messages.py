@@ -19,6 +19,9 @@ class AngleSource(StrEnum):
 
     DEVICE_CLOCK = "device clock"
     """The unit stamped the angle itself; its clock was tied to ours by exchanges with short round trips."""
+    LAST_BYTE_SENT = "last byte sent"
+    """Query's last byte given to a serial port, plus its time on the line; held against the bounds from the echo and
+    the first byte of the reply, which adapters hand over late and in batches."""
     FIRST_REPLY_BYTE = "first reply byte"
     """First byte of the reply, less its own time on the line and the unit's stated latency."""
     ROUND_TRIP = "round trip"

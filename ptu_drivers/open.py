@@ -3,10 +3,12 @@
 import time
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from inspect import signature
 from types import MappingProxyType
 from typing import Any
 
 from ptu_drivers.errors import ProtocolError
+from ptu_drivers.halting import halt_on_exit
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.settings import UnitSettings
 
@@ -31,7 +33,7 @@ def open_ptu(
     clock: Callable[[], float] = time.monotonic,
     **options: Any,
 ) -> PanTiltUnit:
-    """Open a unit, ask it what it is, and return it ready.
+    """Open a unit, ask it what it is, and return it ready; it is halted however the program ends (`halt_on_exit`).
 
     Parameters
     ----------
@@ -55,5 +57,12 @@ def open_ptu(
         if missing.name != module:
             raise
         raise ProtocolError("protocol", got=protocol, wanted="one that is part of this version") from missing
-    unit: PanTiltUnit = opener(url, settings or UnitSettings(), clock, **options)
+    try:
+        unit: PanTiltUnit = opener(url, settings or UnitSettings(), clock, **options)
+    except TypeError as fault:
+        unknown = set(options) - set(signature(opener).parameters)
+        if not unknown:
+            raise
+        raise ProtocolError("options", got=", ".join(sorted(unknown)), wanted=f"what {protocol} has") from fault
+    halt_on_exit(unit)
     return unit

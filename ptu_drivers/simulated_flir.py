@@ -5,7 +5,8 @@ The words are those that the D46 and D300 manuals print and that clients in use 
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 from ptu_drivers.simulated_axis import SimulatedAxis
 
@@ -45,6 +46,26 @@ class FlirModel:
     device_clock: bool = True
     clock_hz: int = 90_000
     homing_s: float = 15.0
+
+    def replace(self, **changes: Any) -> Self:
+        """Return the same with some figures changed."""
+        return replace(self, **changes)
+
+
+D_SERIES = FlirModel(
+    model="",
+    firmware="Pan-Tilt Controller v2.14.0 (D46) simulated",
+    serial="",
+    arcsec=92.5714,
+    pan=(-3090, 3090),
+    tilt=(-907, 604),
+    rate=1000,
+    max_rate=1985,
+    acceleration=2000,
+    combined=False,
+    device_clock=False,
+)
+"""A unit of the D series, as its manual's examples have it."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -197,7 +218,8 @@ class FlirInterpreter:
                 self.axes[letter].halt(t_s)
             return Said(text="*")
         if name == "A":
-            return Said(text="*", not_before_s=self._end_s(t_s))
+            end = self._end_s(t_s)
+            return Said(text="*", not_before_s=end, deaf_until_s=end)
         if name == "R":
             done = self.home(t_s)
             return Said(text="!T!T!P!P*" if not m.model else "*", not_before_s=done, deaf_until_s=done)

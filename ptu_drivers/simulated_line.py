@@ -14,6 +14,8 @@ from ptu_drivers.errors import LineError
 from ptu_drivers.simulated_unit import DEFAULT_BAUD, SimulatedUnit
 from ptu_drivers.transport import BITS_PER_CHARACTER, Chunk
 
+_SEND_SIGMA_S = 0.0005
+
 
 @dataclass(slots=True)
 class LineFaults:
@@ -102,6 +104,10 @@ class VirtualLine:
         """Return the time of one character at our speed, s."""
         return BITS_PER_CHARACTER / self._baud if self._baud else 0.0
 
+    def send_sigma_s(self) -> float:
+        """Return the spread of the delay before the line, s."""
+        return _SEND_SIGMA_S if self._baud else float("inf")
+
     def baud(self) -> int:
         """Return the speed of our end."""
         return self._baud
@@ -159,6 +165,23 @@ class VirtualLine:
     def settle(self, duration_s: float) -> None:
         """Let time pass on a line that may be closed or gone: for the tests' side."""
         self._advance(self._t_s + duration_s)
+
+    def take(self) -> bytes:
+        """Return what has come until now, whoever listens: for a server that hands it on."""
+        data = bytes(self._inbox)
+        self._inbox.clear()
+        return data
+
+    def put(self, data: bytes, baud: int) -> None:
+        """Send at a speed that may have changed: for a server."""
+        if self._baud and baud:
+            self._baud = baud
+        self._open = True
+        self.write(data)
+
+    def next_s(self) -> float:
+        """Return when the next thing happens, s."""
+        return self._next_s()
 
     def _check(self) -> None:
         if self.gone:

@@ -59,8 +59,11 @@ class SimulatedUnit:
         self.line = line or LineModel()
         self.baud = self.line.baud
         self.lost_commands = 0
+        self.late_until_s = 0.0
         self.late_s: list[float] = []
         """Extra delays of the next replies, s: a fault to be set from outside."""
+        self.homed_s = 0.0
+        """When the last power-cycle's homing ends, s."""
         self._random = random.Random(seed)
         self._off_until_s = 0.0
         self._deaf_until_s = 0.0
@@ -102,7 +105,7 @@ class SimulatedUnit:
         else:
             for axis in self.flir.axes.values():
                 axis.origin = axis.motor(t_s)
-        self._off_until_s = self._deaf_until_s = self._busy_until_s = done
+        self.homed_s = self._off_until_s = self._deaf_until_s = self._busy_until_s = done
         self._line_free_s = up_s
 
     def receive(self, t_s: float, byte: int, baud: int) -> None:
@@ -132,6 +135,7 @@ class SimulatedUnit:
         ready = max(begin + self._random.uniform(*self.line.latency_s), said.not_before_s)
         if self.late_s:
             ready += self.late_s.pop()
+            self.late_until_s = ready
         self._busy_until_s = ready
         self._deaf_until_s = max(self._deaf_until_s, said.deaf_until_s)
         lead = b"\n" if self.line.leading_lf and not self.flir.echo else b""

@@ -1,6 +1,7 @@
 """Bytes over a line: whatever pyserial opens by URL, behind four methods and a clock."""
 
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -12,6 +13,8 @@ from ptu_drivers.errors import LineError, MissingExtraError, PtuError
 _SLICE_S = 0.02
 _POLL_S = 0.0005
 _WRITE_S = 1.0
+# a USB adapter takes bytes once a millisecond
+_SEND_SIGMA_S = 0.0005
 _REOPEN_S = 0.1
 # start, 8 data and stop bit
 BITS_PER_CHARACTER = 10
@@ -44,6 +47,9 @@ class Transport(Protocol):
 
     def character_s(self) -> float:
         """Return what one character takes on the line, s; 0 where the line is no serial one."""
+
+    def send_sigma_s(self) -> float:
+        """Return the spread of the delay between `write` and the line, s; infinite over a network."""
 
     def set_baud(self, baud: int) -> bool:
         """Change the speed of our end; False where the line has none. Raises LineError."""
@@ -96,6 +102,10 @@ class SerialTransport:
     def character_s(self) -> float:
         """Return the time of one character, s."""
         return BITS_PER_CHARACTER / self._baud if self._is_serial else 0.0
+
+    def send_sigma_s(self) -> float:
+        """Return the spread of the delay before the line, s."""
+        return math.inf if "://" in self.url else _SEND_SIGMA_S
 
     def baud(self) -> int:
         """Return the speed, bit/s."""

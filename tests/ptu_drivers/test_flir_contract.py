@@ -6,25 +6,13 @@ import pytest
 
 from ptu_drivers import Axis, PanTiltUnit, UnitSettings
 from ptu_drivers.flir import connect
-from ptu_drivers.simulated_flir import FlirModel
+from ptu_drivers.simulated_flir import D_SERIES, FlirModel
 from ptu_drivers.simulated_line import VirtualLine
 from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
 from tests.contracts.pan_tilt_unit import ContractRig, PanTiltContract
 
 LETTER = {Axis.PAN: "P", Axis.TILT: "T"}
 PLAIN = FlirModel(combined=False, device_clock=False)
-D_SERIES = FlirModel(
-    model="",
-    serial="",
-    arcsec=92.5714,
-    pan=(-3090, 3090),
-    tilt=(-907, 604),
-    rate=1000,
-    max_rate=1985,
-    acceleration=2000,
-    combined=False,
-    device_clock=False,
-)
 
 
 def make_rig(
