@@ -203,12 +203,12 @@ def test_nobody_there_is_named() -> None:
 
 @pytest.mark.parametrize("url", ["/dev/ttyUSB0", "https://host", "http://", "http://host:port"])
 def test_a_wrong_address_is_named(url: str) -> None:
-    with pytest.raises(ProtocolError, match="Alpaca address: got .*wanted http://host:port"):
+    with pytest.raises(ProtocolError, match=r"Alpaca address: got .*wanted http://host:port"):
         open_ptu(url, "alpaca")
 
 
 def test_another_telescope_number_is_refused(server: tuple[str, SimulatedMount]) -> None:
-    with pytest.raises(ProtocolError, match="HTTP 400.*wanted telescope 3"):
+    with pytest.raises(ProtocolError, match=r"HTTP 400.*wanted telescope 3"):
         open_ptu(server[0], "alpaca", device=3)
 
 

@@ -19,7 +19,7 @@ import pytest
 from ptu_drivers import open_ptu
 from ptu_drivers.errors import LineError, PtuError
 from ptu_drivers.interface import PanTiltUnit
-from ptu_drivers.messages import Capability, Reading
+from ptu_drivers.messages import Capability, NoReading, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings
 
 PATIENT = UnitSettings(reply_timeout_s=2.0)
@@ -39,7 +39,7 @@ PUT slewtoaltazasync 200
 GET devicestate 200
 PUT abortslew 200"""
 
-Serve = Callable[..., tuple[str, Path]]
+Serve = Callable[..., tuple[str, Path, subprocess.Popen[bytes]]]
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
         pytest.skip("alpaca-simulators is not installed; see the head of this file")
     running = []
 
-    def start(**changes: float) -> tuple[str, Path]:
+    def start(**changes: float) -> tuple[str, Path, subprocess.Popen[bytes]]:
         home = Path(program).resolve().parent.parent
         (template,) = home.glob("lib/python*/site-packages/alpaca_simulators/config/template.yaml")
         text = template.read_text(encoding="utf-8")
@@ -67,7 +67,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
         arguments = [program, "--host", "127.0.0.1", "--port", str(port), "--config", str(config)]
         with log.open("w") as out:
             running.append(subprocess.Popen(arguments, stdout=out, stderr=out, cwd=tmp_path))
-        return f"http://127.0.0.1:{port}", log
+        return f"http://127.0.0.1:{port}", log, running[-1]
 
     yield start
     for process in running:
@@ -103,7 +103,7 @@ def until(unit: PanTiltUnit, pan_deg: float, tilt_deg: float) -> None:
 
 
 def test_positions_and_halt(serve: Serve) -> None:
-    url, log = serve()
+    url, log, _ = serve()
     looks_west = UnitSettings(pan=AxisSettings(zero_rad=math.radians(-270.0)), reply_timeout_s=2.0)
     with opened(url, looks_west) as unit:
         unit.move_to(pan_rad=math.radians(10.0), tilt_rad=math.radians(50.0))
@@ -125,9 +125,9 @@ def test_positions_and_halt(serve: Serve) -> None:
     assert "\n".join(once[: TRANSCRIPT.count("\n") + 1]) == TRANSCRIPT
 
 
-def test_rates_of_an_alt_azimuth_mount(serve: Serve) -> None:
+def test_rates_of_an_alt_azimuth_mount_and_its_end(serve: Serve) -> None:
     """Its second axis turns declination, which at the pole is altitude; its first one grows the other way there."""
-    url, _ = serve(alignmentmode=0, sitelatitude=90.0, declination=45.0)
+    url, _, server = serve(alignmentmode=0, sitelatitude=90.0, declination=45.0)
     with opened(url) as unit:
         assert Capability.VELOCITY in unit.describe().capabilities
         assert math.degrees(unit.describe().tilt.max_rate_rad_s) == pytest.approx(10.0)
@@ -142,12 +142,8 @@ def test_rates_of_an_alt_azimuth_mount(serve: Serve) -> None:
         assert -7.0 < turned < -3.0
         time.sleep(0.3)
         assert reading(unit).tilt.angle_rad == pytest.approx(second.tilt.angle_rad, abs=1e-4)
-
-
-def test_a_server_that_goes_away_gives_no_angle(serve: Serve) -> None:
-    url, _ = serve()
-    unit = opened(url)
-    assert isinstance(unit.read(), Reading)
-    unit.close()
-    with pytest.raises(PtuError):
-        unit.halt()
+        server.kill()
+        server.wait()
+        assert isinstance(unit.read(), NoReading)
+        with pytest.raises(PtuError):
+            unit.halt()
