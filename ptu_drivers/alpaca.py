@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from ptu_drivers.alpaca_line import AlpacaTelescope, HttpConnection, HttpLine, finite
+from ptu_drivers.axis_limits import narrowed
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
-from ptu_drivers.polled_unit import Doubtful, PolledUnit, narrowed
+from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.settings import UnitSettings
 
 _ALT_AZ = 0
@@ -59,8 +61,6 @@ class AlpacaUnit(PolledUnit):
     Azimuth grows clockwise from north: the unit's own pan is minus the azimuth, and north is its zero; `AxisSettings`
     turn that into the runway's. It is unwrapped about the direction that the settings call zero.
     """
-
-    takes_rates = False
 
     def __init__(
         self,
@@ -131,7 +131,7 @@ class AlpacaUnit(PolledUnit):
             # the mount takes both at once: the other axis keeps its goal, or stays where it is
             if not self._goal:
                 here = self._ask()
-                self._goal = {a: self._axis(a).unit_angle(here_a.angle_rad) for a, here_a in _by_axis(here)}
+                self._goal = {a: self._axis(a).unit_angle(here.axis(a).angle_rad) for a in Axis}
             targets = {**self._goal, **targets}
         self._goal = targets
         self._telescope.put(
@@ -213,10 +213,6 @@ def combined_state(telescope: AlpacaTelescope, until_s: float) -> dict[str, floa
         raise Doubtful(DoubtReason.GARBAGE, f"devicestate: {state!r}")
     named = {item.get("Name"): item.get("Value") for item in state if isinstance(item, dict)}
     return {name: finite(f"devicestate {name}", named.get(name)) for name in ("Azimuth", "Altitude")}
-
-
-def _by_axis(reading: Reading) -> tuple[tuple[Axis, AngleSample], ...]:
-    return (Axis.PAN, reading.pan), (Axis.TILT, reading.tilt)
 
 
 def _has_state(telescope: AlpacaTelescope, until_s: float) -> bool:

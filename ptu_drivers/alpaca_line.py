@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 from urllib.parse import urlencode, urlsplit
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError, ProtocolError, RefusedError
 from ptu_drivers.health import DoubtReason
-from ptu_drivers.polled_unit import Doubtful, Line
+from ptu_drivers.polled_unit import Line
 
 _DEFAULT_PORT = 11111
 _LONGEST = 1 << 16

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from ptu_drivers import dynamixel_table as table
+from ptu_drivers.axis_limits import narrowed
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.dynamixel_bus import DynamixelBus, Status
 from ptu_drivers.dynamixel_table import OperatingMode
 from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
-from ptu_drivers.polled_unit import Doubtful, PolledUnit, narrowed
+from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.tick_clock import TickClock
 from ptu_drivers.transport import SerialTransport, Transport
@@ -299,7 +301,13 @@ def _description(line: Transport, settings: UnitSettings, servos: dict[Axis, Ser
         pan=axes[Axis.PAN],
         tilt=axes[Axis.TILT],
         capabilities=frozenset(
-            (Capability.POSITION, Capability.VELOCITY, Capability.COMBINED_QUERY, Capability.DEVICE_CLOCK)
+            (
+                Capability.POSITION,
+                Capability.VELOCITY,
+                Capability.SPEED,
+                Capability.COMBINED_QUERY,
+                Capability.DEVICE_CLOCK,
+            )
         ),
         # an exchange that fails ends a command, so that one timeout is the most; changing the mode takes 14 exchanges
         reply_timeout_s=settings.reply_timeout_s + 14 * (28 * line.character_s() + 0.002),

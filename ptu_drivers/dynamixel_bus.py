@@ -7,11 +7,11 @@ have begun before the question was out.
 from dataclasses import dataclass, field
 from typing import Any
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.dynamixel_codec import ServoError
 from ptu_drivers.dynamixel_table import STATE, Register, number
 from ptu_drivers.errors import MissingExtraError, RefusedError
 from ptu_drivers.health import DoubtReason
-from ptu_drivers.polled_unit import Doubtful
 from ptu_drivers.transport import Transport
 
 _STATUS_OVERHEAD = 11

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ptu_drivers.axis_limits import narrowed
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
@@ -13,7 +15,7 @@ from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Rea
 from ptu_drivers.pelco_codec import Opcode, PelcoFraming, PelcoMessage, with_word
 from ptu_drivers.pelco_exchange import Answer, PelcoExchange
 from ptu_drivers.plausibility import Plausibility, Point, Verdict
-from ptu_drivers.polled_unit import Doubtful, PolledUnit, narrowed
+from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import SerialTransport, Transport
 
@@ -107,8 +109,6 @@ class PelcoOptions:
 
 class PelcoUnit(PolledUnit):
     """A Pelco unit, probed; made by `open_pelco_d`, `open_pelco_p` or `connect_pelco`."""
-
-    takes_rates = False
 
     def __init__(
         self,

@@ -9,10 +9,10 @@ it doubtful (a byte too many inside a message passes the checksum once in 256).
 from collections import Counter
 from dataclasses import dataclass, field
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.health import DoubtReason
 from ptu_drivers.messages import Axis
 from ptu_drivers.pelco_codec import Opcode, PelcoFraming, PelcoMessage, acknowledgement_of, encode, scan
-from ptu_drivers.polled_unit import Doubtful
 from ptu_drivers.transport import Transport
 
 _QUERY = {Axis.PAN: Opcode.QUERY_PAN, Axis.TILT: Opcode.QUERY_TILT}

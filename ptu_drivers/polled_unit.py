@@ -8,11 +8,13 @@ import threading
 from abc import abstractmethod
 from typing import Protocol
 
-from ptu_drivers.errors import LimitError, LineError, NoAnswerError, PtuError, UnsupportedError
+from ptu_drivers.axis_limits import insist_on_angle, insist_on_rate, insist_on_room
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.errors import LineError, NoAnswerError, PtuError, RefusedError, UnsupportedError
 from ptu_drivers.halting import Watchdog
 from ptu_drivers.health import DoubtReason, Health, HealthCounter, UnitState
 from ptu_drivers.interface import PanTiltUnit
-from ptu_drivers.messages import Axis, AxisDescription, Capability, NoReading, Reading, UnitDescription
+from ptu_drivers.messages import Axis, Capability, NoReading, Reading, UnitDescription
 from ptu_drivers.settings import AxisSettings, UnitSettings
 
 # timeouts in a row after which the line is opened again: a socket can be half open, an adapter asleep
@@ -23,14 +25,6 @@ _HALT_TRIES = 3
 _LOOK_S = 0.1
 # until it is looked at again and has come to rest
 _AHEAD_S = 0.25
-
-
-class Doubtful(Exception):  # noqa: N818 - not an error: a named reason, which never leaves the driver
-    """Inside a driver: an answer that cannot be believed, or none."""
-
-    def __init__(self, reason: DoubtReason, said: str = "") -> None:
-        self.reason = reason
-        super().__init__(said or reason.value)
 
 
 class Line(Protocol):
@@ -51,34 +45,6 @@ class Line(Protocol):
         """Let go; never raises."""
 
 
-def narrowed(
-    axis: AxisSettings,
-    *,
-    quantum_rad: float,
-    low_rad: float,
-    high_rad: float,
-    max_rate_rad_s: float,
-    min_rate_rad_s: float = 0.0,
-    limits_from: str = "unit",
-    rates_from: str = "",
-) -> AxisDescription:
-    """Return an axis after sign, zero and soft limits; arguments are the unit's own, rad and rad/s.
-
-    `limits_from` says who knows the limits: "unit", or "settings" where a unit cannot be asked; `rates_from` likewise.
-    """
-    ends = sorted((axis.angle(low_rad), axis.angle(high_rad)))
-    return AxisDescription(
-        quantum_rad=quantum_rad,
-        low_rad=max(ends[0], axis.low_rad),
-        high_rad=min(ends[1], axis.high_rad),
-        low_from="settings" if axis.low_rad > ends[0] else limits_from,
-        high_from="settings" if axis.high_rad < ends[1] else limits_from,
-        max_rate_rad_s=min(max_rate_rad_s, axis.max_rate_rad_s),
-        min_rate_rad_s=min_rate_rad_s,
-        rate_from="settings" if axis.max_rate_rad_s < max_rate_rad_s else rates_from or limits_from,
-    )
-
-
 class PolledUnit(PanTiltUnit):
     """The common part; see the module.
 
@@ -90,9 +56,6 @@ class PolledUnit(PanTiltUnit):
     health : the counts of the probe, to be carried on.
     watch : run the watchdog in a thread; without, it is looked at with each call (time that is simulated).
     """
-
-    takes_rates = True
-    """Whether a move to a position may name its speed."""
 
     def __init__(
         self, line: Line, settings: UnitSettings, description: UnitDescription, health: HealthCounter, *, watch: bool
@@ -157,6 +120,8 @@ class PolledUnit(PanTiltUnit):
                 if self._health.state is not UnitState.READY:
                     self._recover()
                 reading = self._ask()
+            except RefusedError as refused:
+                return self._doubt(Doubtful(DoubtReason.REFUSED, str(refused)))
             except (Doubtful, LineError) as fault:
                 return self._doubt(fault)
             self._silences = 0
@@ -176,16 +141,12 @@ class PolledUnit(PanTiltUnit):
         asked = {a: v for a, v in ((Axis.PAN, pan_rad), (Axis.TILT, tilt_rad)) if v is not None}
         with self._lock:
             self._begin()
-            if rate_rad_s is not None and not self.takes_rates:
+            if rate_rad_s is not None and Capability.SPEED not in self._description.capabilities:
                 raise UnsupportedError(self._description.protocol, got="a speed for a move to a position")
             for axis, value in asked.items():
-                said = self._description.axis(axis)
-                if not value >= said.low_rad:  # so written that NaN is refused
-                    raise LimitError(axis.value, "lower limit", got=value, bound=said.low_rad, origin=said.low_from)
-                if value > said.high_rad:
-                    raise LimitError(axis.value, "upper limit", got=value, bound=said.high_rad, origin=said.high_from)
+                insist_on_angle(axis, self._description.axis(axis), value)
                 if rate_rad_s is not None:
-                    self._check_rate(axis, rate_rad_s)
+                    insist_on_rate(axis, self._description.axis(axis), rate_rad_s)
             self._rates = None
             targets = {axis: self._axis(axis).unit_angle(value) for axis, value in asked.items()}
             self._command("move", lambda: self._send_position(targets, rate_rad_s))
@@ -198,8 +159,11 @@ class PolledUnit(PanTiltUnit):
                 raise UnsupportedError(self._description.protocol, got="a rate")
             asked = {Axis.PAN: pan_rad_s, Axis.TILT: tilt_rad_s}
             for axis, value in asked.items():
-                self._check_rate(axis, value)
-                self._check_outward(axis, value)
+                insist_on_rate(axis, self._description.axis(axis), value)
+                if self._last is not None and not (self._rates and self._rates[axis]):
+                    # from rest; motion is stopped at its limit anyway
+                    ahead_rad = self._last.axis(axis).angle_rad + value * _AHEAD_S
+                    insist_on_room(axis, self._description.axis(axis), ahead_rad, value)
             self._rate_command_s = self._line.now()
             self._rates = asked
             rates = {axis: self._axis(axis).sign * value for axis, value in asked.items()}
@@ -228,7 +192,8 @@ class PolledUnit(PanTiltUnit):
                 return
             if self._watchdog is not None:
                 self._watchdog.stop()
-            self._try_halt()
+            self._try_again()
+            self._try_halt(_HALT_TRIES)
             self._try_again()
             try:
                 if not self._halt_owed:
@@ -255,27 +220,6 @@ class PolledUnit(PanTiltUnit):
         """Give the call the time of one exchange from now on."""
         self._until_s = self._line.now() + self._description.reply_timeout_s
 
-    def _check_rate(self, axis: Axis, rate_rad_s: float) -> None:
-        said = self._description.axis(axis)
-        if not abs(rate_rad_s) <= said.max_rate_rad_s:
-            raise LimitError(
-                axis.value, "maximum speed", got=rate_rad_s, bound=said.max_rate_rad_s, origin=said.rate_from
-            )
-        if 0 < abs(rate_rad_s) < said.min_rate_rad_s:
-            raise LimitError(axis.value, "minimum speed", got=rate_rad_s, bound=said.min_rate_rad_s, origin="unit")
-
-    def _check_outward(self, axis: Axis, rate_rad_s: float) -> None:
-        """Refuse to set out where the axis would soon be beyond its limit; motion is stopped there anyway."""
-        turns = self._rates is not None and self._rates[axis] != 0
-        if self._last is None or turns:
-            return
-        said = self._description.axis(axis)
-        angle = (self._last.pan if axis is Axis.PAN else self._last.tilt).angle_rad + rate_rad_s * _AHEAD_S
-        if rate_rad_s > 0 and angle >= said.high_rad:
-            raise LimitError(axis.value, "upper limit", got=angle, bound=said.high_rad, origin=said.high_from)
-        if rate_rad_s < 0 and angle <= said.low_rad:
-            raise LimitError(axis.value, "lower limit", got=angle, bound=said.low_rad, origin=said.low_from)
-
     def _command(self, name: str, send: "_Send") -> None:
         """Send once; what is not acknowledged may still move, and is halted when the line is back."""
         began = self._line.now()
@@ -283,6 +227,11 @@ class PolledUnit(PanTiltUnit):
             if self._health.state is not UnitState.READY:
                 self._recover()
             send()
+        except RefusedError:
+            # one axis may have taken it
+            self._rates = None
+            self._halt_owed = True
+            raise
         except (Doubtful, LineError) as fault:
             self._rates = None
             self._halt_owed = True
@@ -295,13 +244,14 @@ class PolledUnit(PanTiltUnit):
         self._health.state = UnitState.READY
         self._silences = 0
 
-    def _halt(self) -> None:
+    def _halt(self, tries: int = _HALT_TRIES) -> None:
         self._rates = None
         self._halt_owed = True
         began = self._line.now()
         last: Doubtful | LineError | None = None
-        for _ in range(_HALT_TRIES):
-            self._try_again()
+        for n in range(tries):
+            if n:
+                self._try_again()
             try:
                 if self._health.state is UnitState.LINE_LOST:
                     self._reconnect()
@@ -319,10 +269,10 @@ class PolledUnit(PanTiltUnit):
             raise last
         raise NoAnswerError("halt", waited_s=self._line.now() - began, got=str(last))
 
-    def _try_halt(self) -> None:
+    def _try_halt(self, tries: int = 1) -> None:
         """Halt; failure stays owed."""
         try:
-            self._halt()
+            self._halt(tries)
         except PtuError:
             return
 
@@ -377,8 +327,8 @@ class PolledUnit(PanTiltUnit):
         """Halt motion by rate that would pass a limit before the next look."""
         if self._rates is None:
             return
-        for axis, sample in ((Axis.PAN, reading.pan), (Axis.TILT, reading.tilt)):
-            said, rate = self._description.axis(axis), self._rates[axis]
+        for axis in Axis:
+            sample, said, rate = reading.axis(axis), self._description.axis(axis), self._rates[axis]
             ahead = sample.angle_rad + rate * (self._line.now() - sample.t_s + _AHEAD_S)
             if (rate > 0 and ahead > said.high_rad) or (rate < 0 and ahead < said.low_rad):
                 self._health.limit_events += 1
@@ -390,6 +340,7 @@ class PolledUnit(PanTiltUnit):
         with self._lock:
             if self._closed or self._rates is None or not any(self._rates.values()):
                 return
+            self._try_again()
             self._check_watchdog()
             if self._line.now() - self._health.last_reading_s > _LOOK_S:
                 self.read()

@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.health import DoubtReason
-from ptu_drivers.polled_unit import Doubtful
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,9 @@
 
 import random
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError
 from ptu_drivers.health import DoubtReason
-from ptu_drivers.polled_unit import Doubtful
 from ptu_drivers.simulated_alpaca import SimulatedMount
 
 
