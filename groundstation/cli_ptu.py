@@ -216,9 +216,9 @@ def _simulate(options: argparse.Namespace) -> int:
         seed=options.seed,
         on_fault=lambda name: print(f"fault: {name}", flush=True),
     )
-    print(f"{name} simulated at {server.url}", flush=True)
     # the link is removed however it ends
     signal.signal(signal.SIGTERM, lambda *_: server.stop())
+    print(f"{name} simulated at {server.url}", flush=True)
     server.run()
     return 0
 

@@ -169,17 +169,13 @@ class FlirLine:
             try:
                 self._finish(question, until_s)
             except Doubt as doubt:
-                if doubt.reason is DoubtReason.TIMEOUT or question.command.startswith(self._pending()):
+                if doubt.reason is DoubtReason.TIMEOUT:
                     # the echo comes at once, the answer when it is done
                     return False
                 raise
             return True
 
         return answered
-
-    def _pending(self) -> str:
-        """Return the line that has not ended, as text."""
-        return self._splitter.unfinished.decode("latin-1").strip()
 
     def _spell(self, command: str) -> str:
         """Vary the case of the letters; the unit does not care, and its echo repeats it."""
@@ -240,7 +236,8 @@ class FlirLine:
             chunk = self.transport.read(until_s)
             if not chunk.data:
                 left = self._splitter.unfinished
-                reason = DoubtReason.TRUNCATED if left else DoubtReason.TIMEOUT
+                begun = b"*" in left or b"!" in left
+                reason = DoubtReason.TRUNCATED if begun else DoubtReason.TIMEOUT
                 raise Doubt(reason, repr(left)[:60] if left else f"nothing to {asked}")
             lines = self._splitter.feed(chunk.data, chunk.t_s, self.transport.character_s())
             if lines:

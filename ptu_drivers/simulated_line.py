@@ -170,14 +170,17 @@ class VirtualLine:
         """Return what has come until now, whoever listens: for a server that hands it on."""
         data = bytes(self._inbox)
         self._inbox.clear()
+        if self.record and data:
+            self.traffic.append((self._t_s, "<", data))
         return data
 
     def put(self, data: bytes, baud: int) -> None:
         """Send at a speed that may have changed: for a server."""
         if self._baud and baud:
             self._baud = baud
-        self._open = True
-        self.write(data)
+        if not self.gone:
+            self._open = True
+            self.write(data)
 
     def next_s(self) -> float:
         """Return when the next thing happens, s."""
