@@ -59,6 +59,17 @@ class Bench:
     rate_rad_s: float
 
 
+class SpoiltPelco(SimulatedPelco):
+    """A unit whose answers can be spoilt in ways that pass their checksum."""
+
+    def __init__(self, model: PelcoModel, seed: int) -> None:
+        super().__init__(model, seed)
+        self.spoil: list[Callable[[bytes], bytes]] = []
+
+    def _answer(self, t_s: float, data: bytes) -> float:
+        return super()._answer(t_s, self.spoil.pop()(data) if self.spoil else data)
+
+
 def pelco(seed: int) -> Bench:
     """Return a Pelco unit, framing, echo and speed by the seed."""
     draw = random.Random(seed)
@@ -69,7 +80,7 @@ def pelco(seed: int) -> Bench:
         acknowledges=False,
         homing_s=draw.uniform(0.0, 5.0),
     )
-    sim = SimulatedPelco(model, seed=seed)
+    sim = SpoiltPelco(model, seed=seed)
     line = VirtualLine(sim, model.baud, seed=seed)  # type: ignore[arg-type]
     options = PelcoOptions(max_rate_deg_s=60.0, max_acceleration_deg_s2=120.0)
     unit = connect_pelco(line, UnitSettings(), options, model.framing, watch=False)
@@ -144,8 +155,14 @@ def _timed(bench: Bench, tally: Tally, call: Callable[[], object]) -> object:
 
 
 def _is_wrong(bench: Bench, s: AngleSample) -> bool:
-    error = abs(math.remainder(s.angle_rad - bench.sim.head_rad(s.axis, s.t_s), 2 * math.pi))
-    return error > 5 * math.hypot(s.sigma_rad, bench.rate_rad_s * s.sigma_t_s)
+    """The angle was not true at any instant within 3 sigma of its stamp, to 3 sigma of its quantum."""
+    n = 24
+    if abs(math.remainder(s.angle_rad - bench.sim.head_rad(s.axis, s.t_s), 2 * math.pi)) <= 3 * s.sigma_rad:
+        return False
+    steps = [s.t_s + 3 * s.sigma_t_s * (i / n - 1) for i in range(2 * n + 1)]
+    errors = [math.remainder(s.angle_rad - bench.sim.head_rad(s.axis, t_s), 2 * math.pi) for t_s in steps]
+    between = bench.rate_rad_s * 3 * s.sigma_t_s / n
+    return min(abs(e) for e in errors) > 3 * s.sigma_rad + between
 
 
 def _lost_byte(bench: Bench, draw: random.Random) -> float:
@@ -186,6 +203,28 @@ def _old_answer(bench: Bench, draw: random.Random) -> float:
     return 0.1
 
 
+def _two_that_agree(bench: Bench, draw: random.Random) -> float:
+    """Two wrong bytes that agree with the checksum; servos have a CRC, which gets two wrong bytes as they come."""
+    if not isinstance(bench.sim, SpoiltPelco):
+        return _wrong_bytes(bench, draw)
+    k, exclusive = draw.randrange(1, 256), bench.sim.model.framing is PelcoFraming.P
+
+    def spoil(frame: bytes) -> bytes:
+        pair = (frame[4] ^ k, frame[5] ^ k) if exclusive else ((frame[4] + k) & 0xFF, (frame[5] - k) & 0xFF)
+        return frame[:4] + bytes(pair) + frame[6:]
+
+    bench.sim.spoil.append(spoil)
+    return 0.1
+
+
+def _one_too_many(bench: Bench, draw: random.Random) -> float:
+    """A byte inside an answer, with which its first seven bytes pass the checksum (Pelco-D)."""
+    if not isinstance(bench.sim, SpoiltPelco) or bench.sim.model.framing is PelcoFraming.P:
+        return _lost_byte(bench, draw)
+    bench.sim.spoil.append(lambda f: f[:5] + bytes(((f[5] - sum(f[1:5])) & 0xFF,)) + f[5:])
+    return 0.1
+
+
 def _echo(bench: Bench, draw: random.Random) -> float:
     bench.sim.echo = not bench.sim.echo
     return 0.0
@@ -215,6 +254,8 @@ FAULTS: dict[str, Callable[[Bench, random.Random], float]] = {
     "lost bytes": _lost_byte,
     "lost bytes of a question": _lost_in_question,
     "wrong bytes": _wrong_bytes,
+    "wrong bytes that agree": _two_that_agree,
+    "a byte too many": _one_too_many,
     "garbage": _garbage,
     "late answer": _late,
     "old answer again": _old_answer,

@@ -21,6 +21,8 @@ from ptu_drivers.transport import SerialTransport, Transport
 
 _HALF_TURN_DEG = 180.0
 _PROBES = 4
+# an answer that takes longer than the latency and so many of its sigmas was held up
+_ORDINARY = 2.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,7 +187,7 @@ class PelcoUnit(PolledUnit):
         """
         latency_s, spread_s = self._settings.latency_s, self._settings.latency_sigma_s
         delay_s = answer.first_bit_s - answer.asked_s
-        if delay_s > latency_s + 5 * spread_s:
+        if delay_s > latency_s + _ORDINARY * spread_s:
             return answer.asked_s + delay_s / 2, max(spread_s, delay_s / math.sqrt(12))
         return max(answer.asked_s, answer.first_bit_s - latency_s), spread_s
 

@@ -1,13 +1,12 @@
 """Our Alpaca client drives `alpaca-simulators`, which shares no code with us.
 
-It brings astronomy packages of 250 MB with it, so that it lives in an environment of its own: put its program on the
-PATH, or name it in GROUNDSTATION_ALPACA_SIMULATORS.
+It brings astronomy packages of 250 MB with it, so that it lives in an environment of its own (`make peers`), or wherever
+GROUNDSTATION_ALPACA_SIMULATORS says. Without it these tests are skipped; with `GROUNDSTATION_PEERS=required` they fail.
 """
 
 import math
 import os
 import re
-import shutil
 import socket
 import subprocess
 import time
@@ -22,6 +21,7 @@ from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import Capability, NoReading, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings
 
+ROOT = Path(__file__).resolve().parents[2]
 PATIENT = UnitSettings(reply_timeout_s=2.0)
 # what the server's log has, without repeated lines
 TRANSCRIPT = """\
@@ -45,9 +45,11 @@ Serve = Callable[..., tuple[str, Path, subprocess.Popen[bytes]]]
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Serve]:
     """Start the simulator with changes to its configuration; gives its address and log."""
-    program = os.environ.get("GROUNDSTATION_ALPACA_SIMULATORS") or shutil.which("alpaca-simulators")
-    if not program:
-        pytest.skip("alpaca-simulators is not installed; see the head of this file")
+    program = os.environ.get("GROUNDSTATION_ALPACA_SIMULATORS", str(ROOT / ".venv-peers/bin/alpaca-simulators"))
+    if not Path(program).is_file():
+        if os.environ.get("GROUNDSTATION_PEERS") == "required":
+            pytest.fail(f"alpaca-simulators is not at {program}")
+        pytest.skip("alpaca-simulators is not here: make peers")
     running = []
 
     def start(**changes: float) -> tuple[str, Path, subprocess.Popen[bytes]]:
