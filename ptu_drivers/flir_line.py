@@ -220,13 +220,15 @@ class FlirLine:
         latest = mark - character
         if 0 <= answer.delimiter_at < answer.mark_at:
             latest = min(latest, line.times_s[answer.delimiter_at] - character)
+        # a line that is faster than its speed says (a pty) tells nothing by its times: only that it was sent before
+        earliest = question.earliest_s if question.earliest_s <= latest else min(question.begun_s, latest)
         return Exchanged(
             answer=answer,
             begun_s=question.begun_s,
             done_s=line.times_s[-1],
-            earliest_s=question.earliest_s,
+            earliest_s=earliest,
             sent_s=question.sent_s,
-            latest_s=max(latest, question.earliest_s),
+            latest_s=latest,
             mark_s=mark,
         )
 
