@@ -1,6 +1,6 @@
 """Our Alpaca client drives `alpaca-simulators`, which shares no code with us.
 
-It brings astronomy packages of 250 MB with it, so that it lives in an environment of its own (`make peers`), or wherever
+It brings astronomy packages of 250 MB with it, so that it lives in an environment of its own (`make peers`) or where
 GROUNDSTATION_ALPACA_SIMULATORS says. Without it these tests are skipped; with `GROUNDSTATION_PEERS=required` they fail.
 """
 
