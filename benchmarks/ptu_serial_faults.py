@@ -3,7 +3,7 @@
 Each run turns a simulated unit to and fro while several faults fall upon the line. Counted: angles outside what their
 own stamp and quantum allow, the longest call, and the time from the end of a fault to the next angle.
 
-    python benchmarks/ptu_serial_faults.py [RUNS [STRINGS]]
+    python benchmarks/ptu_serial_faults.py [RUNS [STRINGS [pelco|dynamixel]]]
 """
 
 import math
@@ -299,7 +299,7 @@ def main() -> None:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     strings = int(sys.argv[2]) if len(sys.argv) > 2 else 1_000_000
     bad = False
-    for name in MAKERS:
+    for name in sys.argv[3:] or MAKERS:
         began = time.perf_counter()
         t = campaign(name, runs)
         back = sorted(t.recovery_s)

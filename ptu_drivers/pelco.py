@@ -325,8 +325,8 @@ def _description(
             (Axis.TILT, options.tilt_low_deg, options.tilt_high_deg),
         )
     }
-    # commands, each axis twice, silence after each answer, and pauses
-    line_s = 80 * line.character_s() + 0.01 + 3 * options.gap_s
+    # each axis twice, silence after each answer, and a halt that was owed with its pauses
+    line_s = 100 * line.character_s() + 0.01 + 5 * options.gap_s
     return UnitDescription(
         protocol=f"pelco-{framing.value}",
         url=line.url,
