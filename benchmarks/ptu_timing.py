@@ -63,7 +63,7 @@ def in_virtual_time(query: str, baud: int, batch_s: float, network: bool) -> str
     )
 
 
-def on_a_pty(query: str, baud: int, seconds: float) -> str:
+def on_a_pty(query: str, baud: int, seconds: float, hz: float) -> str:
     with tempfile.TemporaryDirectory() as folder:
         link = Path(folder) / "unit"
         command = [sys.executable, "-m", "groundstation", "ptu", "simulate", "--link", str(link)]
@@ -78,6 +78,8 @@ def on_a_pty(query: str, baud: int, seconds: float) -> str:
                 begun, spent, count = time.monotonic(), _processor_s(), 0
                 while time.monotonic() < begun + seconds:
                     count += isinstance(device.read(), Reading)
+                    if hz:
+                        time.sleep(max(0.0, begun + count / hz - time.monotonic()))
                 took = time.monotonic() - begun
                 share = (_processor_s() - spent) / took
                 doubts = sum(device.health().doubts.values())
@@ -99,10 +101,9 @@ def main() -> None:
         line = "network" if network else f"{baud or 9600} baud"
         line += f", batches of {batch_s * 1e3:.0f} ms" if batch_s else ""
         print(f"virtual time  {query:12} {line:28} {in_virtual_time(query, baud, batch_s, network)}", flush=True)
-    for query, baud in (("pair", 0), ("combined", 115200), ("device clock", 115200)):
-        print(
-            f"pty           {query:12} {f'{baud or 9600} baud':28} {on_a_pty(query, baud, options.seconds)}", flush=True
-        )
+    for query, baud, hz in (("pair", 0, 0), ("combined", 115200, 0), ("combined", 115200, 80)):
+        line = f"{baud or 9600} baud" + (f", {hz} asked for" if hz else "")
+        print(f"pty           {query:12} {line:28} {on_a_pty(query, baud, options.seconds, hz)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -79,6 +79,7 @@ class FlirLine:
         self._splitter = LineSplitter()
         self._spelling: Counter[str] = Counter()
         self._nonce = count(1000)
+        self._length: dict[str, int] = {}
         self._last_s = float("-inf")
 
     def longest_s(self) -> float:
@@ -212,6 +213,8 @@ class FlirLine:
                 if isinstance(parsed, Answer):
                     if parsed.echo != question.command:
                         raise Doubt(DoubtReason.ECHO_MISMATCH, parsed.echo or "an answer without echo")
+                    if question.command.isalpha():
+                        self._length[question.command.upper()] = len(line.data)
                     return self._exchanged(question, parsed, line)
 
     def _exchanged(self, question: _Question, answer: Answer, line: RawLine) -> Exchanged:
@@ -244,9 +247,21 @@ class FlirLine:
             lines = self._splitter.feed(chunk.data, chunk.t_s, self.transport.character_s())
             if lines:
                 return lines
-            if on_mark and b"*" in self._splitter.unfinished:
+            left = self._splitter.unfinished
+            if on_mark and b"*" in left:
                 on_mark()
                 on_mark = None
+            self._doze(asked, left, until_s, whole=on_mark is None and b"*" in left)
+
+    def _doze(self, asked: str, left: bytes, until_s: float, *, whole: bool) -> None:
+        """Sleep while bytes come in that are sure to come: to be woken for each costs the processor more than all else.
+
+        First until the echo must be complete, then until the answer may be, if it is as long as the last one.
+        """
+        expected = self._length.get(asked.upper(), 0) - 2 if whole else len(asked) + 1
+        least = (expected - len(left)) * self.transport.character_s()
+        if least > 0.0:
+            self.transport.wait(min(least, until_s - self.transport.now()))
 
     def _parse(self, line: RawLine) -> Answer | Stray:
         try:
