@@ -136,7 +136,7 @@ class PelcoUnit(PolledUnit):
         self._unwrapped: dict[Axis, float] = {}
 
     def _ask(self) -> Reading:
-        until_s = self._until_s
+        until_s = self._answer_by_s()
         sent_s = self._line.now()
         samples = {axis: self._ask_axis(axis, until_s) for axis in self._exchange.barrier()}
         return Reading(pan=samples[Axis.PAN], tilt=samples[Axis.TILT], sent_s=sent_s, answered_s=self._line.now())
@@ -194,7 +194,7 @@ class PelcoUnit(PolledUnit):
     def _resynchronise(self) -> None:
         for gate in self._gates.values():
             gate.forget()
-        self._exchange.settle(self._until_s)
+        self._exchange.settle(self._answer_by_s())
 
     def _set_up(self) -> None:
         """Nothing is set that a unit could lose."""
@@ -230,12 +230,20 @@ class PelcoUnit(PolledUnit):
             self._exchange.tell_and_wait(message, self._until_s)
         else:
             self._exchange.tell(message)
-            self._line.wait(8 * self._exchange.line.character_s() + self._options.gap_s)
+            self._line.wait(self._pause_s())
 
     def _insist_on_an_answer(self) -> None:
         """Ask where the unit is, to know that somebody hears; commands have no answer of their own."""
-        self._exchange.ask(self._exchange.barrier()[0], self._until_s)
+        self._exchange.ask(self._exchange.barrier()[0], self._answer_by_s())
         self._health.exchanges = self._exchange.sent
+
+    def _pause_s(self) -> float:
+        """Return what a command takes that has no answer, s."""
+        return 8 * self._exchange.line.character_s() + self._options.gap_s
+
+    def _answer_by_s(self) -> float:
+        """Return when to give up an answer, so that a stop before and one behind it are in the call's time, too."""
+        return self._until_s - 2 * self._pause_s()
 
     def _speed(self, rate_rad_s: float) -> int:
         """Return the speed byte whose measured rate is nearest; 0 for a rate of 0."""
