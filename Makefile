@@ -36,7 +36,7 @@ peers: .venv-peers/installed
 
 .venv-peers/installed:
 	$(PYTHON) -m venv .venv-peers
-	.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check flirptu==0.0.1a2
+	.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check flirptu==0.0.1a2 alpaca-simulators==1.3.2
 	@touch $@
 
 ## figures: commit to new figures of the bundled landing (say why in the changelog)
