@@ -196,9 +196,9 @@ class ClockFit:
         """Return one sigma of the line at x, s.
 
         The line is late by the shortest delay that occurred, which nobody knows: next to nothing where short delays are
-        common, half the bins' spread where they are rare.
+        common, as much as the bins scatter where they are rare. A scatter of few bins is uncertain itself (Student's t).
         """
-        level = line.spread_s / 2.0
+        level = line.spread_s * math.sqrt(line.bins / max(line.bins - 4.0, 1.0))
         unsettled = self._config.jump_s / 2.0 if line.bins < self._config.settled else 0.0
         return math.hypot(level, line.drift_sigma * (x - line.x0), self._config.floor_s, unsettled)
 

@@ -14,7 +14,7 @@ class RateReport:
     """Over ``frames`` frames: rate, Hz; times between neighbours by the device's clock and at arrival, s.
 
     ``device_jitter_s`` is None without a device clock; ``sigma_s`` is the last frame's; ``late_s`` is from mid-exposure
-    to arrival, median and worst. Neighbours with lost frames between them or an interruption are left out of the jitters.
+    to arrival, median and worst. Where frames were lost or the camera was away, there are no neighbours.
     """
 
     frames: int
