@@ -135,9 +135,7 @@ def test_one_stamp_gone_wrong_is_no_jump(rng: np.random.Generator) -> None:
     assert abs(readings[-1].t_s - truth[-1]) < 1e-3
 
 
-points = st.lists(
-    st.tuples(st.floats(1e-3, 2.0), st.floats(0.0, 0.05)), min_size=2, max_size=40
-)  # steps in x, delays
+points = st.lists(st.tuples(st.floats(1e-3, 2.0), st.floats(0.0, 0.05)), min_size=2, max_size=40)  # steps in x, delays
 
 
 @given(points=points, drift_ppm=st.floats(-100, 100))
