@@ -14,8 +14,8 @@ from groundstation.sources.cameras.camera import (
     CameraLostError,
     CameraSettings,
 )
-from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.sources.cameras.listing import list_cameras
+from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.sources.cameras.open_camera import open_camera
 
 genicam = pytest.importorskip("genicam", reason="extra genicam is not installed")
