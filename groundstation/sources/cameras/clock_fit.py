@@ -64,7 +64,7 @@ class ClockReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockFitState:
-    """The line as it is: host − device at the last stamp, s; drift, s/s, with sigmas; arrivals over it, rms, s."""
+    """The line as it is: host − device at the last stamp, s; drift, s/s, with sigmas; arrivals over it, s."""
 
     offset_s: float
     drift: float
@@ -76,7 +76,7 @@ class ClockFitState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Line:
-    """y = y0 + (1 + drift)·(x − x0); ``spread_s`` is the rms of the bins over it."""
+    """y = y0 + (1 + drift)·(x − x0); ``spread_s`` is twice the bins' median over it."""
 
     x0: float
     y0: float
@@ -196,7 +196,7 @@ class ClockFit:
         """Return one sigma of the line at x, s.
 
         The line is late by the shortest delay that occurred, which nobody knows: next to nothing where short delays are
-        common, as much as the bins scatter where they are rare. A scatter of few bins is uncertain itself (Student's t).
+        common, as much as the bins scatter where they are rare. What few bins say of that is uncertain (Student's t).
         """
         level = line.spread_s * math.sqrt(line.bins / max(line.bins - 4.0, 1.0))
         unsettled = self._config.jump_s / 2.0 if line.bins < self._config.settled else 0.0
@@ -228,7 +228,8 @@ def envelope(points: FloatArray, drift_sigma: float) -> _Line:
             scale = float(np.mean(y - drift * x - (y - drift * x).min()))
     over = y - drift * x
     base = float(over.min())
-    spread = float(np.sqrt(np.mean((over - base) ** 2)))
+    # for exponential delays the rms; a camera that is held up for seconds does not change it
+    spread = 2.0 * float(np.median(over - base))
     fitted = spread / (width * math.sqrt(n)) if width > 0.0 and n > 2 else math.inf
     return _Line(
         x0=x0,

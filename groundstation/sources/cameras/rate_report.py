@@ -110,7 +110,7 @@ def format_rate(report: RateReport | None, counts: CameraCounts, clock: ClockFit
         rows.append(("clock", "the camera has none; frames are stamped by their arrival"))
     else:
         drift = f"drift {clock.drift * 1e6:+.1f} ± {clock.drift_sigma * 1e6:.1f} ppm"
-        over = f"arrivals {clock.spread_s * 1e3:.3f} ms rms over their lower envelope"
+        over = f"arrivals {clock.spread_s * 1e3:.3f} ms over their lower envelope"
         rows.append(("clock", f"{drift}, fit ± {clock.sigma_s * 1e3:.3f} ms, {over}"))
     lost = f"{counts.lost} lost, {counts.incomplete} incomplete, {counts.overtaken} overtaken"
     here = f"{counts.dropped} dropped here, {counts.repeated} repeated"

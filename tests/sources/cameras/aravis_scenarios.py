@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -94,7 +95,7 @@ def told(camera: LiveCamera, frames: list[CameraFrame], events: list[CameraEvent
         },
         "events": [e.kind for e in events],
         "texts": [e.text for e in events],
-        "indices_rise": all(b.index > a.index for a, b in zip(mine, mine[1:], strict=False)),
+        "indices_rise": all(b.index > a.index for a, b in pairwise(mine)),
         "last_index": mine[-1].index if mine else None,
         "openings": sorted({f.opening for f in mine}),
         "size_px": mine[-1].picture.size_px if mine else None,
@@ -163,9 +164,7 @@ def unplugged() -> dict[str, Any]:
 
 def not_opened(events: list[CameraEvent]) -> int:
     """How often the camera went away and then could not be opened."""
-    return sum(
-        a.kind in ("silent", "lost") and b.kind == "not opened" for a, b in zip(events, events[1:], strict=False)
-    )
+    return sum(a.kind in ("silent", "lost") and b.kind == "not opened" for a, b in pairwise(events))
 
 
 def refused() -> dict[str, Any]:

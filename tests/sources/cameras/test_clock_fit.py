@@ -49,7 +49,7 @@ def followed(device: Device, fit: ClockFit, at_s: np.ndarray, delays: np.ndarray
 @pytest.mark.parametrize("seconds", [6.0, 25.0])
 @pytest.mark.parametrize("kind", DELAYS)
 def test_the_error_is_what_sigma_says(kind: str, seconds: float, rng: np.random.Generator) -> None:
-    """Mean of (error/σ)² inside the 99 % bound of χ²₁₆, none beyond 4 σ; it is mostly far smaller, the next test says."""
+    """Mean of (error/σ)² inside the 99 % bound of χ²₁₆, none beyond 4 σ; mostly it is far smaller (next test)."""
     ratios, drifts = [], []
     for _ in range(16):
         device, fit = Device(rng), ClockFit()
@@ -65,7 +65,7 @@ def test_the_error_is_what_sigma_says(kind: str, seconds: float, rng: np.random.
 
 
 def test_sigma_is_not_so_large_that_it_always_holds(rng: np.random.Generator) -> None:
-    """With exponential delays of 2 ms a minute states less than 0.3 ms, and is better than the raw arrivals by 50 times."""
+    """Exponential delays of 2 ms: after a minute less than 0.3 ms is stated, and arrivals are 50 times worse."""
     device, fit = Device(rng), ClockFit()
     at_s = np.arange(1800) / RATE_HZ
     delays = rng.exponential(2e-3, 1800)
@@ -90,7 +90,7 @@ def test_before_it_has_settled_it_does_not_claim_to_know(rng: np.random.Generato
 
 @pytest.mark.parametrize("step_s", [-0.5, -0.05, 0.05, 0.5, 30.0, -30.0])
 def test_a_clock_that_jumps_is_fitted_again(step_s: float, rng: np.random.Generator) -> None:
-    """Said once, within 3 s; until then the doubt is in sigma, but for the half second of which late frames are part."""
+    """Said once, within 3 s; until then the doubt is in sigma, but for the half second in which it may be delay."""
     device, fit = Device(rng), ClockFit()
     at_s = np.arange(900) / RATE_HZ
     delays = rng.exponential(1e-3, 900)

@@ -1,6 +1,7 @@
 """GenICam against an independent camera: the GenTL test producer that the genicam wheel ships."""
 
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,7 @@ def test_two_cameras_deliver_and_each_has_its_colour() -> None:
         assert image[..., channel].min() > image[..., others].min()
         # it has no clock: arrivals are all that there is
         assert all(f.device_ns is None and f.t_s < f.arrival_s for f in frames)
-        assert all(b.index > a.index for a, b in zip(frames, frames[1:], strict=False))
+        assert all(b.index > a.index for a, b in pairwise(frames))
         assert not np.array_equal(frames[0].picture.whole(), frames[-1].picture.whole())
 
 

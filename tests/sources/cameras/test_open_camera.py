@@ -63,9 +63,10 @@ def test_what_is_wrong_is_said_at_once(url: str, complaint: str) -> None:
 @given(st.text(max_size=40))
 def test_any_text_is_a_url_or_an_error_of_ours(text: str) -> None:
     try:
-        assert parse_camera_url(text).place
-    except CameraError as error:
-        assert "wanted" in str(error)
+        place = parse_camera_url(text).place
+    except CameraError:
+        return
+    assert place
 
 
 @pytest.mark.parametrize(
