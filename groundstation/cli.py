@@ -10,6 +10,7 @@ from pathlib import Path
 from groundstation import __version__
 from groundstation.cli_calibrate import add_calibrate, run_calibrate
 from groundstation.cli_cameras import add_cameras, run_cameras
+from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.errors import GroundstationError
 from groundstation.progress import ProgressLine
 
@@ -90,6 +91,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_plan(commands)
     add_calibrate(commands)
     add_cameras(commands)
+    add_ptu(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
@@ -268,5 +270,6 @@ _COMMANDS = {
     "plan": _plan,
     "calibrate": run_calibrate,
     "cameras": run_cameras,
+    "ptu": run_ptu,
     "config": _config,
 }

@@ -3,10 +3,9 @@
 It ends cleanly whatever the recording does: what was usable is written before the fault is raised.
 """
 
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
 from groundstation.evaluation.report import write_report
 from groundstation.evaluation.run_description import RunDescription
+from groundstation.hand_over import quick_hand_over
 from groundstation.messages import DgpsFix, InitialState, ReferenceFix
 from groundstation.pipeline import Pipeline
 from groundstation.run import RunOutcome, run
@@ -37,7 +37,6 @@ _DGPS_CLOCK_SIGMA_S = 0.5
 _DGPS_START_SPAN_S = 1.0
 _MIN_BASELINE_M = 0.1
 _CLOCKS_APART_S = 0.2
-_HAND_OVER_S = 2e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +84,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     faults += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
     faults += _clock_notes(session)
     with ExitStack() as opened:
-        opened.enter_context(_quick_hand_over())
+        opened.enter_context(quick_hand_over())
         source = opened.enter_context(ReplaySource(session, request.from_s, request.to_s))
         taught = _lessons(request, session, dgps)
         initial = _start(config.start, session, dgps, source.span_s[0])
@@ -153,21 +152,6 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     write_report(request.out / "report.html", evaluation, config.evaluation)
     written += ["summary.json", "report.html"]
     return ReplayResult(evaluation=evaluation, files=tuple(request.out / name for name in written), fault=outcome.fault)
-
-
-@contextmanager
-def _quick_hand_over() -> Iterator[None]:
-    """Let a decoder that has a picture ready have the interpreter soon.
-
-    A decoder needs the interpreter for microseconds a picture. With Python's 5 ms of patience it waits, and a core
-    idles, while the pipeline computes.
-    """
-    before_s = sys.getswitchinterval()
-    sys.setswitchinterval(_HAND_OVER_S)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(before_s)
 
 
 def _lessons(request: ReplayRequest, session: Session, dgps: Sequence[DgpsFix]) -> list[ReferenceFix]:
