@@ -197,11 +197,28 @@ def complaint(address: str, settings: CameraSettings) -> str:
         return str(error)
 
 
+def colours() -> dict[str, Any]:
+    """How far green and red lag behind blue along the same gradient, as the camera colours it and in each raw pattern."""
+    fake = FakeCamera(LEFT, "GV01")
+    lags = {}
+    try:
+        for name in ("RGB8", "BayerRG8", "BayerGR8", "BayerGB8", "BayerBG8"):
+            with opened(LEFT, CameraSettings(pixel_format=name, roi_px=(0, 0, 512, 512)), []) as left:
+                image = collect([left], 0.4)[-1].picture.whole().astype(float)
+            # it repeats every 256 px and moves on from frame to frame: phases against each other stay
+            phases = np.angle(np.fft.rfft(image[100], axis=0)[2])
+            lags[name] = [float(np.angle(np.exp(1j * (phases[k] - phases[0])))) for k in (1, 2)]
+        return lags
+    finally:
+        fake.unplug()
+
+
 SCENARIOS: dict[str, Callable[[], dict[str, Any]]] = {
     "two": two,
     "loss": loss,
     "unplugged": unplugged,
     "refused": refused,
+    "colours": colours,
 }
 
 if __name__ == "__main__":

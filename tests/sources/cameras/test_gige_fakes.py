@@ -111,6 +111,21 @@ def test_what_a_camera_refuses_is_one_line() -> None:
     assert int(said["frames"]) > 0
 
 
+def test_each_raw_pattern_has_the_colours_that_the_camera_gives_itself() -> None:
+    """Red, green and blue follow each other along its gradient; a pattern taken for another would exchange two.
+
+    Aravis 0.8.26 has blue in the first pixel of what it calls BayerRG8, and red in BayerBG8's: against the convention of
+    names, and against its own RGB8, which its BayerGR8 and BayerGB8 agree with.
+    """
+    lags = scenario("colours")
+    green, red = lags["RGB8"]
+    assert min(abs(green), abs(red), abs(red - green)) > 0.3
+    for pattern in ("BayerGR8", "BayerGB8"):
+        assert lags[pattern] == pytest.approx([green, red], abs=0.1), pattern
+    for pattern in ("BayerRG8", "BayerBG8"):
+        assert lags[pattern] == pytest.approx([-green, -red], abs=0.1), pattern
+
+
 def test_lost_packets_are_asked_for_again_where_the_camera_can() -> None:
     """viva-genicam's own camera loses the packets told: sent again they complete the frame, else it is incomplete."""
     result = scenario("viva")
