@@ -2,9 +2,9 @@
 
     python benchmarks/camera_clock.py [--draws N]
 
-30 frames/s, drift of 30 ppm (1 σ), any offset. After 6, 20 and 90 s: rms of the last frame's error over the draws, median of
-the sigma stated, mean of (error/σ)², and the rms of the arrivals about their mean, which is what a fit of a constant to them
-would leave. Seeded; no clock is read.
+30 frames/s, drift of 30 ppm (1 σ), any offset. After 6, 20 and 90 s: rms of the last frame's error over the draws,
+median of the sigma stated, mean of (error/σ)², and the rms of the arrivals about their mean, which is what a fit of a
+constant to them would leave. Seeded; no clock is read.
 """
 
 import argparse

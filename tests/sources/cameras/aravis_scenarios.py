@@ -198,7 +198,7 @@ def complaint(address: str, settings: CameraSettings) -> str:
 
 
 def colours() -> dict[str, Any]:
-    """How far green and red lag behind blue along the same gradient, as the camera colours it and in each raw pattern."""
+    """How far green and red lag behind blue along the gradient, as the camera colours it and in each raw pattern."""
     fake = FakeCamera(LEFT, "GV01")
     lags = {}
     try:
