@@ -78,6 +78,7 @@ class Operation:
     operators : take the status.
     clock : monotonic, s; the devices stamp with the same one.
     recorder_words : what the recorder has to say of itself, for the status.
+    keep_images : whether reports carry the pictures, for a screen.
     """
 
     def __init__(
@@ -91,11 +92,13 @@ class Operation:
         operators: Sequence[StatusSink] = (),
         clock: Callable[[], float] = time.monotonic,
         recorder_words: Callable[[], str] = lambda: "",
+        keep_images: bool = False,
     ) -> None:
         self._file, self._rig, self._config = file, rig, config
         self._sinks, self._recorders, self._operators = sinks, recorders, operators
         self._clock = clock
         self._recorder_words = recorder_words
+        self._keep_images = keep_images
         self.start_s = clock()
         self.inbox = Inbox()
         self._board = Board()
@@ -206,7 +209,13 @@ class Operation:
     # --------------------------------------------------------------------------------------- set-up
     def _core(self, heads: Heads) -> LiveCore:
         geometries = {s.name: s.geometry() for s in self._rig.stations}
-        pipeline = Pipeline(self._rig, self._config, span_m=self._file.span_m, stopwatch=self._clock)
+        pipeline = Pipeline(
+            self._rig,
+            self._config,
+            span_m=self._file.span_m,
+            stopwatch=self._clock,
+            keep_images=self._keep_images,
+        )
         pilots = {n: HeadPilot(geometries[n], h.limits, self._file.pointing) for n, h in heads.states.items()}
         pairing = Pairing(self._rig.names, 1.0 / self._file.rate_hz)
         return LiveCore(pipeline, pairing, pilots, SearchPattern(geometries, self._file.search))

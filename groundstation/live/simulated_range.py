@@ -133,6 +133,11 @@ class SimulatedRange:
             memory.unlink()
         self._memory = {}
 
+    @property
+    def delivery_s(self) -> float:
+        """From mid-exposure to a picture's arrival, at the earliest, s."""
+        return self._config.delivery_s
+
     def begin(self, start_s: float) -> None:
         """Let the flight's time zero be an instant of the host's clock, s."""
         if self._control is not None:

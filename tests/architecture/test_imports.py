@@ -13,12 +13,16 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
     (
         "groundstation.cli_calibrate",
+        "groundstation.cli_calibrate_landmarks",
+        "groundstation.cli_calibrate_mount",
+        "groundstation.cli_calibrate_timing",
         "groundstation.cli_cameras",
+        "groundstation.cli_live",
         "groundstation.cli_ptu",
     ),
     ("calibration",),
     ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
-    ("groundstation.run", "groundstation.planning", "groundstation.live"),
+    ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
     (
@@ -39,7 +43,9 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.rig_toml",),
-    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
+    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.rig_reference"),
+    ("groundstation.ptu_axes",),
+    ("groundstation.toml_table",),
     ("groundstation.geometry", "groundstation.picture"),
     ("groundstation.errors", "groundstation.arrays", "groundstation.hand_over", "groundstation.__version__"),
 )
