@@ -127,7 +127,7 @@ def test_each_raw_pattern_has_the_colours_that_the_camera_gives_itself() -> None
 
 
 def test_lost_packets_are_asked_for_again_where_the_camera_can() -> None:
-    """viva-genicam's camera loses the packets told: sent again they complete a frame, else it is incomplete."""
+    """viva-genicam's fake loses the packets told: sent again they complete a frame, else it is incomplete."""
     result = scenario("viva")
     assert result["resent"]["counts"]["incomplete"] == 0
     assert result["resent"]["counts"]["lost"] == 0
