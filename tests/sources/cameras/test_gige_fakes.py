@@ -114,8 +114,8 @@ def test_what_a_camera_refuses_is_one_line() -> None:
 def test_each_raw_pattern_has_the_colours_that_the_camera_gives_itself() -> None:
     """Red, green and blue follow each other along its gradient; a pattern taken for another would exchange two.
 
-    Aravis 0.8.26 has blue in the first pixel of what it calls BayerRG8, and red in BayerBG8's: against the convention of
-    names, and against its own RGB8, which its BayerGR8 and BayerGB8 agree with.
+    Aravis 0.8.26 has blue in the first pixel of what it calls BayerRG8, and red in BayerBG8's: against the names'
+    convention, and against its own RGB8, which its BayerGR8 and BayerGB8 agree with.
     """
     lags = scenario("colours")
     green, red = lags["RGB8"]
