@@ -9,6 +9,7 @@ from pathlib import Path
 
 from groundstation import __version__
 from groundstation.cli_calibrate import add_calibrate, run_calibrate
+from groundstation.cli_simulate import add_simulate, run_simulate
 from groundstation.errors import GroundstationError
 from groundstation.progress import ProgressLine
 
@@ -88,6 +89,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_track(commands)
     _add_plan(commands)
     add_calibrate(commands)
+    add_simulate(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
@@ -260,4 +262,11 @@ def _replay(options: argparse.Namespace) -> int:
     return 0 if result.fault is None else 1
 
 
-_COMMANDS = {"replay": _replay, "track": _track, "plan": _plan, "calibrate": run_calibrate, "config": _config}
+_COMMANDS = {
+    "replay": _replay,
+    "track": _track,
+    "plan": _plan,
+    "calibrate": run_calibrate,
+    "simulate": run_simulate,
+    "config": _config,
+}

@@ -11,9 +11,15 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 # From the top down: a module may import from its own layer and from those below it, never from above.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
-    ("groundstation.cli_calibrate",),
+    ("groundstation.cli_calibrate", "groundstation.cli_simulate"),
     ("calibration",),
-    ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
+    (
+        "groundstation.replay",
+        "groundstation.track_video",
+        "groundstation.plan",
+        "groundstation.filming",
+        "groundstation.progress",
+    ),
     ("groundstation.run", "groundstation.planning"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
