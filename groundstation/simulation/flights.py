@@ -1,4 +1,4 @@
-"""Named flights and the standard site that `groundstation simulate` films: a landing, a take-off, a weaving approach."""
+"""Named flights and the standard site that `groundstation simulate` films: landing, take-off, weaving approach."""
 
 import math
 from dataclasses import dataclass, replace
