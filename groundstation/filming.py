@@ -8,7 +8,7 @@ from pathlib import Path
 from groundstation.errors import ConfigError, ScenarioError
 from groundstation.rig import Rig, load_rig
 from groundstation.simulation.airframe import trainer
-from groundstation.simulation.faults import Fault, FaultKind, check_faults
+from groundstation.simulation.faults import Fault, FaultKind
 from groundstation.simulation.flights import SPAN_M, FlightName, filmed_scenario, flight, site_rig
 from groundstation.simulation.optics import Optics
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -16,7 +16,7 @@ from groundstation.simulation.scenery import Scenery
 from groundstation.simulation.simulate import SimulatedFlight, simulate
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.simulation.world import World
-from groundstation.sinks.filmed_folder import PictureForm, write_filmed_folder
+from groundstation.sinks.filmed_folder import PictureForm, checked_frames, write_filmed_folder
 from groundstation.sinks.session_folder import make_session_folder
 from groundstation.toml_table import Table, load_toml, quoted
 
@@ -28,8 +28,7 @@ _FAULT_KEYS = frozenset({"what", "station", "from_s", "to_s", "by_s", "by_deg"})
 class FilmRequest:
     """What the user asked for.
 
-    ``rig`` None is the standard site, ``duration_s`` None the whole flight; ``grey`` cameras see no colours. With
-    ``jsbsim`` the aircraft is flown by its flight dynamics, in place of a built-in path.
+    ``rig`` None is the standard site, ``duration_s`` None the whole flight; ``grey`` cameras see no colours.
     """
 
     out: Path
@@ -42,7 +41,6 @@ class FilmRequest:
     rig: Path | None = None
     form: PictureForm = PictureForm.VIDEO
     grey: bool = False
-    jsbsim: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +63,7 @@ def film(request: FilmRequest, progress: Callable[[int, int], None] = lambda don
     pairs = flown.truth.t_s.size
     if pairs > MAX_PAIRS:
         raise ScenarioError("simulate", got=f"{pairs} pairs", wanted=f"at most {MAX_PAIRS}")
-    check_faults(flown, faults)
+    checked_frames(flown, faults)
     # before the surroundings are drawn, which takes some seconds
     _check_folder(request.out)
     write_filmed_folder(

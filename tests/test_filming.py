@@ -1,6 +1,7 @@
 """`groundstation simulate`: the session loads, its pictures show what its truth says, and a replay follows it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from groundstation.errors import ConfigError
 from groundstation.filming import FilmRequest, film, load_faults
 from groundstation.messages import Frame
 from groundstation.replay import ReplayRequest, replay
+from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
 from groundstation.session import load_dgps, load_session, load_truth
 from groundstation.simulation import simulate
@@ -23,22 +25,28 @@ from groundstation.sources.replay import ReplaySource
 from tests.complaints import complaint
 from tests.simulation.small_site import QUIET, small_rig
 
-SIZE_PX, FOCAL_PX = (640, 480), 3300.0
+NEARER_M = np.array([0.0, 250.0, 0.0])
 
 
-@pytest.fixture(scope="module")
-def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("rig") / "rig.toml"
-    path.write_text(rig_to_toml(small_rig(FOCAL_PX, SIZE_PX)), encoding="utf-8")
+def written(path: Path, rig: Rig) -> Path:
+    path.write_text(rig_to_toml(rig), encoding="utf-8")
     return path
 
 
 @pytest.fixture(scope="module")
-def filmed(rig_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The first 3 s of a landing."""
+def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(tmp_path_factory.mktemp("rig") / "rig.toml", small_rig())
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first 5 s of a landing, from 270 m away: small cameras stand further up the runway."""
     folder = tmp_path_factory.mktemp("filmed") / "s"
-    result = film(FilmRequest(out=folder, rig=rig_file, duration_s=3.0, wind_m_s=3.0, seed=5))
-    assert result.pairs == 31
+    plain = small_rig(3300.0, (640, 480))
+    nearer = tuple(replace(s, ptu_position_m=s.ptu_position_m + NEARER_M) for s in plain.stations)
+    rig = written(folder.parent / "rig.toml", replace(plain, stations=nearer))
+    result = film(FilmRequest(out=folder, rig=rig, duration_s=5.0, wind_m_s=3.0, seed=5))
+    assert result.pairs == 51
     return folder
 
 
@@ -75,8 +83,8 @@ def test_tables_pictures_and_masks_belong_together(filmed: Path) -> None:
     assert len(load_dgps(session)) >= 30
     masks = np.load(filmed / "masks.npz")
     taken = frames(filmed)
-    assert len(taken) == 62
-    for frame in taken[::15]:
+    assert len(taken) == 102
+    for frame in taken[::25]:
         image = frame.image.whole().astype(np.float64)
         mask, (x, y) = masks[f"{frame.station}_{frame.epoch:04d}"], masks[f"{frame.station}_{frame.epoch:04d}_xy"]
         h, w = mask.shape
@@ -87,8 +95,6 @@ def test_tables_pictures_and_masks_belong_together(filmed: Path) -> None:
 
 def test_truth_with_a_rolling_shutter_is_the_simulator_s() -> None:
     """The renderer's nose and the angle-level simulator's are the same, rolling shutter and rates included."""
-    from dataclasses import replace
-
     plain = small_rig()
     rig = replace(plain, stations=tuple(replace(s, readout_s=0.02) for s in plain.stations))
     flown = simulate(filmed_scenario(flight(FlightName.WEAVE, wind_m_s=6.0, seed=2), rig))

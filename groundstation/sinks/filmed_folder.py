@@ -53,10 +53,7 @@ def write_filmed_folder(
 
     Raises `InputError` if the folder is not empty or cannot be written, `ScenarioError` where a fault cannot be.
     """
-    check_faults(flight, faults)
-    frames = {name: frames_of(flight, name, faults) for name in flight.rig.names}
-    for name, own in frames.items():
-        _check_rising(name, own)
+    frames = checked_frames(flight, faults)
     span_m = next(iter(cameras.values())).world.airframe.span_m
     tables = {**words, "target": {"span_m": span_m}}
     try:
@@ -70,12 +67,18 @@ def write_filmed_folder(
         raise folder_fault(folder, OSError(str(fault))) from fault
 
 
-def _check_rising(name: str, frames: Frames) -> None:
-    """Raise `ScenarioError` where a camera's stamps step back: frames.csv has one row to a pair, in order."""
-    stamps = frames.t_s[frames.there]
-    if np.any(np.diff(stamps) <= 0):
-        where = f"fault of the camera of {name}"
-        raise ScenarioError(where, got="stamps that step back", wanted="a smaller step, or one forward")
+def checked_frames(flight: SimulatedFlight, faults: Sequence[Fault]) -> dict[str, Frames]:
+    """Return what each camera delivers.
+
+    Raises `ScenarioError` where a fault has no device, or a camera's stamps step back: frames.csv is in order.
+    """
+    check_faults(flight, faults)
+    frames = {name: frames_of(flight, name, faults) for name in flight.rig.names}
+    for name, own in frames.items():
+        if np.any(np.diff(own.t_s[own.there]) <= 0):
+            where = f"fault of the camera of {name}"
+            raise ScenarioError(where, got="stamps that step back", wanted="a smaller step, or one forward")
+    return frames
 
 
 def _frame_rows(flight: SimulatedFlight, frames: Mapping[str, Frames]) -> Iterator[list[str]]:
