@@ -188,8 +188,8 @@ def _fixes(flight: SimulatedFlight, faults: Sequence[Fault]) -> tuple[DgpsFix, .
         return ()
     fixes = []
     for fix in flight.dgps:
-        # the timetable is in session time
-        t = (fix.t_s - model.clock_offset_s) / (1.0 + model.clock_drift_ppm * 1e-6)
+        # the timetable is in session time; a fix at its very start is within
+        t = round((fix.t_s - model.clock_offset_s) / (1.0 + model.clock_drift_ppm * 1e-6), 9)
         now = [f for f in faults if f.kind in _OF_DGPS and f.at(t)]
         if any(f.kind is FaultKind.DGPS_GAP for f in now):
             continue
