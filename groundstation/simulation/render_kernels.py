@@ -7,7 +7,7 @@ and columns (0, 1, 2 for B, G, R).
 import numpy as np
 from numba import njit
 
-from groundstation.arrays import FloatArray, ImageArray, MaskArray
+from groundstation.arrays import Float32Array, FloatArray, ImageArray, MaskArray
 
 TILE = 16
 _FRACTION = 16
@@ -38,7 +38,7 @@ def _near(azimuth: float, to: float) -> float:
 def _row(
     flat: np.ndarray, width: int, x: int, y: int, step_x: int, step_y: int, even: int, odd: int, out: np.ndarray
 ) -> None:
-    """Fill a row of one tile (n,) by bilinear interpolation from (x, y) on, all of which is inside; 16 bits of fraction.
+    """Fill a row of one tile (n,) by bilinear interpolation from (x, y) on, all inside, with 16 bits of fraction.
 
     ``flat`` is a panorama of this width as one row of numbers.
     """
@@ -98,7 +98,7 @@ def _tile(
 
 @njit(cache=True, nogil=True)
 def flat_blocks(panorama: ImageArray, most: float, out: MaskArray) -> None:
-    """Tell which blocks of 16 × 16 panorama pixels (h // 16, w // 16) are bilinear in their corners, but for so much."""
+    """Tell which blocks of 16 × 16 panorama pixels are bilinear in their corners, but for so many grey levels."""
     height, width = panorama.shape[0], panorama.shape[1]
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
@@ -160,7 +160,7 @@ def _flat_tile(
 
 @njit(cache=True, nogil=True)
 def _kept_inside(corner: FloatArray, shift: FloatArray, width: int, height: int) -> bool:
-    """Push corners (4, 2) into a panorama, a pixel and half the shift from its border; return whether they were there."""
+    """Push corners (4, 2) a pixel and half the shift inside a panorama; return whether they were there."""
     inside = True
     for axis, size in ((0, width), (1, height)):
         margin = 1.0 + 0.5 * abs(shift[axis])
@@ -214,7 +214,7 @@ def surroundings(
 
 
 @njit(cache=True, nogil=True)
-def cover(overlay: FloatArray, x0: int, y0: int, channels: np.ndarray, light: np.ndarray) -> None:
+def cover(overlay: Float32Array, x0: int, y0: int, channels: np.ndarray, light: np.ndarray) -> None:
     """Lay a window (h, w, 4) of B, G, R times cover, and cover, with its corner at (x0, y0), over the light."""
     for i in range(max(-y0, 0), min(overlay.shape[0], light.shape[0] - y0)):
         for j in range(max(-x0, 0), min(overlay.shape[1], light.shape[1] - x0)):

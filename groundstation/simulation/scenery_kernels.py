@@ -90,9 +90,10 @@ def _sky(azimuth: float, elevation: float, cover: float, seed: int, colour: Floa
     far = 1.0 / max(np.sin(up), 0.035)
     x, y = far * np.sin(azimuth) * np.cos(up), far * np.cos(azimuth) * np.cos(up)
     thick = _layers(x, y, 3.0, 0.0, 6, seed + 11) + 0.5
-    near_horizon = _smooth(up / 0.12)
+    # below, where they would be drawn out into streaks, they fade
+    near_horizon = _smooth((up - 0.03) / 0.1)
     cloud = _smooth((thick - 0.95 + 0.75 * cover) / 0.45)
-    _mix(colour, 0.75 * cloud * (0.25 + 0.75 * near_horizon), 226.0, 224.0, 222.0)
+    _mix(colour, 0.75 * cloud * near_horizon, 226.0, 224.0, 222.0)
 
 
 @njit(cache=True, nogil=True)
@@ -148,7 +149,7 @@ def radiance(
     tree_top = -1.0
     # trees stand in clumps on a circle around the runway; seen from aside they stand elsewhere
     around = azimuth + (eye[0] * np.cos(azimuth) - eye[1] * np.sin(azimuth)) / TREES_M
-    clump = _smooth((noise(around * 9.0, 0.5, seed + 61) - 0.5) / 0.12)
+    clump = _smooth((noise(around * 16.0, 0.0, seed + 61) - 0.55) / 0.12)
     if clump > 0.0:
         crown = 0.55 + 0.9 * _layers(around * TREES_M, 0.0, 7.0, pixel * TREES_M, 6, seed + 62)
         tree_top = (12.0 * clump * crown - height) / TREES_M

@@ -23,6 +23,16 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("calibration",),
     ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
     ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
+    ("groundstation.cli_calibrate", "groundstation.cli_simulate"),
+    ("calibration",),
+    (
+        "groundstation.replay",
+        "groundstation.track_video",
+        "groundstation.plan",
+        "groundstation.filming",
+        "groundstation.progress",
+    ),
+    ("groundstation.run", "groundstation.planning"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
     (
