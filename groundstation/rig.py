@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.geometry.station import StationGeometry
 from groundstation.rig_covariance import ParameterCovariance, read_covariance
+from groundstation.text_file import TextFile
 from groundstation.toml_table import Table, load_toml, quoted
 
 RIG_FORMAT = "stereo-ptu-rig/1"
@@ -169,7 +169,7 @@ class Rig:
                 )
 
 
-def load_rig(path: Path) -> Rig:
+def load_rig(path: TextFile) -> Rig:
     """Read a rig file; raises `RigError` with file, station and key of the first fault."""
     document = load_toml(path, RigError)
     top = Table(document, str(path), RigError)

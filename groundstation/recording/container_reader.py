@@ -121,9 +121,7 @@ class ContainerReader:
             fault = error
         return Contents(attachments=attachments, metadata=metadata, chunks=chunks, whole_bytes=end, fault=fault)
 
-    def messages(
-        self, skip: Callable[[RecordingError], None] | None = None
-    ) -> Iterator[TopicMessage]:
+    def messages(self, skip: Callable[[RecordingError], None] | None = None) -> Iterator[TopicMessage]:
         """Yield all messages in the file's order.
 
         Raises `RecordingError` at the first fault; a chunk that is damaged inside is told to ``skip`` and passed

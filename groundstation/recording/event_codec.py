@@ -93,7 +93,11 @@ def event_values(n: int, event: Event) -> dict[str, Any]:
         values |= {"station": event.station, "pan_rad": float(event.pan_rad), "tilt_rad": float(event.tilt_rad)}
     elif isinstance(event, Frame):
         pattern = event.image.pattern
-        values |= {"station": event.station, "epoch": int(event.epoch), "size_px": [int(v) for v in event.image.size_px]}
+        values |= {
+            "station": event.station,
+            "epoch": int(event.epoch),
+            "size_px": [int(v) for v in event.image.size_px],
+        }
         values |= {"pattern": None if pattern is None else pattern.value}
     elif isinstance(event, PixelMeasurement):
         values |= {"station": event.station, "epoch": int(event.epoch)}

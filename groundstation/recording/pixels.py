@@ -23,9 +23,7 @@ _ENCODINGS = {
 }
 
 
-def encoded(
-    pixels: ImageArray, *, png: bool, pattern: BayerPattern | None, stamp_ns: int, frame_id: str
-) -> bytes:
+def encoded(pixels: ImageArray, *, png: bool, pattern: BayerPattern | None, stamp_ns: int, frame_id: str) -> bytes:
     """Return a message with pixels (h, w) or (h, w, 3) BGR: a CompressedImage with ``png``, else a RawImage."""
     if png:
         data = cv2.imencode(".png", pixels, _PNG)[1].tobytes()

@@ -1,4 +1,4 @@
-"""The standard messages that viewers know, in Protocol Buffers: field names and numbers are those of Foxglove's schemas.
+"""The standard messages that viewers know, as Protocol Buffers; names and numbers are those of Foxglove's schemas.
 
 Only what we write is described. https://docs.foxglove.dev/docs/sdk/schemas
 """
@@ -25,7 +25,12 @@ _MESSAGES: dict[str, Sequence[tuple[str, int, str]]] = {
     "Vector3": (("x", 1, "double"), ("y", 2, "double"), ("z", 3, "double")),
     "Quaternion": (("x", 1, "double"), ("y", 2, "double"), ("z", 3, "double"), ("w", 4, "double")),
     "Pose": (("position", 1, ".foxglove.Vector3"), ("orientation", 2, ".foxglove.Quaternion")),
-    "CompressedImage": (("timestamp", 1, _STAMP), ("frame_id", 4, "string"), ("data", 2, "bytes"), ("format", 3, "string")),
+    "CompressedImage": (
+        ("timestamp", 1, _STAMP),
+        ("frame_id", 4, "string"),
+        ("data", 2, "bytes"),
+        ("format", 3, "string"),
+    ),
     "RawImage": (
         *(("timestamp", 1, _STAMP), ("frame_id", 7, "string"), ("width", 2, "fixed32"), ("height", 3, "fixed32")),
         *(("encoding", 4, "string"), ("step", 5, "fixed32"), ("data", 6, "bytes")),
