@@ -138,6 +138,16 @@ class PartialPicture(Picture):
         super().__init__(size_px, pattern)
         self._parts = parts
 
+    @property
+    def kept_windows(self) -> list[Window]:
+        """The parts that were kept."""
+        return [(p.x, p.y, p.x + p.pixels.shape[1], p.y + p.pixels.shape[0]) for p in self._parts]
+
+    @property
+    def has_all(self) -> bool:
+        """Whether one part is the whole picture."""
+        return (0, 0, *self.size_px) in self.kept_windows
+
     def _pixels(self, window: Window) -> ImageArray:
         for part in self._parts:
             raw = part.pixels.ndim == 2

@@ -36,15 +36,20 @@ R = TypeVar("R", bound=McapRecord)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicMessage:
-    """One message: its topic, the number its writer gave it, its stamp in ns; ``offset`` of its chunk in the file."""
+    """One message: its channel and schema, the number its writer gave it, its stamp in ns; ``offset`` of its chunk in the file."""
 
-    topic: str
-    schema: str
+    channel: Channel
+    schema: Schema | None
     sequence: int
     log_time_ns: int
     publish_time_ns: int
     data: bytes
     offset: int
+
+    @property
+    def topic(self) -> str:
+        """What it is about."""
+        return self.channel.topic
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,7 +132,7 @@ class ContainerReader:
         Raises `RecordingError` at the first fault; a chunk that is damaged inside is told to ``skip`` and passed
         over, if that is given.
         """
-        schemas: dict[int, str] = {}
+        schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         for place in self._places():
             if place.opcode == Opcode.CHUNK:
@@ -194,7 +199,7 @@ class ContainerReader:
 class _Inside:
     """The records of one unpacked chunk; schemas and channels hold for later chunks too."""
 
-    def __init__(self, data: bytes, where: str, schemas: dict[int, str], channels: dict[int, Channel]) -> None:
+    def __init__(self, data: bytes, where: str, schemas: dict[int, Schema], channels: dict[int, Channel]) -> None:
         self._data = data
         self._where = where
         self._schemas = schemas
@@ -216,7 +221,7 @@ class _Inside:
                 yield self._message(content, offset)
             elif opcode == Opcode.SCHEMA:
                 schema = _parse(Schema, content, self._where)
-                self._schemas[schema.id] = schema.name
+                self._schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
                 channel = _parse(Channel, content, self._where)
                 self._channels[channel.id] = channel
@@ -231,8 +236,8 @@ class _Inside:
         if channel is None:
             raise self._fault(f"a message of channel {number}", "a channel that was announced")
         return TopicMessage(
-            topic=channel.topic,
-            schema=self._schemas.get(channel.schema_id, ""),
+            channel=channel,
+            schema=self._schemas.get(channel.schema_id),
             sequence=sequence,
             log_time_ns=log_time,
             publish_time_ns=publish_time,

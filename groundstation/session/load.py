@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from groundstation.errors import SessionError
-from groundstation.recording.container_reader import Contents, ContainerReader
+from groundstation.recording.container_reader import ContainerReader, Contents
 from groundstation.recording.contents import RIG, parse_end, parse_header
 from groundstation.rig import load_rig
 from groundstation.session.folder import Recorded, Session, load_folder, read_session

@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
+from groundstation.errors import InputError
 from groundstation.messages import Event, Frame, StepReport
 from groundstation.recording.contents import RecordingHeader
 from groundstation.recording.event_codec import event_values
@@ -23,10 +24,13 @@ from groundstation.rig import Rig
 from groundstation.sinks.recorder_messages import RecordingMessages
 from groundstation.sinks.recorder_output import RawOutput, RetriedOutput, new_file
 from groundstation.sinks.recorder_queue import Answer, EventLine, FramePixels, RecorderQueue
-from groundstation.sinks.recorder_status import RecorderConfig, RecorderState, RecorderStatus
+from groundstation.sinks.recorder_status import PATIENT, RecorderConfig, RecorderState, RecorderStatus
 from groundstation.sinks.recorder_writer import RecorderWriter
 
-__all__ = ["Recorder", "RecorderConfig", "RecorderState", "RecorderStatus"]
+_PATIENT_FILL = 0.5
+_PATIENT_S = 0.005
+
+__all__ = ["PATIENT", "Recorder", "RecorderConfig", "RecorderState", "RecorderStatus"]
 
 
 class Recorder:
@@ -55,6 +59,7 @@ class Recorder:
     ) -> None:
         config = RecorderConfig() if config is None else config
         self._config = config
+        self._path = path
         self._whole_frames = whole_frames
         raw = new_file(path) if output is None else output
         self._output = RetriedOutput(raw)
@@ -93,7 +98,12 @@ class Recorder:
         )
 
     def take(self, event: Event) -> None:
-        """Record an event; of a frame the pixels follow once its report says that it has been looked at."""
+        """Record an event; of a frame the pixels follow once its report says that it has been looked at.
+
+        Raises `InputError` only if it is patient and the disk takes nothing.
+        """
+        if self._config.patient:
+            self._wait()
         number = self._number
         self._number += 1
         self._queue.put(EventLine(n=number, t_s=float(event.t_s), values=event_values(number, event)))
@@ -142,6 +152,13 @@ class Recorder:
         self._thread.join(self._config.close_s)
         if self._thread.is_alive():
             self._state, self._reason = RecorderState.FAILED, "the disk did not answer at the end; see `recover`"
+
+    def _wait(self) -> None:
+        """Wait while much is to be written; raises `InputError` if that will not be."""
+        while self._state is RecorderState.RECORDING and self._queue.fill() > _PATIENT_FILL:
+            time.sleep(_PATIENT_S)
+        if self._state is not RecorderState.RECORDING:
+            raise InputError(str(self._path), got=self.status.line(), wanted="a disk with space for the recording")
 
     def _put_pixels(self, number: int, frame: Frame, *, whole: bool) -> None:
         """Hand over what is to be kept of a frame; windows are copied, so that the picture's memory is free again."""

@@ -1,6 +1,5 @@
 """What goes into a recording, message by message: events and notes, pictures, answers, and the same for viewers."""
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -19,11 +18,11 @@ from groundstation.recording.contents import (
     END,
     EVENTS_TOPIC,
     TRACK_TOPIC,
-    RecordingEnd,
     RecordingHeader,
     end_values,
     header_values,
 )
+from groundstation.recording.end_count import EndCount
 from groundstation.recording.event_codec import (
     DroppedNote,
     LostNote,
@@ -64,8 +63,7 @@ class RecordingMessages:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._now_ns = 0
-        self._events = self._epochs = 0
-        self._span_s = (math.inf, -math.inf)
+        self._end = EndCount()
         self._writer.start(profile="", library="groundstation")
         self._writer.add_metadata(ABOUT, header_values(header))
         for name, data in header.files.items():
@@ -86,7 +84,7 @@ class RecordingMessages:
             self._now_ns = stamp_ns(item.t_s)
             while self._uncalibrated:
                 self._calibration(self._uncalibrated.pop())
-            self._count(item)
+            self._end.add(item.values)
             self._json(EVENTS_TOPIC, item.values, self._now_ns, item.n)
         elif isinstance(item, FramePixels):
             self._pixels(item, png)
@@ -103,16 +101,8 @@ class RecordingMessages:
 
     def finish(self) -> None:
         """Write the closing note and the index."""
-        first, last = self._span_s if self._epochs else (0.0, 0.0)
-        end = RecordingEnd(events=self._events, epochs=self._epochs, first_s=first, last_s=last)
-        self._writer.add_metadata(END, end_values(end))
+        self._writer.add_metadata(END, end_values(self._end.result()))
         self._writer.finish()
-
-    def _count(self, item: EventLine) -> None:
-        self._events += 1
-        if item.values["kind"] == "epoch":
-            self._epochs += 1
-            self._span_s = (min(self._span_s[0], item.t_s), max(self._span_s[1], item.t_s))
 
     # -------------------------------------------------------------------------------------------- pictures
     def _pixels(self, item: FramePixels, png: bool) -> None:

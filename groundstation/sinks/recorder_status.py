@@ -18,6 +18,7 @@ class RecorderConfig:
     stop_free_bytes : with less free space nothing is, until there is more again.
     retry_s : a disk that took nothing is tried again after so long.
     close_s : closing waits so long for the disk.
+    patient : whoever hands over waits for the disk, and a fault of the disk is raised: for work that is not live.
     """
 
     chunk_bytes: int = 2**20
@@ -30,6 +31,7 @@ class RecorderConfig:
     stop_free_bytes: int = 200 * 2**20
     retry_s: float = 0.5
     close_s: float = 20.0
+    patient: bool = False
 
 
 class RecorderState(StrEnum):
@@ -57,6 +59,12 @@ class RecorderStatus:
     records_lost: int
     events_lost: int
 
+    @property
+    def trouble(self) -> bool:
+        """Whether the recording lacks something, or soon will."""
+        well = self.state in (RecorderState.RECORDING, RecorderState.CLOSED)
+        return not well or bool(self.pictures_dropped or self.records_lost)
+
     def line(self) -> str:
         """Return it as one line for a person."""
         text = f"{self.state.value}: {self.reason}" if self.reason else self.state.value
@@ -66,3 +74,7 @@ class RecorderStatus:
         if self.records_lost:
             text += f", {self.records_lost} records lost ({self.events_lost} of them events)"
         return text
+
+
+# nothing waits longer than its picture takes to be packed
+PATIENT = RecorderConfig(patient=True, png_fill=2.0, close_s=120.0)

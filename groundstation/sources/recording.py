@@ -98,8 +98,6 @@ class RecordingSource:
         self._to = np.inf if to_s is None else to_s
         self._on_answer = on_answer
         self._sizes = {s.name: s.lens.image_size_px for s in session.rig.stations}
-        # events of stations that the rig in use does not have are passed over
-        self._left_out = dict.fromkeys(session.left_out, (0, 0))
         self._open = ExitStack()
         self._reader: ContainerReader
         self._line: _EventLine
@@ -119,6 +117,7 @@ class RecordingSource:
     def __iter__(self) -> Iterator[Event]:
         """Yield all events in the order in which they were recorded, then raise what fault was met."""
         queue = _EventLine(self._sizes, self.missing, self._reader.path.name)
+        fault: RecordingError | None = None
         try:
             for message in self._reader.messages():
                 if message.topic == TRACK_TOPIC:
@@ -126,10 +125,11 @@ class RecordingSource:
                 else:
                     queue.take(message)
                     yield from self._asked(queue.ready())
-        finally:
-            # reached at the end and at a fault; not when the consumer leaves, for it takes nothing more
-            rest = list(queue.rest())
-        yield from self._asked(iter(rest))
+        except RecordingError as error:
+            fault = error
+        yield from self._asked(queue.rest())
+        if fault is not None:
+            raise fault
 
     def _asked(self, events: Iterator[Event]) -> Iterator[Event]:
         """Pass on what lies in the part asked for."""

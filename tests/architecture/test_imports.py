@@ -11,9 +11,13 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 # From the top down: a module may import from its own layer and from those below it, never from above.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
-    ("groundstation.cli_calibrate",),
+    ("groundstation.cli_calibrate", "groundstation.cli_recording"),
     ("calibration",),
-    ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
+    (
+        *("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
+        *("groundstation.convert", "groundstation.recover"),
+    ),
+    ("groundstation.recorded_run",),
     ("groundstation.run", "groundstation.planning"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
@@ -28,8 +32,10 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.epoch", "groundstation.track_life", "groundstation.warm_up"),
     ("groundstation.integrity", "groundstation.existence", "groundstation.search_region"),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
+    ("groundstation.recording",),
     ("groundstation.rig_toml",),
     ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
+    ("groundstation.text_file",),
     ("groundstation.geometry", "groundstation.picture"),
     ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
 )
