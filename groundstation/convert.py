@@ -6,12 +6,16 @@ from pathlib import Path
 
 from groundstation.config import load_config
 from groundstation.errors import InputError
-from groundstation.session import load_session
+from groundstation.messages import Epoch, Event
+from groundstation.session import Session, load_session
 from groundstation.sinks.recorded_session import header_of
 from groundstation.sinks.recorder import PATIENT, Recorder
 from groundstation.sinks.unpacked_folder import Unpacked, UnpackedFolder
 from groundstation.sources.recording import RecordingSource
+from groundstation.sources.replay import ReplaySource
 from groundstation.sources.session_source import session_source
+
+Source = ReplaySource | RecordingSource
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,43 +46,57 @@ def convert(
         got = f"{source.name} and {out.name}, both {'recordings' if packs else 'folders'}"
         raise InputError(str(out), got=got, wanted="a folder and a file that ends in .mcap")
     session.rig.require_known()
-    events = epochs = 0
-    fault: InputError | None = None
     with session_source(session, from_s, to_s) as stream:
         if packs:
-            config = load_config(None)
-            header = header_of(session, None, config, initial=session.initial, taught=False)
-            recorder = Recorder(out, session.rig, header, PATIENT, whole_frames=True)
-            take, finish = recorder.take, recorder.close
-        else:
-            folder = UnpackedFolder(out, session)
-            take, finish = folder.take, lambda: None
-        try:
-            for event in stream:
-                take(event)
-                events += 1
-                if type(event).__name__ == "Epoch":
-                    epochs += 1
-                    progress(epochs, stream.epoch_count)
-        except InputError as error:
-            fault = error
-        finally:
-            finish()
-        if packs:
-            notes = [recorder.status.line()] if recorder.status.trouble else []
-        else:
-            header_files = session.recorded.header.files if session.recorded is not None else {}
-            notes = _notes(folder.done, stream)
-            folder.finish(header_files, notes[0] if folder.done.partial else "")
-            notes = _notes(folder.done, stream)
-    return Converted(out=out, events=events, notes=tuple(notes), fault=fault)
+            return _packed(session, stream, out, progress)
+        return _unpacked(session, stream, out, progress)
 
 
-def _notes(done: Unpacked, stream: object) -> list[str]:
+def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> Converted:
+    """Write a recording of whole frames, set up as a replay of the folder would be."""
+    header = header_of(session, None, load_config(None), initial=session.initial, taught=False)
+    with Recorder(out, session.rig, header, PATIENT, whole_frames=True) as recorder:
+        events, fault = _pass_on(stream, recorder.take, progress)
+    notes = (recorder.status.line(),) if recorder.status.trouble else ()
+    return Converted(out=out, events=events, notes=notes, fault=fault)
+
+
+def _unpacked(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> Converted:
+    """Write a folder."""
+    folder = UnpackedFolder(out, session)
+    events, fault = _pass_on(stream, folder.take, progress)
+    remark = _partial(folder.done)
+    folder.finish({} if session.recorded is None else session.recorded.header.files, "".join(remark))
+    return Converted(out=out, events=events, notes=(*remark, *_notes(folder.done, stream)), fault=fault)
+
+
+def _pass_on(
+    stream: Source, take: Callable[[Event], None], progress: Callable[[int, int], None]
+) -> tuple[int, InputError | None]:
+    """Hand over all events; returns how many, and the fault that ended them."""
+    events = epochs = 0
+    try:
+        for event in stream:
+            take(event)
+            events += 1
+            if isinstance(event, Epoch):
+                epochs += 1
+                progress(epochs, stream.epoch_count)
+    except InputError as fault:
+        return events, fault
+    return events, None
+
+
+def _partial(done: Unpacked) -> tuple[str, ...]:
+    """Say that pictures are not whole, if any is not."""
+    if not done.partial:
+        return ()
+    return (f"{done.partial} of {done.frames} pictures hold only what detection read; the rest is black",)
+
+
+def _notes(done: Unpacked, stream: Source) -> list[str]:
     """Say what the folder does not have."""
     notes = []
-    if done.partial:
-        notes.append(f"{done.partial} of {done.frames} pictures hold only what detection read; the rest is black")
     if isinstance(stream, RecordingSource) and stream.missing:
         missing = stream.missing
         notes.append(f"the recording lacks the pictures of {missing.frames} frames and {missing.events} events")

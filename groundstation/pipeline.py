@@ -132,6 +132,11 @@ class Pipeline:
         """How many PTU readings came late and were fused in their place, and for how many frames one went back."""
         return dict(self._fused_late)
 
+    @property
+    def time_s(self) -> float | None:
+        """The session time that the filter stands at; None before the first event."""
+        return self._ekf.time_s
+
     def estimate_at(self, t_s: float) -> Kinematics | None:
         """Return the target at a session time, given all that is fused so far; None without a target.
 

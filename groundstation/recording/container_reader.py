@@ -36,7 +36,7 @@ R = TypeVar("R", bound=McapRecord)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicMessage:
-    """One message: its channel and schema, the number its writer gave it, its stamp in ns; ``offset`` of its chunk in the file."""
+    """One message: its channel and schema, its writer's number and stamp; ``offset`` of its chunk in the file."""
 
     channel: Channel
     schema: Schema | None

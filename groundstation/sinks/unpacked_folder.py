@@ -61,10 +61,8 @@ class UnpackedFolder:
     def take(self, event: Event) -> None:
         """Take one event; pictures are written at once."""
         if isinstance(event, PtuSample):
-            self._readings[event.station].extend(
-                (_device_time(self._session.ptu_clock(self._stations[event.station]), event.t_s),)
-                + tuple(_degrees(angle) for angle in (event.pan_rad, event.tilt_rad))
-            )
+            t_s = _device_time(self._session.ptu_clock(self._stations[event.station]), event.t_s)
+            self._readings[event.station].extend([t_s, _degrees(event.pan_rad), _degrees(event.tilt_rad)])
             self.done.readings += 1
         elif isinstance(event, Frame):
             self._frame(event)

@@ -11,14 +11,19 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 # From the top down: a module may import from its own layer and from those below it, never from above.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
-    ("groundstation.cli_calibrate", "groundstation.cli_recording"),
+    (
+        "groundstation.cli_calibrate",
+        "groundstation.cli_cameras",
+        "groundstation.cli_ptu",
+        "groundstation.cli_recording",
+    ),
     ("calibration",),
     (
         *("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
         *("groundstation.convert", "groundstation.recover"),
     ),
     ("groundstation.recorded_run",),
-    ("groundstation.run", "groundstation.planning"),
+    ("groundstation.run", "groundstation.planning", "groundstation.live"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
     (
@@ -30,7 +35,13 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ),
     ("groundstation.config",),
     ("groundstation.epoch", "groundstation.track_life", "groundstation.warm_up"),
-    ("groundstation.integrity", "groundstation.existence", "groundstation.search_region"),
+    (
+        "groundstation.integrity",
+        "groundstation.existence",
+        "groundstation.search_region",
+        "groundstation.search_pattern",
+        "groundstation.pointing",
+    ),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.recording",),
     ("groundstation.rig_toml",),
@@ -57,6 +68,8 @@ CORE = (
     "station_health",
     "integrity",
     "existence",
+    "pointing",
+    "search_pattern",
     "search_region",
     "simulation",
 )
