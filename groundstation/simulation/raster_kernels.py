@@ -61,14 +61,7 @@ def _fill(t: FloatArray, x0: int, y0: int, scale: int, number: int, near: FloatA
 
 @njit(cache=True, nogil=True)
 def draw(
-    corners: FloatArray,
-    colours: FloatArray,
-    x0: int,
-    y0: int,
-    scale: int,
-    near: FloatArray,
-    owner: np.ndarray,
-    out: FloatArray,
+    corners: FloatArray, colours: FloatArray, x0: int, y0: int, scale: int, near: FloatArray, owner: np.ndarray, out: FloatArray
 ) -> None:
     """Draw triangles (n, 3, 3) of u, v, 1/depth; fill the window (h, w, 4): B, G, R times cover, and cover 0 to 1.
 

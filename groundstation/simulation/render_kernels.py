@@ -57,14 +57,7 @@ def _row(
 
 @njit(cache=True, nogil=True)
 def _tile(
-    corner: FloatArray,
-    shift: FloatArray,
-    looks: int,
-    panorama: ImageArray,
-    channels: np.ndarray,
-    light: np.ndarray,
-    y0: int,
-    x0: int,
+    corner: FloatArray, shift: FloatArray, looks: int, panorama: ImageArray, channels: np.ndarray, light: np.ndarray, y0: int, x0: int
 ) -> None:
     """Fill one tile from panorama pixels at its four corners (4, 2), averaged over looks along a shift (2,) px."""
     rows, columns = min(TILE, light.shape[0] - y0), min(TILE, light.shape[1] - x0)
@@ -73,14 +66,8 @@ def _tile(
     room = np.empty(TILE, np.uint16)
     for i in range(rows):
         b = i / TILE
-        left_x, left_y = (
-            corner[0, 0] + b * (corner[2, 0] - corner[0, 0]),
-            corner[0, 1] + b * (corner[2, 1] - corner[0, 1]),
-        )
-        right_x, right_y = (
-            corner[1, 0] + b * (corner[3, 0] - corner[1, 0]),
-            corner[1, 1] + b * (corner[3, 1] - corner[1, 1]),
-        )
+        left_x, left_y = corner[0, 0] + b * (corner[2, 0] - corner[0, 0]), corner[0, 1] + b * (corner[2, 1] - corner[0, 1])
+        right_x, right_y = corner[1, 0] + b * (corner[3, 0] - corner[1, 0]), corner[1, 1] + b * (corner[3, 1] - corner[1, 1])
         step_x, step_y = int((right_x - left_x) / TILE * _ONE), int((right_y - left_y) / TILE * _ONE)
         even, odd = channels[(y0 + i) & 1, x0 & 1], channels[(y0 + i) & 1, (x0 + 1) & 1]
         line = light[y0 + i, x0 : x0 + columns]
@@ -134,9 +121,7 @@ def _is_flat(corner: FloatArray, flat: MaskArray) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _flat_tile(
-    corner: FloatArray, panorama: ImageArray, channels: np.ndarray, light: np.ndarray, y0: int, x0: int
-) -> None:
+def _flat_tile(corner: FloatArray, panorama: ImageArray, channels: np.ndarray, light: np.ndarray, y0: int, x0: int) -> None:
     """Fill one tile by the light at its four corners, between which it changes evenly."""
     rows, columns = min(TILE, light.shape[0] - y0), min(TILE, light.shape[1] - x0)
     at = np.empty((4, 3), np.float32)

@@ -95,9 +95,7 @@ class RenderedCamera:
     ) -> None:
         w, h = station.lens.image_size_px
         fits = max(w, h) <= MAX_SIZE_PX
-        require(
-            fits, f"RenderedCamera: station {station.name}", got=f"{w} × {h} px", wanted=f"at most {MAX_SIZE_PX} px"
-        )
+        require(fits, f"RenderedCamera: station {station.name}", got=f"{w} × {h} px", wanted=f"at most {MAX_SIZE_PX} px")
         self.world = world
         self.station = station
         self.optics = Optics() if optics is None else optics

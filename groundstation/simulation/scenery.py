@@ -49,9 +49,7 @@ class Scenery:
         )
         require_positive("Scenery: runway_half_width_m", self.runway_half_width_m)
         wanted = f"beyond runway_from_y_m = {self.runway_from_y_m:g}"
-        require(
-            self.runway_to_y_m > self.runway_from_y_m, "Scenery: runway_to_y_m", got=self.runway_to_y_m, wanted=wanted
-        )
+        require(self.runway_to_y_m > self.runway_from_y_m, "Scenery: runway_to_y_m", got=self.runway_to_y_m, wanted=wanted)
         require_share("Scenery: cloud_cover", self.cloud_cover)
         high = 0 < self.sun_elevation_rad <= 0.5 * math.pi
         require(high, "Scenery: sun_elevation_rad", got=self.sun_elevation_rad, wanted="above 0, at most π/2")
