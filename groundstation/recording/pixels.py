@@ -73,6 +73,6 @@ def _unpacked(data: bytes, size_px: tuple[int, int]) -> Any:
 def _plain(record: Any, size_px: tuple[int, int], colour: bool) -> Any:
     """Return the pixels as they stand there, or None where they are not as many as they should be."""
     w, h = size_px
-    if len(record.data) != w * h * (3 if colour else 1):
+    if (record.width, record.height) != size_px or len(record.data) != w * h * (3 if colour else 1):
         return None
     return np.frombuffer(record.data, np.uint8).reshape((h, w, 3) if colour else (h, w))
