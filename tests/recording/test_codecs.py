@@ -45,7 +45,21 @@ values = st.recursive(
     max_leaves=6,
 )
 keys = st.sampled_from(
-    ["n", "kind", "t_s", "station", "epoch", "stations", "size_px", "pattern", "of", "parts", "colour", "why", "sigma_m"]
+    [
+        "n",
+        "kind",
+        "t_s",
+        "station",
+        "epoch",
+        "stations",
+        "size_px",
+        "pattern",
+        "of",
+        "parts",
+        "colour",
+        "why",
+        "sigma_m",
+    ]
 )
 kinds = st.sampled_from(["ptu", "frame", "pixel", "epoch", "reference", "pixels", "dropped", "lost", "x"])
 windows = st.tuples(st.integers(0, 60), st.integers(0, 40), st.integers(1, 30), st.integers(1, 30)).map(

@@ -121,7 +121,9 @@ def test_a_damaged_chunk_is_left_out(recording: Path, tmp_path: Path) -> None:
     back, source = played(done.out)
     assert source.missing.events + source.missing.frames > 0
     assert source.missing.first_epoch is not None
-    assert len(back) + source.missing.events + source.missing.frames == len(list(events(PAIRS, np.random.default_rng(1))))
+    assert len(back) + source.missing.events + source.missing.frames == len(
+        list(events(PAIRS, np.random.default_rng(1)))
+    )
 
 
 @pytest.mark.parametrize("says", [100, 2**62])
@@ -130,7 +132,9 @@ def test_a_chunk_that_unpacks_to_more_than_it_says_is_refused(
 ) -> None:
     monkeypatch.setattr(container_reader, "MAX_RECORD_BYTES", 10_000)
     packed = lz4.frame.compress(bytes(5_000_000))[:9_000]
-    chunk = struct.pack("<QQQI", 0, 0, says, 0) + struct.pack("<I", 3) + b"lz4" + struct.pack("<Q", len(packed)) + packed
+    chunk = (
+        struct.pack("<QQQI", 0, 0, says, 0) + struct.pack("<I", 3) + b"lz4" + struct.pack("<Q", len(packed)) + packed
+    )
     path = tmp_path / "bomb.mcap"
     path.write_bytes(MAGIC + struct.pack("<BQ", Opcode.CHUNK, len(chunk)) + chunk)
     with ContainerReader(path) as reader, pytest.raises(RecordingError, match=r"a (damaged )?chunk"):
