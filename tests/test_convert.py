@@ -32,9 +32,8 @@ def same_whole(one: Event, other: Event) -> bool:
 
 
 def test_there_and_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = Tiny(
-        rows=8, video="png", rig_more=CLOCKS, stamps={"left": [1.0, None, *(1.2 + 0.1 * k for k in range(6))]}
-    )
+    stamps = {"left": [1.0, None, *(1.2 + 0.1 * k for k in range(6))]}
+    folder = Tiny(rows=8, video="png", rig_more=CLOCKS, stamps=stamps)
     first = folder.write(tmp_path / "first")
     (first / "dgps.csv").write_text("t_s,x_m,y_m,z_m\n1.0,0,300,20\n1.1,0,299,20\n")
     packed, second = tmp_path / "packed.mcap", tmp_path / "second"

