@@ -45,7 +45,12 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=6,
 )
-keys = st.sampled_from("n kind t_s station epoch stations size_px pattern of parts colour why sigma_m".split())
+keys = st.sampled_from(
+    (
+        *("n", "kind", "t_s", "station", "epoch", "stations", "size_px", "pattern"),
+        *("of", "parts", "colour", "why", "position_runway_m", "sigma_m"),
+    )
+)
 kinds = st.sampled_from(["ptu", "frame", "pixel", "epoch", "reference", "pixels", "dropped", "lost", "x"])
 windows = st.tuples(st.integers(0, 60), st.integers(0, 40), st.integers(1, 30), st.integers(1, 30)).map(
     lambda w: (w[0], w[1], w[0] + w[2], w[1] + w[3])

@@ -51,7 +51,7 @@ def test_the_same_track_bit_for_bit(recorded: Path, capsys: pytest.CaptureFixtur
     assert "tracking" in (again / "track.csv").read_text()
     first = json.loads((recorded / "out" / "summary.json").read_text())
     # truth, DGPS and what was learnt from it came with the recording
-    assert summary["carried_errors"] == first["carried_errors"]
+    assert summary["calibration"] == first["calibration"]
 
 
 def test_only_what_was_looked_at_is_in_it(recorded: Path) -> None:
