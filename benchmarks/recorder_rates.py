@@ -106,6 +106,30 @@ def same_track(path: Path) -> str:
     return check.result().line()
 
 
+def live_search(session: Session, path: Path, seconds: float) -> str:
+    """Hand over whole raw frames in real time, as while a live station searches; returns how that went."""
+    rng = np.random.default_rng(5)
+    w, h = session.rig.stations[0].lens.image_size_px
+    pool = [rng.normal(120.0, 4.0, (h, w)).astype(np.uint8) for _ in range(8)]
+    header = header_of(session, None, Config(), initial=None, taught=False)
+    began, epoch, fullest = time.monotonic(), 0, 0.0
+    with Recorder(path, session.rig, header, whole_frames=True) as recorder:
+        while epoch < seconds * RATE_HZ:
+            t_s = epoch / RATE_HZ
+            for k, name in enumerate(session.rig.names):
+                picture = RawPicture(pool[(epoch + k) % len(pool)], BayerPattern.RG)
+                recorder.take(Frame(t_s=t_s, station=name, epoch=epoch, image=picture))
+            epoch += 1
+            fullest = max(fullest, recorder.status.fill)
+            time.sleep(max(0.0, began + epoch / RATE_HZ - time.monotonic()))
+    status = recorder.status
+    rate = status.written_bytes / seconds / 1e6
+    dropped = f"{status.pictures_dropped} of {2 * epoch} pictures dropped"
+    return (
+        f"live search, whole raw frames for {seconds:g} s: {rate:.1f} MB/s, {dropped}, queue at most {fullest:.0%} full"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--to", type=float, default=None, help="stop at this session time, s")
@@ -113,6 +137,7 @@ def main() -> None:
     warm_up()
     session = load_session(SESSION)
     with tempfile.TemporaryDirectory() as folder:
+        print(live_search(session, Path(folder) / "search.mcap", 20.0), flush=True)
         for label, as_raw in (("as in the videos", False), (f"raw Bayer, noise {NOISE:g}", True)):
             path = Path(folder) / f"{as_raw}.mcap"
             spent_s = record(session, path, as_raw, options.to)
@@ -125,8 +150,10 @@ def main() -> None:
                 print(f"  {words}: {count} frames of {size / 1e3:.1f} kB, {rate:.2f} MB/s at {RATE_HZ:g} pairs/s")
                 if kind == "windows" and rate > LIMIT_MB_S:
                     sys.exit(f"more than {LIMIT_MB_S:g} MB/s while tracking")
-            print(f"  all else: {rest / 1e3:.1f} kB a pair; cost to the pipeline's thread: {1e3 * spent_s:.2f} ms a pair")
-            print(f"  replayed: {same_track(path)}")
+            print(
+                f"  all else: {rest / 1e3:.1f} kB a pair; cost to the pipeline's thread: {1e3 * spent_s:.2f} ms a pair"
+            )
+            print(f"  replayed: {same_track(path)}", flush=True)
 
 
 if __name__ == "__main__":

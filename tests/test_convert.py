@@ -1,5 +1,6 @@
 """Folders into recordings and back; the commands as a user meets them."""
 
+import json
 from pathlib import Path
 
 import cv2
@@ -7,9 +8,11 @@ import numpy as np
 import pytest
 
 from groundstation.cli import main
+from groundstation.config import Config
 from groundstation.messages import Event, Frame
 from groundstation.session import load_session
-from groundstation.sinks.recorder import PATIENT, Recorder
+from groundstation.sinks.recorded_session import header_of
+from groundstation.sinks.recorder import PATIENT, Recorder, RecorderConfig
 from groundstation.sources.session_source import session_source
 from tests.recording.recorded import WINDOW, events, header, looked_at, small_rig
 from tests.session.folder import Tiny
@@ -127,6 +130,23 @@ def test_recover_says_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "counted again in the new file" in said
     assert "/groundstation/events" in said
     assert f"wrote {tmp_path / 'flight-recovered.mcap'}" in said
+
+
+def test_a_replay_says_which_pictures_the_recording_lacks(tmp_path: Path) -> None:
+    first = Tiny(rows=12).write(tmp_path / "first")
+    session = load_session(first)
+    path, out = tmp_path / "flight.mcap", tmp_path / "out"
+    described = header_of(session, None, Config(), initial=None, taught=False)
+    # nothing of a picture may wait: each is dropped at once
+    config = RecorderConfig(queue_picture_bytes=1)
+    with session_source(session) as source, Recorder(path, session.rig, described, config, whole_frames=True) as sink:
+        for event in source:
+            sink.take(event)
+    assert sink.status.pictures_dropped == 24
+    assert main(["replay", str(path), "--out", str(out), "--no-rerun"]) == 0
+    faults = json.loads((out / "summary.json").read_text())["faults"]
+    assert any("lacks the pictures of 24 frames and 0 events" in f and "from epoch 0 on" in f for f in faults)
+    assert len((out / "track.csv").read_text().splitlines()) == 13
 
 
 @pytest.mark.parametrize("command", ["recover", "convert"])

@@ -167,7 +167,8 @@ class Recorder:
         if self._queue.refuse_pictures and (whole or image.read):
             self._queue.drop_picture(item, self._queue.refuse_pictures)
         elif whole:
-            item.source, item.size_bytes = image, 3 * image.size_px[0] * image.size_px[1]
+            channels = 1 if image.pattern is not None else 3
+            item.source, item.size_bytes = image, channels * image.size_px[0] * image.size_px[1]
         else:
             kept = [image.kept(window) for window in merged(image.read)]
             item.source, item.size_bytes = kept, sum(part.pixels.nbytes for part in kept)

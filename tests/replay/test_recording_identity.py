@@ -14,19 +14,19 @@ from groundstation.recording.event_codec import line
 from groundstation.replay import ReplayRequest, replay
 from groundstation.sinks.identity import IdentitySink
 
-FROM_S, TO_S = 19.0, 23.5
+FROM_S, TO_S = 19.0, 21.5
 
 
 @pytest.fixture(scope="module")
 def recorded(landing_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four seconds of the landing, taught by DGPS for the first two, replayed into out/ and recorded."""
+    """Some seconds of the landing, taught by DGPS for the first, replayed into out/ and recorded."""
     folder = tmp_path_factory.mktemp("recorded")
     request = ReplayRequest(
         session=landing_path,
         out=folder / "out",
         from_s=FROM_S,
         to_s=TO_S,
-        learn_until_s=FROM_S + 2.0,
+        learn_until_s=FROM_S + 1.0,
         rerun=False,
         record=folder / "flight.mcap",
     )
