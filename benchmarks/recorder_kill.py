@@ -28,10 +28,9 @@ SEED, PAIR_S = 1, 1.0 / 30.0
 
 def child(path: Path) -> None:
     recorder = Recorder(path, small_rig(), header())
-    number, began = 0, time.monotonic()
-    for event in recorder.taken(events(10**6, np.random.default_rng(SEED))):
+    began = time.monotonic()
+    for number, event in enumerate(recorder.taken(events(10**6, np.random.default_rng(SEED))), start=1):
         recorder.write(looked_at(event))
-        number += 1
         if isinstance(event, Epoch):
             print(number, event.t_s, flush=True)
             time.sleep(max(0.0, began + PAIR_S * event.epoch - time.monotonic()))

@@ -55,11 +55,13 @@ class Timed(Recorder):
     spent_s = 0.0
 
     def take(self, event: Event) -> None:
+        """Record an event."""
         began = time.thread_time()
         super().take(event)
         self.spent_s += time.thread_time() - began
 
     def write(self, report: object) -> None:
+        """Record a report."""
         began = time.thread_time()
         super().write(report)  # type: ignore[arg-type]
         self.spent_s += time.thread_time() - began

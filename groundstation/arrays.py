@@ -6,3 +6,4 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 ImageArray = NDArray[np.uint8]
 MaskArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]

@@ -10,6 +10,7 @@ from pathlib import Path
 from groundstation import __version__
 from groundstation.cli_calibrate import add_calibrate, run_calibrate
 from groundstation.cli_cameras import add_cameras, run_cameras
+from groundstation.cli_live import add_live, run_check, run_live
 from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
 from groundstation.errors import GroundstationError
@@ -94,6 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     add_recover(commands)
     add_convert(commands)
     add_cameras(commands)
+    add_live(commands)
     add_ptu(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
@@ -279,6 +281,8 @@ _COMMANDS = {
     "recover": run_recover,
     "convert": run_convert,
     "cameras": run_cameras,
+    "live": run_live,
+    "check": run_check,
     "ptu": run_ptu,
     "config": _config,
 }

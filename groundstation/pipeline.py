@@ -71,9 +71,7 @@ class Pipeline:
         self._cameras = {s.name: CameraTracker(s, config) for s in rig.stations}
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
-        prior = rig_prior(rig).with_span(span_prior_sigma(span_m))
-        if reference_errors is not None:
-            prior = prior.joined(reference_errors)
+        prior = rig_prior(rig, reference_errors).with_span(span_prior_sigma(span_m))
         self._ekf = RecordedEkf(geometries, turning, config.estimation, prior)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._keeper = TargetKeeper(self._ekf, self._cameras, config, span_m=span_m, initial=initial)

@@ -17,6 +17,8 @@ from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 
+_GAIN_TIMES_LATENCY = 0.3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisLimits:
@@ -48,7 +50,7 @@ class PointingConfig:
     margin_deg : how far from its limits an axis is stopped.
     rate_step_s : over so long the target's rate of angle is taken.
     stale_s : without a reading for so long the head is not turned.
-    latency_s : from a command to the head's turning, where nothing has been measured.
+    latency_s : from a command that has been acknowledged to the head's turning; what the line takes is measured.
     """
 
     gain_per_s: float = 4.0
@@ -103,7 +105,9 @@ class AxisPilot:
         # as the head counts: not through its back
         off = wanted_rad - angle
         brakes = config.acceleration_share * limits.acceleration_rad_s2
-        back = min(config.gain_per_s * abs(off), math.sqrt(2.0 * brakes * abs(off)) if off else 0.0)
+        # what is told faster than it takes effect overshoots
+        gain = min(config.gain_per_s, _GAIN_TIMES_LATENCY / latency_s) if latency_s > 0 else config.gain_per_s
+        back = min(gain * abs(off), math.sqrt(2.0 * brakes * abs(off)) if off else 0.0)
         rate = wanted_rate_rad_s + math.copysign(back, off)
         fastest = config.rate_share * limits.fastest_rad_s
         rate = min(max(rate, -fastest), fastest)

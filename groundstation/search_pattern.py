@@ -29,10 +29,10 @@ class SearchConfig:
     acceleration_psd_m2_s3 : what a lost aircraft may do, per axis.
     """
 
-    azimuth_deg: tuple[float, float] = (-6.0, 6.0)
+    azimuth_deg: tuple[float, float] = (-5.0, 5.0)
     elevation_deg: tuple[float, float] = (0.5, 8.0)
     range_m: float = 500.0
-    dwell_s: float = 1.0
+    dwell_s: float = 3.0
     lost_s: float = 15.0
     sigmas: float = 3.0
     acceleration_psd_m2_s3: float = 10.0
@@ -86,7 +86,7 @@ class SearchPattern:
     def _swept(self, t_s: float, middle: FloatArray, half: FloatArray) -> FloatArray:
         """Return a point that sweeps x and z about ``middle`` by ``half`` (2,), less what one view holds anyway."""
         seen = self._view * max(float(middle[1]), 1.0)
-        reach = np.maximum(half - 0.8 * seen, 0.0)
+        reach = np.maximum(half - 0.9 * seen, 0.0)
         speed = 2.0 * seen / self._config.dwell_s
         across, up = _serpentine(t_s, reach, speed, rows=math.ceil(reach[1] / seen[1]) + 1)
         return middle + np.array([across, 0.0, up])

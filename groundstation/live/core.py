@@ -95,6 +95,11 @@ class LiveCore:
             taken.commands += [self._command(name, head, now_s) for name, head in self._heads.items()]
         return taken
 
+    def delays(self, seconds: Mapping[str, float], latency_s: float) -> None:
+        """Say how long each head's line has lately taken from command to acknowledgement, and the head after that."""
+        for name, delay_s in seconds.items():
+            self._heads[name].latency_s = max(delay_s, 0.0) + latency_s
+
     def park(self, angles_rad: Mapping[str, tuple[float, float]]) -> None:
         """From now on bring each head to its parking angles (pan, tilt), and look for nothing."""
         self._parking = angles_rad

@@ -1,9 +1,7 @@
 """The devices of a station file, opened: cameras that deliver on their own threads, PTUs probed and standing still."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from groundstation.config import config_from_mapping
@@ -31,14 +29,6 @@ Tell = Callable[[CameraEvent], None]
 
 class DeviceError(GroundstationError):
     """A device of the station file cannot be used; one line that says which, and why."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Devices:
-    """Opened devices by station; stations that do not turn have no head."""
-
-    cameras: Mapping[str, LiveCamera]
-    heads: Mapping[str, PanTiltUnit]
 
 
 def check_against_rig(file: StationFile, rig: Rig) -> None:
@@ -113,20 +103,3 @@ def _part(kind: type[T], values: Mapping[str, Any], where: str) -> T:
         if key not in known:
             raise ConfigError(f"{where}: {key}", got="an unknown key", wanted="one of " + ", ".join(sorted(known)))
     return config_from_mapping(kind, {k: v for k, v in values.items() if k in own}, where)
-
-
-@contextmanager
-def opened(file: StationFile, rig: Rig, clock: Clock, tell: Tell) -> Iterator[Devices]:
-    """Open all devices of a station file and let go of them again; raises `DeviceError` for the first that fails."""
-    check_against_rig(file, rig)
-    with ExitStack() as stack:
-        heads = {
-            s.name: stack.enter_context(open_head(s.name, s.head, clock)) for s in file.stations if s.head is not None
-        }
-        cameras = {}
-        for station in file.stations:
-            try:
-                cameras[station.name] = stack.enter_context(camera_of(station, clock, tell, rate_hz=file.rate_hz))
-            except CameraError as fault:
-                raise DeviceError(f"{station.name}: {fault}") from fault
-        yield Devices(cameras=cameras, heads=heads)

@@ -7,8 +7,9 @@ comes for is halted by its driver's watchdog. Whatever ends the thread, the unit
 import math
 import threading
 from collections.abc import Callable
+from typing import Protocol
 
-from groundstation.live.inbox import Inbox, Said
+from groundstation.live.inbox import Item, Said
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from groundstation.pointing import AxisLimits, HeadLimits
 from ptu_drivers.errors import LimitError, PtuError
@@ -21,6 +22,7 @@ _SLOW_TO_SAY_S = 1.0
 # so small a change of rate waits until the watchdog wants to hear something: the line is for readings
 _SAME_RATE_RAD_S = math.radians(0.01)
 _REPEAT_S = 0.15
+_DELAY_RATE = 0.2
 
 
 def head_limits(unit: PanTiltUnit) -> HeadLimits:
@@ -72,6 +74,13 @@ def _between(before: AngleSample, after: AngleSample, t_s: float) -> float:
     return before.angle_rad + (after.angle_rad - before.angle_rad) * (t_s - before.t_s) / span_s
 
 
+class Outlet(Protocol):
+    """Whoever takes readings and what is to be said; an `Inbox`, here or in another process."""
+
+    def put(self, item: Item) -> None:
+        """Take it; never waits."""
+
+
 class HeadWorker:
     """Asks and moves one unit.
 
@@ -87,7 +96,7 @@ class HeadWorker:
         self,
         station: str,
         unit: PanTiltUnit,
-        inbox: Inbox,
+        inbox: Outlet,
         *,
         session_from_unit_s: float,
         clock: Callable[[], float],
@@ -105,6 +114,8 @@ class HeadWorker:
         self._at_once = AtOnce(station, session_from_unit_s)
         self._by_rate = Capability.VELOCITY in unit.describe().capabilities
         self._command: PointingCommand | None = None
+        self.delay_s = 0.0
+        """From a command's being told to its acknowledgement, lately, s."""
         self._sent: PointingCommand | None = None
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -178,6 +189,8 @@ class HeadWorker:
                 self.unit.move_at(pan_rad_s=command.pan_rate_rad_s, tilt_rad_s=command.tilt_rate_rad_s)
             else:
                 self.unit.move_to(pan_rad=command.pan_rad, tilt_rad=command.tilt_rad)
+            took_s = self._clock() + self._zero_s - command.t_s
+            self.delay_s += _DELAY_RATE * (took_s - self.delay_s)
         except LimitError as fault:
             self.refused += 1
             self._say("warning", f"PTU: {fault}")

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from groundstation.config import Config
+from groundstation.hand_over import quick_hand_over
 from groundstation.live.board import Board, DeviceState, LiveStatus
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.core import LiveCore, Taken
-from groundstation.live.devices import Devices
-from groundstation.live.head_worker import HeadWorker, head_limits
+from groundstation.live.head_process import Heads, HeadState
 from groundstation.live.inbox import Inbox, Item, Said, Shot
 from groundstation.live.pairing import Pairing
 from groundstation.live.station_file import StationFile
@@ -25,6 +25,7 @@ from groundstation.pointing import HeadPilot
 from groundstation.rig import Rig
 from groundstation.search_pattern import SearchPattern
 from groundstation.sinks.sink import Sink
+from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.warm_up import warm_up
 
 _WAIT_S = 0.01
@@ -77,6 +78,7 @@ class Operation:
     operators : take the status.
     clock : monotonic, s; the devices stamp with the same one.
     recorder_words : what the recorder has to say of itself, for the status.
+    keep_images : whether reports carry the pictures, for a screen.
     """
 
     def __init__(
@@ -90,11 +92,13 @@ class Operation:
         operators: Sequence[StatusSink] = (),
         clock: Callable[[], float] = time.monotonic,
         recorder_words: Callable[[], str] = lambda: "",
+        keep_images: bool = False,
     ) -> None:
         self._file, self._rig, self._config = file, rig, config
         self._sinks, self._recorders, self._operators = sinks, recorders, operators
         self._clock = clock
         self._recorder_words = recorder_words
+        self._keep_images = keep_images
         self.start_s = clock()
         self.inbox = Inbox()
         self._board = Board()
@@ -111,35 +115,30 @@ class Operation:
         """Put a line into the log; from any thread."""
         self.inbox.put(Said(t_s=self.now_s, level=level, text=text))
 
-    def run(self, devices: Devices, until: Callable[[], bool]) -> OperationResult:
+    def run(self, cameras: Mapping[str, LiveCamera], heads: Heads, until: Callable[[], bool]) -> OperationResult:
         """Operate until ``until`` says so, then park the heads, and let everything that waits be answered.
 
-        The devices are opened already, and closed by whoever opened them; the heads are halted in any case.
+        The devices are opened already, and closed by whoever opened them.
         """
         warm_up()
-        heads = {
-            name: HeadWorker(
-                name, unit, self.inbox, session_from_unit_s=-self.start_s, clock=self._clock, period_s=self._poll(name)
-            )
-            for name, unit in devices.heads.items()
-        }
-        cameras = [CameraWorker(n, c, self.inbox, -self.start_s) for n, c in devices.cameras.items()]
+        workers = [CameraWorker(n, c, self.inbox, -self.start_s) for n, c in cameras.items()]
         core = self._core(heads)
         with ExitStack() as stack:
-            workers: list[HeadWorker | CameraWorker] = [*heads.values(), *cameras]
+            stack.enter_context(quick_hand_over())
             for worker in workers:
                 stack.callback(worker.stop)
                 worker.start()
+            heads.start(self.inbox)
             began_s = self.now_s
             while not until():
-                self._turn(core, heads, cameras, self.inbox.get(_WAIT_S))
+                self._turn(core, heads, workers, self.inbox.get(_WAIT_S))
             core.park({s.name: s.head.park_rad for s in self._file.stations if s.head is not None})
             self.say("info", "parking")
             end_s = self.now_s + _PARK_S
             while self.now_s < end_s and not core.parked(self.now_s, _PARKED_RAD):
                 item = self.inbox.get(_WAIT_S)
                 # what is seen while the heads swing away is of no use
-                self._turn(core, heads, cameras, None if isinstance(item, Shot) else item)
+                self._turn(core, heads, workers, None if isinstance(item, Shot) else item)
         self._hand_on(core.finish(), heads)
         return OperationResult(
             elapsed_s=self.now_s - began_s,
@@ -153,9 +152,7 @@ class Operation:
         )
 
     # ------------------------------------------------------------------------------------- one turn
-    def _turn(
-        self, core: LiveCore, heads: Mapping[str, HeadWorker], cameras: Sequence[CameraWorker], item: Item | None
-    ) -> None:
+    def _turn(self, core: LiveCore, heads: Heads, cameras: Sequence[CameraWorker], item: Item | None) -> None:
         began_s = self.now_s
         taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
         if isinstance(item, Shot):
@@ -168,11 +165,12 @@ class Operation:
             self._busy_s += now_s - began_s
         if now_s - self._told_s >= _STATUS_EVERY_S:
             self._told_s = now_s
+            core.delays({n: h.delay_s for n, h in heads.states.items()}, self._file.pointing.latency_s)
             self._tell(core, heads, cameras, now_s)
 
-    def _hand_on(self, taken: Taken, heads: Mapping[str, HeadWorker]) -> None:
+    def _hand_on(self, taken: Taken, heads: Heads) -> None:
         for command in taken.commands:
-            heads[command.station].tell(command)
+            heads.tell(command)
         for event in taken.consumed:
             for recorder in self._recorders:
                 recorder.take(event)
@@ -185,10 +183,10 @@ class Operation:
             for sink in self._sinks:
                 sink.write(report)
 
-    def _tell(
-        self, core: LiveCore, heads: Mapping[str, HeadWorker], cameras: Sequence[CameraWorker], now_s: float
-    ) -> None:
-        states = [self._camera_state(c, now_s) for c in cameras] + [self._head_state(h, now_s) for h in heads.values()]
+    def _tell(self, core: LiveCore, heads: Heads, cameras: Sequence[CameraWorker], now_s: float) -> None:
+        states = [self._camera_state(c, now_s) for c in cameras] + [
+            self._head_state(n, h, now_s) for n, h in heads.states.items()
+        ]
         dropped = {what: n for what, n in self.inbox.dropped.items() if n}
         status = self._board.status(now_s, core.status, tuple(states), dropped, self._recorder_words())
         for operator in self._operators:
@@ -202,21 +200,22 @@ class Operation:
         rate = self._board.rate(name, worker.frames, now_s)
         return DeviceState(name=name, rate_hz=rate, age_s=now_s - worker.newest_s, note=note)
 
-    def _head_state(self, worker: HeadWorker, now_s: float) -> DeviceState:
-        health = worker.unit.health()
-        doubts = sum(health.doubts.values())
-        note = health.state.value + (f", {doubts} answers not believed" if doubts else "")
-        name = f"{worker.station} PTU"
-        rate = self._board.rate(name, worker.readings, now_s)
-        return DeviceState(name=name, rate_hz=rate, age_s=now_s - worker.newest_s, note=note)
+    def _head_state(self, station: str, head: HeadState, now_s: float) -> DeviceState:
+        note = head.state + (f", {head.doubts} answers not believed" if head.doubts else "")
+        name = f"{station} PTU"
+        rate = self._board.rate(name, head.readings, now_s)
+        return DeviceState(name=name, rate_hz=rate, age_s=now_s - head.newest_s, note=note)
 
     # --------------------------------------------------------------------------------------- set-up
-    def _poll(self, name: str) -> float:
-        return next((s.head.poll_s for s in self._file.stations if s.name == name and s.head is not None), 0.01)
-
-    def _core(self, heads: Mapping[str, HeadWorker]) -> LiveCore:
+    def _core(self, heads: Heads) -> LiveCore:
         geometries = {s.name: s.geometry() for s in self._rig.stations}
-        pipeline = Pipeline(self._rig, self._config, span_m=self._file.span_m, stopwatch=self._clock)
-        pilots = {n: HeadPilot(geometries[n], head_limits(w.unit), self._file.pointing) for n, w in heads.items()}
+        pipeline = Pipeline(
+            self._rig,
+            self._config,
+            span_m=self._file.span_m,
+            stopwatch=self._clock,
+            keep_images=self._keep_images,
+        )
+        pilots = {n: HeadPilot(geometries[n], h.limits, self._file.pointing) for n, h in heads.states.items()}
         pairing = Pairing(self._rig.names, 1.0 / self._file.rate_hz)
         return LiveCore(pipeline, pairing, pilots, SearchPattern(geometries, self._file.search))

@@ -21,6 +21,7 @@ from types import TracebackType
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.hand_over import quick_hand_over
 from groundstation.picture import BayerPattern
 from groundstation.rig import Rig, load_rig
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -42,6 +43,8 @@ _SLOTS = 8
 _READY_S = 120.0
 _ARCSEC = 3600.0
 _PATTERN = BayerPattern.RG
+# before it begins, the aircraft is on its way from so far
+_FAR_OFF_S = 3600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +55,7 @@ class RangeConfig:
     ----------
     rig : the rig file; the simulated hardware is exactly that.
     folder : where the links to the ptys are made.
-    flight : the target point over session time; it begins at ``start_s`` of the host's clock.
+    flight : the target point over time; it begins when `SimulatedRange.begin` says so, and is far away before.
     frame_rate_hz : of both cameras, triggered together.
     delivery_s : from mid-exposure to the picture's arrival; longer where rendering takes longer.
     baud : of the PTUs' lines.
@@ -61,7 +64,6 @@ class RangeConfig:
     rig: Path
     folder: Path
     flight: Trajectory
-    start_s: float
     frame_rate_hz: float = 30.0
     delivery_s: float = 0.025
     baud: int = 115200
@@ -131,6 +133,16 @@ class SimulatedRange:
             memory.unlink()
         self._memory = {}
 
+    @property
+    def delivery_s(self) -> float:
+        """From mid-exposure to a picture's arrival, at the earliest, s."""
+        return self._config.delivery_s
+
+    def begin(self, start_s: float) -> None:
+        """Let the flight's time zero be an instant of the host's clock, s."""
+        if self._control is not None:
+            self._control.send(start_s)
+
     def connect(self, name: str) -> CameraDevice:
         """Return one camera's connection; raises `CameraError` where the range is gone."""
         if self._process is None or not self._process.is_alive():
@@ -197,7 +209,8 @@ def serve_range(
 ) -> None:
     """Run the range until it is told to stop, or nobody listens any more."""
     rig = load_rig(config.rig)
-    world = World(trajectory=_Later(config.flight, config.start_s))
+    flight = _Later(config.flight, time.monotonic() + _FAR_OFF_S)
+    world = World(trajectory=flight)
     stations = [_made(rig, number, world, config) for number in range(len(rig.stations))]
     stop = threading.Event()
     memories = {name: SharedMemory(name=block) for name, block in blocks.items()}
@@ -213,8 +226,9 @@ def serve_range(
     for thread in threads:
         thread.start()
     control.send("ready")
-    with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
-        control.recv()
+    with quick_hand_over(), contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
+        while (told := control.recv()) != "stop":
+            flight.start_s = float(told)
     stop.set()
     for station in stations:
         station.server.stop()
@@ -223,19 +237,23 @@ def serve_range(
 
 
 class _Later:
-    """A flight whose time zero is an instant of the host's clock."""
+    """A flight whose time zero is an instant of the host's clock, which may be set while it is being watched."""
 
     def __init__(self, flight: Trajectory, start_s: float) -> None:
-        self._flight, self._start_s = flight, start_s
-        self.span_s = (flight.span_s[0] + start_s, flight.span_s[1] + start_s)
+        self._flight, self.start_s = flight, start_s
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """First and last time of what is flown, s."""
+        return self._flight.span_s[0] + self.start_s, self._flight.span_s[1] + self.start_s
 
     def position(self, t_s: FloatArray) -> FloatArray:
         """Return positions (n, 3)."""
-        return self._flight.position(np.asarray(t_s) - self._start_s)
+        return self._flight.position(np.asarray(t_s) - self.start_s)
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
         """Return velocities (n, 3)."""
-        return self._flight.velocity(np.asarray(t_s) - self._start_s)
+        return self._flight.velocity(np.asarray(t_s) - self.start_s)
 
 
 def _made(rig: Rig, number: int, world: World, config: RangeConfig) -> _Station:

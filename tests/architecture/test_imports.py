@@ -13,7 +13,11 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
     (
         "groundstation.cli_calibrate",
+        "groundstation.cli_calibrate_landmarks",
+        "groundstation.cli_calibrate_mount",
+        "groundstation.cli_calibrate_timing",
         "groundstation.cli_cameras",
+        "groundstation.cli_live",
         "groundstation.cli_ptu",
         "groundstation.cli_recording",
     ),
@@ -23,7 +27,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         *("groundstation.convert", "groundstation.recover"),
     ),
     ("groundstation.recorded_run",),
-    ("groundstation.run", "groundstation.planning", "groundstation.live"),
+    ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
     (
@@ -45,10 +49,14 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.recording",),
     ("groundstation.rig_toml",),
-    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
-    ("groundstation.text_file",),
+    (
+        *("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
+        *("groundstation.convert", "groundstation.recover"),
+    ),
+    ("groundstation.recorded_run",),
+    ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
     ("groundstation.geometry", "groundstation.picture"),
-    ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
+    ("groundstation.errors", "groundstation.arrays", "groundstation.hand_over", "groundstation.__version__"),
 )
 # tuning of a component is read by the layer that gathers all tuning, wherever the component lives
 LEAVES = ("groundstation.evaluation.config",)
