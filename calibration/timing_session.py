@@ -88,7 +88,8 @@ def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = l
     session = load_session(request.session, request.rig)
     session.rig.require_known()
     flight = _by_flight(session, request) if request.flight else None
-    rig = session.rig if flight is None else solved_rig(session.rig, flight, session.name, session.target.antenna_in_body_m)
+    antenna = session.target.antenna_in_body_m
+    rig = session.rig if flight is None else solved_rig(session.rig, flight, session.name, antenna)
     fits, motions = {}, {}
     if request.pictures:
         found = gather_motion(session, request.from_s, request.to_s, progress)

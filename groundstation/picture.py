@@ -74,7 +74,7 @@ class Picture(ABC):
         return self._pixels((0, 0, *self.size_px))
 
     def glance(self) -> ImageArray:
-        """Return all of it for a person's eyes, (h, w, 3) uint8 BGR: what they see decides nothing, and is not noted."""
+        """Return all of it for a person's eyes, (h, w, 3) uint8 BGR: it decides nothing, and is not noted."""
         return self._pixels((0, 0, *self.size_px))
 
     @abstractmethod
