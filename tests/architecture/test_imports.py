@@ -49,12 +49,10 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.recording",),
     ("groundstation.rig_toml",),
-    (
-        *("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
-        *("groundstation.convert", "groundstation.recover"),
-    ),
-    ("groundstation.recorded_run",),
-    ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
+    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.rig_reference"),
+    ("groundstation.ptu_axes",),
+    ("groundstation.toml_table",),
+    ("groundstation.text_file",),
     ("groundstation.geometry", "groundstation.picture"),
     ("groundstation.errors", "groundstation.arrays", "groundstation.hand_over", "groundstation.__version__"),
 )
