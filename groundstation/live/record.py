@@ -1,6 +1,8 @@
-"""The recorder of a live station: set up so that replaying its file is what was flown."""
+"""The recording of an operation: a session like any other, whose events came from devices."""
 
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from groundstation.config import Config, config_to_mapping, config_to_toml
 from groundstation.live.station_file import StationFile
@@ -10,29 +12,26 @@ from groundstation.sinks.recorder import Recorder
 
 
 class LiveRecorder(Recorder):
-    """A recorder that says how it goes, in words."""
+    """`Recorder` that says how it does in a few words."""
 
     def words(self) -> str:
-        """Return how recording goes, for the operator."""
+        """Return what the operator is told."""
         return self.status.line()
 
 
 def open_recorder(path: Path, file: StationFile, rig: Rig, config: Config) -> LiveRecorder:
-    """Open a recording of a live run without a given start; raises `InputError` if the file cannot be made.
-
-    ``rig`` is that of the station file, whose rig file goes into the recording as it is.
-    """
-    return LiveRecorder(path, rig, live_header(file, config))
-
-
-def live_header(file: StationFile, config: Config) -> RecordingHeader:
-    """Return what a replay has to know of a live run: its name, the target's span, the rig file, the tuning."""
-    session: dict[str, object] = {"name": file.name, "origin": "Recorded live"}
+    """Begin a recording; raises `InputError` where the file exists or cannot be made."""
+    session: dict[str, Any] = {
+        "name": file.name,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "notes": "recorded in operation; session time is the host's monotonic clock from the start on",
+    }
     if file.span_m is not None:
-        session["target"] = {"span_m": float(file.span_m)}
+        session["target"] = {"span_m": file.span_m}
     files = {
         SESSION: config_to_toml(session).encode() + b"\n",
+        # as it is: written anew, angles in degrees might read back different in the last bit
         RIG: file.rig.read_bytes(),
         CONFIG: config_to_toml(config_to_mapping(config)).encode() + b"\n",
     }
-    return RecordingHeader(name=file.name, files=files)
+    return LiveRecorder(path, rig, RecordingHeader(name=file.name, files=files))

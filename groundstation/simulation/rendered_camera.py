@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.arrays import FloatArray, ImageArray, MaskArray
+from groundstation.arrays import Float32Array, FloatArray, ImageArray, MaskArray
 from groundstation.geometry import kernels
 from groundstation.geometry.rotation import rotation_x, rotation_z
 from groundstation.picture import RawPicture
@@ -20,7 +20,7 @@ from groundstation.simulation import raster_kernels, render_kernels
 from groundstation.simulation.attitude import AircraftPose
 from groundstation.simulation.checks import require
 from groundstation.simulation.optics import Optics
-from groundstation.simulation.scenery import surroundings_of
+from groundstation.simulation.scenery import Surroundings, surroundings_of
 from groundstation.simulation.world import World
 
 MAX_SIZE_PX = 8192
@@ -74,7 +74,7 @@ class PictureTruth:
 class _Drawn:
     """The aircraft in a window: ``cover`` (h, w, 4), its corner, and how far its nose moves while exposed, (2,) px."""
 
-    cover: NDArray[np.float32]
+    cover: Float32Array
     corner: tuple[int, int]
 
 
@@ -88,14 +88,24 @@ class RenderedCamera:
     optics : exposure and sensor.
     seed : of the noise.
     number : tells cameras of one seed apart.
+    around : what `surroundings_of` has drawn for this eye before; None draws it, which takes some seconds.
     """
 
     def __init__(
-        self, world: World, station: Station, optics: Optics | None = None, *, seed: int = 0, number: int = 0
+        self,
+        world: World,
+        station: Station,
+        optics: Optics | None = None,
+        *,
+        seed: int = 0,
+        number: int = 0,
+        around: Surroundings | None = None,
     ) -> None:
         w, h = station.lens.image_size_px
         fits = max(w, h) <= MAX_SIZE_PX
-        require(fits, f"RenderedCamera: station {station.name}", got=f"{w} × {h} px", wanted=f"at most {MAX_SIZE_PX} px")
+        require(
+            fits, f"RenderedCamera: station {station.name}", got=f"{w} × {h} px", wanted=f"at most {MAX_SIZE_PX} px"
+        )
         self.world = world
         self.station = station
         self.optics = Optics() if optics is None else optics
@@ -103,7 +113,8 @@ class RenderedCamera:
         self._seed = (seed, _NOISE_STREAM, number)
         self._eye = self._geometry.camera_pose(0.0, 0.0).position_runway_m
         focal = float(station.lens.focal_px.max())
-        self._around = surroundings_of(world.scenery, self._eye, focal, grey=self.optics.pattern is None)
+        grey = self.optics.pattern is None
+        self._around = surroundings_of(world.scenery, self._eye, focal, grey) if around is None else around
         self._focal = focal
         self._rays = _node_rays(self._geometry.packed, (w, h))
         self._nodes = np.empty((*self._rays.shape[:2], 2))

@@ -20,11 +20,12 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.cli_live",
         "groundstation.cli_ptu",
         "groundstation.cli_recording",
+        "groundstation.cli_simulate",
     ),
     ("calibration",),
     (
         *("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
-        *("groundstation.convert", "groundstation.recover"),
+        *("groundstation.convert", "groundstation.recover", "groundstation.filming"),
     ),
     ("groundstation.recorded_run",),
     ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
