@@ -199,7 +199,7 @@ def test_the_bundled_session(landing_1: Path) -> None:
     assert not played.fault
     played.check_order()
     assert len(played.epochs) == 10
-    assert played.frames[0].image.shape == (960, 1280, 3)
+    assert played.frames[0].image.whole().shape == (960, 1280, 3)
     assert played.frames[0].image.dtype == np.uint8
 
 
