@@ -8,7 +8,6 @@ from groundstation.config import Config, config_to_mapping, config_to_toml
 from groundstation.live.station_file import StationFile
 from groundstation.recording.contents import CONFIG, RIG, SESSION, RecordingHeader
 from groundstation.rig import Rig
-from groundstation.rig_toml import rig_to_toml
 from groundstation.sinks.recorder import Recorder
 
 
@@ -31,7 +30,8 @@ def open_recorder(path: Path, file: StationFile, rig: Rig, config: Config) -> Li
         session["target"] = {"span_m": file.span_m}
     files = {
         SESSION: config_to_toml(session).encode() + b"\n",
-        RIG: rig_to_toml(rig).encode(),
+        # as it is: written anew, angles in degrees might read back different in the last bit
+        RIG: file.rig.read_bytes(),
         CONFIG: config_to_toml(config_to_mapping(config)).encode() + b"\n",
     }
     return LiveRecorder(path, rig, RecordingHeader(name=file.name, files=files))
