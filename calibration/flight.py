@@ -7,12 +7,13 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from calibration.flight_problem import FlightProblem, left_jacobian
+from calibration.flight_whitening import JointResiduals
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
 
 LEAST_LOOKS = 20
 _ROBUST_ROUNDS = 4
-_FINAL_ROUNDS = 3
+_FINAL_ROUNDS = 2
 # soft-L1 bends here, in sigmas
 _BEND_SIGMA = 1.5
 # the length of a two-dimensional normal residual: its median, and what one in 25 000 exceeds
@@ -135,7 +136,7 @@ def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> Fli
         _require_enough(problem, fits)
         # the scale follows the residuals down from a start that may be far off
         factors = {name: fit.noise_factor for name, fit in fits.items()}
-        weighted = _weighted(problem, change, fits)
+        weighted = _weighted(problem, change, fits) if robust else _joint(problem, change, fits)
         found = least_squares(
             weighted.residual,
             change,
@@ -143,7 +144,7 @@ def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> Fli
             loss="soft_l1" if robust else "linear",
             f_scale=_BEND_SIGMA,
             x_scale=np.array([_scale(name) for name in problem.names]),
-            max_nfev=60,
+            max_nfev=60 if robust else 12,
         )
         change = np.asarray(found.x, dtype=np.float64)
     fits = {name: _station_fit(problem, name, change, factors[name], gross=True) for name in problem.looks}
@@ -181,6 +182,11 @@ def _weighted(problem: FlightProblem, change: FloatArray, fits: Mapping[str, Sta
     return _Weighted(problem=problem, whitening=whitening, kept={name: fit.kept for name, fit in fits.items()})
 
 
+def _joint(problem: FlightProblem, change: FloatArray, fits: Mapping[str, StationFit]) -> JointResiduals:
+    factors = {name: fit.noise_factor for name, fit in fits.items()}
+    return JointResiduals(problem, factors, {name: fit.kept for name, fit in fits.items()}, change)
+
+
 def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> None:
     for name, fit in fits.items():
         count, all_of_them = int(fit.kept.sum()), len(problem.looks[name])
@@ -191,7 +197,7 @@ def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> N
 
 def _with_covariance(problem: FlightProblem, change: FloatArray, fits: Mapping[str, StationFit]) -> FlightFit:
     """Return the fit with (JᵀWJ)⁻¹, raised by the reduced chi-square and by what lasts."""
-    weighted = _weighted(problem, change, fits)
+    weighted = _joint(problem, change, fits)
     residual, jacobian = weighted.residual(change), weighted.jacobian(change)
     information = jacobian.T @ jacobian
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -201,7 +207,7 @@ def _with_covariance(problem: FlightProblem, change: FloatArray, fits: Mapping[s
     count = 2 * sum(int(fit.kept.sum()) for fit in fits.values())
     chi_square = float((residual[:count] ** 2).sum()) / max(count - len(change), 1)
     covariance = covariance * max(1.0, chi_square)
-    lasting = _lasting_factor(problem, fits, residual[:count], jacobian[:count], covariance)
+    lasting = _lasting_factor(weighted.t_s, residual[:count], jacobian[:count], covariance)
     covariance = covariance * np.outer(lasting, lasting)
     turned = np.eye(len(change))
     for name in problem.looks:
@@ -221,19 +227,12 @@ def _with_covariance(problem: FlightProblem, change: FloatArray, fits: Mapping[s
     )
 
 
-def _lasting_factor(
-    problem: FlightProblem,
-    fits: Mapping[str, StationFit],
-    residual: FloatArray,
-    jacobian: FloatArray,
-    covariance: FloatArray,
-) -> FloatArray:
+def _lasting_factor(t: FloatArray, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return by how much (p,) errors that last raise each sigma: the sandwich over blocks of time, never below 1.
 
     Pixels of one block, of all stations, count as one observation: steps of an encoder, the reference's own
     wandering and a biased target point do not average out within it.
     """
-    t = np.concatenate([problem.looks[name].t_s[fit.kept] for name, fit in fits.items()])
     block = np.floor((t - t.min()) / _BLOCK_S).astype(np.int64)
     _, block = np.unique(block, return_inverse=True)
     blocks = int(block.max()) + 1

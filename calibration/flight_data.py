@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.interpolate import BSpline, make_smoothing_spline
 
-from calibration.flight_problem import StationLooks
+from calibration.flight_problem import AngleCurve, StationLooks
 from calibration.reference_track import ReferenceTrack
 from groundstation.arrays import FloatArray
 from groundstation.errors import RigError, SessionError
@@ -30,6 +30,7 @@ _ASSUMED_SIGMA_PX = 1.0
 _AROUND_S = 5.0
 _SMOOTH_S = 0.1
 _LEAST_WINDOW = 7
+_LEAST_STRETCH = 12
 # a reading that comes further off its time than this share of a step is not in the rhythm
 _EVEN = 0.3
 
@@ -74,7 +75,7 @@ def gather_flight(session: Session, detections: Path | None, from_s: float | Non
     track = _track(session, excluded)
     stamps = np.concatenate([found.rows[:, 0] for found in pixels.values()])
     _require_overlap(session, stamps, track)
-    readings = _readings(session, float(stamps.min()), float(stamps.max()))
+    readings = read_angles(session, float(stamps.min()), float(stamps.max()))
     looks = {s.name: _looks(s, pixels[s.name], readings.get(s.name)) for s in session.rig.stations}
     return FlightData(looks=looks, track=track, excluded=tuple(excluded))
 
@@ -144,7 +145,8 @@ def _track(session: Session, excluded: list[str]) -> ReferenceTrack:
 def _require_overlap(session: Session, stamps_s: FloatArray, track: ReferenceTrack) -> None:
     """Raise `SessionError` where pixels and fixes have no time in common."""
     if not len(stamps_s):
-        raise SessionError(session.name, got="no pixel in that time", wanted="pixels of the aircraft in flight")
+        wanted = "pixels of the aircraft in flight (a replay finds none with a rig that is further off than it states)"
+        raise SessionError(session.name, got="no pixel in that time", wanted=wanted)
     first, last = track.span_s
     start, end = float(stamps_s.min()), float(stamps_s.max())
     if last < start or first > end:
@@ -152,7 +154,7 @@ def _require_overlap(session: Session, stamps_s: FloatArray, track: ReferenceTra
         raise SessionError(session.name, got=got, wanted="a DGPS log of the same flight ([clocks] in session.toml)")
 
 
-def _readings(session: Session, from_s: float, to_s: float) -> dict[str, FloatArray]:
+def read_angles(session: Session, from_s: float, to_s: float) -> dict[str, FloatArray]:
     """Return each turning station's readings (m, 3): session time, pan, tilt."""
     if all(s.fixed for s in session.rig.stations):
         return {}
@@ -175,7 +177,7 @@ def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> Sta
     times, first = np.unique(readings[:, 0], return_index=True)
     angles = readings[first, 1:]
     if len(angles):
-        angles = _smoothed(times, np.unwrap(angles, axis=0))
+        angles = np.unwrap(angles, axis=0)
     return StationLooks(
         t_s=found.rows[:, 0],
         pixel_px=found.rows[:, 1:],
@@ -185,24 +187,36 @@ def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> Sta
         readings_s=times,
         readings_rad=angles,
         max_gap_s=SynchroniseConfig().max_gap_s,
+        curves=_curves(times, angles),
     )
 
 
-def _smoothed(t_s: FloatArray, angles_rad: FloatArray) -> FloatArray:
-    """Return readings (n, 2) with steps and noise taken out by a cubic over ± `_SMOOTH_S`, where they come evenly.
+def _curves(t_s: FloatArray, angles_rad: FloatArray) -> tuple[AngleCurve, ...]:
+    """Return smooth curves through readings (n, 2) where they come evenly, by generalised cross-validation.
 
     Straight lines between noisy readings are quietest half-way between them: an offset of the PTU's clock would be
-    drawn there.
+    drawn there. And where a head holds the aircraft, what is left of its turning must not be the readings' noise.
     """
-    if len(t_s) < 2:
-        return angles_rad
+    if len(t_s) < _LEAST_WINDOW:
+        return ()
     step = float(np.median(np.diff(t_s)))
-    window = 2 * round(_SMOOTH_S / step) + 1
-    if window < _LEAST_WINDOW:
-        return angles_rad
-    smooth = angles_rad.copy()
+    if round(2.0 * _SMOOTH_S / step) + 1 < _LEAST_WINDOW:
+        return ()
     even = np.abs(np.diff(t_s) - step) < _EVEN * step
-    for stretch in np.split(np.arange(len(t_s)), np.flatnonzero(~even) + 1):
-        if len(stretch) >= window:
-            smooth[stretch] = savgol_filter(angles_rad[stretch], window, 3, axis=0)
-    return smooth
+    stretches = np.split(np.arange(len(t_s)), np.flatnonzero(~even) + 1)
+    return tuple(
+        AngleCurve(
+            from_s=float(t_s[k[0]]),
+            to_s=float(t_s[k[-1]]),
+            axes=(_curve(t_s[k], angles_rad[k, 0]), _curve(t_s[k], angles_rad[k, 1])),
+        )
+        for k in stretches
+        if len(k) >= _LEAST_STRETCH
+    )
+
+
+def _curve(t_s: FloatArray, angle_rad: FloatArray) -> BSpline:
+    # about zero and in milliradians: the choice of smoothness is no matter of digits
+    middle = float(angle_rad.mean())
+    spline = make_smoothing_spline(t_s, 1e3 * (angle_rad - middle))
+    return BSpline(spline.t, 1e-3 * spline.c + middle, spline.k)

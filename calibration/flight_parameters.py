@@ -1,16 +1,14 @@
-"""Which parameters a flight is to find, what is known of them before, and the rig that comes out."""
+"""Which parameters a flight is to find, and what is known of them before."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.flight import FlightFit
 from calibration.flight_problem import ANTENNA, DGPS_OFFSET
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
-from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
-from groundstation.rig import PARTS, ClockModel, Rig, Station
+from groundstation.rig import ClockModel, Rig, Station
 
 AXES = ("x", "y", "z")
 FREE_WORDS = (
@@ -101,7 +99,8 @@ def _of_station(station: Station, words: Sequence[str]) -> dict[str, float]:
         clocks["ptu_clock"] = station.ptu_clock
     for clock, model in clocks.items():
         if model.sigma_s > 0.0 or clock in words:
-            chosen[f"{clock}.offset"] = model.sigma_s or KNOWN_CLOCK_S
+            # who names it doubts what the rig says of it
+            chosen[f"{clock}.offset"] = max(model.sigma_s, KNOWN_CLOCK_S if clock in words else 0.0)
     if "drift" in words:
         chosen["camera_clock.drift"] = KNOWN_DRIFT
     if "readout" in words:
@@ -115,69 +114,3 @@ def _said(station: Station, parameter: str, otherwise: float) -> float:
         place = station.covariance_parameters.index(parameter)
         return float(np.sqrt(station.covariance[place, place])) or otherwise
     return otherwise
-
-
-def solved_rig(rig: Rig, fit: FlightFit) -> Rig:
-    """Return the rig with everything that was found, and how well."""
-    keep = [k for k, n in enumerate(rig.shared_covariance.names) if n not in fit.problem.names]
-    shared = replace(
-        rig.shared_covariance,
-        names=tuple(rig.shared_covariance.names[k] for k in keep),
-        matrix=rig.shared_covariance.matrix[np.ix_(keep, keep)],
-    )
-    return replace(rig, stations=tuple(_solved(s, fit) for s in rig.stations), shared_covariance=shared)
-
-
-def _solved(before: Station, fit: FlightFit) -> Station:
-    """Return one station with what was found. ``before`` is the rig's own, the fit may have started elsewhere."""
-    problem, name = fit.problem, before.name
-    own = {short: place for place, short in problem.own(name)}
-    station = problem.stations[name].changed(problem.station_change(fit.change, name))
-    sigma = fit.sigma
-    camera, ptu = station.camera_clock, station.ptu_clock
-    if "camera_clock.offset" in own or "camera_clock.drift" in own:
-        drift = problem.value(fit.change, f"{name}.camera_clock.drift")
-        offset = problem.value(fit.change, f"{name}.camera_clock.offset")
-        camera = camera or ClockModel()
-        # the drift was found about the middle of the flight, a clock's stands for zero of the device's time
-        device_s = (problem.middle_s(name) - camera.offset_s) / (1.0 + camera.drift_ppm * 1e-6)
-        uncertain = float(sigma[own["camera_clock.offset"]]) if "camera_clock.offset" in own else camera.sigma_s
-        camera = ClockModel(
-            offset_s=camera.offset_s + offset - drift * device_s,
-            drift_ppm=camera.drift_ppm + drift * 1e6,
-            sigma_s=max(uncertain, FLOOR_CLOCK_S),
-        )
-    if "ptu_clock.offset" in own:
-        uncertain = float(sigma[own["ptu_clock.offset"]])
-        offset = ptu.offset_s + problem.value(fit.change, f"{name}.ptu_clock.offset")
-        ptu = replace(ptu, offset_s=offset, sigma_s=max(uncertain, FLOOR_CLOCK_S))
-    names, covariance = _covariance(before, fit)
-    found = {"orientation": "runway_from_base.x" in own, "position": "ptu_position.x" in own}
-    return replace(
-        station,
-        known=tuple(part for part in PARTS if part in before.known or found.get(part, False)),
-        camera_clock=camera,
-        ptu_clock=ptu,
-        ptu_clock_given=before.ptu_clock_given or "ptu_clock.offset" in own,
-        readout_s=station.readout_s + problem.value(fit.change, f"{name}.readout"),
-        covariance_parameters=names,
-        covariance=covariance,
-    )
-
-
-def _covariance(station: Station, fit: FlightFit) -> tuple[tuple[str, ...], FloatArray]:
-    """Return names and matrix: what was found, not below the floors, and beside it what the rig said of the rest."""
-    own = [(k, short) for k, short in fit.problem.own(station.name) if short in CALIBRATION_PARAMETERS]
-    found = [short for _, short in own]
-    rest = [k for k, short in enumerate(station.covariance_parameters) if short not in found]
-    places = [k for k, _ in own]
-    n, m = len(own), len(rest)
-    covariance = np.zeros((n + m, n + m))
-    covariance[:n, :n] = fit.covariance[np.ix_(places, places)]
-    covariance[n:, n:] = station.covariance[np.ix_(rest, rest)]
-    least = {"ptu_position": FLOOR_POSITION_M, "runway_from_base": FLOOR_ROTATION_RAD}
-    least["head_from_camera"] = FLOOR_ROTATION_RAD
-    floors = [least.get(short.partition(".")[0], 0.0) for short in found]
-    covariance[:n, :n] += np.diag(np.square(floors))
-    covariance = 0.5 * (covariance + covariance.T)
-    return (*found, *(station.covariance_parameters[k] for k in rest)), covariance

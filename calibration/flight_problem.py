@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from calibration.reference_track import ReferenceTrack
 from groundstation.arrays import FloatArray, MaskArray
@@ -31,6 +32,15 @@ _SMALL_TURN = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AngleCurve:
+    """Pan and tilt in rad as splines of the PTU's stamps, from first to last reading of a stretch, s."""
+
+    from_s: float
+    to_s: float
+    axes: tuple[BSpline, BSpline]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StationLooks:
     """What one station saw.
 
@@ -42,6 +52,7 @@ class StationLooks:
     row_share : (n,) the pixel's row from the middle row, in picture heights.
     readings_s, readings_rad : (m,), (m, 2) the PTU's stamps and pan and tilt, pan without jumps; none where fixed.
     max_gap_s : readings further apart than this do not bracket an exposure.
+    curves : smooth curves through stretches of readings; between them straight lines.
     """
 
     t_s: FloatArray
@@ -52,6 +63,7 @@ class StationLooks:
     readings_s: FloatArray
     readings_rad: FloatArray
     max_gap_s: float
+    curves: tuple[AngleCurve, ...] = ()
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -67,6 +79,7 @@ class StationLooks:
             readings_s=self.readings_s,
             readings_rad=self.readings_rad,
             max_gap_s=self.max_gap_s,
+            curves=self.curves,
         )
 
 
@@ -85,17 +98,22 @@ class Predicted:
     """Pixels as predicted for one station's n looks, and what p parameters do to them.
 
     ``pixel_px`` (n, 2); ``jacobian`` (n, 2, p); ``covariance_px2`` (n, 2, 2) of pixel, angle and reference;
-    ``usable`` (n,): there are angles and reference, and the point is in front of the camera.
+    ``usable`` (n,): there are angles and reference, and the point is in front of the camera. ``own_px2`` (n, 2, 2) is
+    the covariance without the reference's, which stations and frames share: ``by_reference_px`` (n, 2, 3) what one
+    sigma of each of a fix's axes does, at ``reference_s`` (n,) of its clock.
     """
 
     pixel_px: FloatArray
     jacobian: FloatArray
     covariance_px2: FloatArray
     usable: MaskArray
+    own_px2: FloatArray
+    by_reference_px: FloatArray
+    reference_s: FloatArray
 
 
 def angles_at(looks: StationLooks, t_s: FloatArray) -> AnglesAtLooks:
-    """Interpolate a station's angles linearly at instants (n,); a fixed one's are zero."""
+    """Return a station's angles at instants (n,), by its curves, else between readings; a fixed one's are zero."""
     n = len(t_s)
     t, angles = looks.readings_s, looks.readings_rad
     if len(t) < 2:
@@ -105,8 +123,13 @@ def angles_at(looks: StationLooks, t_s: FloatArray) -> AnglesAtLooks:
     gap = t[right] - t[right - 1]
     share = (t_s - t[right - 1]) / gap
     rates = (angles[right] - angles[right - 1]) / gap[:, None]
+    found = angles[right - 1] + (t_s - t[right - 1])[:, None] * rates
+    for curve in looks.curves:
+        inside = (t_s >= curve.from_s) & (t_s <= curve.to_s)
+        for axis, spline in enumerate(curve.axes):
+            found[inside, axis], rates[inside, axis] = spline(t_s[inside]), spline(t_s[inside], nu=1)
     return AnglesAtLooks(
-        angles_rad=angles[right - 1] + (t_s - t[right - 1])[:, None] * rates,
+        angles_rad=found,
         rates_rad_s=rates,
         variance_share=np.clip((1.0 - share) ** 2 + share**2, 0.5, 1.0),
         usable=(share >= -1e-9) & (share <= 1.0 + 1e-9) & (gap <= looks.max_gap_s + 1e-9),
@@ -160,7 +183,8 @@ class FlightProblem:
         exposed = exposed + self.value(change, f"{station}.camera_clock.drift") * from_middle
         exposed = exposed + looks.row_share * (rig.readout_s + self.value(change, f"{station}.readout"))
         angles = angles_at(looks, exposed - self.value(change, f"{station}.ptu_clock.offset"))
-        track = self.track.at(exposed + self.value(change, DGPS_OFFSET))
+        by_log = exposed + self.value(change, DGPS_OFFSET)
+        track = self.track.at(by_log)
         antenna = self.antenna_in_body_m + np.array([self.value(change, name) for name in ANTENNA])
         points = track.position_m - track.runway_from_body @ antenna
 
@@ -198,12 +222,22 @@ class FlightProblem:
         noise = looks.sigma_px[:, :, None] ** 2 * np.eye(2)
         encoder = rig.angle_sigma_rad**2 * angles.variance_share
         noise = noise + by_angle @ np.swapaxes(by_angle, 1, 2) * encoder[:, None, None]
+        own = noise.copy()
+        own[~usable] = np.eye(2)
         # pixels between the same two fixes share these fixes' noise
         crowd = max(1.0, self.track.step_s * (n - 1) / max(float(np.ptp(looks.t_s)), 1e-9)) if n > 1 else 1.0
         blurred = by_point * track.sigma_m[:, None, :]
         noise = noise + crowd * blurred @ np.swapaxes(blurred, 1, 2)
         noise[~usable] = np.eye(2)
-        return Predicted(pixel_px=pixel, jacobian=jacobian, covariance_px2=noise, usable=usable)
+        return Predicted(
+            pixel_px=pixel,
+            jacobian=jacobian,
+            covariance_px2=noise,
+            usable=usable,
+            own_px2=own,
+            by_reference_px=np.where(usable[:, None, None], blurred, 0.0),
+            reference_s=by_log,
+        )
 
 
 def left_jacobian(turn_rad: FloatArray) -> FloatArray:

@@ -1,44 +1,43 @@
 """What a flight has taught, in words: a table of parameters, how well pixels fit, and what it is good for."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from calibration.flight import FlightFit
 from calibration.flight_parameters import FLOOR_CLOCK_S, FLOOR_POSITION_M, FLOOR_ROTATION_RAD
-from calibration.flight_problem import FlightProblem
+from calibration.flight_verdict import FlightVerdict, range_lines
 from groundstation.arrays import FloatArray
-from groundstation.geometry.aim import aim_at
-from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, project_with_calibration
 from groundstation.rig import ClockModel, Rig
 
-_BAD_CORRELATION = 0.95
-# a sigma that is hardly below what was known before has been taught nothing
-_TAUGHT = 0.7
-_MOST_PAIRS = 6
 _MOST_SPANS = 12
-_SHARES = (0.05, 0.35, 0.65, 0.95)
-_MOST_CONDITION = 1e10
 
 
 def format_flight_report(
-    before: Rig, after: Rig, fit: FlightFit, excluded: Sequence[str], antenna_m: FloatArray | None
+    before: Rig,
+    after: Rig,
+    fit: FlightFit,
+    excluded: Sequence[str],
+    antenna_m: FloatArray | None,
+    verdict: FlightVerdict,
 ) -> str:
     """Return the whole report: parameters, residuals, exclusions, verdict."""
     lines = [f"{'parameter':<34}{'value':>14}{'sigma':>12}{'change':>14}  unit"]
     for k, name in enumerate(fit.problem.names):
-        lines.append(_row(before, after, fit, k, name, antenna_m))
+        row = parameter_row(before, after, fit, k, antenna_m)
+        lines.append(f"{name:<34}{row.value:>14}{row.sigma:>12}{row.change:>14}  {row.unit}")
     lines.append("")
     for name, station in fit.stations.items():
         usable, kept, looks = int(station.usable.sum()), int(station.kept.sum()), len(station.usable)
         lines.append(
             f"{name}: {station.rms_px:.2f} px rms over {kept} pixels; {usable - kept} gross, "
-            f"{looks - usable} without angle or DGPS{_gross_times(fit, name)}"
+            f"{looks - usable} without angle or DGPS{gross_times(fit, name)}"
         )
     lines += [f"left out: {text}" for text in excluded[:_MOST_SPANS]]
     if len(excluded) > _MOST_SPANS:
         lines.append(f"left out: {len(excluded) - _MOST_SPANS} more stretches of DGPS")
-    return "\n".join([*lines, "", *_verdict(after, fit)])
+    return "\n".join([*lines, "", *_verdict_lines(verdict)])
 
 
 def rig_header(session: str, fit: FlightFit) -> str:
@@ -53,8 +52,19 @@ def rig_header(session: str, fit: FlightFit) -> str:
     )
 
 
-def _row(before: Rig, after: Rig, fit: FlightFit, k: int, name: str, antenna_m: FloatArray | None) -> str:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterRow:
+    """One parameter, formatted; ``value`` and ``change`` may be empty."""
+
+    value: str
+    sigma: str
+    change: str
+    unit: str
+
+
+def parameter_row(before: Rig, after: Rig, fit: FlightFit, k: int, antenna_m: FloatArray | None) -> ParameterRow:
     """Return one parameter's row; a rotation has no value of its own but the change since the start."""
+    name = fit.problem.names[k]
     change, sigma = float(fit.change[k]), float(fit.sigma[k])
     station, _, short = name.partition(".")
     group, _, axis = short.partition(".")
@@ -63,7 +73,7 @@ def _row(before: Rig, after: Rig, fit: FlightFit, k: int, name: str, antenna_m: 
     if group in ("runway_from_base", "head_from_camera"):
         unit, scale, value = "deg", float(np.degrees(1.0)), None
         if group == "runway_from_base" and "orientation" not in before[station].known:
-            return f"{name:<34}{'found':>14}{scale * sigma:>12.5f}{'':>14}  {unit}"
+            return ParameterRow(value="found", sigma=f"{scale * sigma:.5f}", change="", unit=unit)
     elif group == "ptu_position":
         value = float(after[station].ptu_position_m["xyz".index(axis)])
         change = value - float(before[station].ptu_position_m["xyz".index(axis)])
@@ -84,10 +94,11 @@ def _row(before: Rig, after: Rig, fit: FlightFit, k: int, name: str, antenna_m: 
     else:
         unit, value = "s", change
     shown = "" if value is None else f"{scale * value:.5f}"
-    return f"{name:<34}{shown:>14}{scale * sigma:>12.5f}{scale * change:>+14.5f}  {unit}"
+    return ParameterRow(value=shown, sigma=f"{scale * sigma:.5f}", change=f"{scale * change:+.5f}", unit=unit)
 
 
-def _gross_times(fit: FlightFit, name: str) -> str:
+def gross_times(fit: FlightFit, name: str) -> str:
+    """Say when a station's pixels were left out, in brackets; empty where none was."""
     station = fit.stations[name]
     t = fit.problem.looks[name].t_s[station.usable & ~station.kept]
     if not len(t):
@@ -96,67 +107,11 @@ def _gross_times(fit: FlightFit, name: str) -> str:
     return " (gross at " + ", ".join(f"{s:.2f}" for s in t[:_MOST_SPANS]) + more + " s)"
 
 
-def _verdict(after: Rig, fit: FlightFit) -> list[str]:
-    """Say which parameters are determined, what goes together, and what the rig is good for."""
-    prior = fit.problem.prior_sigma
-    weak = [n for n, s, p in zip(fit.problem.names, fit.sigma, prior, strict=True) if s > _TAUGHT * p]
-    lines = ["verdict:"]
-    good = len(fit.problem.names) - len(weak)
-    lines.append(f"  {good} of {len(fit.problem.names)} parameters are determined by this flight")
-    if weak:
-        lines.append("  not determined, hardly better known than before: " + ", ".join(weak))
-    correlation = np.triu(fit.correlation, 1)
-    order = np.argsort(-np.abs(correlation), axis=None)[:_MOST_PAIRS]
-    for a, b in zip(*np.unravel_index(order, correlation.shape), strict=True):
-        if abs(correlation[a, b]) > _BAD_CORRELATION:
-            names = f"{fit.problem.names[a]} and {fit.problem.names[b]}"
-            lines.append(f"  hard to tell apart: {names} (correlation {correlation[a, b]:+.3f})")
-    condition = f"  condition {fit.condition:.1e}, reduced chi-square {fit.reduced_chi_square:.2f}"
-    lines.append(condition + (": badly conditioned" if fit.condition > _MOST_CONDITION else ""))
-    return [*lines, *_ranges(after, fit)]
-
-
-def _ranges(after: Rig, fit: FlightFit) -> list[str]:
-    """Say what one fix is off because of what is left of the calibration's error, at points of this flight."""
-    problem = fit.problem
-    if len(problem.stations) < 2:
-        return []
-    t = np.sort(np.concatenate([looks.t_s for looks in problem.looks.values()]))
-    chosen = np.quantile(t, _SHARES)
-    points = problem.track.at(chosen + problem.value(fit.change, "dgps_clock.offset"))
-    middle = np.mean([s.ptu_position_m for s in after.stations], axis=0)
-    lines = []
-    for point, usable in zip(points.position_m, points.usable, strict=True):
-        spread = _spread(after, problem, fit.covariance, point) if usable else None
-        if spread is not None:
-            away = float(np.linalg.norm(point - middle))
-            x, y, z = spread
-            lines.append(f"  at {away:.0f} m: one fix off by {x:.3f} / {y:.3f} / {z:.3f} m in x / y / z (1 sigma)")
-    if not lines:
-        return []
-    return ["  what is left of the calibration's error, clocks apart, does to triangulation:", *lines]
-
-
-def _spread(after: Rig, problem: FlightProblem, covariance: FloatArray, point: FloatArray) -> FloatArray | None:
-    """Return one sigma (3,) of a triangulated point by the calibration's covariance."""
-    by_point, by_change = [], []
-    for name in problem.stations:
-        geometry, pan, tilt = after[name].geometry(), 0.0, 0.0
-        if not after[name].fixed:
-            aim = aim_at(geometry, point)
-            if aim is None:
-                continue
-            pan, tilt = aim.pan_rad, aim.tilt_rad
-        seen = project_with_calibration(geometry, point, pan, tilt)
-        if seen is None or not geometry.contains(seen.pixel):
-            continue
-        columns = np.zeros((2, len(problem.names)))
-        for place, short in problem.own(name):
-            if short in CALIBRATION_PARAMETERS:
-                columns[:, place] = seen.calibration_jacobian[:, CALIBRATION_PARAMETERS.index(short)]
-        by_point.append(seen.jacobian[:, :3])
-        by_change.append(columns)
-    if len(by_point) < 2:
-        return None
-    gain = np.linalg.pinv(np.vstack(by_point)) @ np.vstack(by_change)
-    return np.asarray(np.sqrt(np.diag(gain @ covariance @ gain.T)))
+def _verdict_lines(verdict: FlightVerdict) -> list[str]:
+    """Return the verdict: first what the flight could not tell, then what the rig is good for and what to do next."""
+    lines = ["verdict:", *(f"  {text}" for text in verdict.apart), f"  {verdict.summary}"]
+    lines += [f"  {text}" for text in verdict.notes]
+    if verdict.ranges:
+        lines.append("  what is left of the calibration's error does to a fix, 1 sigma along / across / up:")
+        lines += [f"    {text}" for text in range_lines(verdict.ranges)]
+    return [*lines, "  to do next:", *(f"    - {text}" for text in verdict.next_steps)]

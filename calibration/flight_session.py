@@ -8,10 +8,13 @@ import numpy as np
 
 from calibration.flight import FlightFit, FlightFitError, solve_flight
 from calibration.flight_data import FlightData, gather_flight
-from calibration.flight_parameters import KNOWN_POSITION_M, FreeParameters, choose_parameters, free_words, solved_rig
+from calibration.flight_page import FlightPage, write_flight_page
+from calibration.flight_parameters import KNOWN_POSITION_M, FreeParameters, choose_parameters, free_words
 from calibration.flight_problem import FlightProblem
 from calibration.flight_report import format_flight_report, rig_header
+from calibration.flight_rig import solved_rig
 from calibration.flight_start import find_start
+from calibration.flight_verdict import judge_flight
 from groundstation.errors import InputError
 from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
@@ -23,7 +26,8 @@ _WORST_EXCLUDED_SHARE = 0.4
 # a pose of which nothing was known has to come out better than this, one sigma
 _WORST_ROTATION_RAD = float(np.radians(2.0))
 _WORST_POSITION_M = 10.0
-# what is doubted first, and what only where that is not all
+# what is doubted first, and what only where that is not all; a lens only where the position is surveyed: without
+# one, focal length and distance go together
 _DOUBTED = (("position", "readout", "drift"), ("position", "readout", "drift", "lens"))
 _FAR_BETTER = 0.7
 
@@ -32,7 +36,8 @@ _FAR_BETTER = 0.7
 class FlightRequest:
     """What to calibrate.
 
-    ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known.
+    ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known; ``report`` is a
+    folder for report.html and its pictures.
     """
 
     session: Path
@@ -43,15 +48,17 @@ class FlightRequest:
     to_s: float | None = None
     free: str = ""
     hold: bool = False
+    report: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightCalibration:
-    """What was found: the fit, the rig with it, and the words for a person."""
+    """What was found: the fit, the rig with it, the words for a person, and the files written."""
 
     fit: FlightFit
     rig: Rig
     report: str
+    files: tuple[Path, ...]
 
 
 def calibrate_flight(request: FlightRequest) -> FlightCalibration:
@@ -67,14 +74,36 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
     notes: list[str] = []
     new = [s.name for s in session.rig.stations if not {"orientation", "position"} <= set(s.known)]
     if new and not request.hold:
-        for doubted in _DOUBTED:
+        surveyed = all("position" in s.known for s in session.rig.stations)
+        for doubted in _DOUBTED if surveyed else _DOUBTED[:1]:
             fit, note = _doubted(session, data, fit, (*words, *doubted))
             notes += note
     _require_fit(session, fit)
-    rig = solved_rig(session.rig, fit)
-    report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna)])
+    rig = solved_rig(session.rig, fit, session.name, antenna)
+    verdict = judge_flight(rig, fit)
+    report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna, verdict)])
     _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
-    return FlightCalibration(fit=fit, rig=rig, report=report)
+    written = [request.out]
+    if request.report is not None:
+        content = FlightPage(
+            session=session.name,
+            before=session.rig,
+            after=rig,
+            fit=fit,
+            verdict=verdict,
+            notes=notes,
+            excluded=data.excluded,
+            antenna_m=antenna,
+        )
+        written += _write_page(request.report, content)
+    return FlightCalibration(fit=fit, rig=rig, report=report, files=tuple(written))
+
+
+def _write_page(folder: Path, content: FlightPage) -> list[Path]:
+    try:
+        return write_flight_page(folder, content)
+    except OSError as error:
+        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
 
 
 def _solve(session: Session, data: FlightData, free: FreeParameters) -> FlightFit:

@@ -97,6 +97,11 @@ def _notes(found: Intrinsics) -> list[str]:
     ratio = fit.sigma[free] / np.where(fit.opencv_sigma[free] > 0, fit.opencv_sigma[free], np.nan)
     if np.all(np.abs(ratio - 1.0) < 0.05):
         notes.append("OpenCV's own standard deviations agree within 5 %.")
+    elif np.all(ratio > 0.95):
+        notes.append(
+            f"Sigmas are up to {np.nanmax(ratio):.1f} times OpenCV's, which takes each corner's error as new: within a "
+            "view, errors go together."
+        )
     else:
         notes.append("OpenCV's own standard deviations differ by more than 5 %: its solver stopped early on this lens.")
     if found.held_out_without_k3_px is not None:

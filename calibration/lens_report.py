@@ -1,6 +1,5 @@
 """report.html of a lens calibration: one self-contained page, for a screen, a phone or paper."""
 
-import base64
 from html import escape
 from pathlib import Path
 
@@ -8,21 +7,7 @@ from calibration.intrinsics import Intrinsics
 from calibration.lens_advice import RANGES_M, across_m, advise, along_m, middle_angle_deg
 from calibration.lens_model import PARAMETERS
 from calibration.lens_pictures import LensPicture, lens_pictures
-
-_CSS = """
-:root{--ink:#1b1f24;--soft:#5a636e;--line:#d9dde2;--panel:#f6f8fa;--accent:#0072B2}
-*{box-sizing:border-box}
-body{margin:0 auto;max-width:1180px;padding:1.2rem 1rem 3rem;font:16px/1.5 system-ui,-apple-system,"Segoe UI",
-Roboto,"Helvetica Neue",Arial,sans-serif;color:var(--ink);background:#fff}
-h1{font-size:1.6rem;margin:.2rem 0}h2{font-size:1.2rem;margin:2rem 0 .6rem;border-bottom:1px solid var(--line)}
-h3{font-size:1rem;margin:1rem 0 .2rem}p,li{max-width:75ch}.soft,figcaption{color:var(--soft);font-size:.88rem}
-.verdict{font-size:1.1rem;border-left:4px solid var(--accent);padding:.3rem 0 .3rem .9rem;margin:.8rem 0 1.2rem}
-.wide{overflow-x:auto}table{border-collapse:collapse;font-size:.92rem;font-variant-numeric:tabular-nums}
-th,td{padding:.25rem .6rem;text-align:right;white-space:nowrap;border-bottom:1px solid var(--line)}
-th:first-child,td:first-child,td.text,th.text{text-align:left}thead th{color:var(--soft);font-weight:600}
-.pictures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,440px),1fr));gap:1.2rem}
-figure{margin:0;break-inside:avoid}img{width:100%;height:auto;display:block}
-"""
+from calibration.report_page import report_figure, report_list, report_page
 
 
 def write_lens_report(folder: Path, found: Intrinsics, name: str) -> list[Path]:
@@ -45,20 +30,18 @@ def lens_report(found: Intrinsics, pictures: list[LensPicture], name: str) -> st
         [
             f"<p class='soft'>Groundstation · lens calibration</p><h1>{escape(name)}</h1>",
             f"<p class='verdict'>{escape(advice.verdict)}</p>",
-            "<h2>What to do next</h2>" + _list(advice.next_steps),
-            "<h2>What was found</h2>" + _list(advice.notes),
+            "<h2>What to do next</h2>" + report_list(advice.next_steps),
+            "<h2>What was found</h2>" + report_list(advice.notes),
             f"<p class='soft'>{w} × {h} px; board {escape(_board(found))}.</p>",
             _parameters(found),
             _ranges(found),
-            "<h2>Pictures</h2><div class='pictures'>" + "".join(_figure(p) for p in pictures) + "</div>",
+            "<h2>Pictures</h2><div class='pictures'>"
+            + "".join(report_figure(p.title, p.caption, p.png) for p in pictures)
+            + "</div>",
             _views(found),
         ]
     )
-    return (
-        "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{escape(name)} – lens</title><style>{_CSS}</style></head><body>\n{body}\n</body></html>\n"
-    )
+    return report_page(f"{name} – lens", body)
 
 
 def _board(found: Intrinsics) -> str:
@@ -67,19 +50,6 @@ def _board(found: Intrinsics) -> str:
         return f"chessboard, {b.columns} × {b.rows} inner corners, squares of {1000 * b.square_m:g} mm"
     size = f"{b.columns} × {b.rows} squares of {1000 * b.square_m:g} mm"
     return f"ChArUco, {size}, markers of {1000 * b.marker_m:g} mm, {b.dictionary}"
-
-
-def _list(lines: tuple[str, ...]) -> str:
-    return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in lines) + "</ul>"
-
-
-def _figure(picture: LensPicture) -> str:
-    data = base64.b64encode(picture.png).decode("ascii")
-    return (
-        f"<figure><h3>{escape(picture.title)}</h3>"
-        f"<img alt='{escape(picture.title)}' src='data:image/png;base64,{data}'>"
-        f"<figcaption>{escape(picture.caption)}</figcaption></figure>"
-    )
 
 
 def _parameters(found: Intrinsics) -> str:

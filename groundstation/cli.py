@@ -10,6 +10,9 @@ from pathlib import Path
 from groundstation import __version__
 from groundstation.cli_calibrate import add_calibrate, run_calibrate
 from groundstation.cli_simulate import add_simulate, run_simulate
+from groundstation.cli_cameras import add_cameras, run_cameras
+from groundstation.cli_live import add_live, run_check, run_live
+from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.errors import GroundstationError
 from groundstation.progress import ProgressLine
 
@@ -90,6 +93,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_plan(commands)
     add_calibrate(commands)
     add_simulate(commands)
+    add_cameras(commands)
+    add_live(commands)
+    add_ptu(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
@@ -268,5 +274,9 @@ _COMMANDS = {
     "plan": _plan,
     "calibrate": run_calibrate,
     "simulate": run_simulate,
+    "cameras": run_cameras,
+    "live": run_live,
+    "check": run_check,
+    "ptu": run_ptu,
     "config": _config,
 }

@@ -5,6 +5,9 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from groundstation.cli_calibrate_landmarks import add_landmark_kinds, run_calibrate_check, run_calibrate_survey
+from groundstation.cli_calibrate_mount import add_mount, run_mount
+from groundstation.cli_calibrate_timing import add_timing, run_timing
 from groundstation.errors import InputError
 from groundstation.progress import ProgressLine
 
@@ -26,8 +29,11 @@ _CONVERT = """A lens from one format into another: the lens keys of rig.toml (or
 rig.toml), OpenCV's or ROS's YAML, Kalibr's camchain (pinhole-radtan)."""
 _FLIGHT = """Calibrate stations on an aircraft's DGPS track and the pixels that they saw:
 orientation, position, clocks; whatever the rig's `known` leaves open."""
-_FLIGHT_MORE = """example:
-  groundstation calibrate flight SESSION --to 342 --out rig.toml
+_FLIGHT_MORE = """examples:
+  groundstation calibrate flight SESSION --to 342 --out rig.toml --report out/rig
+  groundstation replay SESSION --rig believed.toml --out out/before
+  groundstation calibrate flight SESSION --rig believed.toml --out rig.toml \\
+      --detections out/before/detections.csv --free orientation
 
 LIST, with commas: orientation, position, boresight, camera_clock, drift,
 ptu_clock, readout, lens, antenna. Of what is freed though it is known, the
@@ -48,6 +54,9 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
     )
     kinds = calibrate.add_subparsers(dest="calibrate", metavar="WHAT", required=True)
     _add_flight(kinds)
+    add_mount(kinds)
+    add_timing(kinds)
+    add_landmark_kinds(kinds)
     intrinsics = kinds.add_parser(
         "intrinsics",
         help="pictures of a board in, the lens out",
@@ -94,6 +103,7 @@ def _add_flight(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     )
     flight.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
     flight.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    flight.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
     flight.add_argument("--free", default="", metavar="LIST", help="find these as well")
     flight.add_argument(
         "--hold", action="store_true", help="take surveyed positions as exact, even where the pixels contradict them"
@@ -135,9 +145,13 @@ def _flight(options: argparse.Namespace) -> int:
         to_s=options.to_s,
         free=options.free,
         hold=options.hold,
+        report=options.report,
     )
-    print(calibrate_flight(request).report)
-    print(f"\nwrote {options.out}")
+    found = calibrate_flight(request)
+    print(found.report)
+    print()
+    for path in found.files:
+        print(f"wrote {path}")
     return 0
 
 
@@ -187,6 +201,10 @@ def _convert(options: argparse.Namespace) -> int:
 
 _KINDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "flight": _flight,
+    "survey": run_calibrate_survey,
+    "check": run_calibrate_check,
     "intrinsics": _intrinsics,
+    "mount": run_mount,
+    "timing": run_timing,
     "convert-lens": _convert,
 }

@@ -299,6 +299,31 @@ class TrackEstimate:
     latency_s: float = 0.0
 
 
+class Purpose(StrEnum):
+    """Why a PTU is turned."""
+
+    TRACK = "track"
+    SEARCH = "search"
+    HOLD = "hold"
+    PARK = "park"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointingCommand:
+    """How a station's PTU shall turn from ``t_s`` on: at these rates, and so that it is at these angles by then.
+
+    Angles in rad, rates in rad/s, as in `PtuSample`; whoever turns the unit uses the one or the other, as the unit can.
+    """
+
+    t_s: float
+    station: str
+    pan_rad: float
+    tilt_rad: float
+    pan_rate_rad_s: float
+    tilt_rate_rad_s: float
+    purpose: Purpose
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackEvent:
     """Something worth a line in the log: status changes, losses, refused readings."""

@@ -69,6 +69,10 @@ class Picture(ABC):
         self.whole_read = True
         return self._pixels((0, 0, *self.size_px))
 
+    def glance(self) -> ImageArray:
+        """Return all of it for a person's eyes, (h, w, 3) uint8 BGR: what they see decides nothing, and is not noted."""
+        return self._pixels((0, 0, *self.size_px))
+
     @abstractmethod
     def _pixels(self, window: Window) -> ImageArray:
         """Return a window that lies inside."""

@@ -71,9 +71,7 @@ class Pipeline:
         self._cameras = {s.name: CameraTracker(s, config) for s in rig.stations}
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
-        prior = rig_prior(rig).with_span(span_prior_sigma(span_m))
-        if reference_errors is not None:
-            prior = prior.joined(reference_errors)
+        prior = rig_prior(rig, reference_errors).with_span(span_prior_sigma(span_m))
         self._ekf = RecordedEkf(geometries, turning, config.estimation, prior)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._keeper = TargetKeeper(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
@@ -131,6 +129,11 @@ class Pipeline:
     def fused_late(self) -> dict[str, int]:
         """How many PTU readings came late and were fused in their place, and for how many frames one went back."""
         return dict(self._fused_late)
+
+    @property
+    def time_s(self) -> float | None:
+        """The session time that the filter stands at; None before the first event."""
+        return self._ekf.time_s
 
     def estimate_at(self, t_s: float) -> Kinematics | None:
         """Return the target at a session time, given all that is fused so far; None without a target.

@@ -3,10 +3,9 @@
 It ends cleanly whatever the recording does: what was usable is written before the fault is raised.
 """
 
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,14 +13,14 @@ import numpy as np
 
 from groundstation.config import Start, config_to_mapping, load_config
 from groundstation.errors import InputError, RigError, SessionError
-from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.parameters import DGPS_ANTENNA, DGPS_CLOCK, ParameterPrior
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
 from groundstation.evaluation.report import write_report
 from groundstation.evaluation.run_description import RunDescription
+from groundstation.hand_over import quick_hand_over
 from groundstation.messages import DgpsFix, InitialState, ReferenceFix
 from groundstation.pipeline import Pipeline
+from groundstation.reference_knowledge import ReferenceKnowledge, reference_knowledge
 from groundstation.run import RunOutcome, run
 from groundstation.session import Session, load_dgps, load_session, load_truth
 from groundstation.sinks.rerun_session import reference_tracks, session_view
@@ -37,7 +36,6 @@ _DGPS_CLOCK_SIGMA_S = 0.5
 _DGPS_START_SPAN_S = 1.0
 _MIN_BASELINE_M = 0.1
 _CLOCKS_APART_S = 0.2
-_HAND_OVER_S = 2e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,10 +82,12 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     truth = load_truth(session, broken.append)
     faults += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
     faults += _clock_notes(session)
+    known = reference_knowledge(session, config.estimation)
+    faults += known.notes
     with ExitStack() as opened:
-        opened.enter_context(_quick_hand_over())
+        opened.enter_context(quick_hand_over())
         source = opened.enter_context(ReplaySource(session, request.from_s, request.to_s))
-        taught = _lessons(request, session, dgps)
+        taught = _lessons(request, session, dgps, known)
         initial = _start(config.start, session, dgps, source.span_s[0])
         _make_folder(request.out)
         warm_up()
@@ -102,7 +102,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
             span_m=session.target.span_m,
             initial=initial,
             stopwatch=time.perf_counter,
-            reference_errors=_reference_errors(session, config.estimation) if taught else None,
+            reference_errors=known.errors if taught else None,
         )
         if smoothed is not None:
             smoothed.want = pipeline.smooth(smoothed.found)
@@ -118,19 +118,19 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     description = RunDescription(
         name=session.name,
         phases=session.phases,
-        antenna_in_body_m=session.target.antenna_in_body_m,
+        antenna_in_body_m=known.antenna_in_body_m,
         clocks_given=session.has_clocks,
         acceleration_psd_m2_s3=config.estimation.acceleration_psd_m2_s3,
         configuration=config_to_mapping(config),
         speed=_speed(outcome, span_s, prepared_s),
         faults=tuple(faults),
         carried_errors=pipeline.carried_errors,
-        learnt_until_s=pipeline.taught_until_s,
+        learnt_until_s=_by_dgps_clock(pipeline.taught_until_s, known),
         fused_late=pipeline.fused_late,
     )
     if pipeline.taught_until_s is not None:
         # what the filter was told is no proof of what it knows
-        until_s = pipeline.taught_until_s
+        until_s = pipeline.taught_until_s + known.offset_s
         dgps = tuple(fix for fix in dgps if fix.t_s > until_s)
     evaluation = evaluate_run(
         collector,
@@ -155,40 +155,17 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     return ReplayResult(evaluation=evaluation, files=tuple(request.out / name for name in written), fault=outcome.fault)
 
 
-@contextmanager
-def _quick_hand_over() -> Iterator[None]:
-    """Let a decoder that has a picture ready have the interpreter soon.
-
-    A decoder needs the interpreter for microseconds a picture. With Python's 5 ms of patience it waits, and a core
-    idles, while the pipeline computes.
-    """
-    before_s = sys.getswitchinterval()
-    sys.setswitchinterval(_HAND_OVER_S)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(before_s)
-
-
-def _lessons(request: ReplayRequest, session: Session, dgps: Sequence[DgpsFix]) -> list[ReferenceFix]:
+def _lessons(
+    request: ReplayRequest, session: Session, dgps: Sequence[DgpsFix], known: ReferenceKnowledge
+) -> list[ReferenceFix]:
     """Return the DGPS positions that the filter may learn from; none unless asked for."""
     if request.learn_until_s is None:
         return []
-    taught = reference_fixes(dgps, session.target.antenna_in_body_m, request.learn_until_s)
+    taught = reference_fixes(dgps, known.antenna_in_body_m, request.learn_until_s, known.offset_s)
     if not taught:
         got = f"no DGPS fix up to {request.learn_until_s:g} s" if dgps else "no DGPS at all"
         raise SessionError(session.name, got=got, wanted="some, for --learn-until")
     return taught
-
-
-def _reference_errors(session: Session, config: EstimationConfig) -> ParameterPrior:
-    """Return what the session leaves open of its DGPS: the clock, and where the antenna is."""
-    sigmas: dict[str, float] = {}
-    if not session.has_clocks:
-        sigmas[f"{DGPS_CLOCK}.offset"] = config.reference_clock_sigma_s
-    if session.target.antenna_in_body_m is None:
-        sigmas.update(zip(DGPS_ANTENNA, config.reference_antenna_sigma_m, strict=True))
-    return ParameterPrior.independent(list(sigmas), list(sigmas.values()))
 
 
 def _usable_session(request: ReplayRequest) -> Session:
@@ -204,6 +181,10 @@ def _usable_session(request: ReplayRequest) -> Session:
         got = "the session folder itself"
         raise InputError(str(request.out), got=got, wanted="another folder: results would replace recordings")
     return session
+
+
+def _by_dgps_clock(t_s: float | None, known: ReferenceKnowledge) -> float | None:
+    return None if t_s is None else t_s + known.offset_s
 
 
 def _clock_notes(session: Session) -> list[str]:

@@ -14,7 +14,9 @@ from groundstation.geometry.calibration import changed_station
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.geometry.station import StationGeometry
-from groundstation.rig_covariance import ParameterCovariance, read_covariance
+from groundstation.ptu_axes import IDEAL_AXES, PtuAxes, read_axes
+from groundstation.rig_covariance import ParameterCovariance, joined, read_covariance, require_agreement
+from groundstation.rig_reference import RigReference, read_reference
 from groundstation.toml_table import Table, load_toml, quoted
 
 RIG_FORMAT = "stereo-ptu-rig/1"
@@ -30,6 +32,7 @@ _STATION_KEYS = frozenset(
         *("name", "fixed", "known", "ptu_position_m", "runway_from_base_wxyz", "head_from_camera_wxyz"),
         *("camera_in_head_m", "image_size_px", "focal_px", "principal_point_px", "distortion"),
         *("ptu_resolution_deg", "ptu_sigma_deg", "ptu_clock", "camera_clock", "readout_s", "covariance"),
+        "ptu_axes",
     }
 )
 _CLOCK_KEYS = frozenset({"offset_s", "drift_ppm", "sigma_s"})
@@ -68,6 +71,7 @@ class Station:
     known : which of position, orientation and lens are calibrated.
     covariance_parameters, covariance : names and matrix of the calibration's covariance (may be empty).
     ptu_clock_given : whether the rig file itself gives ``ptu_clock``, be it zero.
+    ptu_axes : how readings differ from the angles of an ideal head.
     """
 
     name: str
@@ -86,6 +90,7 @@ class Station:
     covariance_parameters: tuple[str, ...]
     covariance: FloatArray
     ptu_clock_given: bool = False
+    ptu_axes: PtuAxes = IDEAL_AXES
 
     @property
     def angle_sigma_rad(self) -> float:
@@ -101,6 +106,7 @@ class Station:
             head_from_camera_wxyz=self.head_from_camera_wxyz,
             camera_in_head_m=self.camera_in_head_m,
             lens=self.lens,
+            lean_rad=self.ptu_axes.lean_rad,
         )
 
     def changed(self, change: FloatArray) -> "Station":
@@ -124,11 +130,14 @@ class Rig:
     ----------
     path : where they were read.
     shared_covariance : the calibration's covariance over stations, its names ``station.parameter``; may be empty.
+        A parameter that its station states, too, has the same variance in both.
+    reference : what a flight has found of the DGPS; None where the file has no such table.
     """
 
     stations: tuple[Station, ...]
     path: str = ""
     shared_covariance: ParameterCovariance = field(default_factory=ParameterCovariance.nothing)
+    reference: RigReference | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -144,10 +153,10 @@ class Rig:
     def calibration_covariance(self) -> ParameterCovariance:
         """Return the covariance of everything uncertain, names ``station.parameter``.
 
-        Each station's own block, and the shared one, which has none of their parameters.
+        Each station's own block and the shared one, which holds where both name a parameter; with the shared one may
+        come clocks and what is known of the DGPS.
         """
         blocks = [(tuple(f"{s.name}.{p}" for p in s.covariance_parameters), s.covariance) for s in self.stations]
-        blocks.append((self.shared_covariance.names, self.shared_covariance.matrix))
         names = tuple(name for block, _ in blocks for name in block)
         matrix = np.zeros((len(names), len(names)))
         start = 0
@@ -155,7 +164,7 @@ class Rig:
             stop = start + len(block)
             matrix[start:stop, start:stop] = values
             start = stop
-        return ParameterCovariance(names=names, matrix=matrix)
+        return joined(ParameterCovariance(names=names, matrix=matrix), self.shared_covariance)
 
     def require_known(self, parts: Sequence[str] = PARTS) -> None:
         """Raise `RigError` if any station lacks one of ``parts``."""
@@ -173,7 +182,7 @@ def load_rig(path: Path) -> Rig:
     """Read a rig file; raises `RigError` with file, station and key of the first fault."""
     document = load_toml(path, RigError)
     top = Table(document, str(path), RigError)
-    top.refuse_unknown({"format", "station", "covariance"})
+    top.refuse_unknown({"format", "station", "covariance", "reference"})
     if top.text("format") != RIG_FORMAT:
         raise top.fail("format", quoted(document["format"]), repr(RIG_FORMAT))
     rows = document.get("station", [])
@@ -186,11 +195,24 @@ def load_rig(path: Path) -> Rig:
         if names.count(name) > 1:
             raise top.fail("station", f"two stations named {name!r}", "names that differ")
     shared = read_covariance(top.table("covariance"), names)
-    for name in shared.names:
-        station, _, parameter = name.partition(".")
-        if parameter in stations[names.index(station)].covariance_parameters:
-            raise top.fail("covariance", f"{name!r}, which its station gives too", "each parameter once")
-    return Rig(stations=stations, path=str(path), shared_covariance=shared)
+    require_agreement(top, shared, _own_variances(stations))
+    reference = read_reference(top.table("reference")) if "reference" in top else None
+    return Rig(stations=stations, path=str(path), shared_covariance=shared, reference=reference)
+
+
+def _own_variances(stations: Sequence[Station]) -> dict[str, float]:
+    """Return the variances that stations state of their own parameters and clocks, by ``station.parameter``."""
+    variances: dict[str, float] = {}
+    for s in stations:
+        pairs = zip(s.covariance_parameters, np.diag(s.covariance), strict=True)
+        variances.update({f"{s.name}.{parameter}": float(v) for parameter, v in pairs})
+        for clock, model in (
+            ("camera_clock", s.camera_clock),
+            ("ptu_clock", s.ptu_clock if s.ptu_clock_given else None),
+        ):
+            if model is not None:
+                variances[f"{s.name}.{clock}.offset"] = model.sigma_s**2
+    return variances
 
 
 def _station(row: dict[str, Any], number: int, path: str) -> Station:
@@ -231,6 +253,7 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
         covariance_parameters=covariance.names,
         covariance=covariance.matrix,
         ptu_clock_given="ptu_clock" in table,
+        ptu_axes=read_axes(table.table("ptu_axes")),
     )
 
 

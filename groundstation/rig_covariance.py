@@ -1,10 +1,11 @@
 """How well a rig is calibrated: the covariance tables of ``rig.toml``, of one station and of the whole rig.
 
 The names are those of `groundstation.geometry.calibration.CALIBRATION_PARAMETERS`; in the table of the whole rig
-they follow the station's name and a dot, so that errors which stations share can be told.
+they follow the station's name and a dot, so that errors which stations share can be told. There, the stations' clocks
+and what is known of the DGPS stand beside them (`CLOCK_NAMES`, `REFERENCE_NAMES`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,10 @@ from groundstation.toml_table import Table, quoted
 # what printing a matrix with six digits may do to its correlations
 _ROUNDING = 1e-5
 _MAX_PARAMETERS = 2000
+# a variance that stands twice may differ by so much, for its digits
+_SAME = 1e-3
+CLOCK_NAMES = ("camera_clock.offset", "ptu_clock.offset")
+REFERENCE_NAMES = ("dgps_clock.offset", *(f"dgps_antenna.{axis}" for axis in "xyz"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,7 +70,11 @@ def _names(table: Table, stations: Sequence[str]) -> tuple[str, ...]:
     if not isinstance(names, list) or not all(isinstance(n, str) for n in names) or len(names) > _MAX_PARAMETERS:
         raise table.fail("parameters", quoted(names), f"a list of at most {_MAX_PARAMETERS} names")
     for name in names:
+        if stations and name in REFERENCE_NAMES:
+            continue
         station, _, parameter = name.partition(".") if stations else ("", "", name)
+        if stations and parameter in CLOCK_NAMES and station in stations:
+            continue
         if stations and station not in stations:
             raise table.fail("parameters", quoted(name), "station.parameter with one of " + ", ".join(stations))
         if parameter not in CALIBRATION_PARAMETERS:
@@ -92,3 +101,21 @@ def _fault(matrix: FloatArray) -> str:
     if len(matrix) and np.linalg.eigvalsh(correlation).min() < -_ROUNDING:
         return "a negative variance along some direction"
     return ""
+
+
+def joined(own: ParameterCovariance, shared: ParameterCovariance) -> ParameterCovariance:
+    """Return all parameters of both; of one that stands in both, the shared table's variance and correlations."""
+    keep = [k for k, name in enumerate(own.names) if name not in shared.names]
+    n, m = len(keep), len(shared.names)
+    matrix = np.zeros((n + m, n + m))
+    matrix[:n, :n] = own.matrix[np.ix_(keep, keep)]
+    matrix[n:, n:] = shared.matrix
+    return ParameterCovariance(names=(*(own.names[k] for k in keep), *shared.names), matrix=matrix)
+
+
+def require_agreement(table: Table, shared: ParameterCovariance, own: Mapping[str, float]) -> None:
+    """Raise `RigError` where the shared table gives another variance than ``own``, the stations' by full name."""
+    for k, name in enumerate(shared.names):
+        stated, given = float(shared.matrix[k, k]), own.get(name)
+        if given is not None and abs(stated - given) > _SAME * max(stated, given):
+            raise table.fail("covariance", f"a variance of {stated:g} for {name!r}", f"{given:g}, as its station gives")

@@ -1,11 +1,14 @@
 """A rig as the text of rig.toml: what `groundstation.rig.load_rig` reads back."""
 
+import json
 from collections.abc import Iterable
 
 import numpy as np
 
+from groundstation.ptu_axes import IDEAL_AXES, axes_to_toml
 from groundstation.rig import PARTS, RIG_FORMAT, ClockModel, Rig, Station
 from groundstation.rig_covariance import ParameterCovariance
+from groundstation.rig_reference import RigReference
 
 
 def rig_to_toml(rig: Rig) -> str:
@@ -13,7 +16,24 @@ def rig_to_toml(rig: Rig) -> str:
     parts = [f'format = "{RIG_FORMAT}"', *(_station(station) for station in rig.stations)]
     if rig.shared_covariance.names:
         parts.append("\n".join(_covariance("covariance", rig.shared_covariance)))
+    if rig.reference is not None:
+        parts.append("\n".join(_reference(rig.reference)))
     return "\n\n".join(parts) + "\n"
+
+
+def _reference(reference: RigReference) -> list[str]:
+    """Return the table of what is known of the DGPS."""
+    lines = ["[reference]"]
+    if reference.session:
+        lines.append(f"session = {json.dumps(reference.session)}")
+    if reference.offset_s is not None:
+        numbers = f"offset_s = {float(reference.offset_s)!r}, sigma_s = {float(reference.offset_sigma_s)!r}"
+        lines.append(f"dgps_clock = {{ {numbers} }}")
+    if reference.antenna_in_body_m is not None:
+        lines.append(f"antenna_in_body_m = {_list(reference.antenna_in_body_m)}")
+        if reference.antenna_sigma_m is not None:
+            lines.append(f"antenna_sigma_m = {_list(reference.antenna_sigma_m)}")
+    return lines
 
 
 def _station(station: Station) -> str:
@@ -38,6 +58,8 @@ def _station(station: Station) -> str:
     # fifteen digits hide what the conversion to radians and back leaves, and lose nothing else
     lines.append(f"ptu_resolution_deg = {np.degrees(station.ptu_resolution_rad):.15g}")
     lines.append(f"ptu_sigma_deg = {np.degrees(station.ptu_sigma_rad):.15g}")
+    if station.ptu_axes != IDEAL_AXES:
+        lines.append(f"ptu_axes = {axes_to_toml(station.ptu_axes)}")
     if station.ptu_clock_given or station.ptu_clock != ClockModel():
         lines.append(f"ptu_clock = {_clock(station.ptu_clock)}")
     if station.camera_clock is not None:

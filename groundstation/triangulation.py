@@ -90,7 +90,7 @@ def _refine(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the maximum-likelihood point (3,), its information (3, 3) and χ², −1 where there is no such point.
 
-    ``stations`` (n, 34) packed, ``pixels`` (n, 2) with ``covariances`` (n, 2, 2), ``angles`` (n, 3) pan, tilt and
+    ``stations`` (n, 36) packed, ``pixels`` (n, 2) with ``covariances`` (n, 2, 2), ``angles`` (n, 3) pan, tilt and
     their sigma; Gauss-Newton from ``start``, each view's noise taken at the newest point.
     """
     point, step = start.copy(), np.full(3, np.inf)

@@ -23,6 +23,7 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import GroundstationError
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig import Rig
+from groundstation.rig_covariance import ParameterCovariance
 
 CLOCKS = ("camera_clock", "ptu_clock")
 CLOCK_PARTS = ("offset", "drift")
@@ -93,26 +94,59 @@ class ParameterPrior:
                 raise ParameterError(f"got the carried error {name!r}; wanted {wanted}")
 
 
-def rig_prior(rig: Rig) -> ParameterPrior:
-    """Return what the rig file says of its own errors: its covariance tables and the sigmas of its clocks."""
+def rig_prior(rig: Rig, reference: ParameterPrior | None = None) -> ParameterPrior:
+    """Return what the rig file says of its own errors: its covariance tables and the sigmas of its clocks.
+
+    Clocks that stand in the covariance of the whole rig are correlated with the rest. ``reference`` are the errors of
+    reference positions to carry besides; those of them that a flight has found together with the rig, and whose
+    variance is the rig's, keep what they have in common with it.
+    """
     known = rig.calibration_covariance()
     names, sigmas = [], []
+    extra = ParameterPrior.nothing() if reference is None else reference
+    together = _found_together(known, extra)
     for station in rig.stations:
         clocks = {"camera_clock": station.camera_clock}
         if not station.fixed:
             clocks["ptu_clock"] = station.ptu_clock
         for clock, model in clocks.items():
-            if model is not None and model.sigma_s > 0.0:
-                names.append(f"{station.name}.{clock}.offset")
+            name = f"{station.name}.{clock}.offset"
+            if model is not None and model.sigma_s > 0.0 and name not in known.names:
+                names.append(name)
                 sigmas.append(model.sigma_s)
     # a parameter of no variance is exact: carrying it would only cost time
-    keep = [k for k in range(len(known.names)) if known.matrix[k, k] > 0.0]
+    keep = [
+        k for k, name in enumerate(known.names) if known.matrix[k, k] > 0.0 and (_is_stations(name) or name in together)
+    ]
+    # the rig's DGPS clock is what the log's stamps are ahead of the session, the filter's what they are behind it
+    sign = np.array([-1.0 if known.names[k].startswith(DGPS_CLOCK) else 1.0 for k in keep])
     calibration = ParameterPrior(
         names=tuple(known.names[k] for k in keep),
-        covariance=known.matrix[np.ix_(keep, keep)],
+        covariance=known.matrix[np.ix_(keep, keep)] * np.outer(sign, sign),
         walk_psd=np.zeros(len(keep)),
     )
-    return calibration.joined(ParameterPrior.independent(names, sigmas))
+    alone = [k for k, name in enumerate(extra.names) if name not in together]
+    rest = ParameterPrior(
+        names=tuple(extra.names[k] for k in alone),
+        covariance=extra.covariance[np.ix_(alone, alone)],
+        walk_psd=extra.walk_psd[alone],
+    )
+    return calibration.joined(ParameterPrior.independent(names, sigmas)).joined(rest)
+
+
+def _is_stations(name: str) -> bool:
+    return name not in _OTHER_NAMES
+
+
+def _found_together(known: ParameterCovariance, extra: ParameterPrior) -> frozenset[str]:
+    """Return the errors of the reference whose variance is the one that the rig's table gives."""
+    found = set()
+    for k, name in enumerate(extra.names):
+        if name in known.names:
+            place = known.names.index(name)
+            if np.isclose(known.matrix[place, place], extra.covariance[k, k], rtol=1e-2, atol=0.0):
+                found.add(name)
+    return frozenset(found)
 
 
 def clock_places(parameters: Mapping[str, int], station: str) -> dict[str, list[int]]:

@@ -16,6 +16,9 @@ _LOCAL_FACTOR = 6.0
 _ALIKE = 0.4
 _MISMATCH_SIGMA = 4.0
 _MAX_NEIGHBOUR_GAP_S = 1.2
+# the fixes that a run is compared with, counted from its ends: next to it, or every other one
+_BESIDE = (-2, -1, 1, 2)
+_EVERY_OTHER = (-3, -1, 1, 3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,10 +49,11 @@ def find_glitch_runs(reference: ReferenceSeries, config: EvaluationConfig) -> li
     A run is compared with the cubic through the two fixes on either side. It is a glitch if it departs further
     than noise, than the configured least, and several times further than runs of its length do nearby: an
     aircraft in hard manoeuvres leaves such cubics all the time. A step that does not come back is none.
+    A receiver that flips between two solutions leaves a bad fix beside each good one: those are found first.
     """
     n = len(reference)
-    alive = np.arange(n)
-    found: list[Glitch] = []
+    found = _flips(reference, config)
+    alive = np.setdiff1d(np.arange(n), [g.first for g in found])
     for _ in range(_PASSES):
         kept = ReferenceSeries(
             t_s=reference.t_s[alive], position_m=reference.position_m[alive], sigma_m=reference.sigma_m[alive]
@@ -73,15 +77,7 @@ def _pick(reference: ReferenceSeries, config: EvaluationConfig) -> list[Glitch]:
     longest = int(np.clip(config.glitch_max_s / max(step_s, 1e-6) + 1, 1, MAX_RUN))
     options = []
     for length in range(1, longest + 1):
-        c = _candidates(reference, length)
-        noise = np.linalg.norm(reference.sigma_m, axis=1)[c.start] if len(c.start) else np.zeros(0)
-        limit = np.maximum(config.glitch_min_m, config.glitch_sigma * noise)
-        limit = np.maximum(limit, _LOCAL_FACTOR * _local_median(reference.t_s[c.start], c.furthest_m))
-        off = (c.departure_m > limit) & (c.mismatch_m < 0.5 * c.departure_m + _MISMATCH_SIGMA * noise)
-        options += [
-            Glitch(first=int(c.start[k]), last=int(c.start[k]) + length - 1, size_m=float(c.departure_m[k]))
-            for k in np.flatnonzero(off)
-        ]
+        options += _off_the_path(reference, length, _BESIDE, config)
     options.sort(key=lambda g: -g.size_m)
     taken = np.zeros(len(reference) + 4, dtype=np.bool_)
     picked = []
@@ -93,14 +89,39 @@ def _pick(reference: ReferenceSeries, config: EvaluationConfig) -> list[Glitch]:
     return picked
 
 
-def _candidates(reference: ReferenceSeries, length: int) -> _Candidates:
+def _flips(reference: ReferenceSeries, config: EvaluationConfig) -> list[Glitch]:
+    """Return every other fix of a stretch in which two or more are off the path of those between them."""
+    if len(reference) < MAX_RUN:
+        return []
+    off = {g.first: g for g in _off_the_path(reference, 1, _EVERY_OTHER, config)}
+    return [g for k, g in sorted(off.items()) if k - 2 in off or k + 2 in off]
+
+
+def _off_the_path(
+    reference: ReferenceSeries, length: int, around: tuple[int, int, int, int], config: EvaluationConfig
+) -> list[Glitch]:
+    """Return the runs of one length that leave the cubics through the fixes ``around`` them."""
+    c = _candidates(reference, length, around)
+    noise = np.linalg.norm(reference.sigma_m, axis=1)[c.start] if len(c.start) else np.zeros(0)
+    limit = np.maximum(config.glitch_min_m, config.glitch_sigma * noise)
+    limit = np.maximum(limit, _LOCAL_FACTOR * _local_median(reference.t_s[c.start], c.furthest_m))
+    off = (c.departure_m > limit) & (c.mismatch_m < 0.5 * c.departure_m + _MISMATCH_SIGMA * noise)
+    return [
+        Glitch(first=int(c.start[k]), last=int(c.start[k]) + length - 1, size_m=float(c.departure_m[k]))
+        for k in np.flatnonzero(off)
+    ]
+
+
+def _candidates(reference: ReferenceSeries, length: int, around: tuple[int, int, int, int]) -> _Candidates:
     """Return every run of ``length`` fixes with two neighbours on either side close in time."""
-    start = np.arange(2, len(reference) - length - 1)
-    anchors = np.stack([start - 2, start - 1, start + length, start + length + 1])
+    widest, outermost = around[3], 2 * around[3] - 1
+    start = np.arange(widest, len(reference) - length - widest + 1)
+    anchors = np.stack([start + k if k < 0 else start + length - 1 + k for k in around])
     if not len(start):
         return _Candidates(start=start, departure_m=np.zeros(0), furthest_m=np.zeros(0), mismatch_m=np.zeros(0))
     t, p = reference.t_s[anchors], reference.position_m[anchors]
-    near = t[3] - t[0] < _MAX_NEIGHBOUR_GAP_S + (length - 1) * np.median(np.diff(reference.t_s))
+    longest_s = _MAX_NEIGHBOUR_GAP_S * widest / _BESIDE[3]
+    near = t[3] - t[0] < longest_s + (length - 1) * np.median(np.diff(reference.t_s))
     least, most = np.full(len(start), np.inf), np.zeros(len(start))
     for k in range(length):
         predicted = _lagrange(t, p, reference.t_s[start + k])
@@ -110,7 +131,8 @@ def _candidates(reference: ReferenceSeries, length: int) -> _Candidates:
     departure = np.where(least > _ALIKE * most, least, 0.0)
     # the same cubic must lead on to the next fix on either side: after a step it does not
     mismatch = np.zeros(len(start))
-    for outer in (np.maximum(start - 3, 0), np.minimum(start + length + 2, len(reference) - 1)):
+    outer_fixes = (start - outermost, start + length - 1 + outermost)
+    for outer in (np.clip(fixes, 0, len(reference) - 1) for fixes in outer_fixes):
         led_to = _lagrange(t, p, reference.t_s[outer])
         mismatch = np.maximum(mismatch, np.linalg.norm(reference.position_m[outer] - led_to, axis=1))
     return _Candidates(start=start[near], departure_m=departure[near], furthest_m=most[near], mismatch_m=mismatch[near])

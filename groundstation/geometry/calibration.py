@@ -109,6 +109,7 @@ def changed_station(geometry: StationGeometry, change: FloatArray) -> StationGeo
             principal_point_px=packed[26:28],
             distortion=packed[28:33],
         ),
+        lean_rad=geometry.lean_rad,
     )
     # the radius limit stays where it was, so that the pixel is a smooth function of the change
     changed.packed = packed

@@ -35,14 +35,17 @@ def project_calibration(
     for k in range(3):
         d[k] = point[k] - s[9 + k]
     cp, sp, ct, st = np.cos(pan), np.sin(pan), np.cos(tilt), np.sin(tilt)
-    # columns of runway_from_head = runway_from_base · Rz(pan) · Rx(tilt)
+    # columns of runway_from_head = runway_from_base · Rz(pan) · Ry(lean) · Rx(tilt)
+    cl, sl = s[34], s[35]
     runway_from_head = np.empty((3, 3))
     for r in range(3):
         r0, r1, r2 = s[3 * r], s[3 * r + 1], s[3 * r + 2]
         forward = cp * r1 - sp * r0
-        runway_from_head[r, 0] = cp * r0 + sp * r1
-        runway_from_head[r, 1] = ct * forward + st * r2
-        runway_from_head[r, 2] = ct * r2 - st * forward
+        right = cp * r0 + sp * r1
+        up = sl * right + cl * r2
+        runway_from_head[r, 0] = cl * right - sl * r2
+        runway_from_head[r, 1] = ct * forward + st * up
+        runway_from_head[r, 2] = ct * up - st * forward
     arm = np.empty(3)  # from the camera to the point, head frame
     for k in range(3):
         arm[k] = -s[21 + k]

@@ -2,7 +2,8 @@
 
 A station is one packed float64 array of `STATION_SIZE` numbers (see `groundstation.geometry.station`):
 ``runway_from_base`` (9, row-major), ``ptu_position`` (3), ``head_from_camera`` (9), ``camera_in_head`` (3),
-fx, fy, cx, cy, k1, k2, p1, p2, k3, and the largest r² at which the lens polynomial is used.
+fx, fy, cx, cy, k1, k2, p1, p2, k3, the largest r² at which the lens polynomial is used, and cosine and sine of the
+angle by which the tilt axis leans out of the plane across the pan axis.
 """
 
 import numpy as np
@@ -10,7 +11,7 @@ from numba import njit
 
 from groundstation.arrays import FloatArray
 
-STATION_SIZE = 34
+STATION_SIZE = 36
 MIN_DEPTH_M = 1e-3
 _NEWTON_STEPS = 20
 _NEWTON_TOLERANCE = 1e-14
@@ -54,7 +55,7 @@ def project(
     """Project a runway-frame point (3,) and return its depth in m (pixel and Jacobian valid if > 0).
 
     ``pixel`` (2,) is filled with u, v; ``jacobian`` (2, 5) with ∂(u, v)/∂(x, y, z, pan, tilt). The chain is
-    X_camera = head_from_cameraᵀ (Rx(tilt)ᵀ Rz(pan)ᵀ runway_from_baseᵀ (X − ptu_position) − camera_in_head).
+    X_camera = head_from_cameraᵀ (Rx(tilt)ᵀ Ry(lean)ᵀ Rz(pan)ᵀ runway_from_baseᵀ (X − ptu_position) − camera_in_head).
     """
     d0, d1, d2 = point[0] - s[9], point[1] - s[10], point[2] - s[11]
     b0 = s[0] * d0 + s[3] * d1 + s[6] * d2
@@ -63,9 +64,11 @@ def project(
     cp, sp, ct, st = np.cos(pan), np.sin(pan), np.cos(tilt), np.sin(tilt)
     g0 = cp * b0 + sp * b1  # after the pan axis
     g1 = -sp * b0 + cp * b1
-    h0 = g0  # after the tilt axis: the head frame
-    h1 = ct * g1 + st * b2
-    h2 = -st * g1 + ct * b2
+    cl, sl = s[34], s[35]
+    h0 = cl * g0 - sl * b2  # after the lean and the tilt axis: the head frame
+    q2 = sl * g0 + cl * b2
+    h1 = ct * g1 + st * q2
+    h2 = -st * g1 + ct * q2
     a0, a1, a2 = h0 - s[21], h1 - s[22], h2 - s[23]
     c0 = s[12] * a0 + s[15] * a1 + s[18] * a2
     c1 = s[13] * a0 + s[16] * a1 + s[19] * a2
@@ -86,9 +89,11 @@ def project(
             e2 = s[3 * column + 2]
             f0 = cp * e0 + sp * e1
             f1 = -sp * e0 + cp * e1
-            v0, v1, v2 = f0, ct * f1 + st * e2, -st * f1 + ct * e2
+            r2 = sl * f0 + cl * e2
+            v0, v1, v2 = cl * f0 - sl * e2, ct * f1 + st * r2, -st * f1 + ct * r2
         elif column == 3:
-            v0, v1, v2 = g1, -ct * g0, st * g0
+            r2 = sl * g1
+            v0, v1, v2 = cl * g1, -ct * g0 + st * r2, st * g0 + ct * r2
         else:
             v0, v1, v2 = 0.0, h2, -h1
         w0 = s[12] * v0 + s[15] * v1 + s[18] * v2
@@ -142,9 +147,11 @@ def ray(s: FloatArray, u: float, v: float, pan: float, tilt: float, origin: Floa
             h1 = s[15] * c0 + s[16] * c1 + s[17] * c2
             h2 = s[18] * c0 + s[19] * c1 + s[20] * c2
         g1 = ct * h1 - st * h2
-        g2 = st * h1 + ct * h2
-        b0 = cp * h0 - sp * g1
-        b1 = sp * h0 + cp * g1
+        q2 = st * h1 + ct * h2
+        g0 = s[34] * h0 + s[35] * q2
+        g2 = s[34] * q2 - s[35] * h0
+        b0 = cp * g0 - sp * g1
+        b1 = sp * g0 + cp * g1
         for row in range(3):
             value = s[3 * row] * b0 + s[3 * row + 1] * b1 + s[3 * row + 2] * g2
             if k == 0:

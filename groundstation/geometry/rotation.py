@@ -50,6 +50,12 @@ def rotation_x(angle_rad: float) -> FloatArray:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
+def rotation_y(angle_rad: float) -> FloatArray:
+    """Return Ry, (3, 3): right-handed rotation about y."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
 def rotation_z(angle_rad: float) -> FloatArray:
     """Return Rz, (3, 3): right-handed rotation about z."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)

@@ -11,7 +11,7 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import GroundstationError
 from groundstation.geometry import kernels
 from groundstation.geometry.camera import Lens
-from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_z
+from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z
 
 
 class LensError(GroundstationError):
@@ -57,6 +57,7 @@ class StationGeometry:
     ptu_position_m : (3,) where the pan and tilt axes meet, runway frame.
     runway_from_base_wxyz, head_from_camera_wxyz : (4,) unit Hamilton quaternions.
     camera_in_head_m : (3,) the camera's centre in the head frame.
+    lean_rad : angle by which the tilt axis leans out of the plane across the pan axis, about the head's forward axis.
 
     ``packed`` is the array that the compiled kernels take, for callers with a loop of their own.
     """
@@ -72,6 +73,7 @@ class StationGeometry:
         head_from_camera_wxyz: FloatArray,
         camera_in_head_m: FloatArray,
         lens: Lens,
+        lean_rad: float = 0.0,
     ) -> None:
         self.name = name
         self.lens = lens
@@ -85,9 +87,14 @@ class StationGeometry:
                 lens.focal_px,
                 lens.principal_point_px,
                 lens.distortion,
-                [lens.radius_limit],
+                [lens.radius_limit, np.cos(lean_rad), np.sin(lean_rad)],
             ]
         )
+
+    @property
+    def lean_rad(self) -> float:
+        """Return by how much the tilt axis leans, rad."""
+        return float(np.arctan2(self.packed[35], self.packed[34]))
 
     def project(self, point_runway_m: FloatArray, pan_rad: float, tilt_rad: float) -> Projection | None:
         """Return where a runway point (3,) falls, or None if it is not in front of the camera.
@@ -111,7 +118,8 @@ class StationGeometry:
         """Return the camera's pose at one pair of angles, by the frames of docs/conventions.md."""
         runway_from_base = self.packed[0:9].reshape(3, 3)
         head_from_camera = self.packed[12:21].reshape(3, 3)
-        runway_from_head = runway_from_base @ rotation_z(pan_rad) @ rotation_x(tilt_rad)
+        base_from_head = rotation_z(pan_rad) @ rotation_y(self.lean_rad) @ rotation_x(tilt_rad)
+        runway_from_head = runway_from_base @ base_from_head
         return CameraPose(
             position_runway_m=self.packed[9:12] + runway_from_head @ self.packed[21:24],
             runway_from_camera=runway_from_head @ head_from_camera,

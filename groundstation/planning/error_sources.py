@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.planning.site import Site
 
 # the words of a plan for the parameters of a calibration; the first that fits
@@ -38,6 +39,9 @@ class ErrorSources:
 def error_sources(site: Site) -> ErrorSources:
     """Gather the constant errors of a site; what has no uncertainty is left out."""
     known = site.rig.calibration_covariance()
+    # clocks come below, with the site's own; DGPS plays no part in a forecast
+    keep = [k for k, name in enumerate(known.names) if name.partition(".")[2] in CALIBRATION_PARAMETERS]
+    geometry = tuple(known.names[k] for k in keep)
     clocks = []
     for station in site.rig.stations:
         camera_s = station.camera_clock.sigma_s if station.camera_clock else 0.0
@@ -49,12 +53,12 @@ def error_sources(site: Site) -> ErrorSources:
         ):
             if sigma_s > 0.0:
                 clocks.append((f"{station.name}.{kind}", sigma_s))
-    n = len(known.names)
+    n = len(geometry)
     covariance = np.zeros((n + len(clocks), n + len(clocks)))
-    covariance[:n, :n] = known.matrix
+    covariance[:n, :n] = known.matrix[np.ix_(keep, keep)]
     for k, (_, sigma_s) in enumerate(clocks, start=n):
         covariance[k, k] = sigma_s**2
-    names = (*known.names, *(name for name, _ in clocks))
+    names = (*geometry, *(name for name, _ in clocks))
     return ErrorSources(names=names, groups=tuple(_group(n) for n in names), covariance=covariance, calibrated=n)
 
 

@@ -70,6 +70,9 @@ def read_ptu(
     generator: np.random.Generator,
 ) -> PtuReadings:
     """Sample a unit's encoders over a span of true session time, s; stamps are as the user's rig maps them."""
+    ideal = true.ptu_axes.reads_true and believed.ptu_axes.reads_true
+    what = f"station {true.name}: ptu_axes"
+    require(ideal, what, got="an error of zero, scale or backlash", wanted="none: only a lean is simulated")
     first = np.ceil((span_s[0] - model.phase_s) * model.rate_hz - 1e-9)
     last = np.floor((span_s[1] - model.phase_s) * model.rate_hz + 1e-9)
     count = int(last - first) + 1

@@ -67,6 +67,27 @@ def blueprint(rig: Rig, *, eye: Eye, loop_s: tuple[float, float] | None, errors_
     )
 
 
+def live_blueprint(rig: Rig, eye: Eye) -> rrb.Blueprint:
+    """Return the operator's screen: pictures and words large, the newest always in view."""
+    words = rrb.TextDocumentView(origin=f"/{tree.WORDS}", name="Station")
+    plots = rrb.Horizontal(
+        _plot(tree.LATENCY, "Delay [ms]"),
+        _plot(tree.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
+        _plot(tree.PTU, "Pan and tilt [°]", [f"{tree.PTU}/{s}/{kind}" for s in rig.names for kind in ("pan", "tilt")]),
+    )
+    left = rrb.Vertical(words, _scene(eye), plots, row_shares=[3, 5, 3])
+    right = rrb.Vertical(_images(rig), rrb.TextLogView(origin=f"/{tree.LOG}", name="Log"), row_shares=[4, 1])
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[1, 1]),
+        rrb.TopPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=tree.TIMELINE, play_state="Following"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
 def _so_far() -> rrb.VisibleTimeRanges:
     """Everything from the beginning to the cursor."""
     return rrb.VisibleTimeRanges(

@@ -11,7 +11,7 @@ from groundstation.errors import SessionError
 from groundstation.messages import CameraReport, StepReport, TrackEvent
 from groundstation.rig import Rig
 from groundstation.sinks import rerun_tree as tree
-from groundstation.sinks.rerun_blueprint import Eye, blueprint, eye_before, eye_over
+from groundstation.sinks.rerun_blueprint import Eye, blueprint, eye_before, eye_over, live_blueprint
 from groundstation.sinks.rerun_cameras import CameraChannel
 from groundstation.sinks.rerun_media import ImageFolder, Media, VideoAsset, encoded_image, load_video
 from groundstation.sinks.rerun_reference import (
@@ -44,28 +44,33 @@ class RerunSink:
 
     Parameters
     ----------
-    path : the file to write; an old one is replaced.
+    path : the file to write, an old one is replaced; or an open stream, to be looked at as it goes on.
     rig : the calibrated rig.
     session_name : the recording's title in the viewer.
     media : the session's own videos or pictures by station; a station without any shows its overlay alone.
     runway : the strip to draw; by default the one between the pedestals, as long as the track needs.
+    live : lay it out for whoever operates the station. flush_epochs : rows are sent after so many pairs.
     """
 
     def __init__(
         self,
-        path: Path,
+        path: Path | rr.RecordingStream,
         rig: Rig,
         *,
         session_name: str,
         media: Mapping[str, Media] | None = None,
         runway: RunwayOutline | None = None,
+        live: bool = False,
+        flush_epochs: int = FLUSH_EPOCHS,
     ) -> None:
+        self._live = live
+        self._flush_epochs = flush_epochs
         self._rig = rig
         self._runway = runway if runway is not None else outline_between(rig)
         self._errors_against = ""
         self._notices: list[str] = []
         self._track = TrackChannel()
-        self._stream = _file_stream(path, session_name)
+        self._stream = _file_stream(path, session_name) if isinstance(path, Path) else path
         self._send_blueprint(eye_before(rig), loop_s=None)
         media = media or {}
         self._folders = {name: m for name, m in media.items() if isinstance(m, ImageFolder)}
@@ -83,7 +88,8 @@ class RerunSink:
             self._track.add_estimate(estimate)
         for event in report.events:
             self._track.add_event(event)
-        if len(self._track) >= FLUSH_EPOCHS or any(len(c) >= 2 * FLUSH_EPOCHS for c in self._cameras.values()):
+        most = self._flush_epochs
+        if len(self._track) >= most or any(len(c) >= 2 * most for c in self._cameras.values()):
             self._flush()
 
     def write_reference(self, reference: ReferenceTracks) -> None:
@@ -131,7 +137,11 @@ class RerunSink:
 
     def _send_blueprint(self, eye: Eye, loop_s: tuple[float, float] | None) -> None:
         """Send the layout, looping over a part of the session if given."""
-        layout = blueprint(self._rig, eye=eye, loop_s=loop_s, errors_against=self._errors_against)
+        layout = (
+            live_blueprint(self._rig, eye)
+            if self._live
+            else blueprint(self._rig, eye=eye, loop_s=loop_s, errors_against=self._errors_against)
+        )
         self._stream.send_blueprint(layout)
 
     def _log_scene(self, videos: Mapping[str, VideoAsset]) -> dict[str, CameraChannel]:

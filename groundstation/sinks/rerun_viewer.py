@@ -13,6 +13,8 @@ from groundstation.errors import GroundstationError
 
 # a viewer that cannot start says so within this time
 STARTUP_S = 2.0
+# what a viewer that comes late may still see
+_SERVER_MEMORY = "256MB"
 
 
 class ViewerError(GroundstationError):
@@ -67,12 +69,38 @@ def open_live_stream(application: str, environment: Mapping[str, str]) -> rr.Rec
     """
     if not _has_display(environment):
         raise ViewerError("no display for --view; --save-video writes the same pictures into a file")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = int(free.getsockname()[1])
+    port = _free_port()
     code = _stopped(_start(live_viewer_command(port), environment))
     if code is not None:
         raise ViewerError(f"the viewer stopped at once (exit code {code}); --save-video writes a file")
+    return _stream_to(application, port)
+
+
+def open_web_stream(
+    application: str, environment: Mapping[str, str]
+) -> tuple[rr.RecordingStream, str, subprocess.Popen[bytes]]:
+    """Serve a viewer to browsers on this machine alone; returns a stream to it, its address, and its process.
+
+    Raises `ViewerError` where the server stops at once.
+    """
+    port, web_port = _free_port(), _free_port()
+    command = [sys.executable, "-m", "rerun", "--serve-web", "--bind", "127.0.0.1", "--port", str(port)]
+    command += ["--web-viewer-port", str(web_port), "--server-memory-limit", _SERVER_MEMORY]
+    process = _start(command, environment)
+    code = _stopped(process)
+    if code is not None:
+        raise ViewerError(f"the web viewer stopped at once (exit code {code})")
+    proxy = f"rerun%2Bhttp://127.0.0.1:{port}/proxy"
+    return _stream_to(application, port), f"http://127.0.0.1:{web_port}/?url={proxy}", process
+
+
+def _free_port() -> int:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+def _stream_to(application: str, port: int) -> rr.RecordingStream:
     stream = rr.RecordingStream(application, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)

@@ -1,4 +1,4 @@
-"""ptu.csv as a stream of readings in session time."""
+"""ptu.csv as a stream of readings in session time, corrected by what the rig says of each head's axes."""
 
 import heapq
 from collections.abc import Iterator
@@ -7,6 +7,7 @@ import numpy as np
 
 from groundstation.errors import SessionError
 from groundstation.messages import PtuSample
+from groundstation.ptu_axes import AxisCorrection
 from groundstation.session import Session
 from groundstation.session.folder import ptu_table
 from groundstation.session.tables import CsvTable, Row
@@ -14,6 +15,8 @@ from groundstation.session.tables import CsvTable, Row
 
 class PtuReadings:
     """Streams ptu.csv in order of session time; a rig of fixed stations has no readings and needs no file.
+
+    What it streams are angles: this is the one place where a replay applies ``ptu_axes`` of rig.toml.
 
     ``fault`` is what ended the stream early, if anything did; ``newest_s`` the last reading handed out.
     Raises `SessionError` on opening if the file or a column is missing.
@@ -23,6 +26,7 @@ class PtuReadings:
         self.fault: SessionError | None = None
         self.newest_s = -np.inf
         self._clocks = {s.name: session.ptu_clock(s) for s in session.rig.stations if not s.fixed}
+        self._axes = {s.name: s.ptu_axes for s in session.rig.stations if not s.fixed}
         self._table = ptu_table(session)
         self._stream: Iterator[PtuSample] = iter(())
         self._next: PtuSample | None = None
@@ -60,6 +64,7 @@ class PtuReadings:
 
     def _readings(self, table: CsvTable, from_s: float) -> Iterator[PtuSample]:
         waiting: list[tuple[float, int, PtuSample]] = []
+        corrections = {name: AxisCorrection(axes) for name, axes in self._axes.items()}
         number = 0
         before: float | None = None
         try:
@@ -68,7 +73,7 @@ class PtuReadings:
                 times = {name: clock.session_from_device(before) for name, clock in self._clocks.items()}
                 self._read_s = (min(self._read_s[0], *times.values()), max(self._read_s[1], *times.values()))
                 # the whole row first: of a row at fault nothing is used
-                samples = [_reading(table, row, name, t_s) for name, t_s in times.items()]
+                samples = [_reading(table, row, name, t_s, corrections[name]) for name, t_s in times.items()]
                 for sample in samples:
                     if sample is not None and sample.t_s >= from_s:
                         number += 1
@@ -83,12 +88,13 @@ class PtuReadings:
             yield heapq.heappop(waiting)[2]
 
 
-def _reading(table: CsvTable, row: Row, name: str, t_s: float) -> PtuSample | None:
-    """Return one station's reading, or None where its cells are empty."""
+def _reading(table: CsvTable, row: Row, name: str, t_s: float, correction: AxisCorrection) -> PtuSample | None:
+    """Return one station's angles, or None where its cells are empty."""
     pan = table.optional_number(row, f"{name}_pan_deg")
     tilt = table.optional_number(row, f"{name}_tilt_deg")
     if pan is None and tilt is None:
         return None
     if pan is None or tilt is None:
         raise table.fault(row.line, got=f"only one of {name}'s two angles", wanted="pan and tilt, or neither")
-    return PtuSample(t_s=t_s, station=name, pan_rad=float(np.radians(pan)), tilt_rad=float(np.radians(tilt)))
+    pan_rad, tilt_rad = correction.angles(float(np.radians(pan)), float(np.radians(tilt)))
+    return PtuSample(t_s=t_s, station=name, pan_rad=pan_rad, tilt_rad=tilt_rad)

@@ -8,17 +8,18 @@ from groundstation.messages import DgpsFix, Event, ReferenceFix
 
 
 def reference_fixes(
-    fixes: Sequence[DgpsFix], antenna_in_body_m: FloatArray | None, until_s: float
+    fixes: Sequence[DgpsFix], antenna_in_body_m: FloatArray | None, until_s: float, offset_s: float = 0.0
 ) -> list[ReferenceFix]:
     """Return the log up to ``until_s`` of its own clock as positions of the nose, in time order.
 
-    Repeated rows are left out, and sigmas that the log does not give are estimated, as for the comparison.
+    Their stamps are the session's, as far as it is known that the log's are ``offset_s`` later. Repeated rows are left
+    out, and sigmas that the log does not give are estimated, as for the comparison.
     """
     series = reference_from_fixes(fixes)
     if antenna_in_body_m is not None:
         series = nose_from_antenna(series, antenna_in_body_m)
     return [
-        ReferenceFix(t_s=float(t), position_runway_m=position, sigma_m=sigma)
+        ReferenceFix(t_s=float(t) - offset_s, position_runway_m=position, sigma_m=sigma)
         for t, position, sigma in zip(series.t_s, series.position_m, series.sigma_m, strict=True)
         if t <= until_s
     ]

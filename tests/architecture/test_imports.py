@@ -11,7 +11,16 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 # From the top down: a module may import from its own layer and from those below it, never from above.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.cli", "groundstation.__main__"),
-    ("groundstation.cli_calibrate", "groundstation.cli_simulate"),
+    (
+        "groundstation.cli_calibrate",
+        "groundstation.cli_calibrate_landmarks",
+        "groundstation.cli_calibrate_mount",
+        "groundstation.cli_calibrate_timing",
+        "groundstation.cli_cameras",
+        "groundstation.cli_live",
+        "groundstation.cli_ptu",
+        "groundstation.cli_simulate",
+    ),
     ("calibration",),
     (
         "groundstation.replay",
@@ -20,7 +29,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.filming",
         "groundstation.progress",
     ),
-    ("groundstation.run", "groundstation.planning"),
+    ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
     (
@@ -32,12 +41,20 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ),
     ("groundstation.config",),
     ("groundstation.epoch", "groundstation.track_life", "groundstation.warm_up"),
-    ("groundstation.integrity", "groundstation.existence", "groundstation.search_region"),
+    (
+        "groundstation.integrity",
+        "groundstation.existence",
+        "groundstation.search_region",
+        "groundstation.search_pattern",
+        "groundstation.pointing",
+    ),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
     ("groundstation.rig_toml",),
-    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.toml_table"),
+    ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.rig_reference"),
+    ("groundstation.ptu_axes",),
+    ("groundstation.toml_table",),
     ("groundstation.geometry", "groundstation.picture"),
-    ("groundstation.errors", "groundstation.arrays", "groundstation.__version__"),
+    ("groundstation.errors", "groundstation.arrays", "groundstation.hand_over", "groundstation.__version__"),
 )
 # tuning of a component is read by the layer that gathers all tuning, wherever the component lives
 LEAVES = ("groundstation.evaluation.config",)
@@ -57,6 +74,8 @@ CORE = (
     "station_health",
     "integrity",
     "existence",
+    "pointing",
+    "search_pattern",
     "search_region",
     "simulation",
 )

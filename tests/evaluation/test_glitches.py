@@ -65,3 +65,20 @@ def test_hard_manoeuvres_are_no_glitches(rng: np.random.Generator) -> None:
 def test_short_logs_are_no_reason_to_fail(n: int) -> None:
     log = ReferenceSeries(t_s=np.arange(n) * 0.1, position_m=np.zeros((n, 3)), sigma_m=np.ones((n, 3)))
     assert not find_glitch_runs(log, CONFIG)
+
+
+@pytest.mark.parametrize("flips", [2, 3, 5])
+def test_fixes_that_flip_to_another_solution_and_back(rng: np.random.Generator, flips: int) -> None:
+    """Every other fix 1.2 m off, as of a receiver between two solutions: those, and not the good ones between."""
+    log = _log(rng, rate_hz=5.0)
+    bad = [100 + 2 * k for k in range(flips)]
+    points = log.position_m.copy()
+    points[bad] += (-1.2, -0.3, 0.4)
+    flipping = ReferenceSeries(t_s=log.t_s, position_m=points, sigma_m=log.sigma_m)
+    found = find_glitch_runs(flipping, CONFIG)
+    assert [g.first for g in found] == [g.last for g in found] == bad
+
+
+def test_one_fix_off_is_found_once(rng: np.random.Generator) -> None:
+    moved = _moved(_log(rng, rate_hz=5.0), slice(90, 91), (-1.2, -0.3, 0.4))
+    assert [(g.first, g.last) for g in find_glitch_runs(moved, CONFIG)] == [(90, 90)]

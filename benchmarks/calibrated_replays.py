@@ -1,0 +1,179 @@
+"""Replays with rigs that a flight has calibrated: a real hexacopter, and rendered sessions whose rig was spoilt.
+
+usage: python benchmarks/calibrated_replays.py [--data FOLDER] [SECTION …]
+
+Sections: `drone` (drone-flight-3: calibrated up to 342 s, the EKF from 345 s on against RTK, four stations and three
+pairs), `positions` (the same with no position known), `spoilt` (landing-1 with mounts off by 0.1 deg, takeoff-1 with
+PTU clocks off by 40 ms). Figures in docs/results.md.
+"""
+
+import argparse
+import csv
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from calibration.flight_session import FlightRequest, calibrate_flight
+from groundstation.evaluation.config import EvaluationConfig
+from groundstation.evaluation.reference_check import covers, find_glitches
+from groundstation.evaluation.series import interpolate, reference_from_fixes
+from groundstation.replay import ReplayRequest, replay
+from groundstation.rig import ClockModel, Rig, load_rig
+from groundstation.rig_covariance import ParameterCovariance
+from groundstation.rig_toml import rig_to_toml
+from groundstation.session import load_session
+from groundstation.session.references import load_dgps
+
+ROOT = Path(__file__).resolve().parent.parent
+HEXACOPTER = ROOT / "docs" / "hexacopter.toml"
+PAIRS = (("sony5n", "sony5100"), ("sony5100", "sonyG"), ("sony5n", "sonyG"))
+TAUGHT_UNTIL_S, JUDGED_FROM_S = 342.0, 345.0
+LANDING_UNTIL_S = 20.0
+MOUNTS_DEG = {"left": (0.1, 0.0, 0.1), "right": (-0.1, 0.0, -0.1)}
+CLOCK_S = 0.04
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackError:
+    """Distances (n,) in m between track and reference while tracking, and what of the reference was left out."""
+
+    off_m: np.ndarray
+    left_out: tuple[str, ...]
+
+    @property
+    def rmse_m(self) -> float:
+        """Root mean square distance, m."""
+        return float(np.sqrt(np.mean(self.off_m**2)))
+
+
+def track_error(session: Path, results: Path) -> TrackError:
+    """Compare track.csv with DGPS in one clock, without the fixes that leave their own path."""
+    reference = reference_from_fixes(load_dgps(load_session(session)))
+    glitches = find_glitches(reference, EvaluationConfig())
+    with (results / "track.csv").open() as stream:
+        rows = [row for row in csv.DictReader(stream) if row["status"] == "tracking"]
+    t = np.array([float(row["t_s"]) for row in rows])
+    at = np.array([[float(row[f"{axis}_m"]) for axis in "xyz"] for row in rows])
+    good = interpolate(reference.keep(~covers(glitches, reference.t_s)), t, 0.5)
+    off = np.linalg.norm(at - good.position_m, axis=1)[good.usable]
+    inside = [g for g in glitches if t.min() <= g.from_s <= t.max()]
+    return TrackError(off_m=off, left_out=tuple(f"{g.from_s:.1f} s: {g.detail}" for g in inside))
+
+
+def of_stations(rig: Rig, names: Sequence[str]) -> Rig:
+    """Return a rig of some stations, each with its own covariance."""
+    return replace(rig, stations=tuple(rig[name] for name in names), shared_covariance=ParameterCovariance.nothing())
+
+
+def without_positions(session: Path, folder: Path) -> Path:
+    """Copy a session whose stations do not know where they are."""
+    folder.mkdir()
+    for path in session.iterdir():
+        if path.is_file() and path.name != "rig.toml":
+            (folder / path.name).write_bytes(path.read_bytes())
+    lines = (session / "rig.toml").read_text().replace('known = ["position"]', "known = []").splitlines()
+    (folder / "rig.toml").write_text("\n".join(x for x in lines if not x.startswith("ptu_position_m")) + "\n")
+    return folder
+
+
+def spoilt_mounts(rig: Rig) -> Rig:
+    """Return a rig whose mounts are off by 0.1 deg in tilt and pan, and that admits it."""
+    stations = []
+    for station in rig.stations:
+        change = np.zeros(21)
+        change[:3] = np.radians(MOUNTS_DEG[station.name])
+        names = tuple(f"runway_from_base.{axis}" for axis in "xyz")
+        spread = np.radians(0.1) ** 2 * np.eye(3)
+        stations.append(replace(station.changed(change), covariance_parameters=names, covariance=spread))
+    return replace(rig, stations=tuple(stations))
+
+
+def spoilt_clocks(rig: Rig) -> Rig:
+    """Return a rig whose PTU clocks are off by 40 ms and that does not know it."""
+    return replace(
+        rig,
+        stations=tuple(
+            replace(s, ptu_clock=ClockModel(offset_s=s.ptu_clock.offset_s + CLOCK_S, sigma_s=s.ptu_clock.sigma_s))
+            for s in rig.stations
+        ),
+    )
+
+
+def truth_rmse(session: Path, results: Path) -> np.ndarray:
+    """Return the EKF's RMSE (3,) against the exact truth, m."""
+    truth = np.genfromtxt(session / "truth.csv", delimiter=",", names=True)
+    with (results / "track.csv").open() as stream:
+        rows = [row for row in csv.DictReader(stream) if row["status"] == "tracking"]
+    t = np.array([float(row["t_s"]) for row in rows])
+    at = np.array([[float(row[f"{axis}_m"]) for axis in "xyz"] for row in rows])
+    true = np.column_stack([np.interp(t, truth["t_s"], truth[f"{axis}_m"]) for axis in "xyz"])
+    return np.sqrt(np.mean((at - true) ** 2, axis=0))
+
+
+def _replayed(session: Path, out: Path, rig: Path | None, **how: object) -> Path:
+    replay(ReplayRequest(session=session, out=out, rig=rig, rerun=False, **how))
+    return out
+
+
+def drone(data: Path, work: Path) -> None:
+    session = data / "drone-flight-3"
+    found = calibrate_flight(FlightRequest(session=session, out=work / "rig.toml", to_s=TAUGHT_UNTIL_S)).rig
+    for names in (found.names, *PAIRS):
+        path = work / f"{len(names)}{names[0]}{names[1]}.toml"
+        path.write_text(rig_to_toml(of_stations(found, names) if len(names) == 2 else found))
+        out = _replayed(session, work / path.stem, path, from_s=JUDGED_FROM_S, config=HEXACOPTER)
+        error = track_error(session, out)
+        print(f"{' + '.join(names)}: EKF while tracking {error.rmse_m:.3f} m RMSE in 3-D, median", end=" ")
+        print(f"{np.median(error.off_m):.3f} m, {len(error.off_m)} epochs")
+    for text in error.left_out:
+        print("  left out:", text)
+
+
+def positions(data: Path, work: Path) -> None:
+    session = data / "drone-flight-3"
+    folder = without_positions(session, work / "nowhere")
+    found = calibrate_flight(FlightRequest(session=folder, out=work / "places.toml")).rig
+    surveyed = load_rig(session / "rig.toml")
+    for name in found.names:
+        off = found[name].ptu_position_m - surveyed[name].ptu_position_m
+        print(f"{name}: {np.linalg.norm(off):.3f} m from the survey, x y z", np.round(off, 3))
+
+
+def spoilt(data: Path, work: Path) -> None:
+    landing, takeoff = ROOT / "recordings" / "landing-1", data / "takeoff-1"
+    for session, spoil, free, to_s, from_s in (
+        (landing, spoilt_mounts, "orientation", LANDING_UNTIL_S, LANDING_UNTIL_S),
+        (takeoff, spoilt_clocks, "ptu_clock", None, None),
+    ):
+        believed, found = work / f"{session.name}-believed.toml", work / f"{session.name}-found.toml"
+        believed.write_text(rig_to_toml(spoil(load_rig(session / "rig.toml"))))
+        before = _replayed(session, work / f"{session.name}-before", believed)
+        seen = before / "detections.csv"
+        calibrate_flight(FlightRequest(session=session, rig=believed, out=found, detections=seen, to_s=to_s, free=free))
+        for label, rig in (("true rig", None), ("spoilt", believed), ("found", found)):
+            out = _replayed(session, work / f"{session.name}-{label[0]}", rig, from_s=from_s)
+            x, y, z = truth_rmse(session, out)
+            print(f"{session.name}, {label}: EKF {x:.3f}/{y:.3f}/{z:.3f} m")
+
+
+SECTIONS = {"drone": drone, "positions": positions, "spoilt": spoilt}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
+    parser.add_argument("sections", nargs="*", metavar="SECTION", help="drone, positions, spoilt; all by default")
+    options = parser.parse_args()
+    if not options.data.is_dir():
+        print(f"no recordings in {options.data}: nothing done")
+        return
+    for section in options.sections or SECTIONS:
+        with tempfile.TemporaryDirectory() as folder:
+            SECTIONS[section](options.data, Path(folder))
+
+
+if __name__ == "__main__":
+    main()

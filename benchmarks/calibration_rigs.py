@@ -1,0 +1,181 @@
+"""`calibrate flight` on drawn rigs: errors over claimed sigmas, relative pan, tilt, and clocks against their bound.
+
+usage: python benchmarks/calibration_rigs.py [--rigs N] [CASE …]
+
+Cases, simulated at the level of angles and pixels, 2 cm DGPS at 10 Hz over the whole approach, all biases free:
+`mounts`: mounts off by 0.05° about each axis (1 sigma, as the rig admits), the log's clock by 0.2 s, case B;
+`clocks`: mounts, too, and clocks of cameras and PTUs off by 20 ms each, heads that lag behind a weaving approach.
+Each error's square over its claimed variance has mean 1 over rigs where the sigmas are true; the bounds are those of
+chi-square. A clock's bound is (JᵀWJ + prior)⁻¹ at the noise that was put in. Figures in docs/results.md.
+"""
+
+import argparse
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chi2
+
+from calibration.flight import FlightFit
+from calibration.flight_problem import DGPS_OFFSET
+from calibration.flight_session import FlightRequest, calibrate_flight
+from groundstation.geometry.rotation import matrix_from_wxyz
+from groundstation.rig import ClockModel, Rig
+from groundstation.simulation import Scenario, StationErrors, case_b, perturbed, simulate
+from groundstation.simulation.approach import weaving_approach
+from groundstation.simulation.dgps import DgpsModel
+from groundstation.simulation.pointing import FirstOrderLoop
+from groundstation.simulation.rig_errors import drawn_errors
+from groundstation.sinks.session_folder import write_session_folder
+
+CASES = ("mounts", "clocks")
+MOUNT_RAD = float(np.radians(0.05))
+CLOCK_S = 0.02
+DGPS_CLOCK_S = 0.2
+AXES = ("x", "y", "z")
+# what chance leaves outside the bounds, both sides together
+CHANCE = 1e-3
+_DRAWS = 77
+_CLOCKS = "\n[clocks]\ndgps = {{ offset_s = 0.0 }}\ndetections = {{ offset_s = 0.0, sigma_s = {sigma} }}\n"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigErrors:
+    """One rig's p errors after calibration, what is claimed of them (p,), and their bounds (p,); 1 sigma each."""
+
+    names: tuple[str, ...]
+    error: np.ndarray
+    sigma: np.ndarray
+    bound: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """What n rigs of one case gave; (n, p) each."""
+
+    names: tuple[str, ...]
+    error: np.ndarray
+    sigma: np.ndarray
+    bound: np.ndarray
+
+    def normalised(self) -> np.ndarray:
+        """Return the mean square of error over claimed sigma, (p,)."""
+        return np.mean((self.error / self.sigma) ** 2, axis=0)
+
+    def over_bound(self) -> np.ndarray:
+        """Return the rms error over the bound, (p,)."""
+        return np.sqrt(np.mean(self.error**2, axis=0) / np.mean(self.bound**2, axis=0))
+
+    def degrees(self, name: str) -> np.ndarray:
+        """Return a rotation's errors (n,) in degrees."""
+        return np.degrees(self.error[:, self.names.index(name)])
+
+    def limits(self) -> tuple[float, float]:
+        """Return what mean squares of n true sigmas stay within."""
+        n = len(self.error)
+        return float(chi2.ppf(0.5 * CHANCE, n) / n), float(chi2.ppf(1.0 - 0.5 * CHANCE, n) / n)
+
+
+def sample(case: str, seeds: Sequence[int]) -> Sample:
+    """Calibrate one rig for each seed."""
+    found = [one_rig(case, seed) for seed in seeds]
+    return Sample(
+        names=found[0].names,
+        error=np.array([f.error for f in found]),
+        sigma=np.array([f.sigma for f in found]),
+        bound=np.array([f.bound for f in found]),
+    )
+
+
+def one_rig(case: str, seed: int) -> RigErrors:
+    """Draw a rig's errors, fly, calibrate, compare."""
+    generator = np.random.default_rng([_DRAWS, seed])
+    clocks = case == "clocks"
+    scenario = _scenario(case, seed)
+    spread = StationErrors(
+        mount_rad=np.full(3, MOUNT_RAD),
+        ptu_offset_s=CLOCK_S if clocks else 0.0,
+        camera_offset_s=CLOCK_S if clocks else 0.0,
+    )
+    late_s = 0.0 if clocks else DGPS_CLOCK_S * float(generator.normal())
+    errors = drawn_errors(generator, scenario.rig.names, spread)
+    believed = _admitting(scenario.rig, CLOCK_S if clocks else 0.0)
+    true = perturbed(scenario.true_rig, errors)
+    scenario = replace(scenario, rig=believed, true_rig=true, dgps=DgpsModel(clock_offset_s=late_s))
+    with tempfile.TemporaryDirectory() as folder:
+        session = Path(folder) / "session"
+        write_session_folder(session, simulate(scenario), name="simulated")
+        if clocks:
+            path = session / "session.toml"
+            path.write_text(path.read_text() + _CLOCKS.format(sigma=CLOCK_S))
+        request = FlightRequest(session=session, out=Path(folder) / "rig.toml", free="orientation")
+        found = calibrate_flight(request)
+    return _compared(found.fit, found.rig, true, errors, late_s)
+
+
+def _scenario(case: str, seed: int) -> Scenario:
+    if case == "mounts":
+        return case_b(seed=seed)
+    return case_b(seed=seed, trajectory=weaving_approach(), pointing=FirstOrderLoop(), ptu_hz=50.0)
+
+
+def _admitting(rig: Rig, clock_s: float) -> Rig:
+    """Return the rig that says how far it may be off."""
+    covariance = {
+        "covariance_parameters": tuple(f"runway_from_base.{axis}" for axis in AXES),
+        "covariance": MOUNT_RAD**2 * np.eye(3),
+    }
+    clock = ClockModel(sigma_s=clock_s)
+    stations = tuple(replace(s, ptu_clock=clock, ptu_clock_given=clock_s > 0.0, **covariance) for s in rig.stations)
+    return replace(rig, stations=stations)
+
+
+def _compared(fit: FlightFit, rig: Rig, true: Rig, errors: dict[str, StationErrors], late_s: float) -> RigErrors:
+    off = []
+    for k, name in enumerate(fit.problem.names):
+        station, _, short = name.partition(".")
+        if name == DGPS_OFFSET:
+            off.append(late_s - fit.change[k])
+        elif short == "camera_clock.offset":
+            off.append(errors[station].camera_offset_s - fit.change[k])
+        elif short == "ptu_clock.offset":
+            off.append(errors[station].ptu_offset_s - fit.change[k])
+        else:
+            off.append(_turned(rig, true, station)[AXES.index(short[-1])])
+    # what was put in is the noise that the fit assumes: its covariance before anything raised it
+    raised = fit.lasting_factor * np.sqrt(max(1.0, fit.reduced_chi_square))
+    return RigErrors(names=fit.problem.names, error=np.array(off), sigma=fit.sigma, bound=fit.sigma / raised)
+
+
+def _turned(found: Rig, true: Rig, name: str) -> np.ndarray:
+    """Return by which small rotation (3,), runway frame, the true mount differs from the one found."""
+    off = matrix_from_wxyz(true[name].runway_from_base_wxyz) @ matrix_from_wxyz(found[name].runway_from_base_wxyz).T
+    return 0.5 * np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rigs", type=int, default=100)
+    parser.add_argument("cases", nargs="*", metavar="CASE", help="mounts, clocks; both by default")
+    options = parser.parse_args()
+    for case in options.cases or CASES:
+        found = sample(case, range(options.rigs))
+        low, high = found.limits()
+        print(f"{case}, {options.rigs} rigs; mean square of error over sigma, {1 - CHANCE:.1%}: {low:.2f} … {high:.2f}")
+        rms, sigma, bound = (np.sqrt(np.mean(v**2, axis=0)) for v in (found.error, found.sigma, found.bound))
+        for k, name in enumerate(found.names):
+            turn = "runway_from_base" in name
+            unit, scale = ("deg", np.degrees(1.0)) if turn else ("s", 1.0)
+            numbers = " ".join(f"{scale * v[k]:.5f}" for v in (rms, sigma, bound))
+            print(f"  {name:<32} rms, sigma, bound {numbers} {unit}; {found.normalised()[k]:.2f}", end="; ")
+            print(f"rms/bound {found.over_bound()[k]:.2f}")
+        pan = found.degrees("left.runway_from_base.z") - found.degrees("right.runway_from_base.z")
+        tilt = np.concatenate([found.degrees(f"{name}.runway_from_base.x") for name in ("left", "right")])
+        for label, values in (("relative pan", pan), ("tilt", tilt)):
+            print(f"  {label}: rms {np.sqrt(np.mean(values**2)):.5f}, worst {np.abs(values).max():.5f} deg")
+
+
+if __name__ == "__main__":
+    main()

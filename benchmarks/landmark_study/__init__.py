@@ -1,0 +1,1 @@
+"""Simulated mornings at an airstrip: landmarks seen through stations that are not quite what their rig says."""

@@ -1,0 +1,73 @@
+"""A landing in operation under faults, alone and in pairs: does it go on, does it come back, does its covariance hold?
+
+    python benchmarks/live_faults.py [--runs N] [--seed N]
+
+Virtual time, pixels in place of pictures (groundstation.live.rehearsal): 200 m of a landing at 20 m/s, the faults of
+one or two devices at drawn times. Printed for each kind: how often the track was there two seconds after the last
+fault, the share of answers that were lost, and the ANEES of all answers with a position.
+"""
+
+import argparse
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+
+from groundstation.config import Config
+from groundstation.live.rehearsal import Fault, FaultKind, Rehearsal, RehearsalConfig
+from groundstation.messages import TrackStatus
+from groundstation.rig import load_rig
+from groundstation.simulation.approach import Glide
+
+ROOT = Path(__file__).resolve().parent.parent
+FLIGHT = Glide(start_y_m=380.0, end_y_m=160.0, speed_m_s=20.0, aim_y_m=60.0)
+SETTLED_S = 2.0
+HARDWARE = RehearsalConfig(homing_s=3.0)
+
+
+def drawn(random: np.random.Generator, kind: FaultKind) -> Fault:
+    """Return a fault of a kind at a drawn time, of a drawn station."""
+    begin = float(random.uniform(2.0, 5.0))
+    length = float(random.uniform(0.2, 2.0))
+    station = "" if kind is FaultKind.PROCESS_KILLED else str(random.choice(["left", "right"]))
+    if kind is FaultKind.PTU_POWER_CYCLED:
+        length = HARDWARE.homing_s
+    return Fault(kind=kind, station=station, from_s=begin, to_s=begin + length)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    rig, kinds = load_rig(ROOT / "recordings" / "landing-1" / "rig.toml"), list(FaultKind)
+    random = np.random.default_rng(options.seed)
+    back: dict[str, list[bool]] = defaultdict(list)
+    lost: dict[str, list[float]] = defaultdict(list)
+    errors: dict[str, list[float]] = defaultdict(list)
+    inside: dict[str, list[float]] = defaultdict(list)
+    for number in range(options.runs):
+        first, second = (kinds[int(k)] for k in random.integers(0, len(kinds), 2))
+        faults = [drawn(random, first)]
+        if number % 2:
+            faults.append(drawn(random, second))
+        result = Rehearsal(rig, Config(), FLIGHT, faults=faults, hardware=HARDWARE, seed=options.seed + number).run()
+        end_s = max(f.to_s for f in faults) + SETTLED_S
+        for name in {f.kind.value for f in faults} | {"two at once" if number % 2 else "alone", "all"}:
+            back[name].append(result.share(TrackStatus.TRACKING, end_s, end_s + 1.0) >= 0.9)
+            lost[name].append(result.share(TrackStatus.LOST, 1.0, 11.0))
+            errors[name].extend(result.squared_errors(1.0))
+            inside[name].append(float(np.mean(result.inside)))
+    print(f"{options.runs} runs, seed {options.seed}")
+    print(f"{'fault':22s} {'runs':>5s} {'back':>8s} {'lost %':>7s} {'ANEES':>6s} {'>χ² 99.9 %':>10s} {'central %':>9s}")
+    for name in sorted(back):
+        squares = np.array(errors[name])
+        print(
+            f"{name:22s} {len(back[name]):5d} {sum(back[name]):4d}/{len(back[name])} {100 * np.mean(lost[name]):7.2f} "
+            f"{squares.mean() / 3:6.2f} {100 * np.mean(squares > 16.27):10.3f} {100 * np.mean(inside[name]):9.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()

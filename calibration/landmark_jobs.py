@@ -1,0 +1,143 @@
+"""The whole jobs of `groundstation calibrate survey` and `check`: files in, a rig, a report and a record out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from calibration.check import Check, solve_check
+from calibration.check_record import append_record, check_record, record_path
+from calibration.check_report import format_check, write_check_report
+from calibration.sightings import Sighting, read_landmarks, read_sightings
+from calibration.survey import Survey, solve_survey, survey_words
+from calibration.survey_report import format_survey, rig_header, write_survey_report
+from groundstation.errors import GroundstationError, InputError
+from groundstation.rig import load_rig
+from groundstation.rig_toml import rig_to_toml
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurveyRequest:
+    """What to survey with; ``free`` is the list of --free, ``report`` a folder or None."""
+
+    sightings: Path
+    landmarks: Path
+    rig: Path
+    out: Path
+    free: str = ""
+    report: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SurveyDone:
+    """What was found, the words for a person, and the files that were written."""
+
+    survey: Survey
+    text: str
+    written: tuple[Path, ...]
+
+
+def run_survey(request: SurveyRequest) -> SurveyDone:
+    """Survey, and write the rig; raises `GroundstationError`, one line, and writes nothing where that cannot be."""
+    words = survey_words(request.free)
+    _require_toml(request.out)
+    rig = load_rig(request.rig)
+    sightings, landmarks = read_sightings(request.sightings), read_landmarks(request.landmarks)
+    survey = solve_survey(rig, sightings, landmarks, words, request.sightings)
+    text = format_survey(survey)
+    header = rig_header(survey, request.sightings.name, request.landmarks.name)
+    _write(request.out, header + rig_to_toml(survey.rig))
+    written = [request.out]
+    if request.report is not None:
+        written += write_survey_report(request.report, survey, request.sightings.stem)
+    return SurveyDone(survey=survey, text=text, written=tuple(written))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckRequest:
+    """What to check; ``out`` None refuses what has moved, a path corrects it."""
+
+    sightings: Path
+    landmarks: Path
+    rig: Path
+    out: Path | None = None
+    reference: Path | None = None
+    record: Path | None = None
+    report: Path | None = None
+    alarm_deg: float = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CheckDone:
+    """What was found and decided: ``good`` where a session may start with the rig, or with the corrected one."""
+
+    check: Check
+    text: str
+    good: bool
+    written: tuple[Path, ...]
+
+
+def run_check(request: CheckRequest) -> CheckDone:
+    """Check, decide, write the corrected rig if asked for, and always a line of record.
+
+    Raises `GroundstationError`, one line, where the check cannot be made; that stands in the record, too.
+    """
+    record = request.record or record_path(request.rig)
+    files = {"rig": request.rig, "sightings": request.sightings, "landmarks": request.landmarks}
+    if request.reference is not None:
+        files["reference"] = request.reference
+    sightings: Sequence[Sighting] = ()
+    try:
+        if request.out is not None:
+            _require_toml(request.out)
+        if not 0.0 < request.alarm_deg <= 10.0:
+            raise InputError("--alarm-deg", got=f"{request.alarm_deg:g}", wanted="a number above 0 to 10")
+        rig = load_rig(request.rig)
+        sightings, landmarks = read_sightings(request.sightings), read_landmarks(request.landmarks)
+        reference = () if request.reference is None else read_sightings(request.reference)
+        check = solve_check(
+            rig, sightings, landmarks, reference, request.sightings, request.reference or Path("reference.csv")
+        )
+    except GroundstationError as error:
+        append_record(record, check_record(files, sightings, None, "refused", str(error)))
+        raise
+    decision, word = _decide(check, request)
+    written: list[Path] = []
+    if request.out is not None and not check.unseen:
+        _write(request.out, _header(check, request) + rig_to_toml(check.corrected))
+        written.append(request.out)
+    append_record(record, check_record(files, sightings, check, word, decision))
+    if request.report is not None:
+        name = request.sightings.stem
+        written.append(write_check_report(request.report, check, request.alarm_deg, decision, name))
+    text = format_check(check, request.alarm_deg, decision)
+    return CheckDone(check=check, text=text, good=word != "refused", written=(*written, record))
+
+
+def _decide(check: Check, request: CheckRequest) -> tuple[str, str]:
+    """Return the decision in words and as one of accepted, corrected, refused."""
+    names = ", ".join(m.station for m in check.moved)
+    if check.unseen:
+        return f"refused: {', '.join(check.unseen)} not checked; look at two landmarks from every station", "refused"
+    if not check.moved:
+        return "accepted: the rig stands as it was calibrated", "accepted"
+    if request.out is None:
+        return f"refused: {names} moved; --out FILE writes a corrected rig, or survey again", "refused"
+    return f"corrected: {names} moved; use {request.out.name}", "corrected"
+
+
+def _header(check: Check, request: CheckRequest) -> str:
+    what = "with " + ", ".join(m.station for m in check.moved) + " as found" if check.moved else "nothing had moved"
+    return f"# {request.rig.name!r} checked with {request.sightings.name!r}: {what}\n"
+
+
+def _require_toml(path: Path) -> None:
+    if path.is_dir() or path.suffix != ".toml":
+        raise InputError(str(path), got="no name of a TOML file", wanted="--out rig.toml")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error

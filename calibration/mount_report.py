@@ -1,0 +1,217 @@
+"""What a mount's calibration has found, in words: parameters, residuals, what it is good for, what to do next."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.lens_advice import across_m, along_m
+from calibration.mount import MountFit
+from calibration.mount_covariance import BASE, BORESIGHT
+from calibration.mount_parameters import LEVER
+from calibration.mount_problem import AXES, Mark, MarkKind, MountProblem, MountSightings
+from calibration.mount_session import StationMount
+from groundstation.arrays import FloatArray
+from groundstation.ptu_axes import axes_in_file_units
+
+RANGES_M = (100.0, 200.0, 400.0)
+GOOD_DEG = 0.003
+USABLE_DEG = 0.01
+_MOST_REJECTED = 20
+_WORK_PAN_DEG, _WORK_TILT_DEG = (-30.0, 0.0, 30.0), (0.0, 7.5, 15.0)
+_MISFIT = 1.3
+_NEEDED = {
+    "head_from_camera": "marks of known place or direction, some of them 20 deg or more above the others",
+    "runway_from_base": "marks of known place or direction, 60 deg or more apart in pan",
+    "camera_in_head": "a mark or board a few metres away, seen over 20 deg or more of pan and tilt; else a ruler does",
+    "lean": "known marks at tilts 40 deg or more apart",
+    "pan_scale": "known marks 60 deg or more apart in pan",
+    "tilt_scale": "known marks 40 deg or more apart in tilt",
+    "pan_backlash": "each place approached once from the left and once from the right (pan_from)",
+    "tilt_backlash": "each place approached once from below and once from above (tilt_from)",
+    "pan_zero": "known marks; without them it is the base's heading",
+    "tilt_zero": "known marks",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pointing:
+    """One sigma of where the camera looks from its base, where a station works: across, up and roll, degrees."""
+
+    pan_deg: float
+    tilt_deg: float
+    roll_deg: float
+
+    @property
+    def worst_deg(self) -> float:
+        """The larger of pan and tilt."""
+        return max(self.pan_deg, self.tilt_deg)
+
+
+def pointing_sigma(fit: MountFit) -> Pointing:
+    """Return how well the direction of a mark in the middle of the picture is known, given true readings.
+
+    Root mean square over pan −30 to 30° and tilt 0 to 15°; what is held counts with what it may be off.
+    """
+    problem = replace(fit.problem, names=fit.joint_names, prior_sigma=np.zeros(len(fit.joint_names)))
+    at = np.concatenate([fit.change, np.zeros(len(fit.joint_names) - len(fit.change))])
+    station = problem.station_at(at)
+    readings = np.radians([(pan, tilt) for pan in _WORK_PAN_DEG for tilt in _WORK_TILT_DEG])
+    centre, focal = station.lens.principal_point_px, station.lens.focal_px
+    side = np.array([0.25 * station.lens.image_size_px[0], 0.0])
+    derivative = {}
+    for offset in (0.0, 1.0):
+        pixel = centre + offset * side
+        geometry = station.geometry()
+        marks = []
+        for k, (pan, tilt) in enumerate(readings):
+            angles = station.ptu_axes.angles(float(pan), float(tilt), 0.0, 0.0)
+            unit = geometry.ray(float(pixel[0]), float(pixel[1]), *angles).direction_runway
+            marks.append(
+                Mark(
+                    name=f"#{k}", kind=MarkKind.DIRECTION, place_m=unit, sigma=np.zeros(3), runway_from_board=np.eye(3)
+                )
+            )
+        n = len(readings)
+        seen = MountSightings(
+            reading_rad=readings,
+            sense=np.zeros((n, 2)),
+            pixel_px=np.tile(pixel, (n, 1)),
+            sigma_px=np.ones(n),
+            pointing=np.arange(n),
+            mark=np.arange(n),
+            body_m=np.zeros((n, 3)),
+            label=("",) * n,
+        )
+        derivative[offset] = _predicted(problem, seen, tuple(marks), at)
+    roll = (derivative[1.0][:, 1] - derivative[0.0][:, 1]) / side[0]
+
+    def sigma(by: FloatArray) -> float:
+        variance = np.einsum("ni,ij,nj->n", by, fit.joint_covariance, by)
+        return float(np.degrees(np.sqrt(np.mean(np.maximum(variance, 0.0)))))
+
+    return Pointing(
+        pan_deg=sigma(derivative[0.0][:, 0] / focal[0]),
+        tilt_deg=sigma(derivative[0.0][:, 1] / focal[1]),
+        roll_deg=sigma(roll),
+    )
+
+
+def _predicted(problem: MountProblem, seen: MountSightings, marks: tuple[Mark, ...], at: FloatArray) -> FloatArray:
+    return replace(problem, sightings=seen, marks=marks).predict(at).jacobian
+
+
+def format_mount(one: StationMount) -> str:
+    """Return one station's report."""
+    fit, seen = one.fit, one.fit.problem.sightings
+    marks = len(fit.problem.marks)
+    lines = [
+        f"station {one.before.name}: {len(seen)} sightings of {marks} mark{'s' * (marks != 1)},"
+        f" {len(np.unique(seen.pointing))} pairs of angles, {int(fit.kept.sum())} used",
+        "",
+        f"{'parameter':<22}{'value':>12}{'sigma':>12}{'change':>12}  unit",
+        *(_row(one, name) for name in (*BORESIGHT, *LEVER, *BASE, *AXES)),
+        "",
+        *_residuals(fit),
+        *(f"left out: {r.label}: {r.reason}" for r in fit.rejected[:_MOST_REJECTED]),
+    ]
+    if len(fit.rejected) > _MOST_REJECTED:
+        lines.append(f"left out: {len(fit.rejected) - _MOST_REJECTED} more")
+    return "\n".join([*(line for line in lines if line is not None), "", "verdict:", *_indented(verdict(one))])
+
+
+def _indented(lines: list[str]) -> list[str]:
+    return ["  " + line for line in lines]
+
+
+def _row(one: StationMount, name: str) -> str:
+    """Return one parameter's row; a rotation has no value of its own but the change since the rig."""
+    fit = one.fit
+    group, _, axis = name.partition(".")
+    unit, scale, value = "deg", float(np.degrees(1.0)), ""
+    if group == "camera_in_head":
+        unit, scale, value = "m", 1.0, f"{one.after.camera_in_head_m['xyz'.index(axis)]:.4f}"
+    elif name in AXES:
+        key = f"{name}_ppm" if name.endswith("scale") else f"{name}_deg"
+        unit, scale = ("ppm", 1e6) if name.endswith("scale") else (unit, scale)
+        value = f"{axes_in_file_units(one.after.ptu_axes)[key]:.5g}"
+    if name in fit.problem.names:
+        change = scale * fit.change[fit.problem.names.index(name)]
+        return f"{name:<22}{value:>12}{scale * fit.sigma(name):>12.5f}{change:>+12.5f}  {unit}"
+    why = "held: not determined" if name in fit.held else "held"
+    return f"{name:<22}{value:>12}{why:>24}  {unit}"
+
+
+def _residuals(fit: MountFit) -> list[str]:
+    seen = fit.problem.sightings
+    sought = fit.problem.predict(fit.change)
+    noise = fit.problem.covariance_px2(sought.by_angle)[fit.kept]
+    alone = float(np.sqrt(np.mean(np.einsum("nii->n", noise)) / 2.0))
+    lines = [
+        f"residuals: {fit.rms_px:.2f} px rms per axis; noise of pixels"
+        f" ({float(np.sqrt(np.mean(seen.sigma_px**2))):.2f} px) and readings"
+        f" ({np.degrees(fit.problem.station.angle_sigma_rad):.4f} deg) alone gives {alone:.2f} px"
+    ]
+    held_out = fit.held_out
+    if held_out is None:
+        return [*lines, "held-out angles: too few pairs of angles to keep some apart"]
+    return [
+        *lines,
+        f"held-out angles, a fifth: {held_out.rms_px:.2f} px rms; noise alone gives {held_out.noise_px:.2f},"
+        f" with what the rest leaves uncertain {held_out.expected_px:.2f} px",
+    ]
+
+
+def verdict(one: StationMount) -> list[str]:
+    """Return the verdict's lines: how well, at which range, what is not determined, what to do next."""
+    fit = one.fit
+    at = pointing_sigma(fit)
+    word = "good" if at.worst_deg <= GOOD_DEG else "usable" if at.worst_deg <= USABLE_DEG else "not good enough"
+    tied = any(mark.kind.known for mark in fit.problem.marks)
+    lines = [
+        f"{word}: where the camera looks is known to {at.pan_deg:.4f} deg in pan, {at.tilt_deg:.4f} deg in tilt,"
+        f" {at.roll_deg:.4f} deg in roll (1 sigma, {'from the runway' if tied else 'from its base'},"
+        " pan -30 to 30, tilt 0 to 15 deg)"
+    ]
+    parts = []
+    for away in RANGES_M:
+        parts.append(f"{across_m(at.worst_deg, away):.3f} / {along_m(at.pan_deg, away):.2f} m at {away:.0f} m")
+    lines.append("that is across / along the runway, two such stations 10 m apart: " + "; ".join(parts))
+    for name in fit.held:
+        needed = _NEEDED.get(name.partition(".")[0], "other sightings")
+        lines.append(f"{name} is not determined by these sightings and stays as it was; needed: {needed}")
+    lines += _gauges(fit, tied)
+    lines += _next(one, at)
+    return lines
+
+
+def _gauges(fit: MountFit, tied: bool) -> list[str]:
+    if not tied:
+        return [
+            "no mark of known place: the base's attitude is not touched; it is for `calibrate survey`"
+            " (a pan zero is the same as its heading)"
+        ]
+    if "pan_zero" in fit.problem.names:
+        return ["zeros were sought in place of the base's heading and the boresight's tilt, which turn the same way"]
+    return [
+        "pan_zero is in the base's heading and tilt_zero in head_from_camera.x: sightings cannot tell them apart"
+        " (--free zero,… puts them into the zeros)"
+    ]
+
+
+def _next(one: StationMount, at: Pointing) -> list[str]:
+    fit = one.fit
+    lines = []
+    gone = len(fit.rejected) / len(fit.kept)
+    if gone > 0.05:
+        lines.append(f"next: look at what was left out ({100.0 * gone:.0f} % of the sightings)")
+    if fit.noise_factor > _MISFIT:
+        lines.append(
+            f"next: sightings scatter {fit.noise_factor:.1f} times as far as their noise: does the mount slip, do marks"
+            " move, are sigma_px and ptu_sigma_deg right? All sigmas are raised by that"
+        )
+    if at.worst_deg > GOOD_DEG and not fit.held:
+        times = (at.worst_deg / GOOD_DEG) ** 2
+        lines.append(f"next: about {times:.0f} times as many sightings for {GOOD_DEG} deg, or higher and farther marks")
+    elif at.worst_deg > GOOD_DEG:
+        lines.append("next: the sightings named above, then again")
+    return lines or ["next: `groundstation calibrate survey`, or fly"]

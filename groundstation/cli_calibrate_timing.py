@@ -1,0 +1,74 @@
+"""`groundstation calibrate timing`: the clocks of cameras and PTUs."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from groundstation.errors import InputError
+from groundstation.progress import ProgressLine
+
+_TIMING = """The offset between each camera's clock and its PTU's: swing the PTU before a scene that
+stands still and has texture all over (a sine of 5 deg at 0.3 Hz or so, 20 s), record it
+as a session; the pictures' motion against the readings tells the offset. Any session
+whose heads turn will do, if less well."""
+_TIMING_MORE = """examples:
+  groundstation calibrate timing SESSION --rig rig.toml --out timed.toml
+  groundstation calibrate timing SESSION --from-flight \\
+      --detections out/detections.csv --out timed.toml
+
+--from-flight finds the clocks from the aircraft's DGPS track and the pixels that
+saw it, as calibrate flight does, with nothing else free; with --pictures beside it
+both ways are gone and compared, and the pictures' result is written.
+
+exit code: 0 done; 1 the session cannot teach that, and nothing is written;
+2 wrong usage; 130 interrupted"""
+
+
+def add_timing(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `calibrate timing`."""
+    timing = kinds.add_parser(
+        "timing",
+        help="clocks of cameras and PTUs, from a swinging PTU or a flight",
+        description=_TIMING,
+        epilog=_TIMING_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    timing.add_argument("session", type=Path, metavar="SESSION", help="session folder with pictures and ptu.csv")
+    timing.add_argument("--rig", type=Path, metavar="RIG", help="another rig than the session's rig.toml")
+    timing.add_argument("--out", type=Path, required=True, metavar="FILE", help="the rig file to write")
+    timing.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
+    timing.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    timing.add_argument("--from-flight", action="store_true", help="by the aircraft's track instead of the pictures")
+    timing.add_argument("--pictures", action="store_true", help="with --from-flight: by the pictures too, compared")
+    timing.add_argument("--detections", type=Path, metavar="FILE", help="with --from-flight: a replay's detections.csv")
+    timing.add_argument(
+        "--one-ptu-clock", action="store_true", help="one clock stamps all PTUs: what differs is the cameras'"
+    )
+
+
+def run_timing(options: argparse.Namespace) -> int:
+    """Calibrate clocks, print the report and what was written; returns the exit code."""
+    from calibration.timing_report import format_timing
+    from calibration.timing_session import TimingRequest, calibrate_timing
+
+    if options.out.resolve() == (options.session / "rig.toml").resolve():
+        wanted = "another file: a recording keeps the rig that it was made with"
+        raise InputError(str(options.out), got="the session's own rig", wanted=wanted)
+    if options.detections is not None and not options.from_flight:
+        raise InputError("--detections", got="no --from-flight", wanted="it, pictures need no detections")
+    request = TimingRequest(
+        session=options.session,
+        out=options.out,
+        rig=options.rig,
+        detections=options.detections,
+        from_s=options.from_s,
+        to_s=options.to_s,
+        pictures=options.pictures or not options.from_flight,
+        flight=options.from_flight,
+        one_ptu_clock=options.one_ptu_clock,
+    )
+    with ProgressLine(sys.stderr, "pictures", "frame") as line:
+        found = calibrate_timing(request, lambda n: line.update(n, None))
+    print(format_timing(found))
+    print(f"\nwrote {options.out}")
+    return 0

@@ -1,0 +1,151 @@
+"""The part of the command line that operates a station: `groundstation live` and `groundstation check`."""
+
+import argparse
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from groundstation.live.board import LiveStatus
+    from groundstation.live.command import LiveResult
+
+_LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, live; heads
+follow it, everything is recorded. Ctrl-C parks the heads and ends it."""
+_LIVE_MORE = """examples:
+  groundstation live field.toml --view
+  groundstation live field.toml --for 1800 --web
+  groundstation live --simulate --out out/live --for 60 --web
+
+--simulate needs no hardware: simulated PTUs on real serial lines (ptys), rendered
+cameras that look where the PTUs look, one landing after the other.
+The station file: docs/live.md
+
+exit code: 0 done; 1 a device or a file is at fault; 2 wrong usage"""
+_CHECK = """Test each device of a station before the flight: is it there, does it answer,
+how fast, does its clock hold; one line each, and what to do about it."""
+_CHECK_MORE = """example:
+  groundstation check field.toml
+
+The heads are read, not moved; --move turns each by half a degree and back.
+
+exit code: 0 all is well; 1 something is not; 2 wrong usage"""
+
+
+def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `live` and `check`."""
+    live = commands.add_parser(
+        "live",
+        help="operate a station: track, point, record, live",
+        description=_LIVE,
+        epilog=_LIVE_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    live.add_argument("station", type=Path, nargs="?", metavar="STATION", help="station file, TOML")
+    live.add_argument("--out", type=Path, metavar="DIR", help="where it is recorded; new or empty")
+    live.add_argument("--for", type=_seconds, dest="seconds", metavar="S", help="end after so many seconds")
+    live.add_argument("--simulate", action="store_true", help="with a range that is not there")
+    live.add_argument("--rig", type=Path, metavar="FILE", help="with --simulate: another rig than the built-in one")
+    live.add_argument("--rate", type=_seconds, default=30.0, metavar="HZ", help="with --simulate: pairs a second (30)")
+    live.add_argument("--seed", type=int, default=0, metavar="N", help="with --simulate: of noise and weather")
+    live.add_argument("--no-record", action="store_true", help="keep the track, not the pictures")
+    screen = live.add_mutually_exclusive_group()
+    screen.add_argument("--view", action="store_true", help="the operator's screen in the desktop viewer")
+    screen.add_argument("--web", action="store_true", help="the operator's screen in a browser on this machine")
+    check = commands.add_parser(
+        "check",
+        help="test each device of a station before the flight",
+        description=_CHECK,
+        epilog=_CHECK_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    check.add_argument("station", type=Path, metavar="STATION", help="station file, TOML")
+    check.add_argument("--for", type=_seconds, default=3.0, dest="seconds", metavar="S", help="look so long (3)")
+    check.add_argument("--move", action="store_true", help="turn each head by half a degree and back")
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 < value < 1e7:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0")
+    return value
+
+
+def run_live(options: argparse.Namespace) -> int:
+    """Operate until the time is over or somebody says so."""
+    from groundstation.live.command import LiveRequest, live
+
+    if options.station is None and not options.simulate:
+        print("groundstation live: got no STATION; wanted a station file, or --simulate", file=sys.stderr)
+        return 2
+    request = LiveRequest(
+        station=options.station,
+        out=options.out,
+        seconds=options.seconds,
+        simulate=options.simulate,
+        rig=options.rig,
+        rate_hz=options.rate,
+        screen="desktop" if options.view else "browser" if options.web else "none",
+        record=not options.no_record,
+        seed=options.seed,
+    )
+    stop = threading.Event()
+    before = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        result = live(request, stop.is_set, _show, lambda text: print(f"{text} …", file=sys.stderr))
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    _finish_line()
+    print(_words(result))
+    return 0
+
+
+def _show(status: "LiveStatus") -> None:
+    """Show the status in one line, over and over; line by line where nobody watches."""
+    text = status.one_line()
+    if sys.stderr.isatty():
+        print(f"\r\x1b[2K{text[:160]}", end="", file=sys.stderr, flush=True)
+    elif int(2.0 * status.t_s) % 10 == 0:
+        print(f"{status.t_s:7.1f} s  {text}", file=sys.stderr, flush=True)
+
+
+def _finish_line() -> None:
+    if sys.stderr.isatty():
+        print(file=sys.stderr)
+
+
+def _words(result: "LiveResult") -> str:
+    """Return how it went, for a person."""
+    from groundstation.live.simulated_day import format_score
+
+    done = result.operation
+    share = 100.0 * done.tracked / done.epochs if done.epochs else 0.0
+    lines = [
+        f"{done.epochs} pairs in {done.elapsed_s:.1f} s, tracking in {share:.1f} % of them",
+        f"delay from a pair's first frame to its answer: median {done.latency_p50_ms:.1f} ms, "
+        f"99 % within {done.latency_p99_ms:.1f} ms",
+        f"the pipeline computed {100 * done.busy_s / done.elapsed_s:.0f} % of the time",
+    ]
+    counted = {**done.dropped, **{name.replace("_", " "): n for name, n in done.counts.items() if n}}
+    if counted:
+        lines.append("counted: " + ", ".join(f"{n} {what}" for what, n in counted.items()))
+    if result.score is not None:
+        lines += ["", format_score(result.score)]
+    lines += ["", *(f"wrote {path}" for path in result.files)]
+    return "\n".join(lines)
+
+
+def run_check(options: argparse.Namespace) -> int:
+    """Test each device and print a line for it."""
+    from groundstation.live.check import check_station
+
+    wrong = 0
+    for line in check_station(options.station, options.seconds, move=options.move):
+        print(("ok     " if line.good else "WRONG  ") + line.text, flush=True)
+        wrong += not line.good
+    return 1 if wrong else 0

@@ -1,0 +1,255 @@
+"""The part of the command line that talks to pan-tilt units: `groundstation ptu WHAT …`."""
+
+import argparse
+import math
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from groundstation.errors import GroundstationError, MissingExtraError
+
+_PROBE = """Ask a pan-tilt unit what it is and how fast it answers: model, range, step, speeds,
+what it can do, a histogram of the round trips, doubts. Nothing moves."""
+_MONITOR = """Watch a unit: where it is, how far from its limits, round trips, doubts. Nothing moves."""
+_JOG = """Turn a unit carefully, watch how it goes, and say: lag, stiction, missed steps. It is
+halted on every way out: an error, Ctrl-C, a closed terminal."""
+_SIMULATE = """Pretend to be a pan-tilt unit, on a pty or a TCP port of this machine, as it leaves the
+factory: echo on, verbose, 9600 baud with its line times. Ends with Ctrl-C."""
+_MORE = """examples:
+  groundstation ptu simulate --link /tmp/unit &
+  groundstation ptu probe /tmp/unit
+  groundstation ptu monitor socket://192.168.0.20:4000 --seconds 10
+  groundstation ptu jog /dev/ttyUSB0 --pan 10 --tilt -5 --rate 2
+
+URL: /dev/ttyUSB0, a pty, socket://HOST:PORT, rfc2217://HOST:PORT
+
+exit code: 0 done; 1 the unit or its line is at fault, or a move missed its
+target; 2 wrong usage; 130 interrupted, and halted"""
+
+
+def add_ptu(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `ptu` and what can be done with a unit."""
+    ptu = commands.add_parser("ptu", help="pan-tilt units: what is it, how does it do, move it, pretend to be one")
+    kinds = ptu.add_subparsers(dest="ptu", metavar="WHAT", required=True)
+    probe = _kind(kinds, "probe", "what is it, and how fast does it answer", _PROBE)
+    _add_line(probe)
+    probe.add_argument("--seconds", type=_positive, default=3.0, metavar="S", help="how long to ask, s (3)")
+    monitor = _kind(kinds, "monitor", "watch it", _MONITOR)
+    _add_line(monitor)
+    monitor.add_argument("--seconds", type=_positive, metavar="S", help="stop after so long, s; else with Ctrl-C")
+    jog = _kind(kinds, "jog", "move it carefully", _JOG)
+    _add_line(jog)
+    jog.add_argument("--pan", type=_finite, metavar="DEG", help="pan to turn to, deg")
+    jog.add_argument("--tilt", type=_finite, metavar="DEG", help="tilt to turn to, deg")
+    jog.add_argument("--by", action="store_true", help="turn by so much, from where it stands")
+    jog.add_argument("--rate", type=_positive, metavar="DEG_S", help="speed, deg/s; else a tenth of its fastest")
+    jog.add_argument("--back", action="store_true", help="and turn back, to see what was lost")
+    _add_simulate(kinds)
+
+
+def _kind(
+    kinds: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, short: str, description: str
+) -> argparse.ArgumentParser:
+    return kinds.add_parser(
+        name,
+        help=short,
+        description=description,
+        epilog=_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+
+
+def _add_line(parser: argparse.ArgumentParser) -> None:
+    from ptu_drivers.open import PROTOCOLS
+
+    parser.add_argument("url", metavar="URL", help="the line, see below")
+    parser.add_argument("--protocol", choices=tuple(PROTOCOLS), default="flir", help="what it speaks (flir)")
+    parser.add_argument("--baud", type=int, default=0, metavar="N", help="raise a FLIR unit's line to this speed")
+    parser.add_argument("--patience", type=_positive, default=5.0, metavar="S", help="how long to look for it, s (5)")
+    for axis in ("pan", "tilt"):
+        parser.add_argument(f"--{axis}-limits", type=_range, metavar="LOW,HIGH", help=f"keep {axis} between these, deg")
+
+
+def _add_simulate(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    from ptu_drivers.simulated_faults import FAULTS
+
+    simulate = _kind(kinds, "simulate", "pretend to be one", _SIMULATE)
+    simulate.add_argument("--protocol", choices=("flir",), default="flir", help="what to speak (flir)")
+    where = simulate.add_mutually_exclusive_group(required=True)
+    where.add_argument("--link", type=Path, metavar="PATH", help="make a pty, and a link to it here")
+    where.add_argument("--tcp", type=int, metavar="PORT", help="listen on this port of 127.0.0.1")
+    simulate.add_argument("--series", choices=("e", "d"), default="e", help="E series, or D: 10 commands/s (e)")
+    simulate.add_argument("--latency-ms", type=_range, default=(2.0, 8.0), metavar="LOW,HIGH", help="of replies (2,8)")
+    simulate.add_argument("--backlash-deg", type=float, default=0.0, metavar="DEG", help="play of the head (0)")
+    simulate.add_argument("--no-combined", action="store_true", help="knows neither B nor BT")
+    simulate.add_argument("--banner", default="", metavar="TEXT", help="said when somebody connects (TCP)")
+    simulate.add_argument("--seed", type=int, default=0, metavar="N", help="of latencies and faults (0)")
+    simulate.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        choices=tuple(FAULTS),
+        metavar="NAME",
+        help="strike this at random; may be repeated: " + ", ".join(FAULTS),
+    )
+    simulate.add_argument("--faults-per-minute", type=_positive, default=6.0, metavar="N", help="how often (6)")
+
+
+def run_ptu(options: argparse.Namespace) -> int:
+    """Run one of them; returns the exit code."""
+    from ptu_drivers import errors
+
+    try:
+        return _KINDS[options.ptu](options)
+    except errors.MissingExtraError as missing:
+        raise MissingExtraError("a serial line", missing.extra) from missing
+    except errors.PtuError as fault:
+        raise GroundstationError(str(fault)) from fault
+    except KeyboardInterrupt:
+        print("groundstation: interrupted, and halted", file=sys.stderr)
+        return 130
+
+
+def _open(options: argparse.Namespace):  # type: ignore[no-untyped-def] # the type would import the drivers for --help
+    from ptu_drivers import AxisSettings, UnitSettings, open_ptu
+
+    def soft(limits: tuple[float, float] | None) -> AxisSettings:
+        if limits is None:
+            return AxisSettings()
+        return AxisSettings(low_rad=math.radians(limits[0]), high_rad=math.radians(limits[1]))
+
+    settings = UnitSettings(pan=soft(options.pan_limits), tilt=soft(options.tilt_limits), baud=options.baud)
+    own = {"patience_s": options.patience} if options.protocol == "flir" else {}
+    return open_ptu(options.url, options.protocol, settings, **own)
+
+
+def _probe(options: argparse.Namespace) -> int:
+    """Print what it is, and how it answers."""
+    from ptu_drivers.monitor import format_description, format_watched, watch
+
+    with _open(options) as unit:
+        print(format_description(unit.describe()))
+        print()
+        print(format_watched(watch(unit, options.seconds, time.monotonic, time.sleep), unit.describe()))
+    return 0
+
+
+def _monitor(options: argparse.Namespace) -> int:
+    """Print a line a second, and the summary at the end."""
+    from ptu_drivers import NoReading
+    from ptu_drivers.monitor import Watching, format_watched
+
+    with _open(options) as unit:
+        seen = Watching(unit, time.monotonic)
+        shown = time.monotonic()
+        try:
+            while options.seconds is None or seen.duration_s < options.seconds:
+                got = seen.step(time.sleep)
+                if time.monotonic() - shown >= 1.0:
+                    shown = time.monotonic()
+                    if isinstance(got, NoReading):
+                        print(f"no angle: {got.reason}, {got.state}", flush=True)
+                    else:
+                        pan, tilt = math.degrees(got.pan.angle_rad), math.degrees(got.tilt.angle_rad)
+                        print(f"pan {pan:9.4f}  tilt {tilt:9.4f} deg  {seen.rate_hz:5.1f}/s", flush=True)
+        except KeyboardInterrupt:
+            print()
+        print(format_watched(seen.result(), unit.describe()))
+    return 0
+
+
+def _jog(options: argparse.Namespace) -> int:
+    """Turn it, and print how that went; 1 if it missed its target."""
+    from ptu_drivers import Axis, NoReading
+    from ptu_drivers.monitor import Moved, format_moved, move
+
+    wanted = {axis: math.radians(v) for axis, v in zip(Axis, (options.pan, options.tilt), strict=True) if v is not None}
+    if not wanted:
+        raise GroundstationError("jog: got no angle; wanted --pan, --tilt or both")
+    reports: list[Moved] = []
+    with _open(options) as unit:
+        said = unit.describe()
+        start = unit.read()
+        while isinstance(start, NoReading):
+            start = unit.read()
+        at = {Axis.PAN: start.pan.angle_rad, Axis.TILT: start.tilt.angle_rad}
+        if options.by:
+            wanted = {axis: at[axis] + value for axis, value in wanted.items()}
+        axes = [said.axis(axis) for axis in wanted]
+        slow = max(0.1 * min(a.max_rate_rad_s for a in axes), *(a.min_rate_rad_s for a in axes))
+        rate = math.radians(options.rate) if options.rate else slow
+        for targets in (wanted, {axis: at[axis] for axis in wanted}) if options.back else (wanted,):
+            for moved in move(unit, targets, rate, time.monotonic, time.sleep):
+                print(format_moved(moved), flush=True)
+                reports.append(moved)
+    return 1 if any(m.lost_steps > 1 for m in reports) else 0
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    """Serve a simulated unit until interrupted."""
+    from ptu_drivers.simulated_flir import D_SERIES, FlirModel
+    from ptu_drivers.simulated_line import VirtualLine
+    from ptu_drivers.simulated_server import SimulatedServer
+    from ptu_drivers.simulated_unit import DEFAULT_BAUD, LineModel, SimulatedUnit
+
+    base = D_SERIES if options.series == "d" else FlirModel()
+    knows = base.combined and not options.no_combined
+    model = base.replace(combined=knows, device_clock=knows, play=options.backlash_deg * 3600.0 / base.arcsec)
+    low, high = options.latency_ms
+    baud = 0 if options.link is None else DEFAULT_BAUD
+    line_model = LineModel(
+        baud=baud,
+        latency_s=(low / 1e3, high / 1e3),
+        commands_per_s=10.0 if options.series == "d" else 0.0,
+        banner=options.banner,
+    )
+    unit = SimulatedUnit(model, line_model, seed=options.seed)
+    line = VirtualLine(unit, baud, start_s=time.monotonic(), seed=options.seed)
+    server = SimulatedServer(
+        line,
+        options.tcp if options.link is None else options.link,
+        faults=options.fault,
+        faults_per_minute=options.faults_per_minute if options.fault else 0.0,
+        seed=options.seed,
+        on_fault=lambda name: print(f"fault: {name}", flush=True),
+    )
+    print(f"{model.model or 'PTU-D46'} simulated at {server.url}", flush=True)
+    # the link is removed however it ends
+    signal.signal(signal.SIGTERM, lambda *_: server.stop())
+    server.run()
+    return 0
+
+
+def _finite(text: str) -> float:
+    """Return a number that is one."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number")
+    return value
+
+
+def _positive(text: str) -> float:
+    value = _finite(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0")
+    return value
+
+
+def _range(text: str) -> tuple[float, float]:
+    parts = text.split(",")
+    if len(parts) != 2 or not _finite(parts[0]) < _finite(parts[1]):
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted LOW,HIGH, LOW below HIGH")
+    return _finite(parts[0]), _finite(parts[1])
+
+
+_KINDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "probe": _probe,
+    "monitor": _monitor,
+    "jog": _jog,
+    "simulate": _simulate,
+}

@@ -1,0 +1,132 @@
+"""What the operator is told, in plain words: the track, each device, the delay, what was dropped."""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.messages import TrackEstimate, TrackStatus
+
+_WORDS = {
+    TrackStatus.SEARCHING: "searching the sky",
+    TrackStatus.ACQUIRING: "something is there: proving it",
+    TrackStatus.TRACKING: "tracking",
+    TrackStatus.COASTING: "coasting: predicted, not seen by two cameras",
+    TrackStatus.LOST: "lost: searching where it must be",
+}
+# over so long, rates and delays are taken
+_OVER_S = 5.0
+# all delays of a day, in bins; the last one holds what is longer
+_BIN_S, _BINS = 0.00025, 8000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceState:
+    """How a device does: how often it delivers, Hz, how old its newest is, s, and what else is to be said of it."""
+
+    name: str
+    rate_hz: float
+    age_s: float
+    note: str = ""
+
+    def words(self) -> str:
+        """Return it in a few words."""
+        if not math.isfinite(self.age_s):
+            return f"{self.name} nothing yet" + (f", {self.note}" if self.note else "")
+        quiet = f", silent for {self.age_s:.1f} s" if self.age_s > 1.0 else ""
+        return f"{self.name} {self.rate_hz:.0f} Hz{quiet}" + (f", {self.note}" if self.note else "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveStatus:
+    """The state of the station at ``t_s``, as figures and as ``lines`` for a person."""
+
+    t_s: float
+    track: TrackStatus
+    latency_p50_ms: float
+    latency_p99_ms: float
+    devices: tuple[DeviceState, ...]
+    dropped: Mapping[str, int]
+    lines: tuple[str, ...]
+
+    def one_line(self) -> str:
+        """Return the whole in one line."""
+        return " · ".join(self.lines)
+
+
+class Board:
+    """Gathers what `LiveStatus` says."""
+
+    def __init__(self) -> None:
+        self._arrived: dict[int, float] = {}
+        self._latencies: deque[tuple[float, float]] = deque()
+        self._histogram = np.zeros(_BINS, np.int64)
+        self._counts: dict[str, deque[tuple[float, int]]] = {}
+        self._newest: TrackEstimate | None = None
+
+    def arrived(self, epoch: int, arrived_s: float) -> None:
+        """Note when the first frame of a pair arrived."""
+        self._arrived.setdefault(epoch, arrived_s)
+        if len(self._arrived) > 1000:
+            self._arrived.pop(next(iter(self._arrived)))
+
+    def answered(self, estimate: TrackEstimate, now_s: float) -> None:
+        """Note the answer to a pair."""
+        self._newest = estimate
+        arrived_s = self._arrived.pop(estimate.epoch, None)
+        if arrived_s is not None:
+            self._latencies.append((now_s, now_s - arrived_s))
+            self._histogram[min(max(int((now_s - arrived_s) / _BIN_S), 0), _BINS - 1)] += 1
+
+    def latency_ms(self, percent: float) -> float:
+        """Return a percentile of all delays from a pair's first frame to its answer, ms; 0 before the first."""
+        summed = np.cumsum(self._histogram)
+        if summed[-1] == 0:
+            return 0.0
+        return 1e3 * _BIN_S * float(np.searchsorted(summed, 0.01 * percent * summed[-1]) + 1)
+
+    def rate(self, name: str, count: int, now_s: float) -> float:
+        """Return how often a second something was counted lately."""
+        seen = self._counts.setdefault(name, deque())
+        seen.append((now_s, count))
+        while len(seen) > 2 and seen[0][0] < now_s - _OVER_S:
+            seen.popleft()
+        (from_s, before), (to_s, after) = seen[0], seen[-1]
+        return (after - before) / (to_s - from_s) if to_s > from_s else 0.0
+
+    def status(
+        self, now_s: float, track: TrackStatus, devices: tuple[DeviceState, ...], dropped: Mapping[str, int], also: str
+    ) -> LiveStatus:
+        """Return what is to be said now; ``also`` is what the recorder says."""
+        while self._latencies and self._latencies[0][0] < now_s - _OVER_S:
+            self._latencies.popleft()
+        recent = [delay for _, delay in self._latencies]
+        p50, p99 = (1e3 * float(np.percentile(recent, q)) if recent else 0.0 for q in (50, 99))
+        lines = [_WORDS[track] + self._where()]
+        lines += [device.words() for device in devices]
+        if recent:
+            lines.append(f"delay {p50:.0f} ms, 99 % within {p99:.0f} ms")
+        if dropped:
+            lines.append("dropped: " + ", ".join(f"{n} {what}" for what, n in dropped.items()))
+        if also:
+            lines.append(also)
+        return LiveStatus(
+            t_s=now_s,
+            track=track,
+            latency_p50_ms=p50,
+            latency_p99_ms=p99,
+            devices=devices,
+            dropped=dict(dropped),
+            lines=tuple(lines),
+        )
+
+    def _where(self) -> str:
+        """Return where the target is, with one sigma."""
+        newest = self._newest
+        if newest is None or newest.kinematics is None:
+            return ""
+        x, y, z = (float(v) for v in newest.kinematics.position_runway_m)
+        sigma = np.sqrt(np.diag(newest.kinematics.covariance)[:3])
+        return f" at {y:.0f} ± {sigma[1]:.1f} m, x {x:+.1f} ± {sigma[0]:.2f}, z {z:.1f} ± {sigma[2]:.2f}"

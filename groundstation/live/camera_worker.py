@@ -1,0 +1,62 @@
+"""One station's camera on its way into the inbox: stamps into session time; repeated pictures are left out."""
+
+import math
+import threading
+
+from groundstation.live.inbox import Inbox, Said, Shot
+from groundstation.sources.cameras.camera import CameraEvent, CameraEventKind
+from groundstation.sources.cameras.live_camera import LiveCamera
+
+_GOOD = (CameraEventKind.OPENED, CameraEventKind.REOPENED)
+
+
+def said(event: CameraEvent, session_from_host_s: float) -> Said:
+    """Return what a camera has to say, for the operator."""
+    level = "info" if event.kind in _GOOD else "warning"
+    return Said(t_s=event.t_s + session_from_host_s, level=level, text=f"{event.camera}: camera {event.text}")
+
+
+class CameraWorker:
+    """Hands one camera's frames on."""
+
+    def __init__(self, station: str, camera: LiveCamera, inbox: Inbox, session_from_host_s: float) -> None:
+        self.station = station
+        self.camera = camera
+        self.frames = 0
+        self.newest_s = -math.inf
+        self._inbox = inbox
+        self._zero_s = session_from_host_s
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._work, name=f"frames-{station}", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End; the camera itself is closed by whoever opened it."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=2.0)
+
+    def _work(self) -> None:
+        try:
+            while not self._stop.is_set() and not self.camera.ended:
+                frame = self.camera.read(0.1)
+                if frame is None or frame.repeated:
+                    continue
+                self.frames += 1
+                self.newest_s = frame.t_s + self._zero_s
+                self._inbox.put(
+                    Shot(
+                        t_s=self.newest_s,
+                        arrived_s=frame.arrival_s + self._zero_s,
+                        station=self.station,
+                        picture=frame.picture,
+                    )
+                )
+        except Exception as fault:  # noqa: BLE001 - one camera less is no reason to stop the others
+            t_s = max(self.newest_s, 0.0)
+            self._inbox.put(
+                Said(t_s=t_s, level="error", text=f"{self.station}: camera: {type(fault).__name__}: {fault}")
+            )

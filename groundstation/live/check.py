@@ -1,0 +1,198 @@
+"""`groundstation check`: each device of a station file by itself, before the flight, and what is wrong in one line."""
+
+import math
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from groundstation.config import load_config
+from groundstation.errors import GroundstationError
+from groundstation.live.devices import camera_of, check_against_rig, open_head
+from groundstation.live.station_file import HeadDevice, StationDevices, StationFile, load_station
+from groundstation.rig import Rig, load_rig
+from groundstation.sources.cameras.camera import CameraError, CameraEvent
+from ptu_drivers.errors import PtuError
+from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.messages import NoReading, Reading
+
+_ENOUGH_BYTES = 20e9
+_LEAST_RATE_SHARE = 0.9
+_TURN_RAD = math.radians(0.5)
+_TURN_S = 3.0
+# a round trip that long is half a pixel at 5 °/s and the lenses in use
+_SLOW_S = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckLine:
+    """One device: whether it is well, and the line that says so."""
+
+    good: bool
+    text: str
+
+
+def _well(text: str) -> CheckLine:
+    return CheckLine(good=True, text=text)
+
+
+def _wrong(text: str) -> CheckLine:
+    return CheckLine(good=False, text=text)
+
+
+def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckLine]:
+    """Test everything that a station file names, one after the other; looks at each for ``seconds``."""
+    try:
+        file = load_station(path)
+        rig = load_rig(file.rig)
+        check_against_rig(file, rig)
+        load_config(file.config)
+    except GroundstationError as fault:
+        yield _wrong(str(fault))
+        return
+    yield _well(f"station file, rig and tuning: {', '.join(rig.names)}")
+    yield _known(rig)
+    yield _disk(file)
+    for station in file.stations:
+        yield _camera(station, file.rate_hz, rig, seconds)
+        if station.head is not None:
+            yield from _head(station.name, station.head, seconds, move=move)
+
+
+def _known(rig: Rig) -> CheckLine:
+    try:
+        rig.require_known()
+    except GroundstationError as fault:
+        return _wrong(str(fault))
+    sure = [s.name for s in rig.stations if not len(s.covariance) and not rig.shared_covariance.names]
+    if sure:
+        text = f"rig: {', '.join(sure)} without a covariance: the track will call itself better than it is"
+        return _wrong(text)
+    return _well("rig: calibrated, with covariance")
+
+
+def _disk(file: StationFile) -> CheckLine:
+    if file.record is None:
+        return _well("disk: no [record] folder; live will ask for --out")
+    place = file.record
+    while not place.exists():
+        place = place.parent
+    free = shutil.disk_usage(place).free
+    text = f"disk: {free / 1e9:.0f} GB free below {file.record}"
+    if free < _ENOUGH_BYTES:
+        return _wrong(f"{text}: less than an hour of tracking")
+    return _well(text)
+
+
+def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float) -> CheckLine:
+    """Look at one camera for a while."""
+    name, told = f"{station.name} camera", list[CameraEvent]()
+    frames, stamps = [], []
+    try:
+        with camera_of(station, time.monotonic, told.append, rate_hz=rate_hz) as camera:
+            end_s = time.monotonic() + seconds
+            while time.monotonic() < end_s and not camera.ended:
+                frame = camera.read(0.2)
+                if frame is not None:
+                    frames.append(frame.picture.size_px)
+                    stamps.append(frame.t_s)
+            counts, clock = camera.counts, camera.clock_state
+    except (CameraError, GroundstationError) as fault:
+        return _wrong(f"{name}: {fault}")
+    if len(stamps) < 2:
+        why = told[-1].text if told else "nothing came"
+        return CheckLine(
+            good=False, text=f"{name}: no pictures in {seconds:.0f} s: {why}; is it triggered, and allowed?"
+        )
+    wanted = rig[station.name].lens.image_size_px
+    if frames[-1] != wanted:
+        got = f"{frames[-1][0]} × {frames[-1][1]} px"
+        text = f"{name}: got pictures of {got}; wanted {wanted[0]} × {wanted[1]} px as in the rig"
+        return _wrong(text)
+    rate = (len(stamps) - 1) / (stamps[-1] - stamps[0])
+    text = f"{name}: {rate:.1f} Hz, {wanted[0]} × {wanted[1]} px"
+    if rate < _LEAST_RATE_SHARE * rate_hz:
+        return _wrong(f"{text}; wanted {rate_hz:g} Hz: exposure, trigger or bus?")
+    if counts.incomplete:
+        text += f"; {counts.incomplete} incomplete of {counts.frames + counts.incomplete}: cable, packet size?"
+        return _wrong(text)
+    said = (
+        "host time only: its stamps are as good as the bus"
+        if clock is None
+        else f"clock ± {1e3 * clock.sigma_s:.2f} ms"
+    )
+    return _well(f"{text}, {said}")
+
+
+def _head(name: str, head: HeadDevice, seconds: float, *, move: bool) -> Iterator[CheckLine]:
+    """Ask one PTU for a while, and turn it if that is wanted."""
+    with ExitStack() as stack:
+        try:
+            unit = stack.enter_context(open_head(name, head, time.monotonic))
+        except GroundstationError as fault:
+            yield _wrong(str(fault))
+            return
+        yield _asked(name, unit, seconds)
+        if move:
+            yield _turned(name, unit)
+
+
+def _asked(name: str, unit: PanTiltUnit, seconds: float) -> CheckLine:
+    about, trips, doubts, newest = unit.describe(), list[float](), 0, None
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        reading = unit.read()
+        if isinstance(reading, NoReading):
+            doubts += 1
+            time.sleep(0.02)
+        else:
+            trips.append(reading.answered_s - reading.sent_s)
+            newest = reading
+    if newest is None:
+        return _wrong(f"{name} PTU: {about.model or about.protocol} gives no angles")
+    rate = len(trips) / seconds
+    slow = float(np.percentile(trips, 95))
+    pan, tilt = (math.degrees(axis.angle_rad) for axis in (newest.pan, newest.tilt))
+    text = (
+        f"{name} PTU: {about.model or about.protocol}, {rate:.0f} readings/s, "
+        f"round trip {1e3 * np.median(trips):.1f} ms (95 % {1e3 * slow:.1f}), at {pan:+.2f}° {tilt:+.2f}°"
+    )
+    if doubts > 0.01 * len(trips):
+        return CheckLine(good=False, text=f"{text}; {doubts} answers not believed: cable, baud, another program?")
+    if slow > _SLOW_S:
+        return _wrong(f"{text}: slow; raise the baud in ptu_settings?")
+    return _well(text)
+
+
+def _turned(name: str, unit: PanTiltUnit) -> CheckLine:
+    """Turn pan and tilt by half a degree and back."""
+    begin = unit.read()
+    if isinstance(begin, NoReading):
+        return _wrong(f"{name} PTU: not turned: no angles")
+    pan, tilt = begin.pan.angle_rad, begin.tilt.angle_rad
+    try:
+        there = _went(unit, pan + _TURN_RAD, tilt + _TURN_RAD)
+        back = _went(unit, pan, tilt)
+    except PtuError as fault:
+        return _wrong(f"{name} PTU: not turned: {fault}")
+    if there is None or back is None:
+        return CheckLine(good=False, text=f"{name} PTU: told to turn by 0.5°, not there in {_TURN_S:.0f} s")
+    return _well(f"{name} PTU: turned by 0.5° and back, there in {there:.2f} s")
+
+
+def _went(unit: PanTiltUnit, pan_rad: float, tilt_rad: float) -> float | None:
+    """Return how long it took to get to angles; None where it did not."""
+    began_s = time.monotonic()
+    unit.move_to(pan_rad=pan_rad, tilt_rad=tilt_rad)
+    near = 3.0 * max(unit.describe().pan.quantum_rad, unit.describe().tilt.quantum_rad)
+    while time.monotonic() - began_s < _TURN_S:
+        now = unit.read()
+        if isinstance(now, Reading):
+            off = max(abs(now.pan.angle_rad - pan_rad), abs(now.tilt.angle_rad - tilt_rad))
+            if off <= near:
+                return time.monotonic() - began_s
+    return None

@@ -1,0 +1,224 @@
+"""What `groundstation live` does: open everything, operate until told to stop, and say how it went."""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+
+from groundstation.config import Config, load_config
+from groundstation.errors import InputError
+from groundstation.live.board import LiveStatus
+from groundstation.live.camera_worker import said
+from groundstation.live.devices import DeviceError, camera_of, check_against_rig
+from groundstation.live.head_process import Heads
+from groundstation.live.operation import EventSink, Operation, OperationResult, StatusSink
+from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, score, simulated_set_up
+from groundstation.live.simulated_range import RangeConfig, SimulatedRange
+from groundstation.live.station_file import StationFile, load_station
+from groundstation.rig import Rig, load_rig
+from groundstation.sinks.sink import Sink
+from groundstation.sinks.track_files import TrackFilesSink
+from groundstation.sources.cameras.camera import CameraCare, CameraError, CameraEvent, CameraTiming, StampPoint
+from groundstation.sources.cameras.live_camera import LiveCamera
+from groundstation.warm_up import warm_up
+
+_BEGIN_AFTER_S = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveRequest:
+    """What the user asked for.
+
+    ``station`` None only with ``simulate``. ``out`` None is a folder of its own below the station file's [record]
+    folder. ``seconds`` None goes on until ``stop`` says so. ``screen`` is "desktop", "browser" or "none".
+    """
+
+    station: Path | None
+    out: Path | None
+    seconds: float | None = None
+    simulate: bool = False
+    rig: Path | None = None
+    rate_hz: float = 30.0
+    screen: str = "none"
+    record: bool = True
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveResult:
+    """How it went: the operation's figures, what was written, and with a simulated range the truth's verdict."""
+
+    operation: OperationResult
+    files: tuple[Path, ...]
+    score: DayScore | None
+
+
+def live(
+    request: LiveRequest, stop: Callable[[], bool], tell: Callable[[LiveStatus], None], say: Callable[[str], None]
+) -> LiveResult:
+    """Operate a station. ``tell`` gets the status twice a second, ``say`` a line while things are being opened.
+
+    Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin.
+    """
+    out = _folder(request)
+    flight = Landings(request.seconds or 1e9)
+    file = _file(request, out)
+    rig = load_rig(file.rig)
+    check_against_rig(file, rig)
+    config = load_config(file.config)
+    keeper = EstimateKeeper()
+    with ExitStack() as opened:
+        say("compiling, once")
+        warm_up()
+        simulated = None
+        if request.simulate:
+            say("building the simulated range")
+            hardware = RangeConfig(
+                rig=file.rig, folder=out, flight=flight, frame_rate_hz=file.rate_hz, seed=request.seed
+            )
+            simulated = opened.enter_context(SimulatedRange(hardware))
+        sinks: list[Sink] = [opened.enter_context(TrackFilesSink(out)), keeper]
+        recorders: list[EventSink] = []
+        words = _record(request, file, rig, config, out, opened, sinks, recorders)
+        operators: list[StatusSink] = [_Teller(tell)]
+        if request.screen != "none":
+            _screen(request, rig, file, opened, sinks, operators, say)
+        operation = Operation(
+            file,
+            rig,
+            config,
+            sinks=sinks,
+            recorders=recorders,
+            operators=operators,
+            recorder_words=words,
+            keep_images=request.screen != "none",
+        )
+        say("opening the PTUs")
+        heads = opened.enter_context(
+            Heads({s.name: s.head for s in file.stations if s.head is not None}, operation.start_s)
+        )
+        say("opening the cameras")
+        cameras = opened.enter_context(_cameras(file, operation, simulated))
+        host_begin_s = time.monotonic() + _BEGIN_AFTER_S
+        if simulated is not None:
+            simulated.begin(host_begin_s)
+        end_s = None if request.seconds is None else host_begin_s + request.seconds
+        result = operation.run(cameras, heads, lambda: stop() or (end_s is not None and time.monotonic() >= end_s))
+        found = None
+        if simulated is not None:
+            begin_s = host_begin_s - operation.start_s
+            found = score(flight, begin_s, keeper.estimates, simulated.truth, rig, host_begin_s)
+    files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
+    return LiveResult(operation=result, files=files, score=found)
+
+
+class _Teller:
+    """A function as a `StatusSink`."""
+
+    def __init__(self, tell: Callable[[LiveStatus], None]) -> None:
+        self._tell = tell
+
+    def tell(self, status: LiveStatus) -> None:
+        """Pass it on."""
+        self._tell(status)
+
+
+def _folder(request: LiveRequest) -> Path:
+    """Return a new folder for this operation."""
+    if request.out is not None:
+        out = request.out
+    elif request.station is not None:
+        below = load_station(request.station).record
+        if below is None:
+            got = "no [record] folder in the station file"
+            raise InputError("--out", got=got, wanted="a folder for what is recorded")
+        out = below / datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%SZ")
+    else:
+        raise InputError("--out", got="none", wanted="a folder for what is recorded")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(str(out), got="something that is there already", wanted="a new or empty folder")
+    out.mkdir(parents=True, exist_ok=True)
+    return out
+
+
+def _file(request: LiveRequest, out: Path) -> StationFile:
+    if request.station is not None:
+        return load_station(request.station)
+    if not request.simulate:
+        raise InputError("STATION", got="none", wanted="a station file, or --simulate")
+    return simulated_set_up(out, request.rate_hz, None if request.rig is None else load_rig(request.rig))
+
+
+@contextmanager
+def _cameras(
+    file: StationFile, operation: Operation, simulated: SimulatedRange | None
+) -> Iterator[Mapping[str, LiveCamera]]:
+    """Open all cameras; raises `DeviceError` for the first that fails."""
+
+    def tell(event: CameraEvent) -> None:
+        operation.inbox.put(said(event, -operation.start_s))
+
+    with ExitStack() as stack:
+        cameras = {}
+        for station in file.stations:
+            if simulated is None:
+                camera = camera_of(station, time.monotonic, tell, rate_hz=file.rate_hz)
+            else:
+                timing = CameraTiming(stamp=StampPoint.MIDDLE, transfer_s=simulated.delivery_s)
+                connect = partial(simulated.connect, station.name)
+                camera = LiveCamera(station.name, connect, timing, CameraCare(), time.monotonic, tell)
+            try:
+                cameras[station.name] = stack.enter_context(camera)
+            except CameraError as fault:
+                raise DeviceError(f"{station.name}: {fault}") from fault
+        yield cameras
+
+
+def _record(
+    request: LiveRequest,
+    file: StationFile,
+    rig: Rig,
+    config: Config,
+    out: Path,
+    opened: ExitStack,
+    sinks: list[Sink],
+    recorders: list[EventSink],
+) -> Callable[[], str]:
+    """Open the recorder, if there is to be one; returns what it has to say of itself."""
+    if not request.record:
+        return lambda: "not recording"
+    from groundstation.live.record import open_recorder
+
+    recorder = opened.enter_context(open_recorder(out / "flight.mcap", file, rig, config))
+    sinks.append(recorder)
+    recorders.append(recorder)
+    return recorder.words
+
+
+def _screen(
+    request: LiveRequest,
+    rig: Rig,
+    file: StationFile,
+    opened: ExitStack,
+    sinks: list[Sink],
+    operators: list[StatusSink],
+    say: Callable[[str], None],
+) -> None:
+    """Open the operator's screen."""
+    from groundstation.sinks.rerun_live import LiveView
+    from groundstation.sinks.rerun_viewer import open_live_stream, open_web_stream
+
+    if request.screen == "desktop":
+        stream = open_live_stream("groundstation", os.environ)
+    else:
+        stream, address, process = open_web_stream("groundstation", os.environ)
+        opened.callback(process.terminate)
+        say(f"operator's screen: {address}")
+    view = LiveView(stream, rig, file.name)
+    opened.callback(view.close)
+    sinks.append(view)
+    operators.append(_Teller(lambda status: view.say(status.t_s, status.lines)))

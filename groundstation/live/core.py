@@ -1,0 +1,157 @@
+"""What a live station does with what its devices deliver: pairs, steps, points. No thread, no clock, no device.
+
+Items come in the order in which they arrived, and with them the time; out come the events that the pipeline consumed
+(for the recorder: nothing else is consumed), its reports, and the commands to the heads. So a day in the field can be
+run again, and a thousand bad days can be run in a test.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from groundstation.arrays import FloatArray
+from groundstation.live.inbox import Item, Said, Shot
+from groundstation.live.pairing import Pairing
+from groundstation.messages import (
+    Event,
+    Frame,
+    PixelMeasurement,
+    PointingCommand,
+    PtuSample,
+    Purpose,
+    StepReport,
+    TrackEvent,
+    TrackStatus,
+)
+from groundstation.pipeline import Pipeline
+from groundstation.pointing import HeadPilot
+from groundstation.search_pattern import SearchPattern
+
+# heads are told as often, in s
+COMMAND_EVERY_S = 0.03
+# how far ahead a target is extrapolated for a head
+_FURTHEST_AHEAD_S = 1.0
+
+
+@dataclass(slots=True)
+class Taken:
+    """What came of one item or of time going by."""
+
+    consumed: list[Event] = field(default_factory=list)
+    reports: list[StepReport] = field(default_factory=list)
+    commands: list[PointingCommand] = field(default_factory=list)
+
+
+class LiveCore:
+    """One pipeline in operation.
+
+    Parameters
+    ----------
+    pipeline : fresh.
+    pairing : of its cameras.
+    heads : of the stations that turn.
+    pattern : where to look while there is no target.
+    """
+
+    def __init__(
+        self, pipeline: Pipeline, pairing: Pairing, heads: Mapping[str, HeadPilot], pattern: SearchPattern
+    ) -> None:
+        self.pipeline = pipeline
+        self.status = TrackStatus.SEARCHING
+        self._pairing = pairing
+        self._heads = heads
+        self._pattern = pattern
+        self._commanded_s = -math.inf
+        self._parking: Mapping[str, tuple[float, float]] | None = None
+
+    def take(self, item: Item | PixelMeasurement, now_s: float) -> Taken:
+        """Take one item at session time ``now_s``."""
+        taken = Taken()
+        if isinstance(item, Said):
+            line = TrackEvent(t_s=item.t_s, level=item.level, text=item.text)
+            taken.reports.append(StepReport(events=(line,)))
+        elif isinstance(item, (Shot, PixelMeasurement)):
+            paired = self._pairing.frame(item.station, item.t_s)
+            for epoch in paired.closed_before:
+                self._step(epoch, taken)
+            self._step(_numbered(item, paired.epoch), taken)
+            for epoch in paired.closed_after:
+                self._step(epoch, taken)
+        else:
+            if isinstance(item, PtuSample) and item.station in self._heads:
+                self._heads[item.station].read(item)
+            self._step(item, taken)
+        self.pass_time(now_s, taken)
+        return taken
+
+    def pass_time(self, now_s: float, taken: Taken | None = None) -> Taken:
+        """Close a pair that will not be completed, and tell the heads where to turn, if it is time."""
+        taken = Taken() if taken is None else taken
+        if self._pairing.overdue(now_s):
+            for epoch in self._pairing.flush():
+                self._step(epoch, taken)
+        if now_s >= self._commanded_s + COMMAND_EVERY_S:
+            self._commanded_s = now_s
+            taken.commands += [self._command(name, head, now_s) for name, head in self._heads.items()]
+        return taken
+
+    def delays(self, seconds: Mapping[str, float], latency_s: float) -> None:
+        """Say how long each head's line has lately taken from command to acknowledgement, and the head after that."""
+        for name, delay_s in seconds.items():
+            self._heads[name].latency_s = max(delay_s, 0.0) + latency_s
+
+    def park(self, angles_rad: Mapping[str, tuple[float, float]]) -> None:
+        """From now on bring each head to its parking angles (pan, tilt), and look for nothing."""
+        self._parking = angles_rad
+
+    def parked(self, now_s: float, within_rad: float) -> bool:
+        """Return whether every head with readings is at its parking angles."""
+        parking = self._parking or {}
+        return all(
+            head.off_rad(*parking[name], now_s) <= within_rad
+            for name, head in self._heads.items()
+            if name in parking and math.isfinite(head.age_s(now_s))
+        )
+
+    def finish(self) -> Taken:
+        """Let go of what still waits."""
+        taken = Taken()
+        for epoch in self._pairing.flush():
+            self._step(epoch, taken)
+        taken.reports.append(self.pipeline.finish())
+        return taken
+
+    def _step(self, event: Event, taken: Taken) -> None:
+        taken.consumed.append(event)
+        report = self.pipeline.step(event)
+        for estimate in report.estimates:
+            self.status = estimate.status
+            if estimate.kinematics is not None and estimate.status is TrackStatus.TRACKING:
+                self._pattern.seen(estimate.t_s, estimate.kinematics)
+        if report.cameras or report.estimates or report.events:
+            taken.reports.append(report)
+
+    def _command(self, name: str, head: HeadPilot, now_s: float) -> PointingCommand:
+        if self._parking is not None:
+            if name not in self._parking:
+                return head.hold(now_s)
+            return head.go_to(now_s, *self._parking[name], Purpose.PARK)
+        if self.status in (TrackStatus.TRACKING, TrackStatus.COASTING, TrackStatus.ACQUIRING):
+            held = self._target(now_s)
+            if held is not None:
+                return head.follow(now_s, self._target)
+        return head.follow(now_s, self._pattern.point, Purpose.SEARCH)
+
+    def _target(self, t_s: float) -> FloatArray | None:
+        """Return where the target is at a session time; None without one, or too far ahead of what is known."""
+        newest_s = self.pipeline.time_s
+        if newest_s is None or t_s > newest_s + _FURTHEST_AHEAD_S:
+            return None
+        kinematics = self.pipeline.estimate_at(t_s)
+        return None if kinematics is None else kinematics.position_runway_m
+
+
+def _numbered(item: Shot | PixelMeasurement, epoch: int) -> Frame | PixelMeasurement:
+    if isinstance(item, Shot):
+        return Frame(t_s=item.t_s, station=item.station, epoch=epoch, image=item.picture)
+    return PixelMeasurement(t_s=item.t_s, station=item.station, epoch=epoch, u_px=item.u_px, v_px=item.v_px)

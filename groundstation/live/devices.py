@@ -1,0 +1,105 @@
+"""The devices of a station file, opened: cameras that deliver on their own threads, PTUs probed and standing still."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from groundstation.config import config_from_mapping
+from groundstation.errors import ConfigError, GroundstationError
+from groundstation.live.station_file import HeadDevice, StationDevices, StationFile
+from groundstation.rig import Rig
+from groundstation.sources.cameras.camera import (
+    CameraCare,
+    CameraError,
+    CameraEvent,
+    CameraSettings,
+    CameraTiming,
+    Clock,
+)
+from groundstation.sources.cameras.live_camera import LiveCamera
+from groundstation.sources.cameras.open_camera import open_camera
+from ptu_drivers.errors import PtuError
+from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.open import open_ptu
+from ptu_drivers.settings import AxisSettings, UnitSettings
+
+T = TypeVar("T")
+Tell = Callable[[CameraEvent], None]
+
+
+class DeviceError(GroundstationError):
+    """A device of the station file cannot be used; one line that says which, and why."""
+
+
+def check_against_rig(file: StationFile, rig: Rig) -> None:
+    """Raise `ConfigError` where station file and rig do not speak of the same stations."""
+    ours, theirs = tuple(s.name for s in file.stations), rig.names
+    if set(ours) != set(theirs):
+        raise ConfigError(
+            f"{file.path}: station", got=", ".join(ours), wanted=f"the stations of {file.rig.name}: {', '.join(theirs)}"
+        )
+    for station in file.stations:
+        fixed = rig[station.name].fixed
+        if fixed and station.head is not None:
+            where = f"{file.path}: station {station.name}: ptu"
+            raise ConfigError(where, got=station.head.url, wanted="none: the rig says that it is fixed")
+        if not fixed and station.head is None:
+            raise ConfigError(
+                f"{file.path}: station {station.name}: ptu",
+                got="none",
+                wanted="the PTU's URL, or fixed = true in the rig",
+            )
+
+
+def head_settings(head: HeadDevice) -> UnitSettings:
+    """Return a head's settings as its driver takes them."""
+    pan, tilt = (
+        AxisSettings(
+            sign=head.signs[k],
+            zero_rad=head.zeros_rad[k],
+            low_rad=head.lows_rad[k],
+            high_rad=head.highs_rad[k],
+            max_rate_rad_s=head.rates_rad_s[k],
+        )
+        for k in range(2)
+    )
+    plain = UnitSettings(pan=pan, tilt=tilt, baud=head.baud)
+    if head.latency_s is None:
+        return plain
+    return UnitSettings(pan=pan, tilt=tilt, baud=head.baud, latency_s=head.latency_s)
+
+
+def open_head(name: str, head: HeadDevice, clock: Clock) -> PanTiltUnit:
+    """Open and probe one PTU; raises `DeviceError`."""
+    try:
+        return open_ptu(head.url, head.protocol, head_settings(head), clock=clock, **head.options)
+    except PtuError as fault:
+        raise DeviceError(f"{name}: PTU: {fault}") from fault
+    except TypeError as fault:
+        raise DeviceError(f"{name}: PTU: ptu_options: {fault}") from fault
+
+
+def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: float) -> LiveCamera:
+    """Return one camera, which opens on ``with``; raises `DeviceError`."""
+    where = f"station {station.name}: camera_settings"
+    settings = _part(CameraSettings, station.camera_settings, where)
+    if settings.rate_hz is None and settings.trigger is None and not station.camera.startswith("file:"):
+        settings = dataclasses.replace(settings, rate_hz=rate_hz)
+    timing = _part(CameraTiming, station.camera_settings, where)
+    care = _part(CameraCare, station.camera_settings, where)
+    try:
+        return open_camera(
+            station.camera, settings, clock=clock, tell=tell, timing=timing, care=care, name=station.name
+        )
+    except CameraError as fault:
+        raise DeviceError(f"{station.name}: {fault}") from fault
+
+
+def _part(kind: type[T], values: Mapping[str, Any], where: str) -> T:
+    """Return those settings that one record holds; a key that none of them has is an error."""
+    own = {f.name for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    known = {f.name for k in (CameraSettings, CameraTiming, CameraCare) for f in dataclasses.fields(k)}
+    for key in values:
+        if key not in known:
+            raise ConfigError(f"{where}: {key}", got="an unknown key", wanted="one of " + ", ".join(sorted(known)))
+    return config_from_mapping(kind, {k: v for k, v in values.items() if k in own}, where)

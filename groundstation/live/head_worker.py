@@ -1,0 +1,214 @@
+"""One station's PTU in a thread of its own: asked as often as the line allows, told what the pipeline wants.
+
+This is the only place that moves hardware. The newest command counts, older ones are forgotten; a unit that no command
+comes for is halted by its driver's watchdog. Whatever ends the thread, the unit is halted.
+"""
+
+import math
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+from groundstation.live.inbox import Item, Said
+from groundstation.messages import PointingCommand, PtuSample, Purpose
+from groundstation.pointing import AxisLimits, HeadLimits
+from ptu_drivers.errors import LimitError, PtuError
+from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.messages import AngleSample, AxisDescription, Capability, NoReading, Reading
+
+# a unit that gives nothing is asked no more often than that
+_PATIENCE_S = 0.02
+_SLOW_TO_SAY_S = 1.0
+# so small a change of rate waits until the watchdog wants to hear something: the line is for readings
+_SAME_RATE_RAD_S = math.radians(0.01)
+_REPEAT_S = 0.15
+_DELAY_RATE = 0.2
+
+
+def head_limits(unit: PanTiltUnit) -> HeadLimits:
+    """Return what a unit said that it can do."""
+    about = unit.describe()
+    return HeadLimits(pan=_axis_limits(about.pan), tilt=_axis_limits(about.tilt))
+
+
+def _axis_limits(axis: AxisDescription) -> AxisLimits:
+    return AxisLimits(
+        low_rad=axis.low_rad,
+        high_rad=axis.high_rad,
+        fastest_rad_s=axis.max_rate_rad_s,
+        slowest_rad_s=axis.min_rate_rad_s,
+        acceleration_rad_s2=axis.max_acceleration_rad_s2,
+    )
+
+
+class AtOnce:
+    """Pan and tilt as if read at one instant: the unit's two answers are some milliseconds apart.
+
+    The axis that was read later is taken between its last two readings, at the earlier one's instant. Where they are
+    one answer, nothing is done to them.
+    """
+
+    def __init__(self, station: str, session_from_unit_s: float) -> None:
+        self._station = station
+        self._zero_s = session_from_unit_s
+        self._last: Reading | None = None
+
+    def sample(self, reading: Reading) -> PtuSample | None:
+        """Return both angles at one session time; None for the first of a unit that answers one by one."""
+        last, self._last = self._last, reading
+        early, late = sorted((reading.pan, reading.tilt), key=lambda a: a.t_s)
+        angles = {early.axis: early.angle_rad, late.axis: late.angle_rad}
+        if late.t_s > early.t_s:
+            if last is None:
+                return None
+            before = last.pan if late.axis is last.pan.axis else last.tilt
+            angles[late.axis] = _between(before, late, early.t_s)
+        pan, tilt = angles[reading.pan.axis], angles[reading.tilt.axis]
+        return PtuSample(t_s=early.t_s + self._zero_s, station=self._station, pan_rad=pan, tilt_rad=tilt)
+
+
+def _between(before: AngleSample, after: AngleSample, t_s: float) -> float:
+    span_s = after.t_s - before.t_s
+    if span_s <= 0.0 or t_s < before.t_s:
+        return after.angle_rad
+    return before.angle_rad + (after.angle_rad - before.angle_rad) * (t_s - before.t_s) / span_s
+
+
+class Outlet(Protocol):
+    """Whoever takes readings and what is to be said; an `Inbox`, here or in another process."""
+
+    def put(self, item: Item) -> None:
+        """Take it; never waits."""
+
+
+class HeadWorker:
+    """Asks and moves one unit.
+
+    Parameters
+    ----------
+    unit : opened and probed; its clock is the one that ``session_from_unit_s`` is added to.
+    inbox : takes readings and what is to be said.
+    period_s : asked no more often than that.
+    clock : the unit's.
+    """
+
+    def __init__(
+        self,
+        station: str,
+        unit: PanTiltUnit,
+        inbox: Outlet,
+        *,
+        session_from_unit_s: float,
+        clock: Callable[[], float],
+        period_s: float = 0.01,
+    ) -> None:
+        self.station = station
+        self.unit = unit
+        self.readings = 0
+        self.refused = 0
+        self.newest_s = -math.inf
+        self._inbox = inbox
+        self._zero_s = session_from_unit_s
+        self._clock = clock
+        self._period_s = period_s
+        self._at_once = AtOnce(station, session_from_unit_s)
+        self._by_rate = Capability.VELOCITY in unit.describe().capabilities
+        self._command: PointingCommand | None = None
+        self.delay_s = 0.0
+        """From a command's being told to its acknowledgement, lately, s."""
+        self._sent: PointingCommand | None = None
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._quiet_since_s: float | None = None
+        self._told: str = ""
+        self._thread = threading.Thread(target=self._work, name=f"ptu-{station}", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def tell(self, command: PointingCommand) -> None:
+        """Hand over the newest command; never waits."""
+        with self._lock:
+            self._command = command
+
+    def stop(self) -> None:
+        """Halt the unit and let go of it."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+        self.unit.close()
+
+    # ------------------------------------------------------------------------------------ the thread
+    def _work(self) -> None:
+        try:
+            while not self._stop.is_set():
+                began_s = self._clock()
+                self._obey()
+                heard = self._ask()
+                left_s = (self._period_s if heard else _PATIENCE_S) - (self._clock() - began_s)
+                if left_s > 0:
+                    self._stop.wait(left_s)
+        except Exception as fault:  # noqa: BLE001 - whatever it is: the head stops and the operator hears of it
+            self._say("error", f"PTU: {type(fault).__name__}: {fault}; it is halted and left alone")
+        finally:
+            self.unit.close()
+
+    def _ask(self) -> bool:
+        """Read the angles; returns whether there are any."""
+        reading = self.unit.read()
+        now_s = self._clock() + self._zero_s
+        if isinstance(reading, NoReading):
+            if self._quiet_since_s is None:
+                self._quiet_since_s = now_s
+            elif now_s - self._quiet_since_s > _SLOW_TO_SAY_S and self._told != reading.reason.value:
+                self._told = reading.reason.value
+                self._say("warning", f"PTU gives no angles: {reading.reason.value} ({reading.state.value})")
+            return False
+        if self._told:
+            self._say("info", "PTU gives angles again")
+        self._quiet_since_s, self._told = None, ""
+        sample = self._at_once.sample(reading)
+        if sample is not None:
+            self.readings += 1
+            self.newest_s = sample.t_s
+            self._inbox.put(sample)
+        return True
+
+    def _obey(self) -> None:
+        """Do what was told last, once."""
+        with self._lock:
+            command, self._command = self._command, None
+        if command is None or self._same(command):
+            return
+        self._sent = command
+        try:
+            if command.purpose is Purpose.HOLD:
+                self.unit.halt()
+            elif self._by_rate:
+                self.unit.move_at(pan_rad_s=command.pan_rate_rad_s, tilt_rad_s=command.tilt_rate_rad_s)
+            else:
+                self.unit.move_to(pan_rad=command.pan_rad, tilt_rad=command.tilt_rad)
+            took_s = self._clock() + self._zero_s - command.t_s
+            self.delay_s += _DELAY_RATE * (took_s - self.delay_s)
+        except LimitError as fault:
+            self.refused += 1
+            self._say("warning", f"PTU: {fault}")
+        except PtuError as fault:
+            # the next reading says what is wrong with the line
+            self.refused += 1
+            if self.refused == 1:
+                self._say("warning", f"PTU: {fault}")
+
+    def _same(self, command: PointingCommand) -> bool:
+        """Return whether the head does already what is wanted."""
+        last = self._sent
+        if last is None or command.t_s - last.t_s > _REPEAT_S or command.purpose is not last.purpose:
+            return False
+        apart = max(
+            abs(command.pan_rate_rad_s - last.pan_rate_rad_s), abs(command.tilt_rate_rad_s - last.tilt_rate_rad_s)
+        )
+        return self._by_rate and apart < _SAME_RATE_RAD_S
+
+    def _say(self, level: str, text: str) -> None:
+        self._inbox.put(Said(t_s=self._clock() + self._zero_s, level=level, text=f"{self.station}: {text}"))

@@ -1,0 +1,221 @@
+"""A station in operation: devices in, one pipeline, heads and records and operator out; ends softly whatever happens.
+
+One thread steps the pipeline; each device has its own. The session's clock is the host's monotonic clock from the start
+of the operation on: a wall clock that is set, or jumps, moves nothing.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Protocol
+
+from groundstation.config import Config
+from groundstation.hand_over import quick_hand_over
+from groundstation.live.board import Board, DeviceState, LiveStatus
+from groundstation.live.camera_worker import CameraWorker
+from groundstation.live.core import LiveCore, Taken
+from groundstation.live.head_process import Heads, HeadState
+from groundstation.live.inbox import Inbox, Item, Said, Shot
+from groundstation.live.pairing import Pairing
+from groundstation.live.station_file import StationFile
+from groundstation.messages import Event, Frame, TrackStatus
+from groundstation.pipeline import Pipeline
+from groundstation.pointing import HeadPilot
+from groundstation.rig import Rig
+from groundstation.search_pattern import SearchPattern
+from groundstation.sinks.sink import Sink
+from groundstation.sources.cameras.live_camera import LiveCamera
+from groundstation.warm_up import warm_up
+
+_WAIT_S = 0.01
+_STATUS_EVERY_S = 0.5
+_PARK_S = 10.0
+_PARKED_RAD = 0.01
+_NEVER = 1e9
+
+
+class EventSink(Protocol):
+    """Takes what the pipeline consumes, each event before the reports that it leads to."""
+
+    def take(self, event: Event) -> None:
+        """Take one event; never waits."""
+
+
+class StatusSink(Protocol):
+    """Takes what the operator is told, twice a second."""
+
+    def tell(self, status: LiveStatus) -> None:
+        """Take it; never waits long."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperationResult:
+    """How an operation went.
+
+    ``epochs`` pairs were answered, ``dropped`` counts what was not taken, ``latency_*`` from a pair's first frame at
+    the host to its answer; ``counts`` are the pipeline's; ``busy_s`` is what its thread computed in ``elapsed_s``.
+    """
+
+    elapsed_s: float
+    epochs: int
+    tracked: int
+    latency_p50_ms: float
+    latency_p99_ms: float
+    dropped: Mapping[str, int]
+    counts: Mapping[str, int]
+    busy_s: float
+
+
+class Operation:
+    """One run of a station.
+
+    Parameters
+    ----------
+    file, rig, config : what stands where, and how it is used.
+    sinks : take every report; the recorder among them.
+    recorders : take every event.
+    operators : take the status.
+    clock : monotonic, s; the devices stamp with the same one.
+    recorder_words : what the recorder has to say of itself, for the status.
+    keep_images : whether reports carry the pictures, for a screen.
+    """
+
+    def __init__(
+        self,
+        file: StationFile,
+        rig: Rig,
+        config: Config,
+        *,
+        sinks: Sequence[Sink] = (),
+        recorders: Sequence[EventSink] = (),
+        operators: Sequence[StatusSink] = (),
+        clock: Callable[[], float] = time.monotonic,
+        recorder_words: Callable[[], str] = lambda: "",
+        keep_images: bool = False,
+    ) -> None:
+        self._file, self._rig, self._config = file, rig, config
+        self._sinks, self._recorders, self._operators = sinks, recorders, operators
+        self._clock = clock
+        self._recorder_words = recorder_words
+        self._keep_images = keep_images
+        self.start_s = clock()
+        self.inbox = Inbox()
+        self._board = Board()
+        self._epochs = self._tracked = 0
+        self._busy_s = 0.0
+        self._told_s = -_NEVER
+
+    @property
+    def now_s(self) -> float:
+        """Session time, s."""
+        return self._clock() - self.start_s
+
+    def say(self, level: str, text: str) -> None:
+        """Put a line into the log; from any thread."""
+        self.inbox.put(Said(t_s=self.now_s, level=level, text=text))
+
+    def run(self, cameras: Mapping[str, LiveCamera], heads: Heads, until: Callable[[], bool]) -> OperationResult:
+        """Operate until ``until`` says so, then park the heads, and let everything that waits be answered.
+
+        The devices are opened already, and closed by whoever opened them.
+        """
+        warm_up()
+        workers = [CameraWorker(n, c, self.inbox, -self.start_s) for n, c in cameras.items()]
+        core = self._core(heads)
+        with ExitStack() as stack:
+            stack.enter_context(quick_hand_over())
+            for worker in workers:
+                stack.callback(worker.stop)
+                worker.start()
+            heads.start(self.inbox)
+            began_s = self.now_s
+            while not until():
+                self._turn(core, heads, workers, self.inbox.get(_WAIT_S))
+            core.park({s.name: s.head.park_rad for s in self._file.stations if s.head is not None})
+            self.say("info", "parking")
+            end_s = self.now_s + _PARK_S
+            while self.now_s < end_s and not core.parked(self.now_s, _PARKED_RAD):
+                item = self.inbox.get(_WAIT_S)
+                # what is seen while the heads swing away is of no use
+                self._turn(core, heads, workers, None if isinstance(item, Shot) else item)
+        self._hand_on(core.finish(), heads)
+        return OperationResult(
+            elapsed_s=self.now_s - began_s,
+            epochs=self._epochs,
+            tracked=self._tracked,
+            latency_p50_ms=self._board.latency_ms(50),
+            latency_p99_ms=self._board.latency_ms(99),
+            dropped=self.inbox.dropped,
+            counts=core.pipeline.counts,
+            busy_s=self._busy_s,
+        )
+
+    # ------------------------------------------------------------------------------------- one turn
+    def _turn(self, core: LiveCore, heads: Heads, cameras: Sequence[CameraWorker], item: Item | None) -> None:
+        began_s = self.now_s
+        taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
+        if isinstance(item, Shot):
+            for event in taken.consumed:
+                if isinstance(event, Frame):
+                    self._board.arrived(event.epoch, item.arrived_s)
+        self._hand_on(taken, heads)
+        now_s = self.now_s
+        if item is not None:
+            self._busy_s += now_s - began_s
+        if now_s - self._told_s >= _STATUS_EVERY_S:
+            self._told_s = now_s
+            core.delays({n: h.delay_s for n, h in heads.states.items()}, self._file.pointing.latency_s)
+            self._tell(core, heads, cameras, now_s)
+
+    def _hand_on(self, taken: Taken, heads: Heads) -> None:
+        for command in taken.commands:
+            heads.tell(command)
+        for event in taken.consumed:
+            for recorder in self._recorders:
+                recorder.take(event)
+        for report in taken.reports:
+            now_s = self.now_s
+            for estimate in report.estimates:
+                self._epochs += 1
+                self._tracked += estimate.status is TrackStatus.TRACKING
+                self._board.answered(estimate, now_s)
+            for sink in self._sinks:
+                sink.write(report)
+
+    def _tell(self, core: LiveCore, heads: Heads, cameras: Sequence[CameraWorker], now_s: float) -> None:
+        states = [self._camera_state(c, now_s) for c in cameras] + [
+            self._head_state(n, h, now_s) for n, h in heads.states.items()
+        ]
+        dropped = {what: n for what, n in self.inbox.dropped.items() if n}
+        status = self._board.status(now_s, core.status, tuple(states), dropped, self._recorder_words())
+        for operator in self._operators:
+            operator.tell(status)
+
+    def _camera_state(self, worker: CameraWorker, now_s: float) -> DeviceState:
+        counts = worker.camera.counts
+        missing = {"incomplete": counts.incomplete, "lost": counts.lost, "dropped": counts.dropped}
+        note = ", ".join(f"{n} {what}" for what, n in missing.items() if n)
+        name = f"{worker.station} camera"
+        rate = self._board.rate(name, worker.frames, now_s)
+        return DeviceState(name=name, rate_hz=rate, age_s=now_s - worker.newest_s, note=note)
+
+    def _head_state(self, station: str, head: HeadState, now_s: float) -> DeviceState:
+        note = head.state + (f", {head.doubts} answers not believed" if head.doubts else "")
+        name = f"{station} PTU"
+        rate = self._board.rate(name, head.readings, now_s)
+        return DeviceState(name=name, rate_hz=rate, age_s=now_s - head.newest_s, note=note)
+
+    # --------------------------------------------------------------------------------------- set-up
+    def _core(self, heads: Heads) -> LiveCore:
+        geometries = {s.name: s.geometry() for s in self._rig.stations}
+        pipeline = Pipeline(
+            self._rig,
+            self._config,
+            span_m=self._file.span_m,
+            stopwatch=self._clock,
+            keep_images=self._keep_images,
+        )
+        pilots = {n: HeadPilot(geometries[n], h.limits, self._file.pointing) for n, h in heads.states.items()}
+        pairing = Pairing(self._rig.names, 1.0 / self._file.rate_hz)
+        return LiveCore(pipeline, pairing, pilots, SearchPattern(geometries, self._file.search))

@@ -1,0 +1,86 @@
+"""Which frames of free-running or triggered cameras belong together, as they arrive.
+
+A frame joins the pair that is open if its station is not in it yet and it is no further than half a period from it;
+else it opens the next. A pair is closed when every camera that delivers is in it, or once a newer pair is open.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from groundstation.messages import Epoch
+
+# a camera that has not delivered for so many periods is not waited for
+_MISSED = 5
+
+
+@dataclass(slots=True)
+class _Open:
+    """A pair that may still grow."""
+
+    number: int
+    first_s: float
+    stamps: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paired:
+    """The number of a frame's pair, and the pairs that are closed now: some before the frame, some by it."""
+
+    epoch: int
+    closed_before: tuple[Epoch, ...]
+    closed_after: tuple[Epoch, ...]
+
+
+class Pairing:
+    """Gives each frame the number of its pair.
+
+    Parameters
+    ----------
+    cameras : stations whose frames are expected.
+    period_s : time from frame to frame.
+    """
+
+    def __init__(self, cameras: Sequence[str], period_s: float) -> None:
+        self._cameras = tuple(cameras)
+        self._period_s = period_s
+        self._open: _Open | None = None
+        self._next = 0
+        self._newest: dict[str, float] = {}
+        self._began_s = math.inf
+
+    def frame(self, station: str, t_s: float) -> Paired:
+        """Place a frame of ``station``, exposed at ``t_s``."""
+        before: list[Epoch] = []
+        pair = self._open
+        if pair is None or station in pair.stamps or abs(t_s - pair.first_s) > 0.5 * self._period_s:
+            before += self._close()
+            pair = self._open = _Open(number=self._next, first_s=t_s)
+            self._next += 1
+        pair.stamps[station] = t_s
+        self._newest[station] = max(self._newest.get(station, t_s), t_s)
+        self._began_s = min(self._began_s, t_s)
+        whole = all(name in pair.stamps for name in self._cameras if self._delivers(name, t_s))
+        return Paired(
+            epoch=pair.number, closed_before=tuple(before), closed_after=tuple(self._close()) if whole else ()
+        )
+
+    def flush(self) -> tuple[Epoch, ...]:
+        """Close what is open: nothing more will come, or not soon."""
+        return tuple(self._close())
+
+    def overdue(self, now_s: float) -> bool:
+        """Return whether a pair has been open for longer than a period: who is missing will not come."""
+        return self._open is not None and now_s > self._open.first_s + 1.5 * self._period_s
+
+    def _delivers(self, station: str, t_s: float) -> bool:
+        # one that has never delivered had the same time to begin
+        return t_s - self._newest.get(station, self._began_s) <= _MISSED * self._period_s
+
+    def _close(self) -> list[Epoch]:
+        pair, self._open = self._open, None
+        if pair is None:
+            return []
+        stations = tuple(name for name in self._cameras if name in pair.stamps)
+        stamps = [pair.stamps[name] for name in stations]
+        return [Epoch(t_s=sum(stamps) / len(stamps), epoch=pair.number, stations=stations)]

@@ -1,0 +1,178 @@
+"""``STATION.toml``: which devices stand at the airstrip and how they are used. The rig file says where they are."""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from groundstation.config import config_from_mapping
+from groundstation.errors import ConfigError
+from groundstation.pointing import PointingConfig
+from groundstation.search_pattern import SearchConfig
+from groundstation.toml_table import Table, load_toml, quoted
+
+STATION_FORMAT = "groundstation-station/1"
+MAX_STATIONS = 16
+_TOP = frozenset(
+    {"format", "name", "rig", "config", "rate_hz", "target", "record", "pointing", "search", "station", "view", "live"}
+)
+_STATION = frozenset(
+    {"name", "camera", "camera_settings", "ptu", "ptu_protocol", "ptu_settings", "ptu_options", "park_deg"}
+)
+_PTU_SETTINGS = frozenset(
+    {
+        *("pan_sign", "tilt_sign", "pan_zero_deg", "tilt_zero_deg", "pan_low_deg", "pan_high_deg"),
+        *("tilt_low_deg", "tilt_high_deg", "pan_rate_deg_s", "tilt_rate_deg_s", "baud", "latency_s", "poll_hz"),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadDevice:
+    """One station's PTU.
+
+    Attributes
+    ----------
+    url, protocol, options : as `ptu_drivers.open_ptu` takes them.
+    signs, zeros_rad : of pan and tilt.
+    lows_rad, highs_rad : soft limits of pan and tilt; infinite where the unit's own hold.
+    rates_rad_s : soft limits of the speeds.
+    baud : to raise the line to; 0 keeps it. latency_s : of the unit; None is the driver's default.
+    poll_s : asked no more often.
+    park_rad : where it is left, pan and tilt.
+    """
+
+    url: str
+    protocol: str = "flir"
+    options: dict[str, Any] = field(default_factory=dict)
+    signs: tuple[int, int] = (1, 1)
+    zeros_rad: tuple[float, float] = (0.0, 0.0)
+    lows_rad: tuple[float, float] = (-math.inf, -math.inf)
+    highs_rad: tuple[float, float] = (math.inf, math.inf)
+    rates_rad_s: tuple[float, float] = (math.inf, math.inf)
+    baud: int = 0
+    latency_s: float | None = None
+    poll_s: float = 0.01
+    park_rad: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StationDevices:
+    """The devices of one station of the rig; ``head`` is None for a fixed one."""
+
+    name: str
+    camera: str
+    camera_settings: dict[str, Any]
+    head: HeadDevice | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StationFile:
+    """A whole set-up.
+
+    Attributes
+    ----------
+    rig, config : their files; ``config`` None is the default tuning.
+    rate_hz : pairs a second.
+    span_m : the target's, None if unknown.
+    record : where flights are recorded, None for nowhere.
+    """
+
+    path: Path
+    name: str
+    rig: Path
+    config: Path | None
+    rate_hz: float
+    span_m: float | None
+    record: Path | None
+    pointing: PointingConfig
+    search: SearchConfig
+    stations: tuple[StationDevices, ...]
+
+
+def load_station(path: Path) -> StationFile:
+    """Read a station file; paths in it are relative to it. Raises `ConfigError`."""
+    top = Table(load_toml(path, ConfigError), str(path), ConfigError)
+    top.refuse_unknown(_TOP)
+    top.choice("format", [STATION_FORMAT])
+    target, record = top.table("target"), top.table("record")
+    target.refuse_unknown({"span_m"})
+    record.refuse_unknown({"folder"})
+    listed = top.values.get("station", [])
+    if not isinstance(listed, list) or not 2 <= len(listed) <= MAX_STATIONS:
+        raise top.fail("station", quoted(listed), f"two to {MAX_STATIONS} tables [[station]]")
+    stations = tuple(_station(Table(v, f"{path}: station {k + 1}", ConfigError)) for k, v in enumerate(listed))
+    names = [s.name for s in stations]
+    if len(set(names)) < len(names):
+        raise top.fail("station", "two of one name", "names that differ, those of the rig file")
+    here = path.parent
+    return StationFile(
+        path=path,
+        name=top.text("name", path.stem),
+        rig=here / top.text("rig", "rig.toml"),
+        config=here / top.text("config") if "config" in top else None,
+        rate_hz=top.number("rate_hz", 30.0, above=0.0, maximum=1000.0),
+        span_m=target.number("span_m", above=0.0, maximum=200.0) if "span_m" in target else None,
+        record=here / record.text("folder") if "folder" in record else None,
+        pointing=config_from_mapping(PointingConfig, top.table("pointing").values, f"{path}: pointing"),
+        search=config_from_mapping(SearchConfig, top.table("search").values, f"{path}: search"),
+        stations=stations,
+    )
+
+
+def _station(table: Table) -> StationDevices:
+    table.refuse_unknown(_STATION)
+    settings = table.table("camera_settings").values
+    return StationDevices(
+        name=table.text("name"),
+        camera=table.text("camera"),
+        camera_settings=dict(settings),
+        head=_head(table) if "ptu" in table else None,
+    )
+
+
+def _head(table: Table) -> HeadDevice:
+    settings = table.table("ptu_settings")
+    settings.refuse_unknown(_PTU_SETTINGS)
+    park = table.vector("park_deg", 2, (0.0, 0.0))
+
+    def both(what: str, default: float, **bounds: float) -> tuple[float, float]:
+        pan, tilt = (math.radians(settings.number(f"{a}_{what}", default, **bounds)) for a in ("pan", "tilt"))
+        return pan, tilt
+
+    def limits(which: str, open_end: float) -> tuple[float, float]:
+        pan, tilt = (
+            math.radians(settings.number(f"{a}_{which}_deg")) if f"{a}_{which}_deg" in settings else open_end
+            for a in ("pan", "tilt")
+        )
+        return pan, tilt
+
+    return HeadDevice(
+        url=table.text("ptu"),
+        protocol=table.text("ptu_protocol", "flir"),
+        options=dict(table.table("ptu_options").values),
+        signs=(_sign(settings, "pan_sign"), _sign(settings, "tilt_sign")),
+        zeros_rad=both("zero_deg", 0.0),
+        lows_rad=limits("low", -math.inf),
+        highs_rad=limits("high", math.inf),
+        rates_rad_s=_rates(settings),
+        baud=int(settings.number("baud", 0.0, minimum=0.0, maximum=4e6)),
+        latency_s=settings.number("latency_s", minimum=0.0, maximum=1.0) if "latency_s" in settings else None,
+        poll_s=1.0 / settings.number("poll_hz", 100.0, above=0.0, maximum=1000.0),
+        park_rad=(math.radians(park[0]), math.radians(park[1])),
+    )
+
+
+def _sign(settings: Table, key: str) -> int:
+    value = settings.number(key, 1.0)
+    if value not in (1.0, -1.0):
+        raise settings.fail(key, quoted(value), "1 or -1")
+    return int(value)
+
+
+def _rates(settings: Table) -> tuple[float, float]:
+    pan, tilt = (
+        math.radians(settings.number(f"{a}_rate_deg_s", above=0.0)) if f"{a}_rate_deg_s" in settings else math.inf
+        for a in ("pan", "tilt")
+    )
+    return pan, tilt

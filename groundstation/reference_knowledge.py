@@ -1,0 +1,58 @@
+"""What is known of a session's DGPS before it is replayed: by the session itself, else by the rig in use."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from groundstation.arrays import FloatArray
+from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.parameters import DGPS_ANTENNA, DGPS_CLOCK, ParameterPrior
+from groundstation.session import Session
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReferenceKnowledge:
+    """Clock and antenna of the DGPS, as far as they are known.
+
+    Attributes
+    ----------
+    offset_s : t_dgps = t_session + offset, as the rig says; 0 where nobody knows, or the session's clock is the log's.
+    antenna_in_body_m : (3,) from the nose: x forward, y right, z down; None where nobody says.
+    errors : what remains open, for a filter that learns from the log.
+    notes : what was taken from the rig, one line each.
+    """
+
+    offset_s: float
+    antenna_in_body_m: FloatArray | None
+    errors: ParameterPrior
+    notes: tuple[str, ...]
+
+
+def reference_knowledge(session: Session, config: EstimationConfig) -> ReferenceKnowledge:
+    """Put together what session.toml and the rig's ``[reference]`` say; the session's own word rules."""
+    reference = session.rig.reference
+    sigmas: dict[str, float] = {}
+    notes: list[str] = []
+    offset_s = 0.0
+    if not session.has_clocks:
+        sigma_s = config.reference_clock_sigma_s
+        known = None if reference is None else reference.clock_for(session.name)
+        if reference is not None and known is not None:
+            offset_s, sigma_s = known, reference.offset_sigma_s
+            notes.append(f"DGPS clock by the rig: {offset_s:+.3f} s ± {1e3 * sigma_s:.1f} ms to begin with")
+        sigmas[f"{DGPS_CLOCK}.offset"] = sigma_s
+    antenna = session.target.antenna_in_body_m
+    if antenna is None:
+        spread: Sequence[float] = config.reference_antenna_sigma_m
+        if reference is not None and reference.antenna_in_body_m is not None:
+            antenna = reference.antenna_in_body_m
+            x, y, z = (float(v) for v in antenna)
+            notes.append(f"DGPS antenna by the rig: {x:.2f} forward, {y:.2f} right, {z:.2f} down of the nose, in m")
+            if reference.antenna_sigma_m is not None:
+                spread = [float(v) for v in reference.antenna_sigma_m]
+        sigmas.update(zip(DGPS_ANTENNA, spread, strict=True))
+    return ReferenceKnowledge(
+        offset_s=offset_s,
+        antenna_in_body_m=antenna,
+        errors=ParameterPrior.independent(list(sigmas), list(sigmas.values())),
+        notes=tuple(notes),
+    )

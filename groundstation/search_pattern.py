@@ -1,0 +1,113 @@
+"""Where all stations look while there is no target: a point in the air that sweeps what has to be searched.
+
+All cameras look at one place at a time, since it takes two of them to find a target. After a loss that is where the
+target must have gone, swept as wide as it may have strayed; without one, the sector in which aircraft arrive.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.geometry.station import StationGeometry
+from groundstation.messages import Kinematics
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchConfig:
+    """What is searched, and how fast.
+
+    Attributes
+    ----------
+    azimuth_deg, elevation_deg : (low, high) of the sector, seen from the runway's origin; azimuth to the right of +y.
+    range_m : how far out the cameras' views are made to meet.
+    dwell_s : how long a place stays in view, at least.
+    lost_s : for so long after a loss it is searched where the target must have gone.
+    sigmas : how far from there.
+    acceleration_psd_m2_s3 : what a lost aircraft may do, per axis.
+    """
+
+    azimuth_deg: tuple[float, float] = (-5.0, 5.0)
+    elevation_deg: tuple[float, float] = (0.5, 8.0)
+    range_m: float = 500.0
+    dwell_s: float = 3.0
+    lost_s: float = 15.0
+    sigmas: float = 3.0
+    acceleration_psd_m2_s3: float = 10.0
+
+    def __post_init__(self) -> None:
+        if not (self.azimuth_deg[0] < self.azimuth_deg[1] and self.elevation_deg[0] < self.elevation_deg[1]):
+            raise ValueError("azimuth_deg and elevation_deg must be low, high")
+        if min(self.range_m, self.dwell_s, self.sigmas) <= 0 or min(self.lost_s, self.acceleration_psd_m2_s3) < 0:
+            raise ValueError("range_m, dwell_s and sigmas must be > 0, lost_s and acceleration_psd_m2_s3 ≥ 0")
+
+
+class SearchPattern:
+    """The point that all stations look at, as a function of time."""
+
+    def __init__(self, stations: Mapping[str, StationGeometry], config: SearchConfig) -> None:
+        self._config = config
+        # half of what the narrowest camera sees, as tangents
+        self._view = np.min([0.5 * np.array(g.image_size_px) / g.lens.focal_px for g in stations.values()], axis=0)
+        self._lost: tuple[float, Kinematics] | None = None
+
+    def seen(self, t_s: float, kinematics: Kinematics) -> None:
+        """Remember where the target is, for when it is lost."""
+        self._lost = (t_s, kinematics)
+
+    def after_loss(self, t_s: float) -> bool:
+        """Return whether a target was there so recently that it is searched for where it must have gone."""
+        return self._lost is not None and 0.0 <= t_s - self._lost[0] <= self._config.lost_s
+
+    def point(self, t_s: float) -> FloatArray:
+        """Return the point (3,) to look at, runway frame."""
+        if self._lost is not None and self.after_loss(t_s):
+            return self._around(t_s, *self._lost)
+        config = self._config
+        azimuth, elevation = np.radians(config.azimuth_deg), np.radians(config.elevation_deg)
+        middle = np.array([math.tan(azimuth.mean()), 1.0, math.tan(elevation.mean())]) * config.range_m
+        half = 0.5 * config.range_m * np.array([np.ptp(np.tan(azimuth)), np.ptp(np.tan(elevation))])
+        return self._swept(t_s, middle, half)
+
+    def _around(self, t_s: float, lost_s: float, kinematics: Kinematics) -> FloatArray:
+        """Return the place to look at, ``t_s`` after a loss, by the motion that was known then."""
+        dt = t_s - lost_s
+        P, psd = kinematics.covariance, self._config.acceleration_psd_m2_s3
+        middle = kinematics.position_runway_m + dt * kinematics.velocity_runway_m_s
+        variance = np.diag(P[:3, :3] + dt * (P[:3, 3:] + P[3:, :3]) + dt**2 * P[3:, 3:]) + psd * dt**3 / 3.0
+        half = self._config.sigmas * np.sqrt(np.maximum(variance[[0, 2]], 0.0))
+        # an aircraft is not below the runway
+        low, high = max(middle[2] - half[1], 0.0), max(middle[2] + half[1], 0.0)
+        middle[2], half[1] = 0.5 * (low + high), 0.5 * (high - low)
+        return self._swept(t_s, middle, half)
+
+    def _swept(self, t_s: float, middle: FloatArray, half: FloatArray) -> FloatArray:
+        """Return a point that sweeps x and z about ``middle`` by ``half`` (2,), less what one view holds anyway."""
+        seen = self._view * max(float(middle[1]), 1.0)
+        reach = np.maximum(half - 0.9 * seen, 0.0)
+        speed = 2.0 * seen / self._config.dwell_s
+        across, up = _serpentine(t_s, reach, speed, rows=math.ceil(reach[1] / seen[1]) + 1)
+        return middle + np.array([across, 0.0, up])
+
+
+def _serpentine(t_s: float, reach: FloatArray, speed: FloatArray, rows: int) -> tuple[float, float]:
+    """Return where a sweep of ±``reach`` (2,) is at a time: along one row, up to the next, back along that, …
+
+    Rows are as many as one view's height each covers; from the top it goes down again the same way.
+    """
+    along_s, up_s = 2.0 * reach[0] / speed[0], 2.0 * reach[1] / speed[1] / max(rows - 1, 1)
+    lap_s = along_s + up_s
+    if lap_s == 0.0:
+        return 0.0, 0.0
+    # rows up, rows down: 0 … rows − 1 and back, the ends twice
+    lap, within_s = divmod(t_s, lap_s)
+    row = int(lap) % (2 * rows)
+    level = row if row < rows else 2 * rows - 1 - row
+    further = 0 if row in (rows - 1, 2 * rows - 1) else (1 if row < rows else -1)
+    share = min(within_s / along_s, 1.0) if along_s > 0 else 1.0
+    climbed = max(within_s - along_s, 0.0) / up_s * further if up_s > 0 else 0.0
+    across = (2.0 * share - 1.0) * reach[0] * (1 if row % 2 == 0 else -1)
+    up = ((level + climbed) / max(rows - 1, 1) * 2.0 - 1.0) * reach[1] if rows > 1 else 0.0
+    return float(across), float(up)

@@ -1,0 +1,102 @@
+"""The operator's screen in Rerun while the station is in operation: pictures, track, words, log.
+
+A thread of its own draws; whoever hands over reports never waits, and where drawing cannot follow, the oldest are left
+out and counted. Pictures are shown a few times a second and reduced: what the pipeline sees is in the recording.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import rerun as rr
+
+from groundstation.messages import CameraReport, StepReport
+from groundstation.rig import Rig
+from groundstation.sinks import rerun_tree as tree
+from groundstation.sinks.rerun_view import RerunSink
+
+_JPEG_QUALITY = 75
+_PICTURE_EVERY_S = 0.2
+_MOST_WAITING = 300
+_FLUSH_EPOCHS = 3
+
+
+class LiveView:
+    """A sink of reports and of the station's status.
+
+    Parameters
+    ----------
+    stream : where to send it; it is closed at the end.
+    name : the recording's title.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, rig: Rig, name: str) -> None:
+        stream.send_recording_name(name)
+        self.left_out = 0
+        self._stream = stream
+        self._sink = RerunSink(stream, rig, session_name=name, live=True, flush_epochs=_FLUSH_EPOCHS)
+        self._shown_s: dict[str, float] = {}
+        self._waiting: deque[StepReport | tuple[float, tuple[str, ...]]] = deque()
+        self._changed = threading.Condition()
+        self._closed = False
+        self._thread = threading.Thread(target=self._work, name="rerun", daemon=True)
+        self._thread.start()
+
+    def write(self, report: StepReport) -> None:
+        """Take one report; never waits."""
+        self._put(report)
+
+    def say(self, t_s: float, lines: Sequence[str]) -> None:
+        """Show what the operator is told; never waits."""
+        self._put((t_s, tuple(lines)))
+
+    def close(self) -> None:
+        """Draw what waits and close the stream."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+        self._thread.join(5.0)
+
+    def _put(self, what: StepReport | tuple[float, tuple[str, ...]]) -> None:
+        with self._changed:
+            if len(self._waiting) >= _MOST_WAITING:
+                self._waiting.popleft()
+                self.left_out += 1
+            self._waiting.append(what)
+            self._changed.notify()
+
+    # ------------------------------------------------------------------------------------ the thread
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._waiting or self._closed)
+                if not self._waiting:
+                    break
+                what = self._waiting.popleft()
+            if isinstance(what, StepReport):
+                self._draw(what)
+            else:
+                self._stream.set_time(tree.TIMELINE, duration=np.timedelta64(round(what[0] * 1e9), "ns"))
+                text = "\n\n".join([f"**{what[1][0]}**", *what[1][1:]])
+                self._stream.log(tree.WORDS, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+        self._sink.close()
+
+    def _draw(self, report: StepReport) -> None:
+        for camera in report.cameras:
+            self._show(camera)
+        self._sink.write(report)
+
+    def _show(self, camera: CameraReport) -> None:
+        """Show a picture now and then, at half its size; what is drawn over it keeps its place."""
+        last_s = self._shown_s.get(camera.station, -np.inf)
+        if camera.image is None or 0.0 <= camera.t_s - last_s < _PICTURE_EVERY_S:
+            return
+        self._shown_s[camera.station] = camera.t_s
+        picture = camera.image.glance()
+        self._stream.set_time(tree.TIMELINE, duration=np.timedelta64(round(camera.t_s * 1e9), "ns"))
+        coded, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        if coded:
+            shown = rr.EncodedImage(contents=jpeg.tobytes(), media_type="image/jpeg")
+            self._stream.log(tree.image(camera.station), shown)

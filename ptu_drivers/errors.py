@@ -1,0 +1,96 @@
+"""Every error that the drivers raise on purpose: one root; the text is one line that a user can act upon."""
+
+
+class PtuError(Exception):
+    """Root of all errors of this package."""
+
+
+class LineError(PtuError):
+    """The line cannot be opened, or it is gone (unplugged, closed by the other side)."""
+
+    def __init__(self, url: str, *, got: str, wanted: str) -> None:
+        self.url = url
+        self.got = got
+        self.wanted = wanted
+        super().__init__(f"{url}: got {_line(got)}; wanted {wanted}")
+
+
+class NoAnswerError(PtuError):
+    """A command had no answer that can be believed within the stated time; nothing is known of its effect.
+
+    Parameters
+    ----------
+    command : what was asked.
+    waited_s : how long, s.
+    got : what came instead.
+    """
+
+    def __init__(self, command: str, *, waited_s: float, got: str) -> None:
+        self.command = command
+        self.waited_s = waited_s
+        super().__init__(f"{command}: got {_line(got)} in {waited_s:.2f} s; wanted an answer")
+
+
+class ProtocolError(PtuError):
+    """Bytes that are no message of the protocol, or a unit that does not speak it."""
+
+    def __init__(self, where: str, *, got: str, wanted: str) -> None:
+        self.where = where
+        self.got = got
+        self.wanted = wanted
+        super().__init__(f"{where}: got {_line(got)}; wanted {wanted}")
+
+
+class RefusedError(PtuError):
+    """The unit understood the command and refused it."""
+
+    def __init__(self, command: str, *, said: str) -> None:
+        self.command = command
+        self.said = said
+        super().__init__(f"{command}: the unit refused it: {_line(said)}")
+
+
+class LimitError(PtuError):
+    """A command beyond a limit: refused before anything was sent, never clipped.
+
+    Parameters
+    ----------
+    axis : "pan" or "tilt".
+    limit : the limit's name: "lower limit", "upper limit", "maximum speed", "minimum speed".
+    got, bound : what was asked and what the limit is, rad or rad/s.
+    origin : who set the limit: "unit" or "settings".
+    """
+
+    def __init__(self, axis: str, limit: str, *, got: float, bound: float, origin: str) -> None:
+        self.axis = axis
+        self.limit = limit
+        self.got = got
+        self.bound = bound
+        self.origin = origin
+        unit = "deg/s" if "speed" in limit else "deg"
+        got_deg, bound_deg = got * _DEG, bound * _DEG
+        super().__init__(f"{axis}: got {got_deg:.4f} {unit}; the {limit} is {bound_deg:.4f} {unit} ({origin})")
+
+
+class UnsupportedError(PtuError):
+    """The unit, or this protocol, cannot do what was asked (see `UnitDescription.capabilities`)."""
+
+    def __init__(self, unit: str, *, got: str) -> None:
+        super().__init__(f"{unit}: got {got}, which it cannot do")
+
+
+class MissingExtraError(PtuError):
+    """A package that this protocol needs is not installed."""
+
+    def __init__(self, part: str, extra: str) -> None:
+        self.extra = extra
+        super().__init__(f"{part} needs an optional part; install it with: pip install 'groundstation[{extra}]'")
+
+
+_DEG = 57.29577951308232
+
+
+def _line(text: str) -> str:
+    """Return the text in one printable line, whatever the unit sent."""
+    shown = text if text.isprintable() else ascii(text)
+    return shown if len(shown) <= 120 else shown[:117] + "..."

@@ -1,0 +1,112 @@
+"""FLIR / Directed Perception pan-tilt units: found on their line, set up, probed."""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from ptu_drivers.errors import ProtocolError, PtuError
+from ptu_drivers.flir_line import Doubt, FlirLine
+from ptu_drivers.flir_poll import Query
+from ptu_drivers.flir_probe import probe, set_up
+from ptu_drivers.flir_unit import DRAINING_S, FlirUnit
+from ptu_drivers.health import DoubtReason, HealthCounter
+from ptu_drivers.settings import UnitSettings
+from ptu_drivers.transport import SerialTransport, Transport
+
+BAUDS = (9600, 115200, 57600, 38400, 19200)
+
+
+def open_flir(
+    url: str,
+    settings: UnitSettings,
+    clock: Callable[[], float] = time.monotonic,
+    *,
+    patience_s: float = 5.0,
+    query: str = "auto",
+) -> "FlirUnit":
+    """Open a unit on a line that pyserial opens, see `open_ptu`.
+
+    Parameters
+    ----------
+    patience_s : how long to look for a unit that answers, at all usual speeds, s; one that homes is deaf up to 40 s.
+    query : "auto", or one of `Query`.
+
+    Raises
+    ------
+    LineError, ProtocolError, MissingExtraError.
+    """
+    if query != "auto" and query not in tuple(Query):
+        raise ProtocolError("query", got=query, wanted="auto, " + ", ".join(Query))
+    transport = SerialTransport(url, BAUDS[0], clock)
+    return connect(transport, settings, patience_s=patience_s, query=query, threaded=True)
+
+
+def connect(
+    transport: Transport,
+    settings: UnitSettings,
+    *,
+    patience_s: float = 5.0,
+    query: str = "auto",
+    threaded: bool = False,
+) -> "FlirUnit":
+    """Find the unit on an open line, set it up, probe it.
+
+    Parameters
+    ----------
+    threaded : run the watchdog in a thread of its own; else it looks only when `read` is called.
+    """
+    counter = HealthCounter()
+    line = FlirLine(transport, counter, settings.reply_timeout_s)
+    try:
+        _find(line, settings, patience_s)
+        set_up(line)
+        facts = probe(line)
+        _raise_baud(line, settings.baud)
+    except Doubt as doubt:
+        transport.close()
+        raise ProtocolError(transport.url, got=doubt.got, wanted="a FLIR unit's answer") from doubt
+    except PtuError:
+        transport.close()
+        raise
+    unit = FlirUnit(line, counter, facts, settings, threaded=threaded)
+    if query != "auto":
+        unit.ask_by(Query(query))
+    return unit
+
+
+def _find(line: FlirLine, settings: UnitSettings, patience_s: float) -> None:
+    """Greet at all speeds until something answers. Raises ProtocolError."""
+    transport = line.transport
+    bauds: tuple[int, ...] = BAUDS if transport.baud() else (0,)
+    if settings.baud and transport.baud():
+        bauds = (BAUDS[0], settings.baud, *(b for b in BAUDS[1:] if b != settings.baud))
+    end, got = transport.now() + patience_s, "silence"
+    while True:
+        for baud in bauds:
+            transport.set_baud(baud)
+            try:
+                line.greet(transport.now() + line.longest_s() + DRAINING_S)
+            except Doubt as doubt:
+                got = doubt.got
+            else:
+                return
+            if transport.now() >= end:
+                raise ProtocolError(
+                    transport.url, got=got, wanted=f"a FLIR unit's answer within {patience_s:.0f} s"
+                ) from None
+
+
+def _raise_baud(line: FlirLine, baud: int) -> bool:
+    """Raise both ends' speed and confirm it; the old one stays where the unit does not follow."""
+    transport = line.transport
+    old = transport.baud()
+    if not baud or not old or baud == old:
+        return False
+    if not line.ask(f"@({baud},0,F)").answer.ok:
+        return False
+    for speed in (baud, baud, old, old):
+        transport.set_baud(speed)
+        with suppress(Doubt):
+            line.resynchronise(transport.now() + line.longest_s())
+            return speed == baud
+    raise Doubt(DoubtReason.TIMEOUT, f"nothing at {baud} baud, nor at {old} any more")

@@ -1,0 +1,106 @@
+"""What went wrong so far, counted by reason."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+
+
+class UnitState(StrEnum):
+    """What the driver is doing."""
+
+    READY = "ready"
+    RESYNCHRONISING = "resynchronising"
+    """Something doubtful came: the line is drained and asked a question whose answer cannot be confused."""
+    STARTING = "starting"
+    """The unit answers, but it was reset or power-cycled and homes, or its settings have to be set again."""
+    LINE_LOST = "line lost"
+    """The line is gone, or nobody answers; it is opened again and again."""
+    CLOSED = "closed"
+
+
+class DoubtReason(StrEnum):
+    """Why an answer, or its absence, gave no angle."""
+
+    TIMEOUT = "timeout"
+    TRUNCATED = "truncated"
+    """An answer began and did not end."""
+    GARBAGE = "garbage"
+    """Bytes that are no message of the protocol."""
+    CHECKSUM = "checksum"
+    ECHO_MISMATCH = "echo mismatch"
+    """The answer is for another question: it came late, or replies are shifted by one."""
+    UNEXPECTED = "unexpected line"
+    """A line that nobody asked for: banner, leftover, joystick text."""
+    REFUSED = "refused"
+    """The unit answered a query with an error."""
+    OUT_OF_RANGE = "out of range"
+    """A number where the unit cannot be."""
+    TOO_FAST = "too fast"
+    """Further from the last angle than the unit can have turned since."""
+    UNCONFIRMED = "unconfirmed"
+    """Not where it was expected, and asked again it said something that does not fit."""
+    STARTING = "starting"
+    """The unit was reset or power-cycled; its angles count from nowhere until it has homed."""
+    LINE_LOST = "line lost"
+    CLOSED = "closed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Health:
+    """Counts since the driver was opened; a snapshot.
+
+    Attributes
+    ----------
+    state : what the driver is doing.
+    exchanges : commands and queries sent.
+    readings : angles believed, both axes.
+    doubts : answers discarded, by reason; a reason that is absent did not occur.
+    limit_events : messages of the unit that an axis hit its limit.
+    resyncs, reconnects, restarts : how often the line was resynchronised, opened again, the unit found restarted.
+    watchdog_stops : motion halted because commands stopped.
+    last_reading_s : instant of the newest believed angle, s, or minus infinity.
+    """
+
+    state: UnitState
+    exchanges: int
+    readings: int
+    doubts: Mapping[DoubtReason, int]
+    limit_events: int
+    resyncs: int
+    reconnects: int
+    restarts: int
+    watchdog_stops: int
+    last_reading_s: float
+
+
+@dataclass(slots=True, kw_only=True)
+class HealthCounter:
+    """The same while it is counted; owned by one device, under its lock."""
+
+    state: UnitState = UnitState.STARTING
+    exchanges: int = 0
+    readings: int = 0
+    doubts: Counter[DoubtReason] = field(default_factory=Counter)
+    limit_events: int = 0
+    resyncs: int = 0
+    reconnects: int = 0
+    restarts: int = 0
+    watchdog_stops: int = 0
+    last_reading_s: float = float("-inf")
+
+    def snapshot(self) -> Health:
+        """Return what was counted until now."""
+        return Health(
+            state=self.state,
+            exchanges=self.exchanges,
+            readings=self.readings,
+            doubts=MappingProxyType(dict(self.doubts)),
+            limit_events=self.limit_events,
+            resyncs=self.resyncs,
+            reconnects=self.reconnects,
+            restarts=self.restarts,
+            watchdog_stops=self.watchdog_stops,
+            last_reading_s=self.last_reading_s,
+        )

@@ -1,0 +1,101 @@
+"""When an angle was true: bounds from the line, and the unit's own clock tied to ours by them."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from ptu_drivers.messages import AngleSource
+
+_SQRT12 = math.sqrt(12.0)
+_DRIFT = 200e-6
+_KEPT = 64
+_COUNTER = 2**32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instant:
+    """An instant with its 1 sigma, s, and where it is from."""
+
+    t_s: float
+    sigma_s: float
+    source: AngleSource
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Latency:
+    """What is known of delays, s.
+
+    Attributes
+    ----------
+    unit_s, unit_sigma_s : from the delimiter to the reply's first bit, and its spread.
+    send_sigma_s : of the delay between a write and the line; infinite over a network.
+    """
+
+    unit_s: float
+    unit_sigma_s: float
+    send_sigma_s: float
+
+
+def of_query(*, earliest_s: float, sent_s: float, latest_s: float, first_bit_s: float, latency: Latency) -> Instant:
+    """Return when a query's delimiter reached the unit, which reads its counters then.
+
+    On a serial port it is when the last byte had been on the line. Over a network it is the first bit of the reply less
+    the unit's latency, or, where the answer took longer than that explains, the middle of the bounds. Never outside
+    the bounds, and no more uncertain than they are wide.
+
+    Parameters
+    ----------
+    earliest_s, latest_s : bounds, s (`Exchanged`).
+    sent_s : when the last byte had been on the line if the port took it at once, s.
+    first_bit_s : when the first bit of the reply was seen, s.
+    """
+    width = latest_s - earliest_s
+    if math.isfinite(latency.send_sigma_s):
+        sigma = math.hypot(latency.send_sigma_s, (sent_s - earliest_s) / _SQRT12)
+        at, source = min(max(sent_s, earliest_s), latest_s), AngleSource.LAST_BYTE_SENT
+        return Instant(t_s=at, sigma_s=min(sigma, width / _SQRT12), source=source)
+    guess = first_bit_s - latency.unit_s
+    if earliest_s <= guess <= latest_s and width <= latency.unit_s + 3.0 * latency.unit_sigma_s:
+        sigma = min(latency.unit_sigma_s, width / _SQRT12)
+        return Instant(t_s=guess, sigma_s=sigma, source=AngleSource.FIRST_REPLY_BYTE)
+    middle = 0.5 * (earliest_s + latest_s)
+    return Instant(t_s=middle, sigma_s=width / _SQRT12, source=AngleSource.ROUND_TRIP)
+
+
+class DeviceClock:
+    """A unit's counter tied to our clock: each exchange bounds the offset, the bounds intersect.
+
+    Parameters
+    ----------
+    frequency_hz : what the unit says its counter's frequency is.
+    """
+
+    def __init__(self, frequency_hz: float) -> None:
+        self.frequency_hz = frequency_hz
+        self._bounds: deque[tuple[float, float, float]] = deque(maxlen=_KEPT)
+        self._last = -1
+        self._turns = 0
+
+    def went_back(self, count: int) -> bool:
+        """Return whether a count is below the last one, and not because the counter turned over."""
+        return 0 <= self._last - count <= _COUNTER // 2 and count != self._last
+
+    def instant(self, count: int, earliest_s: float, latest_s: float) -> Instant:
+        """Return the instant of a count that was read between the bounds, s on our clock."""
+        if count < self._last:
+            if self.went_back(count):
+                self._bounds.clear()
+            else:
+                self._turns += 1
+        self._last = count
+        device = (count + self._turns * _COUNTER) / self.frequency_hz
+        self._bounds.append((device, earliest_s - device, latest_s - device))
+        low = max(lo - _DRIFT * (device - at) for at, lo, _ in self._bounds)
+        high = min(hi + _DRIFT * (device - at) for at, _, hi in self._bounds)
+        if low > high:
+            # a clock that jumped, or a frequency that is not what it was said to be: begin anew with this exchange
+            last = self._bounds[-1]
+            self._bounds.clear()
+            self._bounds.append(last)
+            low, high = last[1], last[2]
+        return Instant(t_s=device + 0.5 * (low + high), sigma_s=(high - low) / _SQRT12, source=AngleSource.DEVICE_CLOCK)

@@ -1,0 +1,99 @@
+"""What every pan-tilt unit promises, whatever protocol it speaks."""
+
+from abc import ABC, abstractmethod
+from types import TracebackType
+from typing import Self
+
+from ptu_drivers.health import Health
+from ptu_drivers.messages import NoReading, Reading, UnitDescription
+
+
+class PanTiltUnit(ABC):
+    """An opened and probed pan-tilt unit; use it as a context manager, which halts it on the way out.
+
+    Methods may be called from several threads; one exchange is on the line at a time. No method waits longer than
+    `describe().reply_timeout_s` for the line, except `home` and `close`, which say what they take.
+    """
+
+    @abstractmethod
+    def describe(self) -> UnitDescription:
+        """Return what the probe found; no traffic."""
+
+    @abstractmethod
+    def read(self) -> Reading | NoReading:
+        """Ask both axes where they are.
+
+        Returns
+        -------
+        `Reading` : angles with the instants at which they were true, or
+        `NoReading` : why there is none. A doubtful answer is discarded and counted, never returned. Line trouble is
+            not raised: each further call drives the recovery on, and angles come again when the line is back.
+
+        Raises
+        ------
+        LineError : the unit was closed by its user.
+        """
+
+    @abstractmethod
+    def move_to(
+        self, *, pan_rad: float | None = None, tilt_rad: float | None = None, rate_rad_s: float | None = None
+    ) -> None:
+        """Start to turn to a position, rad, and return when the unit has acknowledged; `None` leaves an axis alone.
+
+        A new target replaces the old one in motion. With `rate_rad_s` both axes use that speed, else the unit's
+        own (as set by the last call that named one, or as it was found). Ends motion by rate.
+
+        Raises
+        ------
+        LimitError : beyond a limit or a speed bound; nothing was sent. NaN is beyond every limit.
+        RefusedError : the unit refused it. NoAnswerError, LineError : not known whether it moves; it is halted as
+            soon as the line is back.
+        """
+
+    @abstractmethod
+    def move_at(self, *, pan_rad_s: float, tilt_rad_s: float) -> None:
+        """Turn at a rate, rad/s, until the next command; a driver stops at its limits by itself.
+
+        To be repeated within `UnitSettings.watchdog_s`, or the watchdog halts the unit.
+
+        Raises
+        ------
+        LimitError : faster than allowed (a rate below the slowest is refused too, 0 is not). UnsupportedError.
+        RefusedError, NoAnswerError, LineError : as `move_to`.
+        """
+
+    @abstractmethod
+    def halt(self) -> None:
+        """Stop both axes now, and return when the unit has acknowledged.
+
+        Tried again over line trouble within the time of three exchanges.
+
+        Raises
+        ------
+        NoAnswerError, LineError : not acknowledged; halted again when the line is back.
+        """
+
+    @abstractmethod
+    def home(self) -> None:
+        """Reset and home the unit; takes up to `UnitSettings.homing_timeout_s`. Angles are absent meanwhile.
+
+        Raises
+        ------
+        UnsupportedError, RefusedError, NoAnswerError, LineError.
+        """
+
+    @abstractmethod
+    def health(self) -> Health:
+        """Return the counts until now; no traffic."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Halt and let go of the line, within the time of three exchanges; never raises; twice does no harm."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,149 @@
+"""The records that cross the drivers' border. SI and radians; instants on the clock that the driver was given."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from ptu_drivers.health import DoubtReason, UnitState
+
+
+class Axis(StrEnum):
+    """The two axes of a unit."""
+
+    PAN = "pan"
+    TILT = "tilt"
+
+
+class AngleSource(StrEnum):
+    """How the instant of an angle was found, the best first."""
+
+    DEVICE_CLOCK = "device clock"
+    """The unit stamped the angle itself; its clock was tied to ours by exchanges with short round trips."""
+    LAST_BYTE_SENT = "last byte sent"
+    """Query's last byte given to a serial port, plus its time on the line; held against the bounds from the echo and
+    the first byte of the reply, which adapters hand over late and in batches."""
+    FIRST_REPLY_BYTE = "first reply byte"
+    """First byte of the reply, less its own time on the line and the unit's stated latency."""
+    ROUND_TRIP = "round trip"
+    """Middle of the round trip: where nothing is known of when the other side read the angle (HTTP, sync read)."""
+
+
+class Capability(StrEnum):
+    """What a unit can do; what is absent raises `UnsupportedError`."""
+
+    POSITION = "position"
+    VELOCITY = "velocity"
+    COMBINED_QUERY = "combined query"
+    DEVICE_CLOCK = "device clock"
+    HOMING = "homing"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AngleSample:
+    """One axis' angle, at the instant when it was true.
+
+    Attributes
+    ----------
+    axis : which.
+    t_s : instant at which the angle was true, s, on the driver's clock.
+    sigma_t_s : 1 sigma of that instant, s: jitter of the unit's latency and of the line, known or stated.
+    angle_rad : angle after sign and zero of the settings, rad; pan positive counter-clockwise from above, tilt upwards.
+    sigma_rad : 1 sigma of the angle as the unit reports it, rad: its quantum over sqrt(12). Motion during `sigma_t_s`
+        is not in it, since only the user of the sample knows the rate.
+    source : how the instant was found.
+    """
+
+    axis: Axis
+    t_s: float
+    sigma_t_s: float
+    angle_rad: float
+    sigma_rad: float
+    source: AngleSource
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """Both axes, each at its own instant; not filtered, not interpolated.
+
+    Attributes
+    ----------
+    pan, tilt : the angles.
+    sent_s, answered_s : when the first query of it was sent and the last answer was complete, s.
+    """
+
+    pan: AngleSample
+    tilt: AngleSample
+    sent_s: float
+    answered_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoReading:
+    """No angle that can be believed, and why: what `read` returns instead of a doubtful one.
+
+    Attributes
+    ----------
+    reason : why.
+    state : what the driver is doing about it.
+    t_s : when it was found, s.
+    """
+
+    reason: DoubtReason
+    state: UnitState
+    t_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisDescription:
+    """What one axis can do: asked of the unit, then narrowed by the settings.
+
+    Attributes
+    ----------
+    quantum_rad : smallest step that the unit reports, rad.
+    low_rad, high_rad : where it may point, rad, after sign and zero; the narrower of unit and settings.
+    low_from, high_from : whose limit that is: "unit" or "settings".
+    max_rate_rad_s, min_rate_rad_s : bounds of its speed, rad/s; 0 stands still and is always allowed.
+    rate_from : whose the upper bound is.
+    max_acceleration_rad_s2 : rad/s², or infinity where the unit does not say.
+    """
+
+    quantum_rad: float
+    low_rad: float
+    high_rad: float
+    low_from: str = "unit"
+    high_from: str = "unit"
+    max_rate_rad_s: float
+    min_rate_rad_s: float = 0.0
+    rate_from: str = "unit"
+    max_acceleration_rad_s2: float = float("inf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitDescription:
+    """What the unit said of itself.
+
+    Attributes
+    ----------
+    protocol : "flir", "pelco-d", …
+    url : the line.
+    model, firmware, serial : as the unit says, "" where it does not.
+    pan, tilt : the axes.
+    capabilities : what it can do.
+    reply_timeout_s : longest time that one exchange may take, s.
+    details : whatever else the probe found, for people to read.
+    """
+
+    protocol: str
+    url: str
+    model: str
+    firmware: str
+    serial: str
+    pan: AxisDescription
+    tilt: AxisDescription
+    capabilities: frozenset[Capability]
+    reply_timeout_s: float
+    details: Mapping[str, str] = field(default_factory=dict)
+
+    def axis(self, axis: Axis) -> AxisDescription:
+        """Return the description of one axis."""
+        return self.pan if axis is Axis.PAN else self.tilt

@@ -1,0 +1,283 @@
+"""How a unit does: round trips, doubts, margins to its limits, and how it carries out a move."""
+
+import math
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from ptu_drivers.errors import ProtocolError
+from ptu_drivers.health import Health
+from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.messages import Axis, NoReading, Reading, UnitDescription
+
+_BAR = 40
+_STUCK_S = 0.2
+_STILL_S = 0.3
+_IDLE_S = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watched:
+    """What was seen in a while of asking.
+
+    Attributes
+    ----------
+    duration_s : how long. round_trips_s : of each reading. last : the newest reading.
+    sigma_t_s : median sigma of the instants. source : how they were found.
+    health : the unit's counts at the end.
+    """
+
+    duration_s: float
+    round_trips_s: tuple[float, ...]
+    last: Reading
+    sigma_t_s: float
+    source: str
+    health: Health
+
+    @property
+    def rate_hz(self) -> float:
+        """Return readings of both axes in a second."""
+        return len(self.round_trips_s) / self.duration_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moved:
+    """How one axis carried out a move.
+
+    Attributes
+    ----------
+    axis : which. wanted_rad, reached_rad : target, and where it came to rest as it says.
+    lag_s : from the command until it was seen to move. took_s : until it was at rest. peak_rad_s : fastest.
+    stuck_s : longest standstill between start and target: stiction, or a stall.
+    quantum_rad : one step.
+    """
+
+    axis: Axis
+    wanted_rad: float
+    reached_rad: float
+    lag_s: float
+    took_s: float
+    peak_rad_s: float
+    stuck_s: float
+    quantum_rad: float
+
+    @property
+    def lost_steps(self) -> int:
+        """Return by how many steps it missed the target."""
+        return round(abs(self.wanted_rad - self.reached_rad) / self.quantum_rad)
+
+
+class Watching:
+    """Asks a unit, and keeps what is needed to say how it does.
+
+    Parameters
+    ----------
+    unit : to be asked. now : the clock.
+    """
+
+    def __init__(self, unit: PanTiltUnit, now: Callable[[], float]) -> None:
+        self._unit = unit
+        self._now = now
+        self._begun = now()
+        self._trips: list[float] = []
+        self._sigmas: list[float] = []
+        self._last: Reading | None = None
+
+    @property
+    def duration_s(self) -> float:
+        """Return how long it has been watched, s."""
+        return self._now() - self._begun
+
+    @property
+    def rate_hz(self) -> float:
+        """Return readings in a second until now."""
+        return len(self._trips) / max(self.duration_s, 1e-9)
+
+    def step(self, wait: Callable[[float], None]) -> Reading | NoReading:
+        """Ask once; wait a little where that took no time."""
+        asked = self._now()
+        got = self._unit.read()
+        if isinstance(got, NoReading):
+            if self._now() == asked:
+                wait(_IDLE_S)
+            return got
+        self._last = got
+        self._trips.append(got.answered_s - got.sent_s)
+        self._sigmas.append(max(got.pan.sigma_t_s, got.tilt.sigma_t_s))
+        return got
+
+    def result(self) -> Watched:
+        """Return what was seen. Raises ProtocolError if there was not one reading."""
+        if self._last is None:
+            doubts = ", ".join(f"{k} {v}" for k, v in self._unit.health().doubts.items())
+            got = f"no angle in {self.duration_s:.0f} s ({doubts})"
+            raise ProtocolError(self._unit.describe().url, got=got, wanted="angles")
+        return Watched(
+            duration_s=self.duration_s,
+            round_trips_s=tuple(self._trips),
+            last=self._last,
+            sigma_t_s=statistics.median(self._sigmas),
+            source=str(self._last.pan.source),
+            health=self._unit.health(),
+        )
+
+
+def watch(unit: PanTiltUnit, duration_s: float, now: Callable[[], float], wait: Callable[[float], None]) -> Watched:
+    """Ask as fast as the line allows, for so long.
+
+    Raises
+    ------
+    ProtocolError : not one reading.
+    """
+    seen = Watching(unit, now)
+    while seen.duration_s < duration_s:
+        seen.step(wait)
+    return seen.result()
+
+
+def move(
+    unit: PanTiltUnit,
+    targets_rad: dict[Axis, float],
+    rate_rad_s: float | None,
+    now: Callable[[], float],
+    wait: Callable[[float], None],
+    timeout_s: float = 120.0,
+) -> tuple[Moved, ...]:
+    """Turn to a position, watch it, and return how each axis did.
+
+    Raises
+    ------
+    PtuError : as `move_to`. ProtocolError : it did not come to rest in time; it is halted.
+    """
+    before = _reading(unit, now, wait, timeout_s)
+    begun = now()
+    unit.move_to(pan_rad=targets_rad.get(Axis.PAN), tilt_rad=targets_rad.get(Axis.TILT), rate_rad_s=rate_rad_s)
+    path: list[Reading] = [before]
+    changed = now()
+    while now() - changed < _STILL_S or (_far(path[-1], targets_rad, unit.describe()) and now() - changed < 2.0):
+        if now() - begun > timeout_s:
+            unit.halt()
+            raise ProtocolError("move", got=f"motion after {timeout_s:.0f} s", wanted="rest; it was halted")
+        got = unit.read()
+        if isinstance(got, NoReading):
+            wait(_IDLE_S)
+            continue
+        if _angles(got) != _angles(path[-1]):
+            changed = now()
+        path.append(got)
+    return tuple(_moved(axis, begun, wanted, path, unit.describe()) for axis, wanted in targets_rad.items())
+
+
+def _moved(axis: Axis, begun_s: float, wanted: float, path: Sequence[Reading], said: UnitDescription) -> Moved:
+    samples = [r.pan if axis is Axis.PAN else r.tilt for r in path]
+    start, end = samples[0].angle_rad, samples[-1].angle_rad
+    moving = [s for s in samples if s.angle_rad != start]
+    changes = [b for a, b in pairwise(samples) if b.angle_rad != a.angle_rad]
+    stuck = max((b.t_s - a.t_s for a, b in pairwise(changes)), default=0.0)
+    rates = [
+        abs(b.angle_rad - a.angle_rad) / (b.t_s - a.t_s)
+        for a, b in zip(samples, samples[4:], strict=False)
+        if b.t_s > a.t_s
+    ]
+    return Moved(
+        axis=axis,
+        wanted_rad=wanted,
+        reached_rad=end,
+        lag_s=moving[0].t_s - begun_s if moving else math.nan,
+        took_s=changes[-1].t_s - begun_s if changes else 0.0,
+        peak_rad_s=max(rates, default=0.0),
+        stuck_s=stuck,
+        quantum_rad=said.axis(axis).quantum_rad,
+    )
+
+
+def _reading(unit: PanTiltUnit, now: Callable[[], float], wait: Callable[[float], None], timeout_s: float) -> Reading:
+    begun = now()
+    while isinstance(got := unit.read(), NoReading):
+        if now() - begun > timeout_s:
+            raise ProtocolError(unit.describe().url, got=f"no angle in {timeout_s:.0f} s", wanted="one")
+        wait(_IDLE_S)
+    return got
+
+
+def _angles(reading: Reading) -> tuple[float, float]:
+    return reading.pan.angle_rad, reading.tilt.angle_rad
+
+
+def _far(reading: Reading, targets_rad: dict[Axis, float], said: UnitDescription) -> bool:
+    at = dict(zip(Axis, _angles(reading), strict=True))
+    return any(abs(at[axis] - wanted) > 1.5 * said.axis(axis).quantum_rad for axis, wanted in targets_rad.items())
+
+
+def format_description(said: UnitDescription) -> str:
+    """Return what a unit is, for people."""
+    name = " ".join(p for p in (said.model, said.serial) if p) or "unnamed unit"
+    rows = [f"{name} on {said.url}, {said.protocol}", f"  {said.firmware}"]
+    for axis in Axis:
+        a = said.axis(axis)
+        rows.append(
+            f"  {axis:4}  {math.degrees(a.low_rad):9.3f} … {math.degrees(a.high_rad):8.3f} deg"
+            f"   step {math.degrees(a.quantum_rad):.6f} deg"
+            f"   {math.degrees(a.min_rate_rad_s):.3f} … {math.degrees(a.max_rate_rad_s):.3f} deg/s"
+            f"   {math.degrees(a.max_acceleration_rad_s2):.1f} deg/s²"
+        )
+    rows.append("  can: " + ", ".join(sorted(said.capabilities)))
+    rows += [f"  {key}: {text}" for key, text in said.details.items()]
+    return "\n".join(rows)
+
+
+def format_watched(seen: Watched, said: UnitDescription) -> str:
+    """Return rate, histogram of the round trips, doubts and margins, for people."""
+    trips = sorted(t * 1e3 for t in seen.round_trips_s)
+    middle, most = trips[len(trips) // 2], trips[int(0.95 * (len(trips) - 1))]
+    rows = [
+        f"{seen.rate_hz:.1f} readings/s of both axes; round trip median {middle:.1f} ms, 95 % {most:.1f}, "
+        f"worst {trips[-1]:.1f}",
+        f"instants by {seen.source}, sigma {seen.sigma_t_s * 1e3:.2f} ms",
+        *histogram(trips),
+    ]
+    for axis in Axis:
+        at = seen.last.pan if axis is Axis.PAN else seen.last.tilt
+        a = said.axis(axis)
+        below, above = math.degrees(at.angle_rad - a.low_rad), math.degrees(a.high_rad - at.angle_rad)
+        rows.append(
+            f"{axis:4} {math.degrees(at.angle_rad):9.4f} deg; to the limits {below:.2f} deg below, {above:.2f} above"
+        )
+    h = seen.health
+    doubts = ", ".join(f"{reason} {n}" for reason, n in h.doubts.items()) or "none"
+    rows.append(
+        f"doubts: {doubts}; resyncs {h.resyncs}, reconnects {h.reconnects}, restarts {h.restarts}, "
+        f"limit messages {h.limit_events}"
+    )
+    return "\n".join(rows)
+
+
+def format_moved(moved: Moved) -> str:
+    """Return how a move went, for people."""
+    verdict = "reached" if moved.lost_steps <= 1 else f"MISSED by {moved.lost_steps} steps"
+    if moved.stuck_s > _STUCK_S:
+        verdict += f"; STOOD STILL for {moved.stuck_s:.2f} s on the way"
+    return (
+        f"{moved.axis:4} {math.degrees(moved.reached_rad):9.4f} deg of {math.degrees(moved.wanted_rad):9.4f}: "
+        f"{verdict}; "
+        f"moved after {moved.lag_s * 1e3:.0f} ms, at rest after {moved.took_s:.2f} s, "
+        f"fastest {math.degrees(moved.peak_rad_s):.2f} deg/s"
+    )
+
+
+def histogram(values_ms: Sequence[float], bins: int = 12) -> list[str]:
+    """Return a histogram in text; the last row holds what is beyond the 99th percentile."""
+    ordered = sorted(values_ms)
+    low, high = ordered[0], ordered[int(0.99 * (len(ordered) - 1))]
+    width = max((high - low) / bins, 0.1)
+    counts = [0] * (bins + 1)
+    for value in ordered:
+        counts[min(int((value - low) / width), bins)] += 1
+    top = max(counts)
+    rows = []
+    for k, n in enumerate(counts):
+        if n:
+            label = f"{low + k * width:8.1f} ms" if k < bins else f"{low + bins * width:6.1f}+ ms"
+            rows.append(f"  {label} {n:6d} {'#' * max(1, round(_BAR * n / top))}")
+    return rows

@@ -1,0 +1,68 @@
+"""A unit by URL and the name of its protocol."""
+
+import time
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from inspect import signature
+from types import MappingProxyType
+from typing import Any
+
+from ptu_drivers.errors import ProtocolError
+from ptu_drivers.halting import halt_on_exit
+from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.settings import UnitSettings
+
+# module:function, imported when asked for: a protocol's own packages are not needed by the others.
+# Each function is called as f(url, settings, clock, **options) and returns an opened, probed unit.
+PROTOCOLS: Mapping[str, str] = MappingProxyType(
+    {
+        "flir": "ptu_drivers.flir:open_flir",
+        "pelco-d": "ptu_drivers.pelco:open_pelco_d",
+        "pelco-p": "ptu_drivers.pelco:open_pelco_p",
+        "dynamixel": "ptu_drivers.dynamixel:open_dynamixel",
+        "alpaca": "ptu_drivers.alpaca:open_alpaca",
+    }
+)
+
+
+def open_ptu(
+    url: str,
+    protocol: str = "flir",
+    settings: UnitSettings | None = None,
+    *,
+    clock: Callable[[], float] = time.monotonic,
+    **options: Any,
+) -> PanTiltUnit:
+    """Open a unit, ask it what it is, and return it ready; it is halted however the program ends (`halt_on_exit`).
+
+    Parameters
+    ----------
+    url : `/dev/ttyUSB0`, `socket://host:4000`, `rfc2217://host:port`, a pty; `http://host:11111` for Alpaca.
+    protocol : one of `PROTOCOLS`.
+    settings : sign, zero, limits and times; the defaults leave limits to the unit.
+    clock : monotonic, in s; every instant of the unit is on it.
+    options : what only this protocol has (addresses, scales), by keyword.
+
+    Raises
+    ------
+    LineError : the line cannot be opened. ProtocolError : who answers does not speak the protocol, or nobody does;
+    an unknown protocol or option. MissingExtraError : a package is not installed.
+    """
+    if protocol not in PROTOCOLS:
+        raise ProtocolError("protocol", got=protocol, wanted="one of " + ", ".join(PROTOCOLS))
+    module, function = PROTOCOLS[protocol].split(":")
+    try:
+        opener = getattr(import_module(module), function)
+    except ModuleNotFoundError as missing:
+        if missing.name != module:
+            raise
+        raise ProtocolError("protocol", got=protocol, wanted="one that is part of this version") from missing
+    try:
+        unit: PanTiltUnit = opener(url, settings or UnitSettings(), clock, **options)
+    except TypeError as fault:
+        unknown = set(options) - set(signature(opener).parameters)
+        if not unknown:
+            raise
+        raise ProtocolError("options", got=", ".join(sorted(unknown)), wanted=f"what {protocol} has") from fault
+    halt_on_exit(unit)
+    return unit

@@ -1,0 +1,208 @@
+"""Bytes over a line: whatever pyserial opens by URL, behind four methods and a clock."""
+
+import contextlib
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from ptu_drivers.errors import LineError, MissingExtraError, PtuError
+
+_SLICE_S = 0.02
+_WRITE_S = 1.0
+# a USB adapter takes bytes once a millisecond
+_SEND_SIGMA_S = 0.0005
+_REOPEN_S = 0.1
+# start, 8 data and stop bit
+BITS_PER_CHARACTER = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chunk:
+    """What came off the line at once.
+
+    Attributes
+    ----------
+    data : bytes, empty if none came in time.
+    t_s : when the last of them had been read, s: none came later; without bytes, the end of the wait.
+    """
+
+    data: bytes
+    t_s: float
+
+
+class Transport(Protocol):
+    """A line that is open. The device takes time from here alone, so that a simulated line can run on its own time."""
+
+    url: str
+
+    def now(self) -> float:
+        """Return the clock, s."""
+
+    def wait(self, duration_s: float) -> None:
+        """Let time pass."""
+
+    def character_s(self) -> float:
+        """Return what one character takes on the line, s; 0 where the line is no serial one."""
+
+    def send_sigma_s(self) -> float:
+        """Return the spread of the delay between `write` and the line, s; infinite over a network."""
+
+    def set_baud(self, baud: int) -> bool:
+        """Change the speed of our end; False where the line has none. Raises LineError."""
+
+    def baud(self) -> int:
+        """Return the speed of our end, bit/s; 0 where the line has none."""
+
+    def write(self, data: bytes) -> float:
+        """Send all of it; return when the last byte was handed over, s. Raises LineError."""
+
+    def read(self, until_s: float) -> Chunk:
+        """Return what is there, or wait for it until `until_s` on the clock. Raises LineError."""
+
+    def reopen(self) -> None:
+        """Close and open again, at the speed that is set. Raises LineError."""
+
+    def close(self) -> None:
+        """Let go of the line; never raises, twice does no harm."""
+
+
+class SerialTransport:
+    """A line that pyserial opens: a device, a pty, `socket://host:port`, `rfc2217://host:port`.
+
+    Parameters
+    ----------
+    url : as pyserial's `serial_for_url` takes it.
+    baud : speed, bit/s, 8N1; of no effect on a socket or a pty.
+    clock : monotonic, s.
+    """
+
+    def __init__(self, url: str, baud: int, clock: Callable[[], float] = time.monotonic) -> None:
+        self.url = url
+        self._baud = baud
+        self._clock = clock
+        self._is_serial = not url.startswith("socket://")
+        self._port: Any = None
+        self._opening: threading.Thread | None = None
+        self._opened_port: Any = None
+        self._fault: BaseException | None = None
+        self._port = self._open()
+
+    def now(self) -> float:
+        """Return the clock, s."""
+        return self._clock()
+
+    def wait(self, duration_s: float) -> None:
+        """Sleep."""
+        time.sleep(max(0.0, duration_s))
+
+    def character_s(self) -> float:
+        """Return the time of one character, s."""
+        return BITS_PER_CHARACTER / self._baud if self._is_serial else 0.0
+
+    def send_sigma_s(self) -> float:
+        """Return the spread of the delay before the line, s."""
+        return math.inf if "://" in self.url else _SEND_SIGMA_S
+
+    def baud(self) -> int:
+        """Return the speed, bit/s."""
+        return self._baud if self._is_serial else 0
+
+    def set_baud(self, baud: int) -> bool:
+        """Change the speed of this end."""
+        if not self._is_serial:
+            return False
+        self._baud = baud
+        with _line_errors(self.url):
+            self._opened().baudrate = baud
+        return True
+
+    def write(self, data: bytes) -> float:
+        """Send all bytes."""
+        with _line_errors(self.url):
+            self._opened().write(data)
+        return self._clock()
+
+    def read(self, until_s: float) -> Chunk:
+        """Wait for the first byte, then take all that is there."""
+        with _line_errors(self.url):
+            port = self._opened()
+            if self._clock() >= until_s and not port.in_waiting:
+                return Chunk(data=b"", t_s=self._clock())
+            while True:
+                data = port.read(1)
+                if data and (waiting := port.in_waiting):
+                    data += port.read(waiting)
+                t_s = self._clock()
+                if data or t_s >= until_s:
+                    return Chunk(data=data, t_s=t_s)
+
+    def reopen(self) -> None:
+        """Open, after closing what was open.
+
+        Connecting over a network may take long: it goes on in a thread, and each call looks whether it is done.
+        """
+        self.close()
+        if self._opening is None:
+            self._opened_port, self._fault = None, None
+            self._opening = threading.Thread(target=self._open_aside, name="ptu-reopen", daemon=True)
+            self._opening.start()
+        self._opening.join(_REOPEN_S)
+        if self._opening.is_alive():
+            raise LineError(self.url, got="no connection yet", wanted="a line that is there")
+        self._opening = None
+        if self._fault is not None:
+            raise LineError(self.url, got=str(self._fault), wanted="a line that is there") from self._fault
+        self._port = self._opened_port
+
+    def _open_aside(self) -> None:
+        try:
+            self._opened_port = self._open()
+        except PtuError as fault:
+            self._fault = fault
+
+    def _open(self) -> Any:
+        serial = _pyserial()
+        with _line_errors(self.url):
+            # one timeout for good: changing it renegotiates the whole port of an RFC 2217 server
+            return serial.serial_for_url(
+                self.url, baudrate=self._baud, timeout=_SLICE_S, write_timeout=_WRITE_S, exclusive=True
+            )
+
+    def close(self) -> None:
+        """Close; a line that is gone is closed already."""
+        port, self._port = self._port, None
+        if port is not None:
+            # pyserial stumbles in several ways over a port that was pulled out; there is nothing left to close
+            with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
+                port.close()
+
+    def _opened(self) -> Any:
+        if self._port is None:
+            raise LineError(self.url, got="a closed line", wanted="an open one")
+        return self._port
+
+
+class _line_errors:  # noqa: N801 - read as a statement: with _line_errors(url)
+    """Whatever pyserial and the system raise for a line that is gone, as our error."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: type[BaseException] | None, fault: BaseException | None, trace: object) -> None:
+        # TypeError and AttributeError: pyserial on a port that another thread closed under it
+        if isinstance(fault, OSError | ValueError | TypeError | AttributeError):
+            raise LineError(self.url, got=str(fault) or type(fault).__name__, wanted="a line that is there") from fault
+
+
+def _pyserial() -> Any:
+    try:
+        import serial
+    except ModuleNotFoundError as missing:
+        raise MissingExtraError("a serial line", "ptu") from missing
+    return serial

@@ -1,0 +1,18 @@
+"""Drawn rigs: errors after `calibrate flight` over claimed sigmas have the chi-square they should."""
+
+import numpy as np
+from calibration_rigs import sample
+
+
+def test_errors_over_sigmas_over_drawn_rigs() -> None:
+    """Every parameter of six rigs, and all together; relative pan 0.002°, tilt 0.005° (1 sigma) over an approach."""
+    found = sample("mounts", range(6))
+    low, high = found.limits()
+    assert np.all(found.normalised() < high)
+    assert np.all(found.normalised() > low)
+    # two stations share one DGPS, so that not all 42 are independent: bounds of about half of them
+    assert 0.3 < float(np.mean(found.normalised())) < 2.1
+    pan = found.degrees("left.runway_from_base.z") - found.degrees("right.runway_from_base.z")
+    assert float(np.sqrt(np.mean(pan**2))) < 0.002
+    for name in ("left", "right"):
+        assert float(np.sqrt(np.mean(found.degrees(f"{name}.runway_from_base.x") ** 2))) < 0.005

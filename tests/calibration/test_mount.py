@@ -1,0 +1,396 @@
+"""`calibrate mount`: errors within their sigmas, what cannot be known held, outliers named, bad input refused."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from calibration.boards import parse_board
+from calibration.mount import MountFitError
+from calibration.mount_parameters import USUAL_WORDS, choose_mount, mount_words
+from calibration.mount_pictures import find_lamp
+from calibration.mount_problem import Mark, MarkKind, MountProblem
+from calibration.mount_report import format_mount, pointing_sigma, verdict
+from calibration.mount_session import calibrate_station
+from groundstation.cli import main
+from groundstation.errors import InputError
+from groundstation.geometry.rotation import rotation_from_vector, rotation_x, rotation_y, wxyz_from_matrix
+from groundstation.rig import Rig, load_rig
+from groundstation.rig_toml import rig_to_toml
+from tests.calibration.mounts import Noise, look, marks_around, off_by, plain_station, spoiled
+
+UNKNOWN_BOARD = Mark(
+    name="board",
+    kind=MarkKind.BOARD,
+    place_m=np.array([0.0, 50.0, 0.0]),
+    sigma=np.zeros(3),
+    runway_from_board=np.eye(3),
+)
+
+
+def standing_board(station, away_m=6.0):
+    turn = rotation_x(-np.pi / 2) @ rotation_from_vector(np.array([0.3, 0.4, 0.1]))
+    place = station.ptu_position_m + np.array([0.05 * away_m, away_m, 0.2 * away_m])
+    return replace(UNKNOWN_BOARD, place_m=place, runway_from_board=turn)
+
+
+def board_body():
+    return parse_board("charuco:9x7:0.04:0.03").corners_m - np.array([0.18, 0.14, 0.0])
+
+
+@pytest.fixture
+def made(rng):
+    station = plain_station()
+    true = spoiled(station, rng)
+    return station, true, marks_around(true, rng)
+
+
+def test_every_derivative_has_its_numeric_twin(made, rng) -> None:
+    station, true, marks = made
+    unknown = marks_around(true, rng, known=False)
+    board = standing_board(true)
+    both = [*marks[:6], *unknown[6:], board]
+    seen = look(true, tuple(both), rng, 39, bodies={"board": board_body()})
+    names = {**choose_mount(station, both, ("zero", *USUAL_WORDS)), **choose_mount(station, both, USUAL_WORDS)}
+    names = tuple({**names, "ptu_position.x": 1.0, "ptu_position.z": 1.0})
+    problem = MountProblem(
+        station=station, sightings=seen, marks=tuple(both), names=names, prior_sigma=np.ones(len(names))
+    )
+    at = 3e-3 * rng.normal(size=len(names))
+    jacobian, step = problem.predict(at).jacobian, 1e-6
+    for k, name in enumerate(names):
+        # the projection centre does not move what is infinitely far away
+        d = np.zeros(len(names))
+        d[k] = step
+        numeric = (problem.predict(at + d).pixel_px - problem.predict(at - d).pixel_px) / (2 * step)
+        size = max(1.0, float(np.abs(numeric).max()))
+        np.testing.assert_allclose(jacobian[:, :, k] / size, numeric / size, atol=1e-4, err_msg=name)
+
+
+def test_errors_are_what_their_sigmas_say() -> None:
+    squares: dict[str, list[float]] = {}
+    for seed in range(8):
+        rng = np.random.default_rng([41, seed])
+        station = plain_station()
+        true = spoiled(station, rng)
+        marks = marks_around(true, rng)
+        one = calibrate_station(station, look(true, marks, rng, 120), marks, USUAL_WORDS)
+        for name, off in off_by(one.after, true).items():
+            if name in one.fit.problem.names:
+                squares.setdefault(name, []).append((off / one.fit.sigma(name)) ** 2)
+    assert {"lean", "pan_scale", "tilt_scale", "pan_backlash", "tilt_backlash", "head_from_camera.z"} <= set(squares)
+    for name, values in squares.items():
+        low, high = chi2.ppf([5e-5, 1 - 5e-5], len(values))
+        assert low < sum(values) < high, name
+
+
+def test_the_camera_looks_where_the_rig_says(made, rng) -> None:
+    station, true, marks = made
+    one = calibrate_station(station, look(true, marks, rng, 300), marks, USUAL_WORDS)
+    at = pointing_sigma(one.fit)
+    assert at.worst_deg < 0.003
+    assert verdict(one)[0].startswith("good")
+    off = []
+    for pan in np.radians((-30.0, 0.0, 30.0)):
+        for tilt in np.radians((0.0, 15.0)):
+            rays = []
+            for found in (one.after, true):
+                u, v = found.lens.principal_point_px
+                angles = found.ptu_axes.angles(pan, tilt, 1.0, 1.0)
+                rays.append(found.geometry().ray(u, v, *angles).direction_runway)
+            off.append(np.degrees(np.linalg.norm(rays[0] - rays[1])))
+    assert max(off) < 4.0 * np.hypot(at.pan_deg, at.tilt_deg)
+
+
+def test_held_out_residuals_are_noise(made, rng) -> None:
+    station, true, marks = made
+    one = calibrate_station(station, look(true, marks, rng, 300), marks, USUAL_WORDS)
+    held_out = one.fit.held_out
+    assert held_out is not None
+    assert len(held_out.residual_px) == 60
+    assert held_out.rms_px == pytest.approx(held_out.expected_px, rel=0.25)
+    assert held_out.expected_px > held_out.noise_px
+
+
+@pytest.mark.parametrize("quarter", [0, 1, 2, 3])
+def test_no_guess_is_needed(rng, quarter: int) -> None:
+    ideal = plain_station()
+    camera = rotation_y(0.5 * np.pi * quarter + 0.05) @ rotation_x(-0.5 * np.pi + 0.04)
+    base = rotation_from_vector(np.array([0.02, -0.01, 1.9]))
+    turned = replace(
+        ideal, head_from_camera_wxyz=wxyz_from_matrix(camera), runway_from_base_wxyz=wxyz_from_matrix(base)
+    )
+    marks = marks_around(ideal, rng)
+    # the base looks elsewhere: marks go with it, so that the head can reach them
+    marks = tuple(
+        replace(m, place_m=base @ (m.place_m - far) + far)
+        for m in marks
+        for far in [ideal.ptu_position_m if m.kind is MarkKind.POINT else np.zeros(3)]
+    )
+    seen = look(turned, marks, rng, 60)
+    nothing_known = replace(ideal, known=("position", "lens"))
+    one = calibrate_station(nothing_known, seen, marks, USUAL_WORDS)
+    off = off_by(one.after, turned)
+    for name in ("head_from_camera.x", "head_from_camera.y", "runway_from_base.x"):
+        assert abs(off[name]) < 5.0 * one.fit.sigma(name)
+    assert "orientation" in one.after.known
+
+
+def test_marks_of_unknown_place_leave_the_base_alone(made, rng) -> None:
+    station, true, _ = made
+    marks = marks_around(true, rng, known=False)
+    one = calibrate_station(station, look(true, marks, rng, 200), marks, USUAL_WORDS)
+    np.testing.assert_array_equal(one.after.runway_from_base_wxyz, station.runway_from_base_wxyz)
+    assert not [name for name in one.after.covariance_parameters if name.startswith("runway_from_base")]
+    off = off_by(one.after, true)
+    for name in ("pan_backlash", "tilt_backlash", "head_from_camera.y"):
+        assert abs(off[name]) < 4.5 * one.fit.sigma(name), name
+    text = format_mount(one)
+    assert "no mark of known place" in text
+
+
+def test_a_board_gives_backlash_and_lever_arm(made, rng) -> None:
+    station, true, _ = made
+    seen = look(true, (standing_board(true),), rng, 40, Noise(px=0.1), {"board": board_body()})
+    one = calibrate_station(station, seen, (UNKNOWN_BOARD,), USUAL_WORDS)
+    off = off_by(one.after, true)
+    for name in ("pan_backlash", "tilt_backlash", "camera_in_head.x", "camera_in_head.y", "camera_in_head.z"):
+        assert abs(off[name]) < 4.5 * one.fit.sigma(name), name
+    assert one.fit.sigma("camera_in_head.x") < 0.005
+    # one board says nothing of the scale over the whole range: held, and said
+    assert {"pan_scale", "lean"} <= set(one.fit.held)
+    assert "pan_scale is not determined" in format_mount(one)
+
+
+def test_what_was_approached_from_one_side_only_has_no_backlash(made, rng) -> None:
+    station, true, marks = made
+    seen = look(true, marks, rng, 200)
+    keep = (seen.sense > 0).all(axis=1)
+    one = calibrate_station(station, seen.keep(keep), marks, USUAL_WORDS)
+    assert {"pan_backlash", "tilt_backlash"} <= set(one.fit.held)
+    assert one.after.ptu_axes.pan_backlash_rad == 0.0
+    # and the boresight bears that nobody knows it
+    free = calibrate_station(station, seen, marks, USUAL_WORDS)
+    assert one.fit.sigma("head_from_camera.x") > 3.0 * free.fit.sigma("head_from_camera.x")
+
+
+def test_senses_the_wrong_way_round_are_noticed(made, rng) -> None:
+    station, true, marks = made
+    true = replace(true, ptu_axes=replace(true.ptu_axes, pan_backlash_rad=np.radians(0.05)))
+    seen = look(true, marks, rng, 200)
+    with pytest.raises(MountFitError, match="pan_from"):
+        calibrate_station(station, replace(seen, sense=-seen.sense), marks, USUAL_WORDS)
+
+
+def test_sightings_that_do_not_fit_are_left_out_and_named(made, rng) -> None:
+    station, true, marks = made
+    seen = look(true, marks, rng, 150)
+    pixel = seen.pixel_px.copy()
+    pixel[[3, 40, 77, 120]] += [[40, 0], [0, -25], [60, 60], [-30, 10]]
+    one = calibrate_station(station, replace(seen, pixel_px=pixel), marks, USUAL_WORDS)
+    assert {r.label for r in one.fit.rejected} >= {f"sighting {k}" for k in (3, 40, 77, 120)}
+    assert len(one.fit.rejected) <= 6
+    assert all("px off" in r.reason for r in one.fit.rejected)
+    off = off_by(one.after, true)
+    assert abs(off["head_from_camera.x"]) < 4.5 * one.fit.sigma("head_from_camera.x")
+
+
+def test_zeros_take_the_place_of_what_turns_the_same_way(made, rng) -> None:
+    station, true, marks = made
+    seen = look(true, marks, rng, 150)
+    usual = calibrate_station(station, seen, marks, USUAL_WORDS)
+    zeros = calibrate_station(station, seen, marks, mount_words("zero,boresight,lever,lean,scale,backlash,base"))
+    assert not {"head_from_camera.x", "runway_from_base.z"} & set(zeros.fit.problem.names)
+    assert zeros.after.ptu_axes.pan_zero_rad != 0.0
+    rays = []
+    for one in (usual, zeros):
+        s = one.after
+        rays.append(s.geometry().ray(600.0, 500.0, *s.ptu_axes.angles(0.3, 0.2, 1.0, 1.0)).direction_runway)
+    assert np.degrees(np.linalg.norm(rays[0] - rays[1])) < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("cut", "said"),
+    [
+        (lambda s: s.pointing < 1, "at least 4"),
+        (lambda s: s.pointing < 3, "at least 4"),
+    ],
+)
+def test_too_few_angles_are_refused(made, rng, cut, said: str) -> None:
+    station, true, marks = made
+    seen = look(true, marks, rng, 40)
+    with pytest.raises(MountFitError, match=said):
+        calibrate_station(station, seen.keep(cut(seen)), marks, USUAL_WORDS)
+
+
+def test_all_angles_alike_are_refused(made, rng) -> None:
+    station, true, marks = made
+    seen = look(true, marks, rng, 40)
+    alike = replace(seen, reading_rad=np.tile(seen.reading_rad[0], (40, 1)))
+    with pytest.raises(MountFitError, match="same pan"):
+        calibrate_station(station, alike, marks, USUAL_WORDS)
+
+
+def test_angles_of_the_wrong_sign_are_refused(made, rng) -> None:
+    station, true, marks = made
+    seen = look(true, marks, rng, 60)
+    with pytest.raises(MountFitError, match="signs"):
+        calibrate_station(station, replace(seen, reading_rad=seen.reading_rad * (-1, 1)), marks, USUAL_WORDS)
+
+
+def test_one_unknown_mark_seen_once_is_refused(made, rng) -> None:
+    station, true, _ = made
+    marks = marks_around(true, rng, count=6, known=False)
+    with pytest.raises(MountFitError, match="seen twice"):
+        calibrate_station(station, look(true, marks, rng, 6), marks, USUAL_WORDS)
+
+
+def test_free_refuses_words_it_does_not_know() -> None:
+    with pytest.raises(InputError, match="--free"):
+        mount_words("boresight,colour")
+
+
+# ------------------------------------------------------------------------------------------------ pictures
+def blob(at, size=(120, 160), width=1.6, bright=180.0):
+    v, u = np.mgrid[0 : size[0], 0 : size[1]]
+    return bright * np.exp(-((u - at[0]) ** 2 + (v - at[1]) ** 2) / (2 * width**2))
+
+
+def test_a_lamp_is_found_to_a_fraction_of_a_pixel(rng) -> None:
+    errors = []
+    for _ in range(40):
+        at = rng.uniform((20, 20), (140, 100))
+        ramp = np.linspace(10, 50, 160)[None] * np.ones((120, 1))
+        picture = np.clip(np.round(ramp + blob(at) + 2.0 * rng.normal(size=(120, 160))), 0, 255).astype(np.uint8)
+        errors.append(find_lamp(picture) - at)
+    assert np.sqrt(np.mean(np.square(errors))) < 0.15
+
+
+def test_what_is_no_lamp_is_said(rng) -> None:
+    dark = (20 + 2.0 * rng.normal(size=(120, 160))).clip(0, 255).astype(np.uint8)
+    assert "nothing" in find_lamp(dark)
+    two = (dark + blob((40, 40)) + blob((120, 90))).clip(0, 255).astype(np.uint8)
+    assert "two" in find_lamp(two)
+    cut = (dark + blob((1, 60))).clip(0, 255).astype(np.uint8)
+    assert "border" in find_lamp(cut)
+
+
+def drawn_board(station, angles, board, mark):
+    """Return a picture of a flat ChArUco board as a station's camera sees it."""
+    px = 40
+    flat = board.opencv().generateImage((board.columns * px, board.rows * px), marginSize=0)
+    corners = np.array([[0, 0], [board.columns, 0], [board.columns, board.rows], [0, board.rows]], dtype=np.float64)
+    body = np.column_stack([corners * board.square_m, np.zeros(4)])
+    points = mark.place_m + body @ mark.runway_from_board.T
+    seen = np.array([station.geometry().project(p, *angles).pixel for p in points], dtype=np.float32)
+    warp = cv2.getPerspectiveTransform((corners * px - 0.5).astype(np.float32), seen)
+    w, h = station.lens.image_size_px
+    return cv2.warpPerspective(flat, warp, (w, h), flags=cv2.INTER_AREA, borderValue=150)
+
+
+@pytest.fixture
+def pictures(rng, tmp_path):
+    """A folder of pictures of a board and its rig, the lens without distortion so that a picture is a homography."""
+    plain = plain_station()
+    lens = replace(plain.lens, distortion=np.zeros(5), focal_px=np.array([3000.0, 3000.0]))
+    station = replace(plain, lens=replace(lens, image_size_px=(640, 480), principal_point_px=np.array([319.5, 239.5])))
+    true = spoiled(station, rng)
+    board = parse_board("charuco:7x5:0.04:0.03")
+    mark = standing_board(true, 4.0)
+    shots = tmp_path / "shots"
+    shots.mkdir()
+    aim = np.array([np.arctan2(-0.2 - 0.13, 4.0), np.arctan2(0.8, 4.0)])
+    rows = ["file,station,pan_deg,tilt_deg,pan_from,tilt_from"]
+    for k in range(20):
+        sense = rng.choice([-1.0, 1.0], 2)
+        angles = aim + np.radians(rng.uniform(-1.5, 1.5, 2))
+        reading = np.degrees(true.ptu_axes.readings(*angles, *sense)) + 0.002 * rng.normal(size=2)
+        cv2.imwrite(str(shots / f"{k:02d}.png"), drawn_board(true, angles, board, mark))
+        rows.append(f"{k:02d}.png,left,{reading[0]:.6f},{reading[1]:.6f},{sense[0]:.0f},{sense[1]:.0f}")
+    (shots / "pictures.csv").write_text("\n".join(rows) + "\n")
+    quiet = replace(station, ptu_sigma_rad=np.radians(0.002), ptu_resolution_rad=0.0)
+    (tmp_path / "rig.toml").write_text(rig_to_toml(Rig(stations=(quiet,))))
+    return tmp_path, true
+
+
+def test_pictures_of_a_board_calibrate_by_the_command(pictures, capsys) -> None:
+    folder, true = pictures
+    out, report = folder / "out.toml", folder / "report"
+    options = ["--pictures", str(folder / "shots"), "--board", "charuco:7x5:0.04:0.03"]
+    code = main(
+        ["calibrate", "mount", *options, "--rig", str(folder / "rig.toml"), "--out", str(out), "--report", str(report)]
+    )
+    text = capsys.readouterr().out
+    assert code == 0, text
+    found = load_rig(out)["left"]
+    for name in ("pan_backlash_rad", "tilt_backlash_rad"):
+        assert getattr(found.ptu_axes, name) == pytest.approx(getattr(true.ptu_axes, name), abs=np.radians(0.006))
+    assert "held-out angles" in text
+    page = (report / "report.html").read_text()
+    assert "verdict" in page
+    assert page.count("data:image/png") == 3
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("99.png,left,0,0", "decoded"),
+        ("../00.png,left,0,0", "inside the folder"),
+        ("00.png,middle,0,0", "station 'middle'"),
+        ("00.png,left,nan,0", "pan_deg"),
+    ],
+)
+def test_a_table_of_pictures_at_fault_is_said(pictures, capsys, row: str, said: str) -> None:
+    folder, _ = pictures
+    (folder / "shots" / "pictures.csv").write_text(f"file,station,pan_deg,tilt_deg\n{row}\n")
+    options = ["--pictures", str(folder / "shots"), "--lamp", "--rig", str(folder / "rig.toml")]
+    assert main(["calibrate", "mount", *options, "--out", str(folder / "out.toml")]) == 1
+    assert said in capsys.readouterr().err
+    assert not (folder / "out.toml").exists()
+
+
+def test_tables_calibrate_by_the_command(made, rng, tmp_path, capsys) -> None:
+    station, true, marks = made
+    seen = look(true, marks, rng, 80)
+    rows = ["station,landmark,pan_deg,tilt_deg,u_px,v_px,pan_from,tilt_from"]
+    for k in range(len(seen)):
+        pan, tilt = np.degrees(seen.reading_rad[k])
+        u, v = seen.pixel_px[k]
+        rows.append(
+            f"left,{marks[seen.mark[k]].name},{pan:.6f},{tilt:.6f},{u:.4f},{v:.4f},"
+            f"{seen.sense[k, 0]:.0f},{seen.sense[k, 1]:.0f}"
+        )
+    (tmp_path / "sightings.csv").write_text("\n".join(rows) + "\n")
+    places = ["landmark,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m,kind"]
+    for mark in marks:
+        kind = "point" if mark.kind is MarkKind.POINT else "direction"
+        sigma = 0.003 if kind == "point" else 0.0
+        places.append(f"{mark.name},{','.join(f'{v:.9f}' for v in mark.place_m)},{sigma},{sigma},{sigma},{kind}")
+    (tmp_path / "landmarks.csv").write_text("\n".join(places) + "\n")
+    (tmp_path / "rig.toml").write_text(rig_to_toml(Rig(stations=(station,))))
+    tables = [str(tmp_path / "sightings.csv"), "--landmarks", str(tmp_path / "landmarks.csv")]
+    code = main(
+        ["calibrate", "mount", *tables, "--rig", str(tmp_path / "rig.toml"), "--out", str(tmp_path / "out.toml")]
+    )
+    text = capsys.readouterr().out
+    assert code == 0, text
+    found = load_rig(tmp_path / "out.toml")["left"]
+    place = found.covariance_parameters.index("head_from_camera.x")
+    off = off_by(found, true)["head_from_camera.x"]
+    assert abs(off) < 4.5 * np.sqrt(found.covariance[place, place])
+    assert "verdict" in text
+
+
+@pytest.mark.parametrize(
+    "options",
+    [[], ["s.csv", "--pictures", "d"], ["--pictures", "d"], ["s.csv", "--lamp"], ["s.csv", "--rig", "r.toml"]],
+)
+def test_wrong_input_ends_in_one_line(tmp_path, capsys, monkeypatch, options: list[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    rig = [] if "--rig" in options else ["--rig", "rig.toml"]
+    assert main(["calibrate", "mount", *options, *rig, "--out", "out.toml"]) == 1
+    error = capsys.readouterr().err.strip()
+    assert len(error.splitlines()) == 1
+    assert "wanted" in error

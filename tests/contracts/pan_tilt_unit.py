@@ -1,0 +1,239 @@
+"""The contract of a pan-tilt unit: each protocol's tests subclass `PanTiltContract` and give it a rig.
+
+    class TestFlirOnSimulatedUnit(PanTiltContract):
+        @pytest.fixture
+        def rig(self) -> Iterator[ContractRig]: ...
+
+A rig's unit may be simulated in virtual time, on a pty, or real: the tests take time from `rig.now` and `rig.wait`.
+"""
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import pytest
+
+from ptu_drivers import (
+    AngleSample,
+    Axis,
+    Capability,
+    DoubtReason,
+    LimitError,
+    LineError,
+    NoReading,
+    PanTiltUnit,
+    PtuError,
+    Reading,
+    UnitSettings,
+    UnitState,
+    UnsupportedError,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContractRig:
+    """A unit to be tested, with the truth beside it.
+
+    Attributes
+    ----------
+    open : open the unit with these settings; to be called once per test.
+    now, wait : the clock that the unit's instants are on, s.
+    truth : axis, instant -> true angle of the unit before sign and zero, rad.
+    cut, mend : the line goes dead (bytes are lost both ways), and comes back.
+    time_sigma_s : what the stamps are worth here, s (a pty on a busy machine is worth less than virtual time).
+    """
+
+    open: Callable[[UnitSettings], PanTiltUnit]
+    now: Callable[[], float]
+    wait: Callable[[float], None]
+    truth: Callable[[Axis, float], float]
+    cut: Callable[[], None]
+    mend: Callable[[], None]
+    settings: UnitSettings
+    time_sigma_s: float = 0.003
+
+
+def reading_of(unit: PanTiltUnit) -> Reading:
+    """Return a reading; a failure of the test if there is none."""
+    got = unit.read()
+    assert isinstance(got, Reading), got
+    return got
+
+
+def until_still(rig: ContractRig, unit: PanTiltUnit, timeout_s: float = 30.0) -> Reading:
+    """Read until both axes repeat themselves for 0.3 s."""
+    end, since, last = rig.now() + timeout_s, rig.now(), reading_of(unit)
+    while rig.now() < end:
+        rig.wait(0.02)
+        new = reading_of(unit)
+        if (new.pan.angle_rad, new.tilt.angle_rad) != (last.pan.angle_rad, last.tilt.angle_rad):
+            since, last = rig.now(), new
+        elif rig.now() - since > 0.3:
+            return new
+    raise AssertionError(f"still moving after {timeout_s} s")
+
+
+class PanTiltContract:
+    """What `PanTiltUnit` promises."""
+
+    @pytest.fixture
+    @abstractmethod
+    def rig(self) -> ContractRig:
+        """Give the rig."""
+
+    def test_it_says_what_it_is(self, rig: ContractRig) -> None:
+        with rig.open(rig.settings) as unit:
+            said = unit.describe()
+            for axis in Axis:
+                a = said.axis(axis)
+                assert 0 < a.quantum_rad < 0.01
+                assert a.low_rad < a.high_rad
+                assert 0 <= a.min_rate_rad_s < a.max_rate_rad_s
+            assert Capability.POSITION in said.capabilities
+            assert unit.health().state is UnitState.READY
+
+    def test_angles_are_true_at_their_instants(self, rig: ContractRig) -> None:
+        """At rest and in motion: error within 5 sigma of quantum and stamp, at every sample."""
+        with rig.open(rig.settings) as unit:
+            said = unit.describe()
+            pan = said.pan.low_rad + 0.6 * (said.pan.high_rad - said.pan.low_rad)
+            tilt = said.tilt.low_rad + 0.6 * (said.tilt.high_rad - said.tilt.low_rad)
+            unit.move_to(pan_rad=pan, tilt_rad=tilt)
+            samples: list[AngleSample] = []
+            end = rig.now() + 2.0
+            while rig.now() < end:
+                if isinstance(got := unit.read(), Reading):
+                    assert got.sent_s <= min(got.pan.t_s, got.tilt.t_s) + 1e-9
+                    assert max(got.pan.t_s, got.tilt.t_s) <= got.answered_s + 1e-9
+                    samples += [got.pan, got.tilt]
+            assert len(samples) >= 10
+            for s in samples:
+                rate = said.axis(s.axis).max_rate_rad_s
+                room = 5 * math.hypot(s.sigma_rad, rate * max(s.sigma_t_s, rig.time_sigma_s))
+                truth = getattr(rig.settings, s.axis.value).angle(rig.truth(s.axis, s.t_s))
+                assert abs(s.angle_rad - truth) < room, (s, truth)
+
+    def test_it_goes_where_it_is_sent(self, rig: ContractRig) -> None:
+        with rig.open(rig.settings) as unit:
+            unit.move_to(pan_rad=0.1, tilt_rad=-0.05)
+            there = until_still(rig, unit)
+            assert there.pan.angle_rad == pytest.approx(0.1, abs=2 * unit.describe().pan.quantum_rad)
+            assert there.tilt.angle_rad == pytest.approx(-0.05, abs=2 * unit.describe().tilt.quantum_rad)
+            unit.move_to(tilt_rad=0.05)
+            there = until_still(rig, unit)
+            assert there.pan.angle_rad == pytest.approx(0.1, abs=2 * unit.describe().pan.quantum_rad)
+            assert there.tilt.angle_rad == pytest.approx(0.05, abs=2 * unit.describe().tilt.quantum_rad)
+
+    def test_sign_and_zero_are_settings(self, rig: ContractRig) -> None:
+        turned = replace(rig.settings, pan=replace(rig.settings.pan, sign=-rig.settings.pan.sign, zero_rad=0.02))
+        with rig.open(turned) as unit:
+            unit.move_to(pan_rad=0.1)
+            there = until_still(rig, unit)
+            assert there.pan.angle_rad == pytest.approx(0.1, abs=2 * unit.describe().pan.quantum_rad)
+            truth = turned.pan.angle(rig.truth(Axis.PAN, there.pan.t_s))
+            assert truth == pytest.approx(0.1, abs=0.005)
+
+    def test_beyond_a_limit_is_refused_with_its_name(self, rig: ContractRig) -> None:
+        with rig.open(rig.settings) as unit:
+            said = unit.describe()
+            before = until_still(rig, unit)
+            for axis in Axis:
+                a = said.axis(axis)
+                for beyond, name in ((a.high_rad + 0.001, "upper limit"), (a.low_rad - 0.001, "lower limit")):
+                    with pytest.raises(LimitError, match=f"{axis.value}.*{name}"):
+                        unit.move_to(**{f"{axis.value}_rad": beyond})
+            with pytest.raises(LimitError):
+                unit.move_to(pan_rad=math.nan)
+            after = until_still(rig, unit)
+            assert after.pan.angle_rad == before.pan.angle_rad
+            assert after.tilt.angle_rad == before.tilt.angle_rad
+
+    def test_soft_limits_narrow_the_units(self, rig: ContractRig) -> None:
+        soft = replace(rig.settings, pan=replace(rig.settings.pan, low_rad=-0.1, high_rad=0.1))
+        with rig.open(soft) as unit:
+            assert unit.describe().pan.high_rad == 0.1
+            with pytest.raises(LimitError, match=r"pan.*upper limit.*settings"):
+                unit.move_to(pan_rad=0.11)
+
+    def test_halt_stops_it(self, rig: ContractRig) -> None:
+        with rig.open(rig.settings) as unit:
+            unit.move_to(pan_rad=unit.describe().pan.high_rad)
+            rig.wait(0.2)
+            unit.halt()
+            stopped = until_still(rig, unit)
+            assert stopped.pan.angle_rad < unit.describe().pan.high_rad - 0.01
+
+    def test_rates(self, rig: ContractRig) -> None:
+        with rig.open(rig.settings) as unit:
+            said = unit.describe()
+            if Capability.VELOCITY not in said.capabilities:
+                with pytest.raises(UnsupportedError):
+                    unit.move_at(pan_rad_s=0.1, tilt_rad_s=0.0)
+                return
+            with pytest.raises(LimitError, match=r"pan.*maximum speed"):
+                unit.move_at(pan_rad_s=said.pan.max_rate_rad_s * 1.01, tilt_rad_s=0.0)
+            rate = 0.3 * said.pan.max_rate_rad_s
+            for _ in range(10):
+                unit.move_at(pan_rad_s=rate, tilt_rad_s=0.0)
+                rig.wait(0.05)
+            a = reading_of(unit)
+            for _ in range(6):
+                unit.move_at(pan_rad_s=rate, tilt_rad_s=0.0)
+                rig.wait(0.05)
+            b = reading_of(unit)
+            assert (b.pan.angle_rad - a.pan.angle_rad) / (b.pan.t_s - a.pan.t_s) == pytest.approx(rate, rel=0.1)
+            unit.move_at(pan_rad_s=0.0, tilt_rad_s=0.0)
+            until_still(rig, unit)
+
+    def test_closing_halts_and_ends_it(self, rig: ContractRig) -> None:
+        unit = rig.open(rig.settings)
+        unit.move_to(pan_rad=unit.describe().pan.high_rad)
+        rig.wait(0.1)
+        unit.close()
+        rig.wait(1.0)
+        stopped = rig.truth(Axis.PAN, rig.now())
+        rig.wait(0.5)
+        assert rig.truth(Axis.PAN, rig.now()) == stopped
+        unit.close()
+        for closed in (unit.read, unit.halt, lambda: unit.move_to(pan_rad=0.0)):
+            with pytest.raises(LineError):
+                closed()
+
+    def test_an_error_inside_halts_it_and_comes_through(self, rig: ContractRig) -> None:
+        def work() -> None:
+            with rig.open(rig.settings) as unit:
+                unit.move_to(pan_rad=unit.describe().pan.high_rad)
+                rig.wait(0.1)
+                raise ZeroDivisionError
+
+        with pytest.raises(ZeroDivisionError):
+            work()
+        rig.wait(1.0)
+        stopped = rig.truth(Axis.PAN, rig.now())
+        rig.wait(0.5)
+        assert rig.truth(Axis.PAN, rig.now()) == stopped
+
+    def test_a_dead_line_gives_no_angle_and_comes_back(self, rig: ContractRig) -> None:
+        with rig.open(rig.settings) as unit:
+            reading_of(unit)
+            rig.cut()
+            end = rig.now() + 1.5
+            while rig.now() < end:
+                asked = rig.now()
+                got = unit.read()
+                assert isinstance(got, NoReading)
+                assert rig.now() - asked <= unit.describe().reply_timeout_s + 0.05
+                if rig.now() == asked:
+                    rig.wait(0.01)
+            with pytest.raises(PtuError):
+                unit.move_to(pan_rad=0.0)
+            rig.mend()
+            back = rig.now()
+            while not isinstance(unit.read(), Reading):
+                assert rig.now() - back < 2.0
+                rig.wait(0.01)
+            counts = unit.health()
+            assert sum(counts.doubts.values()) > 0
+            assert set(counts.doubts) <= set(DoubtReason)
+            assert counts.readings >= 2

@@ -1,0 +1,62 @@
+"""What the operator is told."""
+
+import math
+
+import numpy as np
+import pytest
+
+from groundstation.live.board import Board, DeviceState
+from groundstation.messages import Kinematics, TrackEstimate, TrackStatus, TriangulationStatus
+
+
+def answer(epoch: int, status: TrackStatus = TrackStatus.TRACKING) -> TrackEstimate:
+    return TrackEstimate(
+        t_s=0.0,
+        epoch=epoch,
+        status=status,
+        kinematics=Kinematics(
+            position_runway_m=np.array([1.25, 212.0, 9.5]),
+            velocity_runway_m_s=np.zeros(3),
+            covariance=np.diag([0.01, 0.25, 0.01, 1.0, 1.0, 1.0]),
+        ),
+        triangulation_status=TriangulationStatus.ONE_VIEW,
+        triangulation=None,
+    )
+
+
+def test_delays_are_from_the_first_frame_to_the_answer() -> None:
+    board = Board()
+    for k in range(100):
+        board.arrived(k, 0.1 * k)
+        board.arrived(k, 0.1 * k + 0.003)
+        board.answered(answer(k), 0.1 * k + (0.050 if k == 99 else 0.010))
+    assert board.latency_ms(50) == pytest.approx(10.0, abs=0.5)
+    assert board.latency_ms(100) == pytest.approx(50.0, abs=0.5)
+    status = board.status(10.0, TrackStatus.TRACKING, (), {"frames of left": 2}, "recording, 3 MB/s")
+    assert status.lines[0] == "tracking at 212 ± 0.5 m, x +1.2 ± 0.10, z 9.5 ± 0.10"
+    assert "delay 10 ms" in status.one_line()
+    assert "dropped: 2 frames of left" in status.one_line()
+    assert status.one_line().endswith("recording, 3 MB/s")
+
+
+def test_before_anything_has_come() -> None:
+    board = Board()
+    nothing = DeviceState(name="left camera", rate_hz=0.0, age_s=math.inf, note="")
+    status = board.status(0.0, TrackStatus.SEARCHING, (nothing,), {}, "")
+    assert status.lines == ("searching the sky", "left camera nothing yet")
+    assert board.latency_ms(99) == 0.0
+
+
+def test_a_device_that_is_silent_is_said_to_be() -> None:
+    assert DeviceState(name="left PTU", rate_hz=80.2, age_s=0.01, note="ready").words() == "left PTU 80 Hz, ready"
+    assert DeviceState(name="left PTU", rate_hz=0.0, age_s=2.5).words() == "left PTU 0 Hz, silent for 2.5 s"
+
+
+def test_a_rate_is_that_of_the_last_seconds() -> None:
+    board = Board()
+    for k in range(100):
+        rate = board.rate("camera", 30 * k, float(k))
+    assert rate == pytest.approx(30.0)
+    for k in range(100, 110):
+        rate = board.rate("camera", 30 * 99, float(k))
+    assert rate == 0.0

@@ -1,0 +1,91 @@
+"""Frames into pairs, as they arrive: none in two pairs, none lost, none waited for in vain."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from groundstation.live.inbox import Inbox, Said, Shot
+from groundstation.live.pairing import Pairing
+from groundstation.messages import Epoch, PtuSample
+from groundstation.picture import BgrPicture
+
+PERIOD = 1.0 / 30.0
+CAMERAS = ("left", "right")
+
+
+def paired(arrivals: list[tuple[str, float]]) -> tuple[list[tuple[str, float, int]], list[Epoch]]:
+    pairing = Pairing(CAMERAS, PERIOD)
+    frames: list[tuple[str, float, int]] = []
+    epochs: list[Epoch] = []
+    for station, t_s in arrivals:
+        placed = pairing.frame(station, t_s)
+        epochs += placed.closed_before
+        frames.append((station, t_s, placed.epoch))
+        epochs += placed.closed_after
+    return frames, epochs + list(pairing.flush())
+
+
+def test_triggered_cameras_pair_as_they_come() -> None:
+    arrivals = [(name, k * PERIOD) for k in range(5) for name in CAMERAS]
+    frames, epochs = paired(arrivals)
+    assert [e for _, _, e in frames] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+    assert [e.stations for e in epochs] == [CAMERAS] * 5
+    np.testing.assert_allclose([e.t_s for e in epochs], [k * PERIOD for k in range(5)])
+
+
+def test_a_pair_is_closed_by_its_last_frame() -> None:
+    pairing = Pairing(CAMERAS, PERIOD)
+    assert pairing.frame("left", 0.0).closed_after == ()
+    assert [e.epoch for e in pairing.frame("right", 0.004).closed_after] == [0]
+
+
+def test_a_camera_that_is_lost_is_waited_for_and_then_no_more() -> None:
+    pairing = Pairing(CAMERAS, PERIOD)
+    pairing.frame("left", 0.0)
+    pairing.frame("right", 0.0)
+    closed = [pairing.frame("left", k * PERIOD) for k in range(1, 10)]
+    # while it may come: the next frame closes; once it does not: at once
+    assert [len(c.closed_after) for c in closed] == [0, 0, 0, 0, 0, 1, 1, 1, 1]
+    back = pairing.frame("right", 9.05 * PERIOD)
+    assert back.epoch == 10
+    assert not pairing.overdue(9.1 * PERIOD)
+    assert pairing.overdue(11 * PERIOD)
+    assert [e.epoch for e in pairing.flush()] == [10]
+
+
+@given(st.lists(st.tuples(st.sampled_from(CAMERAS), st.floats(0.0, 2.0)), max_size=60))
+def test_every_frame_has_one_pair_and_every_pair_is_closed_once(arrivals: list[tuple[str, float]]) -> None:
+    frames, epochs = paired(arrivals)
+    assert [e.epoch for e in epochs] == sorted({n for _, _, n in frames})
+    for epoch in epochs:
+        own = [(s, t) for s, t, n in frames if n == epoch.epoch]
+        assert len({s for s, _ in own}) == len(own)
+        assert sorted(epoch.stations) == sorted(s for s, _ in own)
+        assert epoch.t_s == pytest.approx(np.mean([t for _, t in own]))
+        assert np.ptp([t for _, t in own]) <= 0.5 * PERIOD
+
+
+def shot(station: str, t_s: float) -> Shot:
+    return Shot(t_s=t_s, arrived_s=t_s, station=station, picture=BgrPicture(np.zeros((2, 2, 3), np.uint8)))
+
+
+def test_the_oldest_frame_of_the_same_camera_goes() -> None:
+    inbox = Inbox(frames=2)
+    for k in range(5):
+        inbox.put(shot("left", float(k)))
+    inbox.put(shot("right", 9.0))
+    inbox.put(PtuSample(t_s=0.5, station="left", pan_rad=0.0, tilt_rad=0.0))
+    assert inbox.dropped == {"frames of left": 3}
+    got = [inbox.get(0.0) for _ in range(5)]
+    assert [getattr(i, "t_s", None) for i in got] == [3.0, 4.0, 9.0, 0.5, None]
+
+
+def test_readings_are_bounded_too() -> None:
+    inbox = Inbox(others=3)
+    for k in range(5):
+        inbox.put(Said(t_s=float(k), level="info", text=str(k)))
+    assert inbox.dropped == {"readings": 2}
+    assert [i.t_s for i in iter(lambda: inbox.get(0.0), None)] == [2.0, 3.0, 4.0]
+    with pytest.raises(ValueError, match="at least one"):
+        Inbox(frames=0)

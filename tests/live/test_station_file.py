@@ -1,0 +1,113 @@
+"""The station file: what it says is what is used, and what it says wrongly is said back in one line."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from groundstation.errors import ConfigError
+from groundstation.live.devices import camera_of, check_against_rig, head_settings
+from groundstation.live.station_file import load_station
+from groundstation.rig import load_rig
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "station-example.toml"
+WHOLE = """
+format = "groundstation-station/1"
+name = "North field"
+rig = "rig.toml"
+rate_hz = 25
+[target]
+span_m = 2.3
+[record]
+folder = "flights"
+[pointing]
+gain_per_s = 3.0
+[search]
+azimuth_deg = [-8, 4.5]
+[[station]]
+name = "left"
+camera = "gige:192.168.1.10"
+camera_settings = { exposure_s = 0.003, gain = 6.0, pixel_format = "BayerRG8", transfer_s = 0.011 }
+ptu = "/dev/ttyUSB0"
+ptu_settings = { pan_sign = -1, tilt_zero_deg = 1.5, pan_low_deg = -80, pan_high_deg = 80, baud = 115200, poll_hz = 50 }
+park_deg = [0, 20]
+[[station]]
+name = "right"
+camera = "opencv:0"
+ptu = "socket://192.168.1.21:4000"
+ptu_protocol = "pelco-d"
+ptu_options = { address = 2 }
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "station.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_everything_that_it_says(tmp_path: Path) -> None:
+    file = load_station(written(tmp_path, WHOLE))
+    assert (file.name, file.rate_hz, file.span_m) == ("North field", 25.0, 2.3)
+    assert file.rig == tmp_path / "rig.toml"
+    assert file.record == tmp_path / "flights"
+    assert file.pointing.gain_per_s == 3.0
+    assert file.search.azimuth_deg == (-8.0, 4.5)
+    left, right = file.stations
+    assert left.head is not None
+    assert right.head is not None
+    settings = head_settings(left.head)
+    assert (settings.pan.sign, settings.tilt.sign) == (-1, 1)
+    assert settings.tilt.zero_rad == pytest.approx(math.radians(1.5))
+    assert settings.pan.high_rad == pytest.approx(math.radians(80))
+    assert settings.tilt.high_rad == math.inf
+    assert settings.baud == 115200
+    assert left.head.poll_s == 0.02
+    assert left.head.park_rad == pytest.approx((0.0, math.radians(20)))
+    assert (right.head.protocol, right.head.options) == ("pelco-d", {"address": 2})
+
+
+def test_the_example_of_the_docs_is_one() -> None:
+    file = load_station(EXAMPLE)
+    assert [s.name for s in file.stations] == ["left", "right"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('format = "groundstation-station/1"', 'format = "other"', "format: got 'other'"),
+        ("rate_hz = 25", "rate_hz = 0", "rate_hz: got 0"),
+        ("rate_hz = 25", "rate = 25", "rate: got an unknown key"),
+        ('name = "right"', 'name = "left"', "two of one name"),
+        ("pan_sign = -1", "pan_sign = 2", "pan_sign: got 2"),
+        ("pan_low_deg = -80", "pan_low = -80", "pan_low: got an unknown key"),
+        ("gain_per_s = 3.0", "gain = 3.0", "gain"),
+        ("azimuth_deg = [-8, 4.5]", "azimuth_deg = [4.5, -8]", "azimuth_deg"),
+        ("park_deg = [0, 20]", "park_deg = [0]", "park_deg: got [0]"),
+        ('camera = "opencv:0"', "", "camera: got nothing"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in WHOLE
+    with pytest.raises(ConfigError) as fault:
+        load_station(written(tmp_path, WHOLE.replace(old, new)))
+    assert said in str(fault.value)
+    assert "station.toml" in str(fault.value)
+    assert "\n" not in str(fault.value)
+
+
+def test_it_has_to_fit_the_rig(tmp_path: Path) -> None:
+    rig = load_rig(Path(__file__).resolve().parents[2] / "recordings" / "landing-1" / "rig.toml")
+    check_against_rig(load_station(written(tmp_path, WHOLE)), rig)
+    other = load_station(written(tmp_path, WHOLE.replace('name = "right"', 'name = "north"')))
+    with pytest.raises(ConfigError, match=r"got left, north; wanted the stations of rig.toml: left, right"):
+        check_against_rig(other, rig)
+    without = load_station(written(tmp_path, WHOLE.replace('ptu = "/dev/ttyUSB0"\n', "")))
+    with pytest.raises(ConfigError, match="got none; wanted the PTU's URL"):
+        check_against_rig(without, rig)
+
+
+def test_a_camera_setting_that_nobody_knows(tmp_path: Path) -> None:
+    file = load_station(written(tmp_path, WHOLE.replace("gain = 6.0", "gian = 6.0")))
+    with pytest.raises(ConfigError, match="gian: got an unknown key"):
+        camera_of(file.stations[0], lambda: 0.0, lambda _: None, rate_hz=25.0)
