@@ -9,10 +9,10 @@ from pathlib import Path
 
 from groundstation import __version__
 from groundstation.cli_calibrate import add_calibrate, run_calibrate
-from groundstation.cli_simulate import add_simulate, run_simulate
 from groundstation.cli_cameras import add_cameras, run_cameras
 from groundstation.cli_live import add_live, run_check, run_live
 from groundstation.cli_ptu import add_ptu, run_ptu
+from groundstation.cli_simulate import add_simulate, run_simulate
 from groundstation.errors import GroundstationError
 from groundstation.progress import ProgressLine
 

@@ -60,7 +60,8 @@ class PictureTruth:
     ----------
     pixel_px : (2,) where the nose is; None where it is not in front of the camera.
     visible : whether that is in the picture.
-    silhouette : (h, w) which pixels the aircraft covers by half or more, before any blur; (0, 0) where none.
+    silhouette : (h, w) which pixels the aircraft covers by half or more, before any blur; (0, 0) where none, or not
+        asked for.
     corner_px : x, y of its upper-left pixel.
     """
 
@@ -149,9 +150,16 @@ class RenderedCamera:
         return RawPicture(self._exposed(t_s), self.optics.pattern)
 
     def truth(
-        self, t_s: float, pan_rad: float, tilt_rad: float, pan_rate_rad_s: float = 0.0, tilt_rate_rad_s: float = 0.0
+        self,
+        t_s: float,
+        pan_rad: float,
+        tilt_rad: float,
+        pan_rate_rad_s: float = 0.0,
+        tilt_rate_rad_s: float = 0.0,
+        *,
+        silhouette: bool = True,
     ) -> PictureTruth:
-        """Return what the picture of the same arguments truly shows."""
+        """Return what the picture of the same arguments truly shows; without its silhouette it costs next to nothing."""
         head = HeadState(
             pan_rad=pan_rad, tilt_rad=tilt_rad, pan_rate_rad_s=pan_rate_rad_s, tilt_rate_rad_s=tilt_rate_rad_s
         )
@@ -160,15 +168,19 @@ class RenderedCamera:
         if seen is None:
             return PictureTruth(pixel_px=None, visible=False, silhouette=nothing, corner_px=(0, 0))
         moment, turned = seen
-        pose = self.world.aircraft_at(moment)
         pixel = self._pixel(moment, turned)
-        skin = self.world.skin(pose)
-        drawn = self._drawn(skin, np.zeros((len(skin), 3)), turned, np.zeros(2), self._facing(pose, skin))
-        silhouette, corner = nothing, (0, 0)
-        if drawn is not None:
-            silhouette, corner = _inside(drawn.cover[:, :, 3] >= 0.5, drawn.corner, self._geometry.image_size_px)
         visible = pixel is not None and self._geometry.contains(pixel)
-        return PictureTruth(pixel_px=pixel, visible=visible, silhouette=silhouette, corner_px=corner)
+        mask, corner = self._silhouette(moment, turned) if silhouette else (nothing, (0, 0))
+        return PictureTruth(pixel_px=pixel, visible=visible, silhouette=mask, corner_px=corner)
+
+    def _silhouette(self, t_s: float, head: HeadState) -> tuple[MaskArray, tuple[int, int]]:
+        """Return the aircraft's mask (h, w) and its corner; (0, 0) where it is not in the picture."""
+        pose = self.world.aircraft_at(t_s)
+        skin = self.world.skin(pose)
+        drawn = self._drawn(skin, np.zeros((len(skin), 3)), head, np.zeros(2), self._facing(pose, skin))
+        if drawn is None:
+            return np.zeros((0, 0), dtype=bool), (0, 0)
+        return _inside(drawn.cover[:, :, 3] >= 0.5, drawn.corner, self._geometry.image_size_px)
 
     # -------------------------------------------------------------------------------- the surroundings
     def _look_around(self, head: HeadState) -> None:
