@@ -159,7 +159,7 @@ class RenderedCamera:
         *,
         silhouette: bool = True,
     ) -> PictureTruth:
-        """Return what the picture of the same arguments truly shows; without its silhouette it costs next to nothing."""
+        """Return what the picture of the same arguments truly shows; quick where no silhouette is wanted."""
         head = HeadState(
             pan_rad=pan_rad, tilt_rad=tilt_rad, pan_rate_rad_s=pan_rate_rad_s, tilt_rate_rad_s=tilt_rate_rad_s
         )
