@@ -99,6 +99,10 @@ def _parser() -> argparse.ArgumentParser:
     add_live(commands)
     add_ptu(commands)
     add_simulate(commands)
+    add_simulate(commands)
+    add_cameras(commands)
+    add_live(commands)
+    add_ptu(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
@@ -282,6 +286,7 @@ _COMMANDS = {
     "calibrate": run_calibrate,
     "recover": run_recover,
     "convert": run_convert,
+    "simulate": run_simulate,
     "cameras": run_cameras,
     "live": run_live,
     "check": run_check,

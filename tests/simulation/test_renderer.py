@@ -153,6 +153,9 @@ def test_the_silhouette_has_the_aircraft_s_size() -> None:
     assert truth.pixel_px is not None
     u, v = truth.pixel_px - truth.corner_px
     assert truth.silhouette[round(v), round(u)], "the nose is part of it"
+    quick = camera_at(place).truth(0.0, pan, tilt, silhouette=False)
+    assert quick.silhouette.size == 0
+    np.testing.assert_array_equal(quick.pixel_px, truth.pixel_px)
 
 
 def test_out_of_view_is_said() -> None:
