@@ -99,7 +99,6 @@ def _parser() -> argparse.ArgumentParser:
     add_live(commands)
     add_ptu(commands)
     add_simulate(commands)
-    add_simulate(commands)
     add_cameras(commands)
     add_live(commands)
     add_ptu(commands)
@@ -291,6 +290,5 @@ _COMMANDS = {
     "live": run_live,
     "check": run_check,
     "ptu": run_ptu,
-    "simulate": run_simulate,
     "config": _config,
 }

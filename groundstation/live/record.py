@@ -8,7 +8,7 @@ from groundstation.config import Config, config_to_mapping, config_to_toml
 from groundstation.live.station_file import StationFile
 from groundstation.recording.contents import CONFIG, RIG, SESSION, RecordingHeader
 from groundstation.rig import Rig
-from groundstation.sinks.recorder import Recorder
+from groundstation.sinks.recorder import Recorder, RecorderConfig
 
 
 class LiveRecorder(Recorder):
@@ -34,4 +34,5 @@ def open_recorder(path: Path, file: StationFile, rig: Rig, config: Config) -> Li
         RIG: file.rig.read_bytes(),
         CONFIG: config_to_toml(config_to_mapping(config)).encode() + b"\n",
     }
-    return LiveRecorder(path, rig, RecordingHeader(name=file.name, files=files))
+    # packing pictures costs the cores more than writing them costs the disk
+    return LiveRecorder(path, rig, RecordingHeader(name=file.name, files=files), RecorderConfig(png_fill=0.0))
