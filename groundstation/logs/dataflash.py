@@ -48,12 +48,14 @@ def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[Lo
                 log.filehandle.close()
     except LogError:
         raise
-    except Exception as error:  # noqa: BLE001 - pymavlink raises whatever its parser stumbles upon
+    except Exception as error:
         if not rows.fixes:
             got = f"no onboard log that pymavlink reads ({shown(f'{type(error).__name__}: {error}', 120)})"
             raise LogError(path.name, got=got, wanted="a .bin of ArduPilot") from error
         remarks.note(f"damaged: nothing is read after its {rows.seen}th GPS message")
-    bad = sum(text in line for line in said.getvalue().splitlines() for text in ("bad header", "Skipped", "unknown msg"))
+    bad = sum(
+        text in line for line in said.getvalue().splitlines() for text in ("bad header", "Skipped", "unknown msg")
+    )
     if bad:
         remarks.count("stretch that pymavlink could not read", number=bad)
     return rows.fixes
@@ -109,7 +111,9 @@ class _Rows:
         day = int(of_week_s // DAY_S)
         und = self._undulation.get(receiver, math.nan)
         # drivers of different receivers write Und with different signs, so that it is shown and not used
-        hint = f" that can be trusted (Und = {und:.2f} m, its sign depends on the receiver)" if math.isfinite(und) else ""
+        hint = (
+            f" that can be trusted (Und = {und:.2f} m, its sign depends on the receiver)" if math.isfinite(und) else ""
+        )
         return LogFix(
             day=7 * int(week) + day,
             second=of_week_s - day * DAY_S,

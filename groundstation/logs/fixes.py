@@ -147,7 +147,7 @@ def usable_sigma(east_m: float, north_m: float, up_m: float) -> tuple[float, flo
     return sigmas if all(0.0 < s <= MAX_SIGMA_M for s in sigmas) else None
 
 
-def check_count(path: Path, fixes: Sequence[LogFix]) -> None:
+def check_count(path: Path, fixes: Sequence[object]) -> None:
     """Raise `LogError` where there are more fixes than a flight can have."""
     if len(fixes) > MAX_FIXES:
         raise LogError(path.name, got="more fixes", wanted=f"at most {MAX_FIXES}")

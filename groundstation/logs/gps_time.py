@@ -105,7 +105,12 @@ def gps_from_text(text: str) -> float | None:
         number = day_number(year, month, day)
     except ValueError:
         return None
-    if hour > 23 or minute > 59 or second >= 61.0 or (second >= 60.0 and (hour, minute) != (23, 59) and not _east(match[7])):
+    if (
+        hour > 23
+        or minute > 59
+        or second >= 61.0
+        or (second >= 60.0 and (hour, minute) != (23, 59) and not _east(match[7]))
+    ):
         return None
     # the clock face of the offset's place; its leap second falls at another hour, so the day is UTC's
     face = 3600 * hour + 60 * minute - _east(match[7])

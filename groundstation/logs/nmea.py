@@ -42,9 +42,9 @@ _MAX_GST = 2_000_000
 
 @dataclass(slots=True)
 class _Fix:
-    """A GGA that waits for its date: where it stood among the dates, its second of the day, the rest."""
+    """A GGA that waits for its date: how many dates of RMC and of ZDA stood before it, its second of the day, the rest."""
 
-    dates_before: int
+    dates_before: tuple[int, int]
     second: float
     lat_deg: float
     lon_deg: float
@@ -58,7 +58,7 @@ class _Gathered:
 
     fixes: list[_Fix] = field(default_factory=list)
     dates: list[tuple[int, float]] = field(default_factory=list)
-    later_dates: list[tuple[int, float]] = field(default_factory=list)
+    zda_dates: list[tuple[int, float]] = field(default_factory=list)
     sigmas: dict[tuple[int, float], tuple[float, float, float]] = field(default_factory=dict)
     separations: set[float] = field(default_factory=set)
     decimals: int = 0
@@ -77,7 +77,9 @@ def read_nmea(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
         if start < 0 or not _SENTENCE.fullmatch(sentence):
             _count_other(line, sentence, remarks, where)
             continue
-        if reduce(lambda a, b: a ^ b, sentence[1 : sentence.rindex("*")].encode(), 0) != int(sentence.split("*")[-1], 16):
+        if reduce(lambda a, b: a ^ b, sentence[1 : sentence.rindex("*")].encode(), 0) != int(
+            sentence.split("*")[-1], 16
+        ):
             remarks.count("sentence with a wrong checksum", where)
             continue
         message = parse(sentence.strip())
@@ -86,7 +88,7 @@ def read_nmea(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
             continue
         _take(message, sentence.split("*")[0].split(","), found, heights, remarks, where)
         if len(found.fixes) % 10_000 == 0:
-            check_count(path, found.fixes)  # type: ignore[arg-type]
+            check_count(path, found.fixes)
     _say(found, remarks)
     return _dated(path, found, options, remarks)
 
@@ -110,7 +112,9 @@ def _parser() -> Any:
 
 def _count_other(line: str, sentence: str, remarks: Remarks, where: str) -> None:
     """Count what is no sentence of ours: other sentences are meant to be there, the rest is not."""
-    if not line.strip() or (_ANY.match(sentence) and "*" in sentence and sentence[3:6] not in ("GGA", "RMC", "ZDA", "GST")):
+    if not line.strip() or (
+        _ANY.match(sentence) and "*" in sentence and sentence[3:6] not in ("GGA", "RMC", "ZDA", "GST")
+    ):
         return
     if sentence[3:6] in ("GGA", "RMC", "ZDA", "GST"):
         remarks.count("sentence cut short, garbled or without a checksum", where)
@@ -132,7 +136,7 @@ def _take(message: Any, cells: list[str], found: _Gathered, heights: Heights, re
             found.dates.append((day, second))
     elif kind == "ZDA":
         try:
-            found.later_dates.append((day_number(int(message.year), int(message.month), int(message.day)), second))
+            found.zda_dates.append((day_number(int(message.year), int(message.month), int(message.day)), second))
         except (ValueError, TypeError, AttributeError):
             remarks.count("ZDA without a date", where)
     else:
@@ -160,7 +164,7 @@ def _take_gga(
     height = heights.ellipsoid(float(message.alt), separation)
     found.fixes.append(
         _Fix(
-            dates_before=len(found.dates),
+            dates_before=(len(found.dates), len(found.zda_dates)),
             second=second,
             lat_deg=float(message.lat),
             lon_deg=float(message.lon),
@@ -183,14 +187,8 @@ def _dated(path: Path, found: _Gathered, options: LogOptions, remarks: Remarks) 
     """Give each position its date: that of the RMC (or ZDA) next to it, or counted on from the user's."""
     if not found.fixes:
         return []
-    dates = found.dates
-    if not dates and found.later_dates:
-        dates = found.later_dates
-        for fix in found.fixes:
-            fix.dates_before = 0
-        days = sorted({day for day, _ in dates})
-        if len(days) > 2:
-            dates = [dates[0]]
+    # a ZDA may come from a clock that has no fix yet
+    which, dates = (0, found.dates) if found.dates else (1, found.zda_dates)
     if not dates and options.date is None:
         wanted = "the UTC date of its first position: date in [dgps] of session.toml, or --date"
         raise LogError(path.name, got="positions without a date (no RMC or ZDA)", wanted=wanted)
@@ -200,7 +198,7 @@ def _dated(path: Path, found: _Gathered, options: LogOptions, remarks: Remarks) 
         day, before = day_number(options.date.year, options.date.month, options.date.day), found.fixes[0].second
     for count, fix in enumerate(found.fixes):
         if dates:
-            day, before = _nearest(dates, fix)
+            day, before = _nearest(dates, fix.dates_before[which], fix.second)
         # the date is that of `before`; midnight may lie between the two
         away = fix.second - before
         day, before = day + (-1 if away > DAY_S / 2 else 1 if away < -DAY_S / 2 else 0), fix.second
@@ -219,15 +217,15 @@ def _dated(path: Path, found: _Gathered, options: LogOptions, remarks: Remarks) 
             fixes.append(made)
         else:
             remarks.count("GGA that is no place on Earth")
-    if not found.dates:
+    if not dates:
         remarks.note(f"dates counted on from {date_of(fixes[0].day if fixes else 0).isoformat()}")
     return fixes
 
 
-def _nearest(dates: list[tuple[int, float]], fix: _Fix) -> tuple[int, float]:
-    """Return the date before or after a fix in the log that is nearer to it on the clock."""
-    near = dates[max(fix.dates_before - 1, 0) : fix.dates_before + 1] or dates[-1:]
-    return min(near, key=lambda d: min(abs(d[1] - fix.second), DAY_S - abs(d[1] - fix.second)))
+def _nearest(dates: list[tuple[int, float]], count: int, second: float) -> tuple[int, float]:
+    """Return the last date before a place in the log or the first after it, whichever is nearer on the clock."""
+    near = dates[max(count - 1, 0) : count + 1]
+    return min(near, key=lambda d: min(abs(d[1] - second), DAY_S - abs(d[1] - second)))
 
 
 def _second(text: str) -> float | None:
@@ -257,5 +255,3 @@ def _gst(message: Any) -> tuple[float, float, float] | None:
 def looks_like_nmea(head: bytes) -> bool:
     """Return whether the first bytes of a file hold the beginning of a sentence."""
     return re.search(rb"\$[A-Z]{2}(GGA|RMC|ZDA|GSA|GSV|VTG|GLL|GST|TXT),", head) is not None
-
-

@@ -53,7 +53,7 @@ def read_tlog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
         if message.get_type() == kind:
             positions.append((stamp_us * 1e-6, message))
             if len(positions) % 10_000 == 0:
-                check_count(path, positions)  # type: ignore[arg-type]
+                check_count(path, positions)
         elif message.get_type() == "SYSTEM_TIME" and message.time_unix_usec > _UNIX_US:
             pair = (stamp_us * 1e-6, message.time_unix_usec * 1e-6 - message.time_boot_ms * 1e-3)
             clocks.setdefault(message.get_srcSystem(), []).append(pair)
@@ -70,16 +70,13 @@ def packets(content: bytes, remarks: Remarks) -> Iterator[tuple[int, bytes]]:
             size = 8 + length
         elif magic == _V2:
             size = 12 + length + (13 if content[place + 10] & 1 else 0)
-        # whole, and followed by another packet or the end
+        # whole, and followed by another packet or by the end
         end = place + 8 + size
-        follows = end == len(content) or (end + 8 < len(content) and content[end + 8] in (_V1, _V2))
+        follows = end + 8 >= len(content) or content[end + 8] in (_V1, _V2)
         if not size or end > len(content) or not follows:
             if not lost:
                 remarks.count("stretch that is no MAVLink, or cut short", f"byte {place}")
             place, lost = place + 1, True
-            if size and end <= len(content) and magic in (_V1, _V2) and end + 8 >= len(content):
-                yield _stamp(content, place - 1), content[place + 7 : end]
-                place = end
             continue
         lost = False
         number = content[place + 13] if magic == _V1 else int.from_bytes(content[place + 15 : place + 18], "little")

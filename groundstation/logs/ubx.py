@@ -56,7 +56,7 @@ def read_ubx(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
 def ubx_frames(content: bytes, remarks: Remarks) -> Iterator[tuple[int, bytes]]:
     """Yield place and bytes of each whole frame; what has a wrong checksum, or is cut, is counted and passed."""
     place = content.find(_SYNC)
-    while 0 <= place:
+    while place >= 0:
         end = place + 8 + int.from_bytes(content[place + 4 : place + 6], "little")
         if len(content) < place + 8 or end > len(content):
             remarks.count("message cut short at the end, or garbled", f"byte {place}")
@@ -140,9 +140,7 @@ def _fix(message: Any, fine: dict[tuple[int, int], Any], options: LogOptions, re
     return fix
 
 
-def _from_base(
-    fix: LogFix, relative: Any, base_deg_m: tuple[float, float, float], remarks: Remarks
-) -> LogFix | None:
+def _from_base(fix: LogFix, relative: Any, base_deg_m: tuple[float, float, float], remarks: Remarks) -> LogFix | None:
     """Return the fix moved to where NAV-RELPOSNED sees it from the base; its lengths are cm, sigmas mm."""
     if relative is None or not relative.relPosValid or not relative.gnssFixOK:
         remarks.count("NAV-PVT without a valid NAV-RELPOSNED beside it")

@@ -34,7 +34,7 @@ def read_ulog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             log = ULog(str(path), list(TOPICS), disable_str_exceptions=True)
-    except Exception as error:  # noqa: BLE001 - pyulog raises whatever its parser stumbles upon
+    except Exception as error:
         got = f"no ULog that pyulog reads ({shown(f'{type(error).__name__}: {error}', 120)})"
         raise LogError(path.name, got=got, wanted="a ULog of PX4") from error
     if log.file_corruption:
@@ -55,7 +55,9 @@ def _chosen(path: Path, log: Any, options: LogOptions) -> Any:
                 return data
     had = sorted({f"{d.name}[{d.multi_id}]" for d in log.data_list})
     which = "" if options.instance is None else f" of instance {options.instance}"
-    raise LogError(path.name, got=", ".join(had[:6]) or "no positions", wanted=f"the topic {' or '.join(TOPICS)}{which}")
+    raise LogError(
+        path.name, got=", ".join(had[:6]) or "no positions", wanted=f"the topic {' or '.join(TOPICS)}{which}"
+    )
 
 
 def _fixes(path: Path, data: dict[str, Any], options: LogOptions, remarks: Remarks) -> list[LogFix]:

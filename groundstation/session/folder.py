@@ -10,13 +10,14 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import GroundstationError, SessionError
 from groundstation.messages import InitialState
 from groundstation.rig import ClockModel, Rig, Station, load_rig, parse_clock
+from groundstation.session.dgps_options import DgpsOptions, parse_dgps
 from groundstation.session.media import Medium, check_medium, find_media
 from groundstation.session.tables import CsvTable
 from groundstation.toml_table import Table, load_toml, quoted
 
 # what [clocks] may name besides the stations
 CLOCKED_TABLES = ("frames", "detections", "ptu", "dgps", "truth")
-_TABLES = ("clocks", "target", "initial", "origin", "phase")
+_TABLES = ("clocks", "target", "initial", "origin", "phase", "dgps")
 _MAX_PHASES = 10_000
 
 
@@ -58,6 +59,7 @@ class Session:
     date, licence, notes : the file's own words, empty where it has none.
     initial, origin : None where the file does not give them.
     clocks : the [clocks] table, by station or table name.
+    dgps : how a log of positions is read, where there is one instead of dgps.csv.
     media : each station's pictures; empty for a session of detections.csv only.
     left_out : stations of the folder's own rig that the rig in use does not have; their rows are passed over.
     """
@@ -74,6 +76,7 @@ class Session:
     origin: GeoOrigin | None
     phases: tuple[Phase, ...]
     clocks: dict[str, ClockModel]
+    dgps: DgpsOptions
     media: dict[str, Medium]
     left_out: frozenset[str]
 
@@ -127,6 +130,7 @@ def load_session(folder: Path, rig_path: Path | None = None) -> Session:
         origin=_origin(top.table("origin"), frame) if isinstance(top.values.get("origin"), dict) else None,
         phases=_phases(top),
         clocks=clocks,
+        dgps=parse_dgps(top.table("dgps")),
         media=media,
         left_out=left_out,
     )

@@ -24,7 +24,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
     ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
-    ("groundstation.session", "groundstation.evaluation"),
+    ("groundstation.session", "groundstation.evaluation", "groundstation.logs"),
     (
         "groundstation.pipeline",
         "groundstation.frame_update",
