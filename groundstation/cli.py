@@ -10,6 +10,7 @@ from pathlib import Path
 from groundstation import __version__
 from groundstation.cli_calibrate import add_calibrate, run_calibrate
 from groundstation.cli_cameras import add_cameras, run_cameras
+from groundstation.cli_import import add_import, run_import
 from groundstation.cli_live import add_live, run_check, run_live
 from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.errors import GroundstationError
@@ -91,6 +92,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_track(commands)
     _add_plan(commands)
     add_calibrate(commands)
+    add_import(commands)
     add_cameras(commands)
     add_live(commands)
     add_ptu(commands)
@@ -271,6 +273,7 @@ _COMMANDS = {
     "track": _track,
     "plan": _plan,
     "calibrate": run_calibrate,
+    "import": run_import,
     "cameras": run_cameras,
     "live": run_live,
     "check": run_check,

@@ -24,13 +24,13 @@ def enu_from_geodetic(
 ) -> FloatArray:
     """Return positions (n, 3) in m, east, north and up of an origin given as latitude, longitude and height."""
     origin = ecef_from_geodetic(*(np.array(value) for value in origin_deg_m))
-    return np.asarray((ecef_from_geodetic(lat_deg, lon_deg, height_m) - origin) @ _enu_from_ecef(origin_deg_m).T)
+    return np.asarray((ecef_from_geodetic(lat_deg, lon_deg, height_m) - origin) @ enu_axes(origin_deg_m).T)
 
 
 def ecef_from_enu(enu_m: FloatArray, origin_deg_m: tuple[float, float, float]) -> FloatArray:
     """Return earth-centred earth-fixed positions (…, 3) of places (…, 3) in m, east, north and up of an origin."""
     origin = ecef_from_geodetic(*(np.array(value) for value in origin_deg_m))
-    return np.asarray(origin + enu_m @ _enu_from_ecef(origin_deg_m))
+    return np.asarray(origin + enu_m @ enu_axes(origin_deg_m))
 
 
 def geodetic_from_ecef(ecef_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -58,8 +58,8 @@ def geodetic_from_ecef(ecef_m: FloatArray) -> tuple[FloatArray, FloatArray, Floa
     return np.degrees(lat), np.degrees(np.arctan2(y, x)), height
 
 
-def _enu_from_ecef(origin_deg_m: tuple[float, float, float]) -> FloatArray:
-    """Return the rotation (3, 3) from earth-fixed axes to east, north, up of an origin."""
+def enu_axes(origin_deg_m: tuple[float, float, float]) -> FloatArray:
+    """Return the rotation (3, 3) from earth-fixed axes to east, north, up at a place of latitude, longitude, height."""
     lat0, lon0 = np.radians(origin_deg_m[:2])
     s_lat, c_lat, s_lon, c_lon = np.sin(lat0), np.cos(lat0), np.sin(lon0), np.cos(lon0)
     return np.array(

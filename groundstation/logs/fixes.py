@@ -121,7 +121,10 @@ class Heights:
 
     def ellipsoid(self, sea_level_m: float, separation_m: float | None, hint: str = "") -> float:
         """Return the ellipsoid height; raises `LogError` where nothing tells the separation."""
-        separation = separation_m if separation_m is not None else self._given
+        separation = separation_m
+        # a writer that knows no geoid leaves the separation out, or 0
+        if self._given is not None and separation_m in (None, 0.0):
+            separation = self._given
         if separation is None:
             got = "heights above sea level, and no geoid separation" + hint
             wanted = "geoid_separation_m in [dgps] of session.toml, or --geoid-separation"

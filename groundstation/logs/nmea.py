@@ -89,7 +89,7 @@ def read_nmea(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
         _take(message, sentence.split("*")[0].split(","), found, heights, remarks, where)
         if len(found.fixes) % 10_000 == 0:
             check_count(path, found.fixes)
-    _say(found, remarks)
+    _say(found, remarks, options.geoid_separation_m is not None)
     return _dated(path, found, options, remarks)
 
 
@@ -174,12 +174,12 @@ def _take_gga(
     )
 
 
-def _say(found: _Gathered, remarks: Remarks) -> None:
+def _say(found: _Gathered, remarks: Remarks, given: bool) -> None:
     """Note what the user should know of the whole log."""
     if found.fixes and found.decimals < _FINE_DECIMALS:
         step = _DEGREE_M / 60 * 10.0**-found.decimals
         remarks.note(f"positions are written in steps of {step:.2g} m: minutes have {found.decimals} decimals")
-    if found.fixes and found.separations == {0.0}:
+    if found.fixes and found.separations == {0.0} and not given:
         remarks.note("the geoid separation is 0 m in every sentence: its heights are taken as ellipsoid heights")
 
 

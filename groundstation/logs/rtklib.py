@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.errors import LogError
-from groundstation.geometry.geodesy import ecef_from_enu, geodetic_from_ecef
+from groundstation.geometry.geodesy import ecef_from_enu, enu_axes, geodetic_from_ecef
 from groundstation.logs.fixes import (
     FixQuality,
     Heights,
@@ -111,8 +111,8 @@ class _PosReader:
             layout = self._guessed
         row = _row(tokens, layout)
         quality = self._quality(row)
-        sigma, covariance = _sigmas(row.values)
         lat, lon, height = self._place(row.values, layout, where)
+        sigma, covariance = _sigmas(row.values, lat, lon)
         day, second = row.day, row.second - _EAST_OF_UTC_S.get(layout.time_system, 0.0)
         if second < 0.0:
             day, second = day - 1, second + DAY_S
@@ -216,13 +216,26 @@ def _time(first: str, second: str) -> tuple[int, float]:
     raise _BadRowError("row without a time")
 
 
-def _sigmas(values: dict[str, float]) -> tuple[tuple[float, float, float] | None, float]:
-    """Return sigmas east, north, up and the covariance of east and north; sdne is the signed root of it."""
-    if not {"sde", "sdn", "sdu"} <= values.keys():
+def _sigmas(
+    values: dict[str, float], lat_deg: float, lon_deg: float
+) -> tuple[tuple[float, float, float] | None, float]:
+    """Return sigmas east, north, up and the covariance of east and north; RTKLIB writes covariances as signed roots."""
+    if {"sde", "sdn", "sdu"} <= values.keys():
+        sigma = usable_sigma(values["sde"], values["sdn"], values["sdu"])
+        covariance = _squared(values.get("sdne", values.get("sden", 0.0)))
+    elif {"sdx", "sdy", "sdz", "sdxy", "sdyz", "sdzx"} <= values.keys():
+        xx, yy, zz, xy, yz, zx = (_squared(values[name]) for name in ("sdx", "sdy", "sdz", "sdxy", "sdyz", "sdzx"))
+        enu_from_ecef = enu_axes((lat_deg, lon_deg, 0.0))
+        turned = enu_from_ecef @ np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]) @ enu_from_ecef.T
+        east, north, up = (math.sqrt(max(float(v), 0.0)) for v in np.diag(turned))
+        sigma, covariance = usable_sigma(east, north, up), float(turned[0, 1])
+    else:
         return None, 0.0
-    sigma = usable_sigma(values["sde"], values["sdn"], values["sdu"])
-    root = values.get("sdne", values.get("sden", 0.0))
-    covariance = math.copysign(root * root, root)
     if sigma is None or abs(covariance) > sigma[0] * sigma[1]:
         return sigma, 0.0
     return sigma, covariance
+
+
+def _squared(root: float) -> float:
+    """Return the square with the sign of its root."""
+    return math.copysign(root * root, root)
