@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +105,7 @@ def _frames(
     stamps: dict[str, FloatArray] = {}
     done = 0
     for name in rig.names:
-        video = read_video_stamps(request.videos[name], lambda n, done=done: progress(done + n))
+        video = read_video_stamps(request.videos[name], partial(_after, progress, done))
         done += len(video.t_s)
         _check_size(video, rig, name)
         stamps[name] = video.t_s + clock.starts_s[name]
@@ -118,6 +119,11 @@ def _frames(
     total = max(len(t) for t in stamps.values())
     parts.summary.append(f"{paired(stamps)} pairs of frames, of {total}")
     return min(float(t[0]) for t in stamps.values()), max(float(t[-1]) for t in stamps.values())
+
+
+def _after(progress: Callable[[int], None], done: int, count: int) -> None:
+    """Report frames on top of those of the videos before."""
+    progress(done + count)
 
 
 def _check_size(video: VideoStamps, rig: Rig, name: str) -> None:

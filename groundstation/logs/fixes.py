@@ -113,7 +113,7 @@ class Remarks:
 
 
 class Heights:
-    """Ellipsoid heights out of what a log has; a height above sea level needs the geoid's separation, from it or the user."""
+    """Ellipsoid heights of what a log has; one above sea level needs the geoid's separation, from it or the user."""
 
     def __init__(self, path: Path, options: LogOptions) -> None:
         self._path = path

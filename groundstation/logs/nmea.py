@@ -42,7 +42,7 @@ _MAX_GST = 2_000_000
 
 @dataclass(slots=True)
 class _Fix:
-    """A GGA that waits for its date: how many dates of RMC and of ZDA stood before it, its second of the day, the rest."""
+    """A GGA that waits for its date: how many dates of RMC and of ZDA stood before it, its second, the rest."""
 
     dates_before: tuple[int, int]
     second: float
@@ -54,7 +54,7 @@ class _Fix:
 
 @dataclass(slots=True)
 class _Gathered:
-    """What the lines held: ``dates`` are day and second of it, ``sigmas`` by second of the day, as they were written."""
+    """What the lines held: dates as day and second of it, sigmas by second of the day."""
 
     fixes: list[_Fix] = field(default_factory=list)
     dates: list[tuple[int, float]] = field(default_factory=list)

@@ -61,8 +61,8 @@ class GnssLog:
 def read_log(path: Path, options: LogOptions | None = None) -> GnssLog:
     """Read a log of any format that is known.
 
-    Raises `LogError` (or `MissingExtraError`) in one line: no such file, no format that is known, nothing in it that can
-    be used, or something that only the user can tell.
+    Raises `LogError` (or `MissingExtraError`) in one line: no such file, no known format, nothing in it that can be
+    used, or something that only the user can tell.
     """
     options = options or LogOptions()
     check_file(path)

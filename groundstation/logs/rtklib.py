@@ -156,8 +156,8 @@ class _PosReader:
             ecef = ecef_from_enu(np.array([values[f"{axis}-baseline"] for axis in "enu"]), base)
         if not 6.2e6 < float(np.linalg.norm(ecef)) < 6.6e6:
             raise _BadRowError("row that is no place on Earth")
-        lat, lon, height = geodetic_from_ecef(ecef)
-        return float(lat), float(lon), float(height)
+        place = geodetic_from_ecef(ecef)
+        return float(place[0]), float(place[1]), float(place[2])
 
 
 def _tokens(line: str) -> list[str]:

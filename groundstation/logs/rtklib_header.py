@@ -84,7 +84,7 @@ def _base(text: str) -> tuple[float, float, float] | None:
 
 
 def layout_of_row(tokens: list[str]) -> PosLayout | None:
-    """Return the default layout that a row without a header fits, by its number of cells and the size of its numbers."""
+    """Return the default layout that a row without a header fits, by how many cells it has and how large they are."""
     try:
         first = [abs(float(word)) for word in tokens[2:5]]
     except ValueError:

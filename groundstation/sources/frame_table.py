@@ -21,7 +21,8 @@ _MISSING = float("nan")
 class FrameTable:
     """frames.csv: ``index`` (n,), ``line`` (n,), and per station session times (n,), NaN inside where missing.
 
-    ``numbers`` (n,) are the frames' numbers in each station's own video, −1 where it has none. ``fault`` is what ended the reading early, if anything did; the rows before it are usable.
+    ``numbers`` (n,) are the frames' numbers in each station's own video, −1 where it has none. ``fault`` is what
+    ended the reading early, if anything did; the rows before it are usable.
     """
 
     index: NDArray[np.int64]
