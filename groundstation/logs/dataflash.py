@@ -30,22 +30,16 @@ _MAX_WEEK = 10_000
 
 def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
     """Read the positions of an onboard log. Raises `LogError` where it is none."""
-    try:
-        from pymavlink.DFReader import DFReader_binary
-    except ImportError as error:
-        raise MissingExtraError("reading ArduPilot logs", "logs") from error
+    open_log = _opener()
     if path.stat().st_size > _MAX_BYTES:
         raise LogError(path.name, got="a larger file", wanted=f"at most {_MAX_BYTES} bytes of log")
     said = io.StringIO()
     rows = _Rows(path, options, remarks)
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            log = DFReader_binary(str(path))
-            try:
+            with open_log(str(path)) as log:
                 while (message := log.recv_match(type=["GPS", "GPA"])) is not None:
                     rows.take(message)
-            finally:
-                log.filehandle.close()
     except LogError:
         raise
     except Exception as error:
@@ -59,6 +53,28 @@ def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[Lo
     if bad:
         remarks.count("stretch that pymavlink could not read", number=bad)
     return rows.fixes
+
+
+def _opener() -> Any:
+    """Return pymavlink's reader, without its compiled index: that writes to the terminal past us, on damaged logs."""
+    try:
+        from pymavlink.DFReader import DFReader_binary
+    except ImportError as error:
+        raise MissingExtraError("reading ArduPilot logs", "logs") from error
+
+    class Reader(DFReader_binary):  # type: ignore[misc]
+        def __init__(self, name: str) -> None:
+            try:
+                super().__init__(name)
+            except BaseException:
+                # pymavlink leaves its file open
+                self.filehandle.close()
+                raise
+
+        def init_arrays_fast(self, progress_callback: Any = None) -> None:
+            self.init_arrays(progress_callback=progress_callback)
+
+    return Reader
 
 
 class _Rows:

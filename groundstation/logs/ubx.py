@@ -47,7 +47,12 @@ def read_ubx(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
         raise LogError(path.name, got="UBX without NAV-PVT", wanted="NAV-PVT, which has the date and the quality")
     fixes = []
     for message in order:
-        fix = _fix(message, fine, options, remarks)
+        try:
+            fix = _fix(message, fine, options, remarks)
+        except AttributeError:
+            # an older receiver's shorter message
+            remarks.count("message without the fields that are needed")
+            continue
         if fix is not None:
             fixes.append(fix)
     return fixes
@@ -101,7 +106,7 @@ def _fix(message: Any, fine: dict[tuple[int, int], Any], options: LogOptions, re
     if not (message.validDate and message.validTime):
         remarks.count("NAV-PVT without a valid date and time")
         return None
-    if not message.gnssFixOk or message.fixType not in (3, 4):
+    if not message.gnssFixOk or message.fixType not in (3, 4) or getattr(message, "invalidLlh", 0):
         remarks.count("NAV-PVT without a 3-D fix")
         return None
     try:
@@ -121,7 +126,7 @@ def _fix(message: Any, fine: dict[tuple[int, int], Any], options: LogOptions, re
         lat, lon, height = precise.lat, precise.lon, precise.height * _PER_MM
         horizontal = precise.hAcc * _PER_MM / math.sqrt(2.0)
         sigma = usable_sigma(horizontal, horizontal, precise.vAcc * _PER_MM)
-    quality = (FixQuality.DGPS if message.difSoln else FixQuality.SINGLE, FixQuality.FLOAT, FixQuality.FIX)
+    quality = (FixQuality.DGPS if message.diffSoln else FixQuality.SINGLE, FixQuality.FLOAT, FixQuality.FIX)
     fix = LogFix(
         day=day,
         second=second,
