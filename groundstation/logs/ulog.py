@@ -32,8 +32,9 @@ def read_ulog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
         raise LogError(path.name, got="a larger file", wanted=f"at most {_MAX_BYTES} bytes of ULog")
     said = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            log = ULog(str(path), list(TOPICS), disable_str_exceptions=True)
+        # a file of ours: pyulog leaves its own open where it stumbles
+        with path.open("rb") as stream, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            log = ULog(stream, list(TOPICS), disable_str_exceptions=True)
     except Exception as error:
         got = f"no ULog that pyulog reads ({shown(f'{type(error).__name__}: {error}', 120)})"
         raise LogError(path.name, got=got, wanted="a ULog of PX4") from error

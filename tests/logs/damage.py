@@ -72,7 +72,20 @@ def forged(name: str, content: bytes, chance: random.Random) -> bytes:
             if body and chance.random() < 0.5:
                 cells = body.split(",")
                 cells[chance.randrange(1, len(cells))] = chance.choice(
-                    ["", "nan", "-1", "1e400", "9999999", "999999.99", "M", "240000.00", "235960", "320199", "inf", "99999.9"]
+                    [
+                        "",
+                        "nan",
+                        "-1",
+                        "1e400",
+                        "9999999",
+                        "999999.99",
+                        "M",
+                        "240000.00",
+                        "235960",
+                        "320199",
+                        "inf",
+                        "99999.9",
+                    ]
                 )
                 lines.append(with_checksum(",".join(cells))[:-2])
             else:
