@@ -82,6 +82,11 @@ def check(log: GnssLog) -> None:
     assert np.all(log.sigma_enu_m > 0)
 
 
+def check_line(fault: GroundstationError) -> None:
+    """Raise `AssertionError` for an error that is not one printable line."""
+    assert str(fault).isprintable(), repr(str(fault))
+
+
 def fuzz_logs(inputs: int, chance: random.Random, folder: Path, counts: collections.Counter[str]) -> None:
     """Read damaged logs of every format in turn."""
     found = seeds()
@@ -95,7 +100,7 @@ def fuzz_logs(inputs: int, chance: random.Random, folder: Path, counts: collecti
             check(read_log(path, OPTIONS[k // len(names) % len(OPTIONS)]))
             counts[f"{path.suffix} read"] += 1
         except GroundstationError as fault:
-            assert str(fault).isprintable(), str(fault)
+            check_line(fault)
             counts[f"{path.suffix} refused"] += 1
         except BaseException:
             (Path(tempfile.gettempdir()) / f"fuzz_failure{path.suffix}").write_bytes(content)
@@ -128,7 +133,7 @@ def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: coll
             read[name]()
             counts[f"{name} read"] += 1
         except InputError as fault:
-            assert str(fault).isprintable(), str(fault)
+            check_line(fault)
             counts[f"{name} refused"] += 1
         except BaseException:
             (Path(tempfile.gettempdir()) / f"fuzz_failure_{name}").write_bytes(content)

@@ -3,6 +3,7 @@
 import argparse
 import datetime
 import math
+import re
 import sys
 from pathlib import Path
 
@@ -21,10 +22,10 @@ _IMPORT_MORE = """example:
       --out sessions/flight-3
   groundstation replay sessions/flight-3 --out out/flight-3
 
-logs: NMEA, RTKLIB .pos, PX4 .ulg, ArduPilot .bin and .tlog, u-blox .ubx (these need
-pip install 'groundstation[logs]', but for .pos), and .csv with lat_deg, lon_deg,
-height_m, or x_m, y_m, z_m. A place in the south: --origin=-35.36,149.17,584
-What each of them leaves open, and how times and heights are read: docs/formats.md
+logs: NMEA, PX4 .ulg, ArduPilot .bin and .tlog, u-blox .ubx (these need
+pip install 'groundstation[logs]'), RTKLIB .pos, and .csv: lat_deg, lon_deg, height_m
+with a time in UTC, or t_s, x_m, y_m, z_m as in dgps.csv. What each of them leaves
+open, and how times and heights are read: docs/formats.md
 
 exit code: 0 done; 1 something cannot be right, one line says what, and nothing is
 written; 2 wrong usage; 130 interrupted"""
@@ -39,6 +40,8 @@ def add_import(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         epilog=_IMPORT_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    # a place in the south, an antenna behind the nose: "-35.36,149.17,584" is a value and no option
+    add._negative_number_matcher = re.compile(r"-[\d.][\d.,eE+-]*$")
     add.add_argument(
         "videos", type=Path, nargs="+", metavar="VIDEO", help="left and right (or in the order of the rig's stations)"
     )

@@ -36,10 +36,9 @@ def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[Lo
     said = io.StringIO()
     rows = _Rows(path, options, remarks)
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            with open_log(str(path)) as log:
-                while (message := log.recv_match(type=["GPS", "GPA"])) is not None:
-                    rows.take(message)
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), open_log(str(path)) as log:
+            while (message := log.recv_match(type=["GPS", "GPA"])) is not None:
+                rows.take(message)
     except LogError:
         raise
     except Exception as error:

@@ -12,7 +12,7 @@ from groundstation.toml_table import quoted
 
 _DEGREES = {"deg": 1.0, "e7": 1e-7, "rad": 180.0 / math.pi}
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_SECONDS = {"s": 1.0, "ms": 1e-3}
 _NAMES = {
     "lat": ("lat", "latitude"),
     "lon": ("lon", "lng", "long", "longitude"),
@@ -26,7 +26,7 @@ _NAMES = {
     "unix": ("unix", "unix_time"),
     "tow": ("gps_tow", "tow"),
 }
-_UNITS = {"lat": _DEGREES, "lon": _DEGREES, "unix": _SECONDS, "tow": _SECONDS}
+_UNITS = {"lat": _DEGREES, "lon": _DEGREES, "unix": {"s": 1.0}, "tow": _SECONDS}
 _UTC_NAMES = ("utc", "time_utc", "utc_time", "datetime_utc")
 _STATUS_NAMES = ("status", "quality", "fix")
 _WEEK_NAMES = ("gps_week", "week")

@@ -106,7 +106,7 @@ def _fix(message: Any, fine: dict[tuple[int, int], Any], options: LogOptions, re
     if not (message.validDate and message.validTime):
         remarks.count("NAV-PVT without a valid date and time")
         return None
-    if not message.gnssFixOk or message.fixType not in (3, 4) or getattr(message, "invalidLlh", 0):
+    if not message.gnssFixOk or message.fixType not in (3, 4) or getattr(message, "invalidLlh", False):
         remarks.count("NAV-PVT without a 3-D fix")
         return None
     try:

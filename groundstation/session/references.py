@@ -14,6 +14,7 @@ from groundstation.messages import DgpsFix
 from groundstation.rig import ClockModel
 from groundstation.session.folder import Session
 from groundstation.session.tables import CsvTable, Row
+from groundstation.text_file import TextFile
 
 # instead of dgps.csv: a log as the receiver or the autopilot wrote it
 LOG_NAMES = ("dgps.nmea", "dgps.pos", "dgps.ulg", "dgps.bin", "dgps.tlog", "dgps.ubx")
@@ -82,11 +83,13 @@ def _read_dgps(session: Session, fixes: list[DgpsFix], on_note: Callable[[str], 
         _read_table(session, path, fixes)
 
 
-def _read_log(session: Session, path: Path, fixes: list[DgpsFix], on_note: Callable[[str], None]) -> None:
+def _read_log(session: Session, path: TextFile, fixes: list[DgpsFix], on_note: Callable[[str], None]) -> None:
     """Add the fixes of a log of latitudes and longitudes, in the session's frame."""
     from groundstation.logs.placement import midnight_before, place_log
     from groundstation.logs.read import read_log
 
+    if not isinstance(path, Path):
+        raise SessionError(str(path), got="a log inside a recording", wanted="dgps.csv there, or the log in a folder")
     origin = session.origin
     if origin is None:
         wanted = "[origin] in session.toml, where the session's frame lies on Earth"
@@ -106,7 +109,7 @@ def _read_log(session: Session, path: Path, fixes: list[DgpsFix], on_note: Calla
     )
 
 
-def _read_table(session: Session, path: Path, fixes: list[DgpsFix]) -> None:
+def _read_table(session: Session, path: TextFile, fixes: list[DgpsFix]) -> None:
     table = CsvTable(path, _DGPS_COLUMNS)
     clock = session.clocks.get("dgps", ClockModel())
     given = [c for c in _SIGMA_COLUMNS if c in table.columns]

@@ -16,7 +16,7 @@ from groundstation.importing.video_stamps import read_video_stamps
 from groundstation.session import load_dgps, load_session
 from groundstation.sources.frame_table import read_frames
 from tests.complaints import complaint
-from tests.logs.writers import Place, gga, nmea_log
+from tests.logs.writers import Place, nmea_log
 from tests.session.folder import number_of, rig_text, write_video
 from tests.sources.events import play
 
@@ -66,8 +66,10 @@ def test_an_import_replays_with_each_cameras_own_frames(parts: Path, capsys: pyt
     for name, start in (("left", 0.5), ("right", 0.83)):
         frames = played.frames_of(name)
         # 10 Hz: the picture's own number tells when it was taken
-        assert [f.t_s for f in frames] == pytest.approx([start + 0.1 * number_of(f.image) for f in frames], abs=1e-6)
-        assert [number_of(f.image) for f in frames] == list(range(20 if name == "left" else 17))
+        assert [f.t_s for f in frames] == pytest.approx(
+            [start + 0.1 * number_of(f.image.whole()) for f in frames], abs=1e-6
+        )
+        assert [number_of(f.image.whole()) for f in frames] == list(range(20 if name == "left" else 17))
     both = [e for e in played.epochs if len(e.stations) == 2]
     assert len(both) == 17
 
@@ -76,7 +78,7 @@ def test_links_and_a_part_of_it(parts: Path) -> None:
     assert run(parts, "--link") == 0
     assert (parts / "session" / "left.avi").is_symlink()
     played = play(parts / "session", 1.0, 1.3)
-    assert [number_of(f.image) for f in played.frames_of("right")] == [2, 3, 4]
+    assert [number_of(f.image.whole()) for f in played.frames_of("right")] == [2, 3, 4]
 
 
 def test_uneven_stamps_are_the_containers(parts: Path) -> None:

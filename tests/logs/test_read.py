@@ -40,7 +40,7 @@ def table(folder: Path, text: str, options: LogOptions | None = None) -> GnssLog
             "gps_week,gps_tow_s,lat_rad,lon_rad,alt_msl_m,undulation_m",
             "2365,388810,0.62275093,2.43928089,37.284,37.726\n",
         ),
-        ("unix_ms,latitude_deg,long_deg,ellipsoid_height_ft", "1746705592000,35.681,139.7605,246.0958\n"),
+        ("unix_s,latitude_deg,long_deg,ellipsoid_height_ft", "1746705592.0,35.681,139.7605,246.0958\n"),
     ],
 )
 def test_tables_by_name_and_unit(tmp_path: Path, header: str, row: str) -> None:

@@ -88,7 +88,7 @@ def pvt(place: Place, **other: Any) -> bytes:
     values: dict[str, Any] = {
         "iTOW": itow(place), "year": utc.year, "month": utc.month, "day": utc.day, "hour": utc.hour, "min": utc.minute,
         "second": utc.second, "validDate": 1, "validTime": 1, "fullyResolved": 1, "nano": utc.microsecond * 1000,
-        "fixType": 3, "gnssFixOk": 1, "diffSoln": 1, "carrSoln": 2, "numSV": 20, "lon": place.lon, "lat": place.lat,
+        "fixType": 3, "gnssFixOk": 1, "diffSoln": 1, "carrSoln": 2, "numSV": 20, "lon": place.lon + 1e-9, "lat": place.lat + 1e-9,
         "height": round(place.height * 1000), "hMSL": round((place.height - SEPARATION) * 1000), "hAcc": 14, "vAcc": 20,
     } | other  # fmt: skip
     return bytes(UBXMessage("NAV", "NAV-PVT", 0, **values).serialize())
@@ -98,7 +98,9 @@ def hpposllh(place: Place, **other: Any) -> bytes:
     # pyubx2 takes the standard part and the high-precision part apart
     def parts(value: float, coarse: float, fine: float) -> tuple[float, float]:
         whole = round(value / coarse)
-        return whole * coarse, round((value - whole * coarse) / fine) * fine
+        # pyubx2 cuts off where it should round
+        high = round((value - whole * coarse) / fine)
+        return whole * coarse + 0.01 * coarse, high * fine + 0.01 * fine * (1 if high >= 0 else -1)
 
     lat, lat_hp = parts(place.lat, 1e-7, 1e-9)
     lon, lon_hp = parts(place.lon, 1e-7, 1e-9)
