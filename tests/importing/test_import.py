@@ -41,10 +41,15 @@ def parts(tmp_path: Path) -> Path:
 
 def run(parts: Path, *more: str, without: tuple[str, ...] = ()) -> int:
     words = {
-        "--rig": str(parts / "rig.toml"), "--ptu": str(parts / "angles.csv"), "--dgps": str(parts / "flight.nmea"),
-        "--origin": PLACE, "--azimuth": "0", "--left-start": STARTS[0], "--right-start": STARTS[1],
+        "--rig": str(parts / "rig.toml"),
+        "--ptu": str(parts / "angles.csv"),
+        "--dgps": str(parts / "flight.nmea"),
+        "--origin": PLACE,
+        "--azimuth": "0",
+        "--left-start": STARTS[0],
+        "--right-start": STARTS[1],
         "--out": str(parts / "session"),
-    }  # fmt: skip
+    }
     given = [w for k, v in words.items() if k not in (*without, *more) for w in (k, v)]
     return main(["import", str(parts / "L.avi"), str(parts / "R.avi"), *given, *more])
 
@@ -100,13 +105,16 @@ def test_uneven_stamps_are_the_containers(parts: Path) -> None:
         (("--origin", "47,8,400"), (), "km and more from the origin"),
         (("--date", "2025-05-09"), (), ""),
         (("--date", "2025-07-09"), (), "got a first position of 2025-05-08; wanted 2025-07-09"),
-        (("--left-start", "2025-05-08T11:00:51.5Z", "--right-start", "2025-05-08T11:00:51.5Z"), (),
-         "flight.nmea: got positions from 2025-05-08T11:59:52Z to 2025-05-08T11:59:53.400Z; wanted some while the cameras"),
+        (
+            ("--left-start", "2025-05-08T11:00:51.5Z", "--right-start", "2025-05-08T11:00:51.5Z"),
+            (),
+            "flight.nmea: got positions from 2025-05-08T11:59:52Z to 2025-05-08T11:59:53.400Z",
+        ),
         (("--dgps", "none.nmea"), (), "none.nmea: got no such file; wanted a log of positions"),
         (("--epoch", "now"), (), "--epoch: got 'now'; wanted UTC such as"),
         (("--start", "third=1"), (), "--start: got station 'third'; wanted one of left, right"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_right_is_one_line_and_no_folder(
     parts: Path, capsys: pytest.CaptureFixture[str], more: tuple[str, ...], without: tuple[str, ...], says: str
 ) -> None:
@@ -175,9 +183,10 @@ def test_stamps_that_do_not_grow(parts: Path) -> None:
 
 
 @given(
-    st.lists(st.floats(0.02, 0.3), min_size=2, max_size=30), st.lists(st.floats(0.02, 0.3), min_size=2, max_size=30),
+    st.lists(st.floats(0.02, 0.3), min_size=2, max_size=30),
+    st.lists(st.floats(0.02, 0.3), min_size=2, max_size=30),
     st.floats(-1, 1),
-)  # fmt: skip
+)
 def test_every_frame_is_in_one_row(left: list[float], right: list[float], shift: float) -> None:
     stamps = {"left": np.cumsum(left), "right": np.cumsum(right) + shift}
     rows = [line.split(",") for line in frames_csv(stamps).splitlines()]

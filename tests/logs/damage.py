@@ -1,4 +1,4 @@
-"""Logs and session files, damaged at random: bytes lost, changed, doubled; and content changed under a right checksum."""
+"""Logs and session files, damaged at random: bytes lost, changed, doubled; content forged under a right checksum."""
 
 import random
 from pathlib import Path

@@ -51,7 +51,7 @@ def same_flight(log: GnssLog, n: int = 6, *, metres: float = 2e-3) -> None:
     assert set(log.quality) == {FixQuality.FIX}
 
 
-# ------------------------------------------------------------------------------------------------ UBX
+# -------------------------------------------------------------------------------- UBX
 def test_ubx_as_pyubx2_writes_it(tmp_path: Path) -> None:
     log = log_of(tmp_path, ubx_log(flight()), ".ubx")
     same_flight(log)
@@ -74,18 +74,28 @@ def test_nanoseconds_may_be_negative(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "quality"), [({"carrSoln": 2}, "fix"), ({"carrSoln": 1}, "float"), ({"carrSoln": 0}, "dgps"),
-                            ({"carrSoln": 0, "diffSoln": 0}, "single")],
-)  # fmt: skip
+    ("fields", "quality"),
+    [
+        ({"carrSoln": 2}, "fix"),
+        ({"carrSoln": 1}, "float"),
+        ({"carrSoln": 0}, "dgps"),
+        ({"carrSoln": 0, "diffSoln": 0}, "single"),
+    ],
+)
 def test_qualities_of_ubx(tmp_path: Path, fields: dict[str, int], quality: str) -> None:
     assert log_of(tmp_path, pvt(flight()[0], **fields), ".ubx").quality == (FixQuality(quality),)
 
 
 @pytest.mark.parametrize(
     ("fields", "reason"),
-    [({"gnssFixOk": 0}, "without a 3-D fix"), ({"fixType": 2}, "without a 3-D fix"), ({"fixType": 1}, "without a 3-D fix"),
-     ({"validTime": 0}, "without a valid date"), ({"invalidLlh": 1}, "without a 3-D fix")],
-)  # fmt: skip
+    [
+        ({"gnssFixOk": 0}, "without a 3-D fix"),
+        ({"fixType": 2}, "without a 3-D fix"),
+        ({"fixType": 1}, "without a 3-D fix"),
+        ({"validTime": 0}, "without a valid date"),
+        ({"invalidLlh": 1}, "without a 3-D fix"),
+    ],
+)
 def test_what_ubx_says_is_no_fix(tmp_path: Path, fields: dict[str, int], reason: str) -> None:
     a, b = flight(2)
     log = log_of(tmp_path, pvt(a) + pvt(b, **fields), ".ubx")
@@ -120,7 +130,7 @@ def test_ubx_without_pvt_has_no_date(tmp_path: Path) -> None:
     assert said == "log.ubx: got UBX without NAV-PVT; wanted NAV-PVT, which has the date and the quality"
 
 
-# ------------------------------------------------------------------------------------------------ ULog
+# -------------------------------------------------------------------------------- ULog
 @pytest.mark.parametrize("topic", ["sensor_gps", "vehicle_gps_position"])
 @pytest.mark.parametrize("old", [False, True])
 def test_ulog_with_the_units_of_before_and_after_1_14(tmp_path: Path, topic: str, old: bool) -> None:
@@ -158,7 +168,7 @@ def test_ulog_without_utc_or_fix_or_topic(tmp_path: Path) -> None:
     assert "no ULog that pyulog reads" in complaint(LogError, lambda: log_of(tmp_path, b"ULog\x01\x12\x35\x01", ".ulg"))
 
 
-# ------------------------------------------------------------------------------------------------ ArduPilot
+# -------------------------------------------------------------------------------- ArduPilot
 def test_dataflash_by_week_and_milliseconds(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     log = log_of(tmp_path, dataflash(flight()), ".bin", GIVEN)
     same_flight(log, metres=6e-3)

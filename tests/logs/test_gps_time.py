@@ -21,9 +21,16 @@ from groundstation.logs.gps_time import (
 
 @pytest.mark.parametrize(
     ("date", "seconds"),
-    [((1980, 1, 6), 0), ((1981, 7, 1), 1), ((1999, 1, 1), 13), ((2008, 12, 31), 14), ((2016, 12, 31), 17),
-     ((2017, 1, 1), 18), ((2026, 5, 17), 18)],
-)  # fmt: skip
+    [
+        ((1980, 1, 6), 0),
+        ((1981, 7, 1), 1),
+        ((1999, 1, 1), 13),
+        ((2008, 12, 31), 14),
+        ((2016, 12, 31), 17),
+        ((2017, 1, 1), 18),
+        ((2026, 5, 17), 18),
+    ],
+)
 def test_leap_seconds_of_the_bulletins(date: tuple[int, int, int], seconds: int) -> None:
     assert leap_seconds(day_number(*date)) == seconds
 
@@ -45,9 +52,13 @@ def test_a_known_week() -> None:
 
 @pytest.mark.parametrize(
     ("text", "same"),
-    [("2025-05-08 13:59:52+02:00", True), ("2025-05-08T11:59:52", True), ("2025-05-07T23:59:52-1200", True),
-     ("2025-05-08T11:59:53Z", False)],
-)  # fmt: skip
+    [
+        ("2025-05-08 13:59:52+02:00", True),
+        ("2025-05-08T11:59:52", True),
+        ("2025-05-07T23:59:52-1200", True),
+        ("2025-05-08T11:59:53Z", False),
+    ],
+)
 def test_texts_with_a_zone(text: str, same: bool) -> None:
     assert (gps_from_text(text) == gps_from_text("2025-05-08T11:59:52Z")) is same
 

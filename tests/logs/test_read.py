@@ -101,9 +101,14 @@ def test_a_log_before_2000_asks_for_its_date(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "content", "package"),
-    [("a.nmea", nmea_log(flight(1)), "pynmeagps"), ("a.ubx", ubx_log(flight(1)), "pyubx2"), ("a.ulg", ulog(flight(1)), "pyulog"),
-     ("a.bin", dataflash(flight(1)), "pymavlink"), ("a.tlog", tlog(flight(1)), "pymavlink")],
-)  # fmt: skip
+    [
+        ("a.nmea", nmea_log(flight(1)), "pynmeagps"),
+        ("a.ubx", ubx_log(flight(1)), "pyubx2"),
+        ("a.ulg", ulog(flight(1)), "pyulog"),
+        ("a.bin", dataflash(flight(1)), "pymavlink"),
+        ("a.tlog", tlog(flight(1)), "pymavlink"),
+    ],
+)
 def test_a_missing_package_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: bytes, package: str
 ) -> None:

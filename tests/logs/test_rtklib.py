@@ -17,9 +17,22 @@ DATA = Path(__file__).parent / "data"
 FIRST = gps_from_text("2025-05-08T11:59:52Z")
 LAT, LON, HEIGHT = 35.680999993, 139.760500004, 75.0100
 VARIANTS = [
-    "week_tow", "calendar", "utc", "utc_tow", "jst", "dms", "dms_comma", "ecef", "enu", "enu_no_ref", "comma", "tab",
-    "velocity", "no_header", "no_header_ecef",
-]  # fmt: skip
+    "week_tow",
+    "calendar",
+    "utc",
+    "utc_tow",
+    "jst",
+    "dms",
+    "dms_comma",
+    "ecef",
+    "enu",
+    "enu_no_ref",
+    "comma",
+    "tab",
+    "velocity",
+    "no_header",
+    "no_header_ecef",
+]
 
 
 def same_flight(log: GnssLog) -> None:
@@ -108,7 +121,7 @@ def test_a_damaged_row_is_counted_and_costs_no_other(tmp_path: Path, row: str, r
 
 
 def test_an_empty_cell_is_not_filled_with_its_neighbour(tmp_path: Path) -> None:
-    row = "2025/05/08 12:00:10.200,, 139.760499003, 75.3096, 1, 7, 0.0088, 0.0075, 0.0272,-0.0032, 0.0121,-0.0063, 0.00, 8"
+    row = "2025/05/08 12:00:10.200,, 139.760499003, 75.3096, 1, 7, 0.0088, 0.0075, 0.0272,-0.0032, 0.0121,-0.0063,0,8"
     log = read_log(write(tmp_path, {1: row}, "comma"))
     assert "1 × row with a cell that is no number" in log.remarks[0]
 
@@ -145,14 +158,26 @@ def test_another_datum_and_other_columns(tmp_path: Path) -> None:
 
 
 @given(
-    lat=st.floats(-89.9, 89.9), lon=st.floats(-180, 180), height=st.floats(-400, 9000), second=st.integers(0, 604_799_000),
-    week=st.integers(1100, 3000), quality=st.integers(1, 6), separator=st.sampled_from([" ", ",", "\t", ";"]),
+    lat=st.floats(-89.9, 89.9),
+    lon=st.floats(-180, 180),
+    height=st.floats(-400, 9000),
+    second=st.integers(0, 604_799_000),
+    week=st.integers(1100, 3000),
+    quality=st.integers(1, 6),
+    separator=st.sampled_from([" ", ",", "\t", ";"]),
     calendar=st.booleans(),
-)  # fmt: skip
+)
 def test_rows_as_rtklib_prints_them_come_back(
-    tmp_path_factory: pytest.TempPathFactory, lat: float, lon: float, height: float, second: int, week: int, quality: int,
-    separator: str, calendar: bool,
-) -> None:  # fmt: skip
+    tmp_path_factory: pytest.TempPathFactory,
+    lat: float,
+    lon: float,
+    height: float,
+    second: int,
+    week: int,
+    quality: int,
+    separator: str,
+    calendar: bool,
+) -> None:
     import datetime
 
     moment = datetime.datetime(1980, 1, 6) + datetime.timedelta(weeks=week, milliseconds=second)
@@ -162,7 +187,9 @@ def test_rows_as_rtklib_prints_them_come_back(
     cells = [time, f"{lat:14.9f}", f"{lon:14.9f}", f"{height:10.4f}", f"{quality:3d}", f"{9:3d}"]
     cells += [f"{s:8.4f}" for s in (0.02, 0.01, 0.03, -0.005, 0.004, 0.001)] + [f"{1.5:6.2f}", f"{9.9:6.1f}"]
     path = tmp_path_factory.getbasetemp() / "printed.pos"
-    header = "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) ratio\n"
+    header = (
+        "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) sdeu(m) sdun(m) age(s) r\n"
+    )
     path.write_text(header.replace(" l", f"{separator}l") + separator.join(cells) + "\n")
     if abs(lat) < 1e-9 and abs(lon) < 1e-9:
         return

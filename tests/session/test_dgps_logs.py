@@ -14,7 +14,7 @@ from tests.session.folder import Tiny
 
 DATA = Path(__file__).parents[1] / "logs" / "data"
 ORIGIN = "[origin]\nlat_deg = 35.68\nlon_deg = 139.76\nheight_m = 60.0\ny_axis_azimuth_deg = 0\n"
-DGPS = '[dgps]\nepoch_utc = 2025-05-08T11:59:50Z\ngeoid_separation_m = 37.726\n'  # fmt: skip
+DGPS = "[dgps]\nepoch_utc = 2025-05-08T11:59:50Z\ngeoid_separation_m = 37.726\n"
 
 
 def session(folder: Path, text: str) -> Session:
