@@ -87,11 +87,18 @@ def check_line(fault: GroundstationError) -> None:
     assert str(fault).isprintable(), repr(str(fault))
 
 
+def tell(done: int, what: str) -> None:
+    """Say now and then how far it is."""
+    if done % 20_000 == 0 and done:
+        print(f"{done} {what} without an error that is not ours", file=sys.stderr, flush=True)
+
+
 def fuzz_logs(inputs: int, chance: random.Random, folder: Path, counts: collections.Counter[str]) -> None:
     """Read damaged logs of every format in turn."""
     found = seeds()
     names = list(found)
     for k in range(inputs):
+        tell(k, "logs")
         name = names[k % len(names)]
         content = forged(name, found[name], chance) if chance.random() < 0.4 else damaged(found[name], chance)
         path = folder / f"log{Path(name).suffix}"
@@ -126,6 +133,7 @@ def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: coll
         "session.toml": lambda: load_session(folder),
     }
     for k in range(inputs):
+        tell(k, "session files")
         name = SESSION_TABLES[k % len(SESSION_TABLES)]
         content = damaged(whole[name], chance)
         (folder / name).write_bytes(content)
