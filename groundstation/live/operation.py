@@ -10,6 +10,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from groundstation.config import Config
 from groundstation.hand_over import quick_hand_over
 from groundstation.live.board import Board, DeviceState, LiveStatus
@@ -161,7 +163,13 @@ class Operation:
         began_s = self.now_s
         if isinstance(item, Shot) and self._shedding.leaves_out(item.station, item.t_s, self.inbox.frames_waiting):
             item = None
-        taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
+        try:
+            taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
+        except (ArithmeticError, np.linalg.LinAlgError) as fault:
+            # numbers that no filter can work with: a fresh one may
+            self.say("error", f"the filter has failed ({type(fault).__name__}: {fault}); begun anew")
+            core.begin_anew(self._pipeline())
+            return
         if isinstance(item, Shot):
             for event in taken.consumed:
                 if isinstance(event, Frame):
@@ -218,17 +226,19 @@ class Operation:
         return DeviceState(name=name, rate_hz=rate, age_s=now_s - head.newest_s, note=note)
 
     # --------------------------------------------------------------------------------------- set-up
-    def _core(self, heads: Heads) -> LiveCore:
-        geometries = {s.name: s.geometry() for s in self._rig.stations}
-        pipeline = Pipeline(
+    def _pipeline(self) -> Pipeline:
+        return Pipeline(
             self._rig,
             self._config,
             span_m=self._file.span_m,
             stopwatch=self._clock,
             keep_images=self._keep_images,
         )
+
+    def _core(self, heads: Heads) -> LiveCore:
+        geometries = {s.name: s.geometry() for s in self._rig.stations}
         pilots = {n: HeadPilot(geometries[n], h.limits, self._file.pointing) for n, h in heads.states.items()}
         period_s = 1.0 / self._file.rate_hz
         pairing = Pairing(self._rig.names, period_s)
         self._shedding = Shedding(pairing, period_s, most=len(self._rig.names) + 1)
-        return LiveCore(pipeline, pairing, pilots, SearchPattern(geometries, self._file.search))
+        return LiveCore(self._pipeline(), pairing, pilots, SearchPattern(geometries, self._file.search))
