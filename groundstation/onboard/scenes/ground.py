@@ -68,7 +68,7 @@ def patches(field: Airfield, generator: np.random.Generator) -> FloatArray:
         for y in (-0.5 * field.end_m, -field.length_m + 0.5 * field.end_m):
             rows.append(_patch(0.0, y, field.width_m, field.end_m, s.runway_end, mottle=0.08))
     for x in (-0.17 * field.width_m, 0.17 * field.width_m):
-        rows.append(_patch(x, -75.0, 0.22 * field.width_m, 90.0, s.rubber, opacity=0.45, mottle=0.3))
+        rows.append(_patch(x, -75.0, 0.22 * field.width_m, 90.0, s.rubber, opacity=0.3, mottle=0.3))
     rows.append(_patch(0.0, middle, 0.4, field.length_m - 60.0, s.paint, opacity=0.9, dashes=(20.0, 0.6)))
     if field.edge_stripe_m > 0.0:
         x = half - 0.5 - 0.5 * field.edge_stripe_m

@@ -51,9 +51,9 @@ HAZE = Light(
 )
 DUSK = Light(
     sun=(0.42, 0.27, 0.17), haze=(0.62, 0.36, 0.22), zenith=(0.12, 0.14, 0.28), visibility_m=2500.0, cloud_shadow=0.45,
-    fall=0.7, lamp_power=2500.0, gain=1.5, noise=3.0, shot_noise=3.0,
+    fall=0.7, lamp_power=9000.0, gain=1.5, noise=3.0, shot_noise=3.0,
 )  # fmt: skip
 NIGHT = Light(
     sun=(0.030, 0.034, 0.045), haze=(0.012, 0.014, 0.024), zenith=(0.004, 0.005, 0.012), visibility_m=4000.0,
-    cloud_shadow=0.2, own_lamp=0.02, lamp_power=3000.0, gain=4.0, noise=6.0, shot_noise=5.0, blur_px=0.9,
+    cloud_shadow=0.2, own_lamp=0.02, lamp_power=14000.0, gain=4.0, noise=6.0, shot_noise=5.0, blur_px=0.9,
 )  # fmt: skip

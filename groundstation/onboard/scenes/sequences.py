@@ -58,7 +58,7 @@ SEQUENCES: tuple[Sequence, ...] = (
         seed=101,
         airfield=Airfield(roads=((-46.0, -150.0, math.radians(2.0), 8.0), (0.0, 70.0, _ROAD + 0.15, 8.0))),
         light=DAY,
-        approach=Approach(start_y_m=380.0),
+        approach=Approach(start_y_m=280.0),
     ),
     Sequence(
         name="haze, sand",
@@ -67,7 +67,7 @@ SEQUENCES: tuple[Sequence, ...] = (
             roads=((40.0, 0.0, math.radians(-4.0), 9.0),), surfaces=_SAND, taxiway_side=-1, edge_stripe_m=0.3, width_m=22.0
         ),
         light=HAZE,
-        approach=Approach(start_y_m=300.0, start_x_m=-6.0, crab_rad=math.radians(-4.0)),
+        approach=Approach(start_y_m=210.0, start_x_m=-6.0, crab_rad=math.radians(-4.0)),
     ),
     Sequence(
         name="dusk, turbulence",
@@ -75,7 +75,7 @@ SEQUENCES: tuple[Sequence, ...] = (
         airfield=Airfield(roads=((-38.0, 0.0, math.radians(1.0), 7.0),)),
         light=DUSK,
         approach=Approach(
-            start_y_m=240.0, gust_rad=(math.radians(4.0), math.radians(2.0), math.radians(2.0)), gust_s=0.35
+            start_y_m=190.0, gust_rad=(math.radians(4.0), math.radians(2.0), math.radians(2.0)), gust_s=0.35
         ),
     ),
     Sequence(
@@ -83,7 +83,7 @@ SEQUENCES: tuple[Sequence, ...] = (
         seed=404,
         airfield=Airfield(roads=((-50.0, 0.0, math.radians(3.0), 8.0),)),
         light=NIGHT,
-        approach=Approach(start_y_m=260.0, start_x_m=5.0),
+        approach=Approach(start_y_m=220.0, start_x_m=5.0),
     ),
     Sequence(
         name="day, short final",

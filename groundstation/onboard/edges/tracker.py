@@ -1,0 +1,319 @@
+"""The edge tracker: one picture and one pose in, the runway's edges with their covariance out.
+
+Order in a frame: rows that hold runway; nothing tracked: Algorithm 1; else predict the lines, search about them, go
+down the energy, settle, gate, update.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.onboard.edges.config import Measurement, TrackerConfig
+from groundstation.onboard.edges.descent import descend
+from groundstation.onboard.edges.detection import NoPair, detect
+from groundstation.onboard.edges.kalman import LineState, LineUpdate, predict, update_crossings, update_lines
+from groundstation.onboard.edges.lines import (
+    C,
+    D,
+    angle_between,
+    line_map,
+    lines_from_crossings,
+    measurement_matrix,
+    pose_jacobian,
+    project_lines,
+    shifted,
+    state_from_crossings,
+)
+from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.search_band import NoBand, band_rows, band_widths
+from groundstation.onboard.edges.strip import FoundEdges, find_edges, settle
+
+_FIRST_SIGMA_PX = 3.0
+
+
+class EdgeStatus(Enum):
+    """What a frame's edges are."""
+
+    TRACKING = "tracking"
+    COASTING = "coasting"
+    SEARCHING = "searching"
+
+
+class EdgeMiss(Enum):
+    """Why a frame gave no measurement."""
+
+    NONE = "none"
+    NO_BAND = "no_band"
+    NO_PAIR = "no_pair"
+    FAINT = "faint"
+    GATED = "gated"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Edges:
+    """Both edges in a frame and on the ground.
+
+    Attributes
+    ----------
+    state : (a, b, c, d) with covariance, threshold frame of the pose that was given.
+    rows_px : upper and lower row (2,) between which they were looked at.
+    crossings_px, covariance_px2 : of the estimate with these rows, (4,) and (4, 4).
+    predicted_px : before the picture was looked at, (4,).
+    measured_px : what the picture alone says (4,), None where it says nothing that was accepted.
+    nis : normalised innovation squared of what was measured, NaN where nothing was.
+    """
+
+    state: LineState
+    rows_px: FloatArray
+    crossings_px: FloatArray
+    covariance_px2: FloatArray
+    predicted_px: FloatArray
+    measured_px: FloatArray | None
+    nis: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EdgeReport:
+    """What came of a frame; ``edges`` is None while searching and where no rows hold runway."""
+
+    status: EdgeStatus
+    miss: EdgeMiss
+    edges: Edges | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Look:
+    """A frame's geometry: pose, line map E, rows, crossings of the prediction, their derivative, bands."""
+
+    pose: CameraPose
+    e: FloatArray
+    rows: FloatArray
+    predicted: FloatArray
+    h: FloatArray
+    widths: FloatArray
+
+
+class EdgeTracker:
+    """Follows the runway's edges through the pictures of one camera without distortion.
+
+    Parameters
+    ----------
+    kappa : intrinsic matrix (3, 3).
+    image_size_px : (w, h).
+    """
+
+    def __init__(self, kappa: FloatArray, image_size_px: tuple[int, int], config: TrackerConfig) -> None:
+        self._kappa = kappa
+        self._size = image_size_px
+        self._config = config
+        self._state: LineState | None = None
+        self._missed = 0
+
+    def start(self, state: LineState) -> None:
+        """Go on from lines that are known."""
+        self._state = state
+        self._missed = 0
+
+    def step(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
+        """Take one picture (h, w, 3) uint8 BGR and its pose."""
+        if self._state is None:
+            return self._search(image, pose)
+        predicted = predict(self._state, self._process_noise(self._state))
+        look = self._look(pose, predicted)
+        if look is None:
+            return self._coast(predicted, None, EdgeMiss.NO_BAND, math.nan)
+        found = self._measure(image, look, predicted)
+        if found is None:
+            return self._coast(predicted, look, EdgeMiss.FAINT, math.nan)
+        update = self._update(predicted, look, found)
+        if update.nis > self._config.gate:
+            return self._coast(predicted, look, EdgeMiss.GATED, update.nis)
+        self._state, self._missed = update.state, 0
+        crossings, covariance = self._in_picture(predicted, look, found, update)
+        edges = Edges(
+            state=update.state,
+            rows_px=look.rows,
+            crossings_px=crossings,
+            covariance_px2=covariance,
+            predicted_px=look.predicted,
+            measured_px=found.crossings_px,
+            nis=update.nis,
+        )
+        return EdgeReport(status=EdgeStatus.TRACKING, miss=EdgeMiss.NONE, edges=edges)
+
+    def _process_noise(self, state: LineState) -> FloatArray:
+        if self._config.measurement is Measurement.LINES:
+            return np.asarray(self._config.process_noise * np.eye(4))
+        a, b = state.mean[:2]
+        turn, shift = self._config.turn_sigma_rad, self._config.shift_sigma_m
+        q = np.zeros((4, 4))
+        q[:2, :2] = turn**2 * np.outer([-b, a], [-b, a])
+        q[C, C] = q[D, D] = shift**2
+        return q
+
+    def _look(self, pose: CameraPose, state: LineState) -> _Look | None:
+        """Return the geometry of a frame, None where no rows hold runway."""
+        mean = state.mean
+        rows = band_rows(
+            pose,
+            self._kappa,
+            self._size,
+            self._config.guess,
+            middle_m=-0.5 * float(mean[C] + mean[D]),
+            width_m=abs(float(mean[C] - mean[D])),
+        )
+        if isinstance(rows, NoBand):
+            return None
+        e = line_map(pose, self._kappa)
+        predicted, h = project_lines(mean, e, rows)
+        return _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, widths=self._widths(mean, e, rows, predicted))
+
+    def _widths(self, mean: FloatArray, e: FloatArray, rows: FloatArray, crossings: FloatArray) -> FloatArray:
+        band = min(self._config.band_m, 0.45 * abs(float(mean[C] - mean[D])))
+        outer, _ = project_lines(shifted(mean, band), e, rows)
+        return band_widths(crossings, outer, rows, self._config.least_band_px)
+
+    def _pose_noise(self, look: _Look) -> FloatArray:
+        """Return what the pose's uncertainty is at the crossings, (4, 4) px²."""
+        if self._config.measurement is Measurement.LINES:
+            return np.zeros((4, 4))
+        jacobian = pose_jacobian(look.predicted, look.rows, look.pose, self._kappa)
+        sigmas = np.array([self._config.attitude_sigma_rad] * 3 + list(self._config.position_sigma_m))
+        return np.asarray((jacobian * sigmas**2) @ jacobian.T)
+
+    def _measure(self, image: ImageArray, look: _Look, predicted: LineState) -> FoundEdges | None:
+        """Return the edges that the picture shows about the prediction."""
+        config, guess = self._config, look.predicted
+        if config.use_strip:
+            prior = look.h @ predicted.covariance @ look.h.T + self._pose_noise(look)
+            wide = find_edges(image, guess, look.rows, look.widths, np.sqrt(np.diag(prior)), config.strip)
+            if wide is None:
+                return None
+            guess = wide.crossings_px
+        down = descend(image, guess, look.rows, look.widths, config.descent)
+        if not config.use_strip:
+            flat = down.energy >= -1e-9
+            return None if flat else _plain(down.crossings_px)
+        return settle(image, down.crossings_px, look.rows, look.widths, config.strip)
+
+    def _update(self, predicted: LineState, look: _Look, found: FoundEdges) -> LineUpdate:
+        if self._config.measurement is Measurement.LINES:
+            lines = lines_from_crossings(found.crossings_px, look.rows)
+            c_k = measurement_matrix(look.pose, self._kappa)
+            return update_lines(predicted, c_k, lines, self._config.line_noise * np.eye(6))
+        noise = found.covariance_px2 + self._pose_noise(look)
+        return update_crossings(predicted, look.predicted, look.h, found.crossings_px, noise)
+
+    def _in_picture(
+        self, predicted: LineState, look: _Look, found: FoundEdges, update: LineUpdate
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the edges in this picture, where the pose's error moves prediction and truth apart alike.
+
+        The prior of the crossings is H P Hᵀ + pose noise; the picture says the rest. With the paper's measurement it
+        is the projection of the updated state.
+        """
+        if self._config.measurement is Measurement.LINES:
+            crossings, h = project_lines(update.state.mean, look.e, look.rows)
+            return crossings, np.asarray(h @ update.state.covariance @ h.T)
+        prior = look.h @ predicted.covariance @ look.h.T + self._pose_noise(look)
+        gain = np.linalg.solve(prior + found.covariance_px2, prior).T
+        crossings = look.predicted + gain @ (found.crossings_px - look.predicted)
+        return crossings, np.asarray(gain @ found.covariance_px2)
+
+    def _coast(self, predicted: LineState, look: _Look | None, miss: EdgeMiss, nis: float) -> EdgeReport:
+        """Go on with the prediction, or give up after too many frames."""
+        self._missed += 1
+        self._state = predicted if self._missed <= self._config.coast_frames else None
+        status = EdgeStatus.COASTING if self._state is not None else EdgeStatus.SEARCHING
+        if look is None or self._state is None:
+            return EdgeReport(status=status, miss=miss, edges=None)
+        edges = Edges(
+            state=predicted,
+            rows_px=look.rows,
+            crossings_px=look.predicted,
+            covariance_px2=look.h @ predicted.covariance @ look.h.T + self._pose_noise(look),
+            predicted_px=look.predicted,
+            measured_px=None,
+            nis=nis,
+        )
+        return EdgeReport(status=status, miss=miss, edges=edges)
+
+    def _search(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
+        """Run Algorithm 1, and start the filter from what it finds."""
+        rows = band_rows(pose, self._kappa, self._size, self._config.guess)
+        if isinstance(rows, NoBand):
+            return EdgeReport(status=EdgeStatus.SEARCHING, miss=EdgeMiss.NO_BAND, edges=None)
+        e = line_map(pose, self._kappa)
+        half = 0.5 * self._config.guess.width_m
+        middle, _ = project_lines(np.array([1.0, 0.0, -half, half]), e, rows)
+        px_per_m = np.abs(middle[2:] - middle[:2]) / (2.0 * half)
+        pair = detect(image, rows, px_per_m, self._config.detection, lambda x: self._plausible(x, rows, pose))
+        if isinstance(pair, NoPair):
+            return EdgeReport(status=EdgeStatus.SEARCHING, miss=EdgeMiss.NO_PAIR, edges=None)
+        found = self._first_look(image, pair.crossings_px, rows, pose, e)
+        if found is None:
+            return EdgeReport(status=EdgeStatus.SEARCHING, miss=EdgeMiss.FAINT, edges=None)
+        mean = state_from_crossings(found.crossings_px, rows, pose, self._kappa)
+        predicted, h = project_lines(mean, e, rows)
+        look = _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, widths=np.ones((2, 2)))
+        noise = found.covariance_px2 + self._pose_noise(look)
+        turn = self._config.start_turn_rad
+        prior = np.diag([0.0, 0.0, 100.0, 100.0])
+        prior[:2, :2] = turn**2 * np.outer([-mean[1], mean[0]], [-mean[1], mean[0]])
+        update = update_crossings(LineState(mean=mean, covariance=prior), predicted, h, found.crossings_px, noise)
+        self.start(update.state)
+        edges = Edges(
+            state=update.state,
+            rows_px=rows,
+            crossings_px=found.crossings_px,
+            covariance_px2=found.covariance_px2,
+            predicted_px=pair.crossings_px,
+            measured_px=found.crossings_px,
+            nis=math.nan,
+        )
+        return EdgeReport(status=EdgeStatus.TRACKING, miss=EdgeMiss.NONE, edges=edges)
+
+    def _first_look(
+        self, image: ImageArray, crossings: FloatArray, rows: FloatArray, pose: CameraPose, e: FloatArray
+    ) -> FoundEdges | None:
+        """Return a detected pair, made better by what follows it in every other frame."""
+        mean = state_from_crossings(crossings, rows, pose, self._kappa)
+        if not np.isfinite(mean).all():
+            return None
+        widths = self._widths(mean, e, rows, project_lines(mean, e, rows)[0])
+        sigma = np.full(4, _FIRST_SIGMA_PX)
+        if self._config.use_strip:
+            wide = find_edges(image, crossings, rows, widths, sigma, self._config.strip)
+            if wide is None:
+                return None
+            crossings = wide.crossings_px
+        down = descend(image, crossings, rows, widths, self._config.descent)
+        if not self._config.use_strip:
+            return _plain(down.crossings_px)
+        return settle(image, down.crossings_px, rows, widths, self._config.strip)
+
+    def _plausible(self, crossings: FloatArray, rows: FloatArray, pose: CameraPose) -> float:
+        """Return the weight of a pair: 0 unless parallel on the ground, along the runway, near it, of its width."""
+        each = [
+            state_from_crossings(np.concatenate([line, line]), rows, pose, self._kappa)
+            for line in crossings.reshape(2, 2)
+        ]
+        both = state_from_crossings(crossings, rows, pose, self._kappa)
+        if not np.isfinite(both).all() or not all(np.isfinite(one).all() for one in each):
+            return 0.0
+        config = self._config
+        middle = 0.5 * abs(both[C] + both[D])
+        width = abs(both[C] - both[D])
+        turns = [abs(angle_between(state)) / config.start_turn_rad for state in (*each, both)]
+        apart = abs(angle_between(each[0]) - angle_between(each[1])) / config.start_turn_rad
+        factor = abs(math.log(max(width, 0.1) / config.guess.width_m)) / math.log(config.start_width)
+        off = max(*turns[:2], turns[2], apart, middle / config.start_shift_m, factor)
+        return 0.0 if off > 3.0 else math.exp(-0.5 * (turns[2] ** 2 + (middle / config.start_shift_m) ** 2 + factor**2))
+
+
+def _plain(crossings_px: FloatArray) -> FoundEdges:
+    """Return crossings with a covariance of 1 px², where nothing says better."""
+    return FoundEdges(crossings_px=crossings_px, covariance_px2=np.eye(4), contrast=np.ones(2))
