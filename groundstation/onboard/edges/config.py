@@ -25,8 +25,11 @@ class TrackerConfig:
     ----------
     measurement : what the filter is told.
     use_strip : search about the prediction before going down, and settle to a fraction of a pixel after it.
+    paint_m : bright marks narrower than this are taken away first, painted lines and lamps; 0 for none.
     band_m, least_band_px : width of the neighbourhoods on the ground, and what it never goes below in the picture.
     attitude_sigma_rad, position_sigma_m : what a pose may be wrong by, anew in each frame (crossings only).
+    lasting_attitude_rad, lasting_height_m : and for good: roll and pitch, and height; estimated (crossings only).
+    lasting_turn_rad, lasting_rise_m : process noise of these per frame.
     turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
     start_turn_rad, start_shift_m, start_width : how far off a first pair may be: direction, place, factor in width.
     gate : largest normalised innovation squared of an accepted measurement, 4 degrees of freedom.
@@ -40,10 +43,15 @@ class TrackerConfig:
     descent: DescentConfig = DescentConfig()
     strip: StripConfig = StripConfig()
     detection: DetectionConfig = field(default_factory=DetectionConfig)
+    paint_m: float = 1.2
     band_m: float = 4.0
     least_band_px: float = 2.5
-    attitude_sigma_rad: float = math.radians(0.35)
-    position_sigma_m: tuple[float, float, float] = (0.3, 0.3, 0.3)
+    attitude_sigma_rad: float = math.radians(0.25)
+    position_sigma_m: tuple[float, float, float] = (0.15, 0.15, 0.15)
+    lasting_attitude_rad: float = math.radians(0.7)
+    lasting_height_m: float = 1.5
+    lasting_turn_rad: float = math.radians(0.02)
+    lasting_rise_m: float = 0.02
     turn_sigma_rad: float = math.radians(0.05)
     shift_sigma_m: float = 0.05
     start_turn_rad: float = math.radians(4.0)
@@ -60,6 +68,7 @@ def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> Trac
     return TrackerConfig(
         measurement=Measurement.LINES,
         use_strip=False,
+        paint_m=0.0,
         guess=guess,
         descent=DescentConfig(energy=energy, adaptive_gamma=False),
         gate=math.inf,

@@ -18,7 +18,10 @@ _CV_STATE = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineState:
-    """Estimate of (a, b, c, d): mean (4,) and covariance (4, 4); a, b plain numbers, c, d in m."""
+    """Estimate of (a, b, c, d): mean (4,) and covariance (4, 4); a, b plain numbers, c, d in m.
+
+    The tracker's own has (7,) and (7, 7): after these the pose's lasting errors of roll, pitch and height, rad and m.
+    """
 
     mean: FloatArray
     covariance: FloatArray
@@ -35,12 +38,12 @@ class LineUpdate:
 
 
 def predict(state: LineState, process_covariance: FloatArray) -> LineState:
-    """Return the state one frame later, Eq. 15: the same lines, less surely by Q (4, 4)."""
+    """Return the state one frame later, Eq. 15: the same lines, less surely by Q (n, n)."""
     return LineState(mean=state.mean, covariance=state.covariance + process_covariance)
 
 
 def constrained_gain(gain: FloatArray, innovation: FloatArray, s: FloatArray, mean: FloatArray) -> FloatArray:
-    """Return the gain (4, m) that leaves a² + b² = 1, of least trace: the rows of a and b are corrected.
+    """Return the gain (n, m) that leaves a² + b² = 1, of least trace: the rows of a and b are corrected.
 
     K* = K + (1/n − 1) x̂ νᵀ S⁻¹ / (νᵀ S⁻¹ ν) in those rows, with x̂ the unconstrained (a, b) and n its length.
     """
@@ -63,10 +66,10 @@ def _updated(state: LineState, h: FloatArray, innovation: FloatArray, noise: Flo
     mean = state.mean + gain @ innovation
     # with an innovation of nothing the mean was of length 1 already, to rounding
     mean[[A, B]] /= np.hypot(mean[A], mean[B])
-    kept = np.eye(4) - gain @ h
+    kept = np.eye(mean.size) - gain @ h
     covariance = kept @ p @ kept.T + gain @ noise @ gain.T
     if mean[A] < 0.0:
-        mean = -mean
+        mean[:4] = -mean[:4]
     return LineUpdate(
         state=LineState(mean=mean, covariance=0.5 * (covariance + covariance.T)),
         innovation=innovation,
@@ -91,7 +94,7 @@ def update_lines(state: LineState, c_k: FloatArray, lines: FloatArray, noise: Fl
 def update_crossings(
     state: LineState, predicted_px: FloatArray, h: FloatArray, measured_px: FloatArray, noise_px2: FloatArray
 ) -> LineUpdate:
-    """Return the update with crossings (4,), their derivative by the state ``h`` (4, 4) and covariance (4, 4) px²."""
+    """Return the update with crossings (4,), their derivative by the state ``h`` (4, n) and covariance (4, 4) px²."""
     return _updated(state, h, measured_px - predicted_px, noise_px2)
 
 

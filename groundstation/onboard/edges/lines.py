@@ -13,6 +13,8 @@ from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels, pix
 
 STATE = ("a", "b", "c", "d")
 A, B, C, D = range(4)
+# what the tracker's own state carries besides: the pose's lasting errors, rad, rad and m
+ROLL, PITCH, UP = range(4, 7)
 _LINES = ((A, B, C), (A, B, D))
 
 
@@ -91,6 +93,12 @@ def pose_jacobian(
     du = kappa[0, 0] * np.hstack([turn_x, move_x]) + kappa[0, 1] * np.hstack([turn_y, move_y])
     dv = kappa[1, 1] * np.hstack([turn_y, move_y])
     return np.asarray(du - slopes[:, None] * dv)
+
+
+def bias_jacobian(jacobian: FloatArray, pose: CameraPose) -> FloatArray:
+    """Return how crossings move with (ROLL, PITCH, UP), (4, 3), from `pose_jacobian`'s (4, 6)."""
+    up = jacobian[:, 3:] @ pose.threshold_from_camera[2]
+    return np.stack([jacobian[:, 2], jacobian[:, 0], up], axis=1)
 
 
 def state_from_crossings(

@@ -15,7 +15,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.geodesy import enu_from_geodetic
-from groundstation.geometry.rotation import rotation_x, rotation_y, rotation_z
+from groundstation.geometry.rotation import rotation_from_vector, rotation_x, rotation_y, rotation_z
 
 EARTH_RADIUS_M = 6_371_000.0
 # forward, right and down of a level aircraft that lands straight ahead
@@ -74,6 +74,15 @@ def nose_pose(position_threshold_m: FloatArray, attitude: Attitude, mount: Attit
     return CameraPose(
         threshold_from_camera=_THRESHOLD_FROM_LEVEL @ attitude.matrix @ body_from_camera,
         camera_threshold_m=np.asarray(position_threshold_m, dtype=np.float64),
+    )
+
+
+def corrected_pose(pose: CameraPose, roll_rad: float, pitch_rad: float, up_m: float) -> CameraPose:
+    """Return a pose turned about the camera's own z axis (roll) and x axis (pitch), and raised."""
+    turn = rotation_from_vector(np.array([pitch_rad, 0.0, roll_rad]))
+    return CameraPose(
+        threshold_from_camera=pose.threshold_from_camera @ turn,
+        camera_threshold_m=pose.camera_threshold_m + np.array([0.0, 0.0, up_m]),
     )
 
 

@@ -31,12 +31,16 @@ class RunwayGuess:
     ----------
     width_m, length_m : width only bounds what may be a pair of edges; the band ends before the far end.
     margin_m : kept off both ends, for what the position may be wrong by.
+    margin_px, margin_share : kept off in the picture too, for what the attitude may be wrong by: px, but at most a
+        share of the rows.
     slope_rad : glide path on which an aircraft is taken to be of which only the height is known.
     """
 
     width_m: float = 20.0
     length_m: float = 500.0
     margin_m: float = 6.0
+    margin_px: float = 6.0
+    margin_share: float = 0.15
     slope_rad: float = math.radians(4.0)
 
 
@@ -76,6 +80,8 @@ def band_rows(
             return NoBand.BEHIND
         seen.append(pixels[good, 1])
     rows = np.array([max(s.min() for s in seen), min(s.max() for s in seen)])
+    margin = min(guess.margin_px, guess.margin_share * float(rows[1] - rows[0]))
+    rows += [margin, -margin]
     return rows if rows[1] - rows[0] >= least_rows else NoBand.TOO_FLAT
 
 

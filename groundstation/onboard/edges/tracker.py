@@ -16,9 +16,13 @@ from groundstation.onboard.edges.descent import descend
 from groundstation.onboard.edges.detection import NoPair, detect
 from groundstation.onboard.edges.kalman import LineState, LineUpdate, predict, update_crossings, update_lines
 from groundstation.onboard.edges.lines import (
+    PITCH,
+    ROLL,
+    UP,
     C,
     D,
     angle_between,
+    bias_jacobian,
     line_map,
     lines_from_crossings,
     measurement_matrix,
@@ -27,7 +31,8 @@ from groundstation.onboard.edges.lines import (
     shifted,
     state_from_crossings,
 )
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.paint import without_paint
+from groundstation.onboard.edges.pose import CameraPose, corrected_pose
 from groundstation.onboard.edges.search_band import NoBand, band_rows, band_widths
 from groundstation.onboard.edges.strip import FoundEdges, find_edges, settle
 
@@ -58,7 +63,8 @@ class Edges:
 
     Attributes
     ----------
-    state : (a, b, c, d) with covariance, threshold frame of the pose that was given.
+    state : (a, b, c, d) with covariance, threshold frame of the pose that was given; after them, where these are
+        estimated, the pose's lasting errors of roll, pitch and height.
     rows_px : upper and lower row (2,) between which they were looked at.
     crossings_px, covariance_px2 : of the estimate with these rows, (4,) and (4, 4).
     predicted_px : before the picture was looked at, (4,).
@@ -86,13 +92,14 @@ class EdgeReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Look:
-    """A frame's geometry: pose, line map E, rows, crossings of the prediction, their derivative, bands."""
+    """A frame's geometry: pose, line map E, rows, crossings of the prediction, how they move, bands."""
 
     pose: CameraPose
     e: FloatArray
     rows: FloatArray
     predicted: FloatArray
     h: FloatArray
+    by_pose: FloatArray
     widths: FloatArray
 
 
@@ -125,6 +132,8 @@ class EdgeTracker:
         look = self._look(pose, predicted)
         if look is None:
             return self._coast(predicted, None, EdgeMiss.NO_BAND, math.nan)
+        px_per_m = float(np.abs(look.predicted[3] - look.predicted[1]) / abs(predicted.mean[C] - predicted.mean[D]))
+        image = without_paint(image, look.rows, self._config.paint_m * px_per_m)
         found = self._measure(image, look, predicted)
         if found is None:
             return self._coast(predicted, look, EdgeMiss.FAINT, math.nan)
@@ -149,14 +158,19 @@ class EdgeTracker:
             return np.asarray(self._config.process_noise * np.eye(4))
         a, b = state.mean[:2]
         turn, shift = self._config.turn_sigma_rad, self._config.shift_sigma_m
-        q = np.zeros((4, 4))
+        q = np.zeros((7, 7))
         q[:2, :2] = turn**2 * np.outer([-b, a], [-b, a])
         q[C, C] = q[D, D] = shift**2
+        q[ROLL, ROLL] = q[PITCH, PITCH] = self._config.lasting_turn_rad**2
+        q[UP, UP] = self._config.lasting_rise_m**2
         return q
 
     def _look(self, pose: CameraPose, state: LineState) -> _Look | None:
         """Return the geometry of a frame, None where no rows hold runway."""
-        mean = state.mean
+        mean = state.mean[:4]
+        lasting = state.mean.size > 4
+        if lasting:
+            pose = corrected_pose(pose, *(float(v) for v in state.mean[[ROLL, PITCH, UP]]))
         rows = band_rows(
             pose,
             self._kappa,
@@ -169,7 +183,11 @@ class EdgeTracker:
             return None
         e = line_map(pose, self._kappa)
         predicted, h = project_lines(mean, e, rows)
-        return _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, widths=self._widths(mean, e, rows, predicted))
+        by_pose = pose_jacobian(predicted, rows, pose, self._kappa)
+        if lasting:
+            h = np.hstack([h, bias_jacobian(by_pose, pose)])
+        widths = self._widths(mean, e, rows, predicted)
+        return _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths)
 
     def _widths(self, mean: FloatArray, e: FloatArray, rows: FloatArray, crossings: FloatArray) -> FloatArray:
         band = min(self._config.band_m, 0.45 * abs(float(mean[C] - mean[D])))
@@ -180,9 +198,8 @@ class EdgeTracker:
         """Return what the pose's uncertainty is at the crossings, (4, 4) px²."""
         if self._config.measurement is Measurement.LINES:
             return np.zeros((4, 4))
-        jacobian = pose_jacobian(look.predicted, look.rows, look.pose, self._kappa)
         sigmas = np.array([self._config.attitude_sigma_rad] * 3 + list(self._config.position_sigma_m))
-        return np.asarray((jacobian * sigmas**2) @ jacobian.T)
+        return np.asarray((look.by_pose * sigmas**2) @ look.by_pose.T)
 
     def _measure(self, image: ImageArray, look: _Look, predicted: LineState) -> FoundEdges | None:
         """Return the edges that the picture shows about the prediction."""
@@ -250,20 +267,14 @@ class EdgeTracker:
         half = 0.5 * self._config.guess.width_m
         middle, _ = project_lines(np.array([1.0, 0.0, -half, half]), e, rows)
         px_per_m = np.abs(middle[2:] - middle[:2]) / (2.0 * half)
+        image = without_paint(image, rows, self._config.paint_m * float(px_per_m[1]))
         pair = detect(image, rows, px_per_m, self._config.detection, lambda x: self._plausible(x, rows, pose))
         if isinstance(pair, NoPair):
             return EdgeReport(status=EdgeStatus.SEARCHING, miss=EdgeMiss.NO_PAIR, edges=None)
         found = self._first_look(image, pair.crossings_px, rows, pose, e)
         if found is None:
             return EdgeReport(status=EdgeStatus.SEARCHING, miss=EdgeMiss.FAINT, edges=None)
-        mean = state_from_crossings(found.crossings_px, rows, pose, self._kappa)
-        predicted, h = project_lines(mean, e, rows)
-        look = _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, widths=np.ones((2, 2)))
-        noise = found.covariance_px2 + self._pose_noise(look)
-        turn = self._config.start_turn_rad
-        prior = np.diag([0.0, 0.0, 100.0, 100.0])
-        prior[:2, :2] = turn**2 * np.outer([-mean[1], mean[0]], [-mean[1], mean[0]])
-        update = update_crossings(LineState(mean=mean, covariance=prior), predicted, h, found.crossings_px, noise)
+        update = self._first_update(found, rows, pose)
         self.start(update.state)
         edges = Edges(
             state=update.state,
@@ -275,6 +286,25 @@ class EdgeTracker:
             nis=math.nan,
         )
         return EdgeReport(status=EdgeStatus.TRACKING, miss=EdgeMiss.NONE, edges=edges)
+
+    def _first_update(self, found: FoundEdges, rows: FloatArray, pose: CameraPose) -> LineUpdate:
+        """Return the filter's start: next to nothing known of the lines, and the pose's errors as configured."""
+        config = self._config
+        mean = state_from_crossings(found.crossings_px, rows, pose, self._kappa)
+        prior = np.diag([0.0, 0.0, 100.0, 100.0, *[config.lasting_attitude_rad**2] * 2, config.lasting_height_m**2])
+        prior[:2, :2] = config.start_turn_rad**2 * np.outer([-mean[1], mean[0]], [-mean[1], mean[0]])
+        if config.measurement is Measurement.LINES:
+            state = LineState(mean=mean, covariance=prior[:4, :4])
+        else:
+            state = LineState(mean=np.concatenate([mean, np.zeros(3)]), covariance=prior)
+        e = line_map(pose, self._kappa)
+        predicted, h = project_lines(mean, e, rows)
+        by_pose = pose_jacobian(predicted, rows, pose, self._kappa)
+        if state.mean.size > 4:
+            h = np.hstack([h, bias_jacobian(by_pose, pose)])
+        look = _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=np.ones((2, 2)))
+        noise = found.covariance_px2 + self._pose_noise(look)
+        return update_crossings(state, predicted, h, found.crossings_px, noise)
 
     def _first_look(
         self, image: ImageArray, crossings: FloatArray, rows: FloatArray, pose: CameraPose, e: FloatArray
