@@ -64,13 +64,14 @@ def evaluate(
     x: FloatArray,
     rows: FloatArray,
     widths: FloatArray,
+    across: FloatArray,
     far: FloatArray,
     counts: tuple[int, int],
     grad: FloatArray,
 ) -> float:
     """Return one of the three energies, without γ's part, and fill its gradient (4,)."""
     if kind == 0:
-        return spatially_variant(image, x, rows, widths, counts, grad)
+        return spatially_variant(image, x, rows, widths, across, counts, grad)
     if kind == 1:
         return spatially_variant_as_printed(image, x, rows, widths, counts, grad)
     return non_variant(image, x, rows, far, grad)
@@ -83,6 +84,7 @@ def _descend(
     x: FloatArray,
     rows: FloatArray,
     widths: FloatArray,
+    across: FloatArray,
     far: FloatArray,
     counts: tuple[int, int],
     gamma: float,
@@ -93,7 +95,7 @@ def _descend(
     step, least, most = steps
     prior, trial = x.copy(), x.copy()
     grad, new_grad = np.empty(4), np.empty(4)
-    energy = evaluate(kind, image, x, rows, widths, far, counts, grad)
+    energy = evaluate(kind, image, x, rows, widths, across, far, counts, grad)
     energies[0] = energy
     done = 1
     while done < most and step >= least:
@@ -106,7 +108,7 @@ def _descend(
         if trial[2] - trial[0] < _LEAST_GAP_PX or trial[3] - trial[1] < _LEAST_GAP_PX:
             step *= 0.5
             continue
-        found = evaluate(kind, image, trial, rows, widths, far, counts, new_grad)
+        found = evaluate(kind, image, trial, rows, widths, across, far, counts, new_grad)
         for k in range(4):
             found += gamma * (trial[k] - prior[k]) ** 2
             new_grad[k] += 2.0 * gamma * (trial[k] - prior[k])
@@ -155,7 +157,12 @@ def clutter(
 
 
 def descend(
-    image: ImageArray, guess_px: FloatArray, rows_px: FloatArray, widths_px: FloatArray, config: DescentConfig
+    image: ImageArray,
+    guess_px: FloatArray,
+    rows_px: FloatArray,
+    widths_px: FloatArray,
+    config: DescentConfig,
+    across: FloatArray | None = None,
 ) -> Descended:
     """Go down from a guess.
 
@@ -164,8 +171,10 @@ def descend(
     image : (h, w, 3) uint8.
     guess_px : crossings (4,), also d′ of the penalty.
     rows_px : upper and lower row (2,).
-    widths_px : band widths ℓ (2, 2): line 1 and 2, at the upper and lower row.
+    widths_px : band widths ℓ (2, 2): line 1 and 2, at the upper and lower row; along ``across``.
+    across : direction of the bands (2,), a unit vector to the right; None for the normals (SPATIALLY_VARIANT only).
     """
+    along = np.zeros(2) if across is None else np.asarray(across, dtype=np.float64)
     x, energies = np.array(guess_px, dtype=np.float64), np.zeros(2)
     counts = (config.places, config.samples)
     gamma = config.gamma
@@ -173,7 +182,7 @@ def descend(
         gamma *= 1.0 + min(float(clutter(image, x, rows_px, widths_px, counts)), 100.0)
     steps = (config.step_px, config.least_step_px, config.most_steps)
     far = far_sides(x, rows_px, widths_px)
-    done = _descend(config.energy.value, image, x, rows_px, widths_px, far, counts, gamma, steps, energies)
+    done = _descend(config.energy.value, image, x, rows_px, widths_px, along, far, counts, gamma, steps, energies)
     return Descended(
         crossings_px=x, energy=float(energies[1]), start_energy=float(energies[0]), steps=int(done), gamma=gamma
     )

@@ -141,7 +141,7 @@ def detect(
     columns = lowest_minima(profile, config.candidates, apart)
     candidates = _angles(image, rows_px, columns, reaches, config)
     best, lowest = None, 0.0
-    grad, widths = np.empty(4), np.empty((2, 2))
+    grad, widths, normals = np.empty(4), np.empty((2, 2)), np.zeros(2)
     for a in candidates:
         for b in candidates:
             if a[0] >= b[0]:
@@ -154,7 +154,7 @@ def detect(
             if weight <= 0.0:
                 continue
             widths[:] = reaches / np.hypot(1.0, slopes)[:, None]
-            energy = weight * float(spatially_variant(image, ends.ravel(), rows_px, widths, (24, 6), grad))
+            energy = weight * float(spatially_variant(image, ends.ravel(), rows_px, widths, normals, (24, 6), grad))
             if energy < lowest:
                 best, lowest = ends.ravel(), energy
     if best is None:

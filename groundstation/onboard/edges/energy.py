@@ -11,6 +11,10 @@ two equations: through I at the samples, through N and through ds; it is exact f
 With non-variant means (Eqs. 2, A2, A3) the regions end at fixed far sides, and E = −½ |u − v|² · 2 L₂ over both bands
 together, so that both energies have the same unit.
 
+The bands of one place are seen at one distance only if they lie along the image of a line across the runway; along
+the normals of lines that lean by 45° and more one side is much farther away than the other, and light and haze that
+change with distance pull the lines aside. Hence ``across``, which the paper has not.
+
 Crossings x (4,): line 1 at the upper and lower row, line 2 likewise; line 1 is the left one. Colours run from 0 to 1.
 """
 
@@ -23,11 +27,18 @@ from groundstation.onboard.edges.sampling import add_colour, inside, sample
 
 @njit(cache=True, nogil=True)
 def spatially_variant(
-    image: ImageArray, x: FloatArray, rows: FloatArray, widths: FloatArray, counts: tuple[int, int], grad: FloatArray
+    image: ImageArray,
+    x: FloatArray,
+    rows: FloatArray,
+    widths: FloatArray,
+    across: FloatArray,
+    counts: tuple[int, int],
+    grad: FloatArray,
 ) -> float:
     """Return E and fill its gradient (4,).
 
     ``rows`` (2,) upper and lower row, px; ``widths`` (2, 2) ℓ at upper and lower row of both lines, px along N;
+    ``across`` (2,) the unit vector, to the right, that takes N's place, or zeros for the normals of the lines;
     ``counts`` places along a line, samples on either side. Places whose band leaves the picture count nothing.
     """
     n_t, n_s = counts
@@ -45,6 +56,8 @@ def spatially_variant(
         # ∂N/∂w
         cube = length**3
         ax, ay = -side * height * w / cube, side * (w * w / cube - 1.0 / length)
+        if across[0] != 0.0:
+            nx, ny, ax, ay = side * across[0], side * across[1], 0.0, 0.0
         sum_squares = 0.0
         for k in range(n_t):
             t = (k + 0.5) / n_t

@@ -90,8 +90,28 @@ def position_by_height(height_m: float, guess: RunwayGuess) -> FloatArray:
     return np.array([0.0, height_m / math.tan(guess.slope_rad), height_m])
 
 
-def band_widths(crossings_px: FloatArray, shifted_px: FloatArray, rows_px: FloatArray, least_px: float) -> FloatArray:
-    """Return ℓ (2, 2) along the normals: how far lines shifted on the ground appear from the edges (Section III.B)."""
+def across_direction(e: FloatArray) -> FloatArray:
+    """Return the image's direction (2,) of a line across the runway far ahead, to the right: that of the horizon.
+
+    ``e`` is the line map E; the horizon is the image of the ground's line at infinity.
+    """
+    l0, l1, _ = e[:, 2]
+    direction = np.array([-l1, l0]) / math.hypot(l0, l1)
+    return np.asarray(-direction if direction[0] < 0.0 else direction)
+
+
+def band_widths(
+    crossings_px: FloatArray,
+    shifted_px: FloatArray,
+    rows_px: FloatArray,
+    least_px: float,
+    across: FloatArray | None = None,
+) -> FloatArray:
+    """Return ℓ (2, 2): how far lines shifted on the ground appear from the edges (Section III.B), at least ``least_px``.
+
+    Along ``across`` (2,), or along the normals where it is None; line 1 and 2, at the upper and lower row.
+    """
     pair, other = crossings_px.reshape(2, 2), shifted_px.reshape(2, 2)
     slope = (pair[:, 1:] - pair[:, :1]) / (rows_px[1] - rows_px[0])
-    return np.maximum(np.abs(other - pair) / np.hypot(1.0, slope), least_px)
+    stretch = np.hypot(1.0, slope) if across is None else np.abs(across[0] - slope * across[1])
+    return np.maximum(np.abs(other - pair) / stretch, least_px)

@@ -54,11 +54,17 @@ class FoundEdges:
 
 @njit(cache=True, nogil=True)
 def fill_strip(
-    image: ImageArray, x: FloatArray, rows: FloatArray, widths: FloatArray, step: float, out: FloatArray
+    image: ImageArray,
+    x: FloatArray,
+    rows: FloatArray,
+    widths: FloatArray,
+    across: FloatArray,
+    step: float,
+    out: FloatArray,
 ) -> None:
     """Fill ``out`` (2, places, displacements) with |u − v|²; the middle displacement is 0; −1 outside the picture.
 
-    Displacements run along the row, to the right; bands lie along the normal, as in the energy.
+    Displacements run along the row, to the right; bands lie along ``across`` (2,), ``widths`` (2, 2) are theirs.
     """
     n_t, n_o = out.shape[1], out.shape[2]
     height = rows[1] - rows[0]
@@ -67,13 +73,14 @@ def fill_strip(
     seen = np.zeros(_MAX_PROFILE + 1)
     for line in range(2):
         w = x[2 * line + 1] - x[2 * line]
-        length = np.sqrt(w * w + height * height)
-        nx, ny = height / length, -w / length
+        nx, ny = across
+        # how far along `across` a line is met that was displaced by 1 px along the row
+        meets = 1.0 / (nx - w / height * ny)
         for k in range(n_t):
             t = (k + 0.5) / n_t
             cx, cy = x[2 * line] + w * t, rows[0] + height * t
             ell = widths[line, 0] + (widths[line, 1] - widths[line, 0]) * t
-            half = reach * nx + ell
+            half = reach * meets + ell
             n = min(max(int(np.ceil(2.0 * half / _SAMPLE_PX)), 8), _MAX_PROFILE)
             d = 2.0 * half / n
             for m in range(n):
@@ -84,7 +91,7 @@ def fill_strip(
                     add_colour(image, cx + r * nx, cy + r * ny, 1.0, prefix[m + 1])
                     seen[m + 1] += 1.0
             for o in range(n_o):
-                place = (step * (o - n_o // 2) * nx + half) / d
+                place = (step * (o - n_o // 2) * meets + half) / d
                 low, high = place - ell / d, min(place + ell / d, float(n))
                 low = max(low, 0.0)
                 i, j, g = int(place), int(low), int(high)
@@ -204,15 +211,16 @@ def find_edges(
     guess_px: FloatArray,
     rows_px: FloatArray,
     widths_px: FloatArray,
+    across: FloatArray,
     sigma_px: FloatArray,
     config: StripConfig,
 ) -> FoundEdges | None:
     """Search both edges about a guess (4,) with sigmas (4,), wide first; None where one of them is not seen.
 
-    ``widths_px`` (2, 2) as for `descent.descend`.
+    ``widths_px`` (2, 2) and ``across`` (2,) as for `descent.descend`.
     """
     reach = float(np.clip(3.0 * sigma_px.max() + 1.0, 3.0, config.most_px))
-    strip = _strip(image, guess_px, rows_px, widths_px, reach, config)
+    strip = _strip(image, guess_px, rows_px, widths_px, across, reach, config)
     kappas = [_kappa(strip[line]) for line in range(2)]
     crossings = guess_px.copy()
     for line in range(2):
@@ -221,14 +229,19 @@ def find_edges(
         if best_displacement(strip[line], config.step_px, kappas[line], sigma, displaced) < 0.0:
             return None
         crossings[2 * line : 2 * line + 2] += displaced
-    return settle(image, crossings, rows_px, widths_px, config)
+    return settle(image, crossings, rows_px, widths_px, across, config)
 
 
 def settle(
-    image: ImageArray, crossings_px: FloatArray, rows_px: FloatArray, widths_px: FloatArray, config: StripConfig
+    image: ImageArray,
+    crossings_px: FloatArray,
+    rows_px: FloatArray,
+    widths_px: FloatArray,
+    across: FloatArray,
+    config: StripConfig,
 ) -> FoundEdges | None:
     """Return the edges next to crossings (4,) to a fraction of a pixel; None where one is too faint or too short."""
-    strip = _strip(image, crossings_px, rows_px, widths_px, config.window_px + 1.0, config)
+    strip = _strip(image, crossings_px, rows_px, widths_px, across, config.window_px + 1.0, config)
     found, covariance, contrast = crossings_px.copy(), np.zeros((4, 4)), np.zeros(2)
     offsets, weights = np.zeros(config.places), np.zeros(config.places)
     for line in range(2):
@@ -248,10 +261,16 @@ def settle(
 
 
 def _strip(
-    image: ImageArray, x: FloatArray, rows: FloatArray, widths: FloatArray, reach: float, config: StripConfig
+    image: ImageArray,
+    x: FloatArray,
+    rows: FloatArray,
+    widths: FloatArray,
+    across: FloatArray,
+    reach: float,
+    config: StripConfig,
 ) -> FloatArray:
     strip = np.empty((2, config.places, 2 * int(np.ceil(reach / config.step_px)) + 1))
-    fill_strip(image, x, rows, widths, config.step_px, strip)
+    fill_strip(image, x, rows, widths, across, config.step_px, strip)
     return strip
 
 

@@ -33,7 +33,7 @@ from groundstation.onboard.edges.lines import (
 )
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.pose import CameraPose, corrected_pose
-from groundstation.onboard.edges.search_band import NoBand, band_rows, band_widths
+from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows, band_widths
 from groundstation.onboard.edges.strip import FoundEdges, find_edges, settle
 
 _FIRST_SIGMA_PX = 3.0
@@ -101,6 +101,7 @@ class _Look:
     h: FloatArray
     by_pose: FloatArray
     widths: FloatArray
+    across: FloatArray
 
 
 class EdgeTracker:
@@ -187,12 +188,13 @@ class EdgeTracker:
         if lasting:
             h = np.hstack([h, bias_jacobian(by_pose, pose)])
         widths = self._widths(mean, e, rows, predicted)
-        return _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths)
+        return _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths, across=across_direction(e))
 
     def _widths(self, mean: FloatArray, e: FloatArray, rows: FloatArray, crossings: FloatArray) -> FloatArray:
         band = min(self._config.band_m, 0.45 * abs(float(mean[C] - mean[D])))
         outer, _ = project_lines(shifted(mean, band), e, rows)
-        return band_widths(crossings, outer, rows, self._config.least_band_px)
+        across = across_direction(e) if self._config.use_strip else None
+        return band_widths(crossings, outer, rows, self._config.least_band_px, across)
 
     def _pose_noise(self, look: _Look) -> FloatArray:
         """Return what the pose's uncertainty is at the crossings, (4, 4) px²."""
@@ -206,15 +208,16 @@ class EdgeTracker:
         config, guess = self._config, look.predicted
         if config.use_strip:
             prior = look.h @ predicted.covariance @ look.h.T + self._pose_noise(look)
-            wide = find_edges(image, guess, look.rows, look.widths, np.sqrt(np.diag(prior)), config.strip)
+            wide = find_edges(image, guess, look.rows, look.widths, look.across, np.sqrt(np.diag(prior)), config.strip)
             if wide is None:
                 return None
             guess = wide.crossings_px
-        down = descend(image, guess, look.rows, look.widths, config.descent)
+        across = look.across if config.use_strip else None
+        down = descend(image, guess, look.rows, look.widths, config.descent, across)
         if not config.use_strip:
             flat = down.energy >= -1e-9
             return None if flat else _plain(down.crossings_px)
-        return settle(image, down.crossings_px, look.rows, look.widths, config.strip)
+        return settle(image, down.crossings_px, look.rows, look.widths, look.across, config.strip)
 
     def _update(self, predicted: LineState, look: _Look, found: FoundEdges) -> LineUpdate:
         if self._config.measurement is Measurement.LINES:
@@ -302,7 +305,7 @@ class EdgeTracker:
         by_pose = pose_jacobian(predicted, rows, pose, self._kappa)
         if state.mean.size > 4:
             h = np.hstack([h, bias_jacobian(by_pose, pose)])
-        look = _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=np.ones((2, 2)))
+        look = _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=np.ones((2, 2)), across=across_direction(e))
         noise = found.covariance_px2 + self._pose_noise(look)
         return update_crossings(state, predicted, h, found.crossings_px, noise)
 
@@ -314,16 +317,17 @@ class EdgeTracker:
         if not np.isfinite(mean).all():
             return None
         widths = self._widths(mean, e, rows, project_lines(mean, e, rows)[0])
-        sigma = np.full(4, _FIRST_SIGMA_PX)
+        sigma, across = np.full(4, _FIRST_SIGMA_PX), across_direction(e)
         if self._config.use_strip:
-            wide = find_edges(image, crossings, rows, widths, sigma, self._config.strip)
+            wide = find_edges(image, crossings, rows, widths, across, sigma, self._config.strip)
             if wide is None:
                 return None
             crossings = wide.crossings_px
-        down = descend(image, crossings, rows, widths, self._config.descent)
+        along = across if self._config.use_strip else None
+        down = descend(image, crossings, rows, widths, self._config.descent, along)
         if not self._config.use_strip:
             return _plain(down.crossings_px)
-        return settle(image, down.crossings_px, rows, widths, self._config.strip)
+        return settle(image, down.crossings_px, rows, widths, across, self._config.strip)
 
     def _plausible(self, crossings: FloatArray, rows: FloatArray, pose: CameraPose) -> float:
         """Return the weight of a pair: 0 unless parallel on the ground, along the runway, near it, of its width."""
