@@ -42,7 +42,7 @@ class DescentConfig:
     step_px: float = 0.5
     least_step_px: float = 0.02
     most_steps: int = 60
-    gamma: float = 1e-3
+    gamma: float = 1e-2
     adaptive_gamma: bool = True
 
 

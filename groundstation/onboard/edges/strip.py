@@ -1,9 +1,10 @@
 """The energy of every small displacement of an edge at once, and the edge to a fraction of a pixel with its sigma.
 
 Going down the energy ends in the nearest minimum: a painted stripe is one. A strip about the predicted edge,
-straightened, holds |u − v|² of each place and each displacement along the row; the energy of an edge displaced by α at
-the upper and β at the lower row is a sum over it, so that a whole grid of (α, β) costs little. Here the sum is of
-S / (S + κ), which no single bright spot, lamp or crossing taxiway can carry alone. Not in the paper.
+straightened, holds u − v of each place and each displacement along the row; the energy of an edge displaced by α at the
+upper and β at the lower row is a sum over it, so that a whole grid of (α, β) costs little. Two departures from |u − v|²:
+neighbouring places are averaged before they are squared (at night the noise of one row is more than the contrast), and
+the sum is of S / (S + κ), which no bright spot, lamp or crossing taxiway can carry alone. Not in the paper.
 """
 
 from dataclasses import dataclass
@@ -30,7 +31,7 @@ class StripConfig:
     most_px : largest displacement looked at.
     window_px : how far off the common edge a single place may find its own.
     floor_px : sigma that no edge goes below: what a straight line between two colours is not.
-    correlation : how many neighbouring places err alike.
+    block : neighbouring places that are averaged before they are squared; so many err alike.
     least_contrast : mean of |u − v| (0 to 1, over the colours) below which there is no edge.
     """
 
@@ -39,7 +40,7 @@ class StripConfig:
     most_px: float = 20.0
     window_px: float = 2.5
     floor_px: float = 0.25
-    correlation: float = 3.0
+    block: int = 5
     least_contrast: float = 0.008
 
 
@@ -62,7 +63,7 @@ def fill_strip(
     step: float,
     out: FloatArray,
 ) -> None:
-    """Fill ``out`` (2, places, displacements) with |u − v|²; the middle displacement is 0; −1 outside the picture.
+    """Fill ``out`` (2, places, displacements, 3) with u − v; the middle displacement is 0; NaN outside the picture.
 
     Displacements run along the row, to the right; bands lie along ``across`` (2,), ``widths`` (2, 2) are theirs.
     """
@@ -100,39 +101,43 @@ def fill_strip(
                 at_j = seen[j] + (fj * (seen[j + 1] - seen[j]) if j < n else 0.0)
                 at_g = seen[g] + (fg * (seen[g + 1] - seen[g]) if g < n else 0.0)
                 if at_i - at_j < place - low - 0.01 or at_g - at_i < high - place - 0.01:
-                    out[line, k, o] = -1.0
+                    out[line, k, o, 0] = np.nan
                     continue
-                score = 0.0
                 for c in range(3):
                     p_i = prefix[i, c] + (fi * (prefix[i + 1, c] - prefix[i, c]) if i < n else 0.0)
                     p_j = prefix[j, c] + (fj * (prefix[j + 1, c] - prefix[j, c]) if j < n else 0.0)
                     p_g = prefix[g, c] + (fg * (prefix[g + 1, c] - prefix[g, c]) if g < n else 0.0)
-                    score += ((p_i - p_j) / (place - low) - (p_g - p_i) / (high - place)) ** 2
-                out[line, k, o] = score
+                    out[line, k, o, c] = (p_i - p_j) / (place - low) - (p_g - p_i) / (high - place)
 
 
 @njit(cache=True, nogil=True)
-def best_displacement(strip: FloatArray, step: float, kappa: float, sigma: float, out: FloatArray) -> float:
+def best_displacement(strip: FloatArray, step: float, block: int, kappa: float, sigma: float, out: FloatArray) -> float:
     """Fill ``out`` (2,) with the displacements (px) at both rows of the largest sum of S / (S + κ); returns its mean.
 
-    A displacement costs ½ (α² + β²)/σ² of one place's part, so that among equals the nearest wins.
+    S is |u − v|² of a block of places together. A displacement costs ½ (α² + β²)/σ² of one place's part, so that
+    among equals the nearest wins. Negative where most of the strip lies outside the picture.
     """
-    n_t, n_o = strip.shape
+    n_t, n_o = strip.shape[:2]
     middle = n_o // 2
     best = -1.0
     for a in range(n_o):
         for b in range(n_o):
-            total, count = 0.0, 0
-            for k in range(n_t):
-                t = (k + 0.5) / n_t
-                score = strip[k, int(a + (b - a) * t + 0.5)]
+            total, blocks = 0.0, 0
+            for first in range(0, n_t - block + 1, block):
+                r, g, h = 0.0, 0.0, 0.0
+                for k in range(first, first + block):
+                    o = int(a + (b - a) * (k + 0.5) / n_t + 0.5)
+                    r += strip[k, o, 0]
+                    g += strip[k, o, 1]
+                    h += strip[k, o, 2]
+                score = (r * r + g * g + h * h) / (block * block)
                 if score >= 0.0:
                     total += score / (score + kappa)
-                    count += 1
-            if count < n_t // 4:
+                    blocks += 1
+            if 4 * blocks * block < n_t:
                 continue
             alpha, beta = step * (a - middle), step * (b - middle)
-            value = total / count - 0.5 * (alpha * alpha + beta * beta) / (sigma * sigma * n_t)
+            value = total / blocks - 0.5 * (alpha * alpha + beta * beta) / (sigma * sigma * n_t)
             if value > best:
                 best = value
                 out[0], out[1] = alpha, beta
@@ -141,25 +146,31 @@ def best_displacement(strip: FloatArray, step: float, kappa: float, sigma: float
 
 @njit(cache=True, nogil=True)
 def own_places(
-    strip: FloatArray, step: float, ends: FloatArray, window: float, kappa: float, offsets: FloatArray, weights: FloatArray
+    strip: FloatArray, step: float, block: int, window: float, kappa: float, offsets: FloatArray, weights: FloatArray
 ) -> None:
-    """Fill each place's own displacement and weight (places,) within a window about a line of ends (2,)."""
-    n_t, n_o = strip.shape
+    """Fill each place's own displacement and weight (places,) within a window, its neighbours averaged in."""
+    n_t, n_o = strip.shape[:2]
+    middle, reach = n_o // 2, min(int(window / step), n_o // 2 - 1)
+    scores = np.empty(n_o)
     for k in range(n_t):
-        t = (k + 0.5) / n_t
-        near = (ends[0] * (1.0 - t) + ends[1] * t) / step + n_o // 2
-        low, high = max(int(np.ceil(near - window / step)), 1), min(int(near + window / step), n_o - 2)
+        first, last = max(k - block // 2, 0), min(k + block // 2, n_t - 1)
+        for o in range(n_o):
+            r, g, h = 0.0, 0.0, 0.0
+            for m in range(first, last + 1):
+                r += strip[m, o, 0]
+                g += strip[m, o, 1]
+                h += strip[m, o, 2]
+            scores[o] = (r * r + g * g + h * h) / (last - first + 1) ** 2
         top, at = -1.0, -1
-        for o in range(low, high + 1):
-            s = strip[k, o]
-            if s > top and s >= strip[k, o - 1] and s >= strip[k, o + 1] and min(strip[k, o - 1], strip[k, o + 1]) >= 0:
-                top, at = s, o
+        for o in range(middle - reach, middle + reach + 1):
+            if scores[o] > top and scores[o] >= scores[o - 1] and scores[o] >= scores[o + 1]:
+                top, at = scores[o], o
         weights[k] = 0.0
         if at < 0:
             continue
-        bend = strip[k, at - 1] - 2.0 * top + strip[k, at + 1]
-        part = 0.5 * (strip[k, at - 1] - strip[k, at + 1]) / bend if bend < 0.0 else 0.0
-        offsets[k] = step * (at + part - n_o // 2)
+        bend = scores[at - 1] - 2.0 * top + scores[at + 1]
+        part = 0.5 * (scores[at - 1] - scores[at + 1]) / bend if bend < 0.0 else 0.0
+        offsets[k] = step * (at + part - middle)
         weights[k] = top / (top + kappa)
 
 
@@ -221,12 +232,12 @@ def find_edges(
     """
     reach = float(np.clip(3.0 * sigma_px.max() + 1.0, 3.0, config.most_px))
     strip = _strip(image, guess_px, rows_px, widths_px, across, reach, config)
-    kappas = [_kappa(strip[line]) for line in range(2)]
+    kappas = [_kappa(strip[line], config.block) for line in range(2)]
     crossings = guess_px.copy()
     for line in range(2):
         displaced = np.zeros(2)
         sigma = max(float(sigma_px[2 * line : 2 * line + 2].max()), 1.0)
-        if best_displacement(strip[line], config.step_px, kappas[line], sigma, displaced) < 0.0:
+        if best_displacement(strip[line], config.step_px, config.block, kappas[line], sigma, displaced) < 0.0:
             return None
         crossings[2 * line : 2 * line + 2] += displaced
     return settle(image, crossings, rows_px, widths_px, across, config)
@@ -247,14 +258,15 @@ def settle(
     for line in range(2):
         own = slice(2 * line, 2 * line + 2)
         ends, block = np.zeros(2), np.empty((2, 2))
-        own_places(strip[line], config.step_px, ends, config.window_px, _kappa(strip[line]), offsets, weights)
+        kappa = _kappa(strip[line], config.block)
+        own_places(strip[line], config.step_px, config.block, config.window_px, kappa, offsets, weights)
         spread = float(robust_line(offsets, weights, ends, block))
         if spread < 0.0 or np.abs(ends).max() > 2.0 * config.window_px:
             return None
-        middle = strip[line][:, strip.shape[2] // 2]
-        contrast[line] = np.sqrt(max(float(np.median(middle[middle >= 0.0])), 0.0) / 3.0) if (middle >= 0).any() else 0
+        middle = _scores(strip[line], config.block)[:, strip.shape[2] // 2]
+        contrast[line] = np.sqrt(np.nanmedian(middle) / 3.0) if np.isfinite(middle).any() else 0.0
         found[own] += ends
-        covariance[own, own] = config.correlation * spread**2 * block + config.floor_px**2 * np.eye(2)
+        covariance[own, own] = config.block * spread**2 * block + config.floor_px**2 * np.eye(2)
     if contrast.min() < config.least_contrast:
         return None
     return FoundEdges(crossings_px=found, covariance_px2=covariance, contrast=contrast)
@@ -269,13 +281,21 @@ def _strip(
     reach: float,
     config: StripConfig,
 ) -> FloatArray:
-    strip = np.empty((2, config.places, 2 * int(np.ceil(reach / config.step_px)) + 1))
+    strip = np.zeros((2, config.places, 2 * int(np.ceil(reach / config.step_px)) + 1, 3))
     fill_strip(image, x, rows, widths, across, config.step_px, strip)
     return strip
 
 
-def _kappa(strip: FloatArray) -> float:
-    """Return half the usual best |u − v|² of a place (places, displacements)."""
-    best = strip.max(axis=1)
-    best = best[best >= 0.0]
+def _scores(strip: FloatArray, block: int) -> FloatArray:
+    """Return |u − v|² of each whole block of places (blocks, displacements) of a strip (places, displacements, 3)."""
+    blocks = strip.shape[0] // block
+    means = strip[: blocks * block].reshape(blocks, block, *strip.shape[1:]).mean(axis=1)
+    return np.asarray((means**2).sum(axis=2))
+
+
+def _kappa(strip: FloatArray, block: int) -> float:
+    """Return half the usual best |u − v|² of a block of places."""
+    scores = _scores(strip, block)
+    best = np.where(np.isfinite(scores), scores, 0.0).max(axis=1)
+    best = best[best > 0.0]
     return max(0.5 * float(np.median(best)), 1e-6) if best.size else 1e-6

@@ -194,7 +194,8 @@ class EdgeTracker:
         band = min(self._config.band_m, 0.45 * abs(float(mean[C] - mean[D])))
         outer, _ = project_lines(shifted(mean, band), e, rows)
         across = across_direction(e) if self._config.use_strip else None
-        return band_widths(crossings, outer, rows, self._config.least_band_px, across)
+        widths = band_widths(crossings, outer, rows, self._config.least_band_px, across)
+        return np.minimum(widths, self._config.most_band_px)
 
     def _pose_noise(self, look: _Look) -> FloatArray:
         """Return what the pose's uncertainty is at the crossings, (4, 4) px²."""
@@ -241,7 +242,13 @@ class EdgeTracker:
         prior = look.h @ predicted.covariance @ look.h.T + self._pose_noise(look)
         gain = np.linalg.solve(prior + found.covariance_px2, prior).T
         crossings = look.predicted + gain @ (found.crossings_px - look.predicted)
-        return crossings, np.asarray(gain @ found.covariance_px2)
+        return crossings, gain @ found.covariance_px2 + self._edge_noise(look.predicted, predicted.mean)
+
+    def _edge_noise(self, crossings: FloatArray, mean: FloatArray) -> FloatArray:
+        """Return what the definition of an edge leaves open, (4, 4) px²: alike at both ends of a line."""
+        px_per_m = np.abs(crossings[2:] - crossings[:2]) / max(abs(float(mean[C] - mean[D])), 1.0)
+        own = np.outer(px_per_m, px_per_m) * self._config.edge_sigma_m**2
+        return np.block([[own, np.zeros((2, 2))], [np.zeros((2, 2)), own]])
 
     def _coast(self, predicted: LineState, look: _Look | None, miss: EdgeMiss, nis: float) -> EdgeReport:
         """Go on with the prediction, or give up after too many frames."""
@@ -254,7 +261,9 @@ class EdgeTracker:
             state=predicted,
             rows_px=look.rows,
             crossings_px=look.predicted,
-            covariance_px2=look.h @ predicted.covariance @ look.h.T + self._pose_noise(look),
+            covariance_px2=look.h @ predicted.covariance @ look.h.T
+            + self._pose_noise(look)
+            + self._edge_noise(look.predicted, predicted.mean),
             predicted_px=look.predicted,
             measured_px=None,
             nis=nis,
@@ -283,7 +292,7 @@ class EdgeTracker:
             state=update.state,
             rows_px=rows,
             crossings_px=found.crossings_px,
-            covariance_px2=found.covariance_px2,
+            covariance_px2=found.covariance_px2 + self._edge_noise(found.crossings_px, update.state.mean),
             predicted_px=pair.crossings_px,
             measured_px=found.crossings_px,
             nis=math.nan,

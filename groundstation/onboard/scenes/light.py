@@ -55,5 +55,5 @@ DUSK = Light(
 )  # fmt: skip
 NIGHT = Light(
     sun=(0.030, 0.034, 0.045), haze=(0.012, 0.014, 0.024), zenith=(0.004, 0.005, 0.012), visibility_m=4000.0,
-    cloud_shadow=0.2, own_lamp=0.02, lamp_power=14000.0, gain=4.0, noise=6.0, shot_noise=5.0, blur_px=0.9,
+    cloud_shadow=0.2, own_lamp=0.02, lamp_power=8000.0, gain=4.0, noise=6.0, shot_noise=5.0, blur_px=0.9,
 )  # fmt: skip
