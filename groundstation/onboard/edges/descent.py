@@ -124,9 +124,7 @@ def _descend(
 
 
 @njit(cache=True, nogil=True)
-def clutter(
-    image: ImageArray, x: FloatArray, rows: FloatArray, widths: FloatArray, counts: tuple[int, int]
-) -> float:
+def clutter(image: ImageArray, x: FloatArray, rows: FloatArray, widths: FloatArray, counts: tuple[int, int]) -> float:
     """Return the variance within the bands over the squared difference of their means; 0 where nothing is seen."""
     n_t, n_s = counts
     height = rows[1] - rows[0]

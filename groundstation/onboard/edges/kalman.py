@@ -107,7 +107,9 @@ class PictureState:
     row_px: float
 
 
-def picture_state(crossings_px: FloatArray, rows_px: FloatArray, row_px: float, rate_sigmas: FloatArray) -> PictureState:
+def picture_state(
+    crossings_px: FloatArray, rows_px: FloatArray, row_px: float, rate_sigmas: FloatArray
+) -> PictureState:
     """Return a 2-D state at rest from crossings (4,); ``rate_sigmas`` (2,) of place (px/s) and slope (1/s)."""
     to_state = np.linalg.inv(_from_picture(rows_px, row_px))
     mean = np.concatenate([to_state @ crossings_px, np.zeros(4)])
@@ -123,9 +125,7 @@ def predict_picture(state: PictureState, dt_s: float, acceleration_psd: FloatArr
     f[:4, 4:] = dt_s * np.eye(4)
     q = np.diag(np.tile(acceleration_psd, 2))
     noise = np.block([[q * dt_s**3 / 3, q * dt_s**2 / 2], [q * dt_s**2 / 2, q * dt_s]])
-    return PictureState(
-        mean=f @ state.mean, covariance=f @ state.covariance @ f.T + noise, row_px=state.row_px
-    )
+    return PictureState(mean=f @ state.mean, covariance=f @ state.covariance @ f.T + noise, row_px=state.row_px)
 
 
 def picture_crossings(state: PictureState, rows_px: FloatArray) -> FloatArray:

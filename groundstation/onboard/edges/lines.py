@@ -72,9 +72,7 @@ def project_lines(state: FloatArray, e: FloatArray, rows_px: FloatArray) -> tupl
     return crossings, jacobian
 
 
-def pose_jacobian(
-    crossings_px: FloatArray, rows_px: FloatArray, pose: CameraPose, kappa: FloatArray
-) -> FloatArray:
+def pose_jacobian(crossings_px: FloatArray, rows_px: FloatArray, pose: CameraPose, kappa: FloatArray) -> FloatArray:
     """Return how crossings move with the pose, (4, 6): rotation vector (3,) and shift (3,), camera frame.
 
     The camera turns by θ (threshold_from_camera → threshold_from_camera · exp[θ]×) and moves by its own axes.

@@ -14,8 +14,10 @@ from enum import Enum
 
 import cv2
 import numpy as np
+from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.geometry.rotation import rotation_from_vector
 from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels
 
 _BELOW_HORIZON_PX = 6.0
@@ -23,7 +25,16 @@ _BELOW_HORIZON_PX = 6.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionConfig:
-    """Tuning of Algorithm 2: corners at most, Lowe's ratio, RANSAC's tolerance in px, and the least inliers."""
+    """Tuning of Algorithm 2.
+
+    Attributes
+    ----------
+    corners, quality, apart_px : Harris corners at most, least strength as a share of the best one's, distance.
+    patch_px, ratio : size of a descriptor's key point; Lowe's ratio.
+    tolerance_px, least_inliers : RANSAC's.
+    refine : fit rotation and translation anew to the matches, the ground being known from the first pose.
+    seed : of RANSAC.
+    """
 
     corners: int = 600
     quality: float = 0.002
@@ -32,6 +43,7 @@ class MotionConfig:
     ratio: float = 0.8
     tolerance_px: float = 1.0
     least_inliers: int = 20
+    refine: bool = True
     seed: int = 7
 
 
@@ -101,8 +113,60 @@ def recover_motion(
     homography, inliers = cv2.findHomography(first_px, second_px, cv2.RANSAC, config.tolerance_px)
     if homography is None or int(inliers.sum()) < config.least_inliers:
         return NoMotion.NO_HOMOGRAPHY
-    used = first_px[inliers.ravel() > 0]
-    return decompose(homography, used, pose, kappa)
+    good = inliers.ravel() > 0
+    motion = decompose(homography, first_px[good], pose, kappa)
+    if config.refine:
+        return refined_motion(first_px[good], second_px[good], motion, pose, kappa, config.tolerance_px)
+    return motion
+
+
+def refined_motion(
+    first_px: FloatArray,
+    second_px: FloatArray,
+    start: Motion | NoMotion,
+    pose: CameraPose,
+    kappa: FloatArray,
+    scale_px: float,
+) -> Motion | NoMotion:
+    """Return the motion whose second picture fits best, its points on the ground of the first pose; not in the paper.
+
+    A homography has eight numbers where six are unknown; the decomposition spends the two on a normal and a distance
+    that the pose knows better. Robust least squares (soft L1 at ``scale_px``) from the ``start``, or from rest.
+    """
+    ground = ground_from_pixels(pose, kappa, first_px)
+    seen = np.isfinite(ground).all(axis=1)
+    points = (np.column_stack([ground, np.zeros(len(ground))]) - pose.camera_threshold_m)[seen] @ (
+        pose.threshold_from_camera
+    )
+    wanted = second_px[seen]
+    if len(points) < 6:
+        return NoMotion.FEW_MATCHES
+    first = np.zeros(6)
+    if isinstance(start, Motion):
+        first[:3] = cv2.Rodrigues(start.first_from_second.T)[0].ravel()
+        first[3:] = start.second_in_first_m
+
+    def residuals(x: FloatArray) -> FloatArray:
+        second = (points - x[3:]) @ rotation_from_vector(x[:3]).T
+        depth = np.maximum(second[:, 2], 0.1)
+        u = kappa[0, 0] * second[:, 0] / depth + kappa[0, 2]
+        v = kappa[1, 1] * second[:, 1] / depth + kappa[1, 2]
+        return np.concatenate([u - wanted[:, 0], v - wanted[:, 1]])
+
+    best = least_squares(residuals, first, loss="soft_l1", f_scale=scale_px, x_scale=np.array([0.01] * 3 + [1.0] * 3))
+    if not isinstance(start, Motion) or best.cost > least_squares_cost(residuals(np.zeros(6)), scale_px):
+        again = least_squares(
+            residuals, np.zeros(6), loss="soft_l1", f_scale=scale_px, x_scale=np.array([0.01] * 3 + [1.0] * 3)
+        )
+        best = again if again.cost < best.cost else best
+    return Motion(
+        first_from_second=rotation_from_vector(best.x[:3]).T, second_in_first_m=best.x[3:], inliers=int(seen.sum())
+    )
+
+
+def least_squares_cost(residuals: FloatArray, scale: float) -> float:
+    """Return scipy's cost of residuals (n,) under soft L1."""
+    return float(scale**2 * np.sum(np.sqrt(1.0 + (residuals / scale) ** 2) - 1.0))
 
 
 def decompose(homography: FloatArray, used_px: FloatArray, pose: CameraPose, kappa: FloatArray) -> Motion | NoMotion:

@@ -188,7 +188,16 @@ class EdgeTracker:
         if lasting:
             h = np.hstack([h, bias_jacobian(by_pose, pose)])
         widths = self._widths(mean, e, rows, predicted)
-        return _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths, across=across_direction(e))
+        return _Look(
+            pose=pose,
+            e=e,
+            rows=rows,
+            predicted=predicted,
+            h=h,
+            by_pose=by_pose,
+            widths=widths,
+            across=across_direction(e),
+        )
 
     def _widths(self, mean: FloatArray, e: FloatArray, rows: FloatArray, crossings: FloatArray) -> FloatArray:
         band = min(self._config.band_m, 0.45 * abs(float(mean[C] - mean[D])))
@@ -314,7 +323,16 @@ class EdgeTracker:
         by_pose = pose_jacobian(predicted, rows, pose, self._kappa)
         if state.mean.size > 4:
             h = np.hstack([h, bias_jacobian(by_pose, pose)])
-        look = _Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=np.ones((2, 2)), across=across_direction(e))
+        look = _Look(
+            pose=pose,
+            e=e,
+            rows=rows,
+            predicted=predicted,
+            h=h,
+            by_pose=by_pose,
+            widths=np.ones((2, 2)),
+            across=across_direction(e),
+        )
         noise = found.covariance_px2 + self._pose_noise(look)
         return update_crossings(state, predicted, h, found.crossings_px, noise)
 

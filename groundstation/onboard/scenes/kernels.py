@@ -50,6 +50,26 @@ def _covered(x: float, f: float, half: float) -> float:
     return max(high - low, 0.0) / f
 
 
+@njit(cache=True, nogil=True)
+def _tufts(x: float, y: float, fx: float, fy: float, cell: float, seed: int) -> float:
+    """Return what bushes and stones, one in most cells of ``cell`` m, change of the reflectance, as a share."""
+    i, j = math.floor(x / cell), math.floor(y / cell)
+    radius = cell * (0.06 + 0.05 * (_lattice(i, j, seed) + 1.0))
+    cx = cell * (i + 0.5 + 0.25 * _lattice(i, j, seed + 1))
+    cy = cell * (j + 0.5 + 0.25 * _lattice(i, j, seed + 2))
+    tone = _lattice(i, j, seed + 3)
+    dx, dy = x - cx, y - cy
+    if max(fx, fy) > radius:
+        # too small to have a shape: a box of the same area, so that its share of the footprint is simple
+        inside = _covered(dx, fx, 0.89 * radius) * _covered(dy, fy, 0.89 * radius)
+    else:
+        away = math.sqrt(dx * dx + dy * dy) + 1e-9
+        ragged = radius * (1.0 + 0.35 * value_noise(x / radius * 1.7, y / radius * 1.7, seed + 4))
+        width = (abs(dx) * fx + abs(dy) * fy) / away + 0.3 * radius
+        inside = min(max((ragged - away) / width + 0.5, 0.0), 1.0)
+    return inside * (tone - 0.4) * 0.5
+
+
 @njit(cache=True, nogil=True, inline="always")
 def _dashed(y: float, period: float, share: float) -> float:
     """Return the length painted between 0 and y."""
@@ -59,11 +79,20 @@ def _dashed(y: float, period: float, share: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _ground_colour(
-    x: float, y: float, jac: FloatArray, patches: FloatArray, base: FloatArray, field_m: float, seed: int, out: FloatArray
+    x: float,
+    y: float,
+    jac: FloatArray,
+    patches: FloatArray,
+    base: FloatArray,
+    field_m: float,
+    seed: int,
+    out: FloatArray,
 ) -> None:
     """Fill the reflectance (3,) of a footprint; ``jac`` (4,) holds ∂x/∂u, ∂y/∂u, ∂x/∂v, ∂y/∂v in m per px."""
     fx, fy = abs(jac[0]) + abs(jac[2]), abs(jac[1]) + abs(jac[3])
     grain = _texture(x, y, fx, fy, 24.0, _OCTAVES, seed)
+    fx, fy = fx + 1e-6, fy + 1e-6
+    grain += _tufts(x, y, fx, fy, 5.0, seed + 51) / 0.45 + _tufts(x, y, fx, fy, 19.0, seed + 61) / 0.45
     mix = 0.5
     if field_m > 0.0:
         mix = min(max(0.5 + 1.4 * value_noise(x / field_m, y / (1.6 * field_m), seed + 91), 0.0), 1.0)

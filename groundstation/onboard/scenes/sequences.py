@@ -64,7 +64,11 @@ SEQUENCES: tuple[Sequence, ...] = (
         name="haze, sand",
         seed=202,
         airfield=Airfield(
-            roads=((40.0, 0.0, math.radians(-4.0), 9.0),), surfaces=_SAND, taxiway_side=-1, edge_stripe_m=0.3, width_m=22.0
+            roads=((40.0, 0.0, math.radians(-4.0), 9.0),),
+            surfaces=_SAND,
+            taxiway_side=-1,
+            edge_stripe_m=0.3,
+            width_m=22.0,
         ),
         light=HAZE,
         approach=Approach(start_y_m=210.0, start_x_m=-6.0, crab_rad=math.radians(-4.0)),
