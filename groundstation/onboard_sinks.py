@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.lines import A, B, C, D
 from groundstation.onboard.edges.pose import CameraPose
-from groundstation.onboard.edges.tracker import EdgeReport, EdgeStatus
+from groundstation.onboard.edges.report import EdgeReport, EdgeStatus
 
 _COLOURS = {
     EdgeStatus.TRACKING: (90, 230, 90),

@@ -14,7 +14,8 @@ from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
 from groundstation.onboard.edges.motion import VisualOdometry
 from groundstation.onboard.edges.pose import CameraPose
-from groundstation.onboard.edges.tracker import EdgeReport, EdgeTracker
+from groundstation.onboard.edges.report import EdgeReport
+from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard_sinks import EdgesRecording, draw_edges
 from groundstation.sinks.overlay_video import OverlayVideo
 from groundstation.sources.video_file import VideoFile, VideoFrame

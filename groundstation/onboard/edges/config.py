@@ -41,9 +41,9 @@ class TrackerConfig:
 
     measurement: Measurement = Measurement.CROSSINGS
     use_strip: bool = True
-    guess: RunwayGuess = RunwayGuess()
-    descent: DescentConfig = DescentConfig()
-    strip: StripConfig = StripConfig()
+    guess: RunwayGuess = field(default_factory=RunwayGuess)
+    descent: DescentConfig = field(default_factory=DescentConfig)
+    strip: StripConfig = field(default_factory=StripConfig)
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     paint_m: float = 1.2
     band_m: float = 2.5

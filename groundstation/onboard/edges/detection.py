@@ -60,15 +60,15 @@ class NoPair:
 def response(image: ImageArray, rows: FloatArray, reach: float, half_angle: float, out: FloatArray) -> None:
     """Fill ``out`` (w,) with −½ |u − v|² of the intersection masks about the middle row; 0 at the borders."""
     h, w = image.shape[:2]
-    first, last = max(int(math.ceil(rows[0])), 0), min(int(math.floor(rows[1])), h - 1)
+    first, last = max(math.ceil(rows[0]), 0), min(math.floor(rows[1]), h - 1)
     middle, slope = 0.5 * (rows[0] + rows[1]), math.tan(half_angle)
     right, left = np.zeros((w, 3)), np.zeros((w, 3))
     count = 0.0
     prefix = np.zeros((w + 1, 3))
     for row in range(first, last + 1):
         # where the regions of all angles overlap in this row: from |dy| tan θ to reach − |dy| tan θ
-        start = int(round(abs(row - middle) * slope))
-        end = int(round(reach)) - start
+        start = round(abs(row - middle) * slope)
+        end = round(reach) - start
         if end <= start:
             continue
         for j in range(w):
@@ -102,9 +102,9 @@ def line_energies(
     for i in range(columns.size):
         for k in range(slopes.size):
             total, places = 0.0, 0
-            for row in range(max(int(math.ceil(rows[0])), 0), min(int(math.floor(rows[1])), h - 1) + 1):
-                place = int(round(columns[i] + slopes[k] * (row - middle)))
-                reach = max(int(round(reaches[0] + (reaches[1] - reaches[0]) * (row - rows[0]) / height)), 1)
+            for row in range(max(math.ceil(rows[0]), 0), min(math.floor(rows[1]), h - 1) + 1):
+                place = round(columns[i] + slopes[k] * (row - middle))
+                reach = max(round(reaches[0] + (reaches[1] - reaches[0]) * (row - rows[0]) / height), 1)
                 places += 1
                 if place - reach < 0 or place + reach >= w:
                     continue

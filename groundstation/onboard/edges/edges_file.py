@@ -9,7 +9,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.onboard.edges.lines import A, B, C, D
-from groundstation.onboard.edges.tracker import EdgeReport, Edges
+from groundstation.onboard.edges.report import EdgeReport, Edges
 
 CORNERS = ("far_left", "near_left", "far_right", "near_right")
 NO_POSE = "no_pose"
@@ -43,7 +43,7 @@ class EdgesFile:
         self._file.close()
 
     def write(self, frame: int, t_s: float, report: EdgeReport | None, corners_px: FloatArray | None) -> None:
-        """Append a frame's row: ``report`` None where there was no pose, ``corners_px`` (4, 2) where edges are known."""
+        """Append a frame's row; ``report`` is None where there was no pose, ``corners_px`` (4, 2) where no edges are."""
         cells = [str(frame), f"{t_s:.6f}"]
         edges = None if report is None else report.edges
         if edges is None or corners_px is None:

@@ -107,9 +107,9 @@ def band_widths(
     least_px: float,
     across: FloatArray | None = None,
 ) -> FloatArray:
-    """Return ℓ (2, 2): how far lines shifted on the ground appear from the edges (Section III.B), at least ``least_px``.
+    """Return ℓ (2, 2): how far lines shifted on the ground appear from the edges (Section III.B).
 
-    Along ``across`` (2,), or along the normals where it is None; line 1 and 2, at the upper and lower row.
+    At least ``least_px``; along ``across`` (2,), or the normals where it is None; line 1 and 2, at both rows.
     """
     pair, other = crossings_px.reshape(2, 2), shifted_px.reshape(2, 2)
     slope = (pair[:, 1:] - pair[:, :1]) / (rows_px[1] - rows_px[0])

@@ -1,10 +1,10 @@
 """The energy of every small displacement of an edge at once, and the edge to a fraction of a pixel with its sigma.
 
 Going down the energy ends in the nearest minimum: a painted stripe is one. A strip about the predicted edge,
-straightened, holds u − v of each place and each displacement along the row; the energy of an edge displaced by α at the
-upper and β at the lower row is a sum over it, so that a whole grid of (α, β) costs little. Two departures from |u − v|²:
-neighbouring places are averaged before they are squared (at night the noise of one row is more than the contrast), and
-the sum is of S / (S + κ), which no bright spot, lamp or crossing taxiway can carry alone. Not in the paper.
+straightened, holds u − v of each place and each displacement along the row; the energy of an edge displaced by α at
+the upper and β at the lower row is a sum over it, so that a whole grid of (α, β) costs little. Two departures from
+|u − v|²: neighbouring places are averaged before they are squared (at night the noise of one row is more than the
+contrast), and the sum is of S / (S + κ), which no bright spot, lamp or crossing taxiway carries alone. Not in the paper.
 """
 
 from dataclasses import dataclass
@@ -184,7 +184,7 @@ def robust_line(offsets: FloatArray, weights: FloatArray, ends: FloatArray, cova
     n = offsets.size
     spread = 1.0
     own = weights.copy()
-    for turn in range(_FIT_ROUNDS):
+    for _turn in range(_FIT_ROUNDS):
         a00, a01, a11, b0, b1 = 1e-9, 0.0, 1e-9, 0.0, 0.0
         used = 0
         for k in range(n):

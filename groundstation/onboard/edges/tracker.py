@@ -6,7 +6,6 @@ down the energy, settle, gate, update.
 
 import math
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from groundstation.onboard.edges.lines import (
     UP,
     C,
     D,
-    angle_between,
     bias_jacobian,
     line_map,
     lines_from_crossings,
@@ -32,62 +30,13 @@ from groundstation.onboard.edges.lines import (
     state_from_crossings,
 )
 from groundstation.onboard.edges.paint import without_paint
+from groundstation.onboard.edges.plausible import plausible
 from groundstation.onboard.edges.pose import CameraPose, corrected_pose
+from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, Edges, EdgeStatus
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows, band_widths
 from groundstation.onboard.edges.strip import FoundEdges, find_edges, settle
 
 _FIRST_SIGMA_PX = 3.0
-
-
-class EdgeStatus(Enum):
-    """What a frame's edges are."""
-
-    TRACKING = "tracking"
-    COASTING = "coasting"
-    SEARCHING = "searching"
-
-
-class EdgeMiss(Enum):
-    """Why a frame gave no measurement."""
-
-    NONE = "none"
-    NO_BAND = "no_band"
-    NO_PAIR = "no_pair"
-    FAINT = "faint"
-    GATED = "gated"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Edges:
-    """Both edges in a frame and on the ground.
-
-    Attributes
-    ----------
-    state : (a, b, c, d) with covariance, threshold frame of the pose that was given; after them, where these are
-        estimated, the pose's lasting errors of roll, pitch and height.
-    rows_px : upper and lower row (2,) between which they were looked at.
-    crossings_px, covariance_px2 : of the estimate with these rows, (4,) and (4, 4).
-    predicted_px : before the picture was looked at, (4,).
-    measured_px : what the picture alone says (4,), None where it says nothing that was accepted.
-    nis : normalised innovation squared of what was measured, NaN where nothing was.
-    """
-
-    state: LineState
-    rows_px: FloatArray
-    crossings_px: FloatArray
-    covariance_px2: FloatArray
-    predicted_px: FloatArray
-    measured_px: FloatArray | None
-    nis: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EdgeReport:
-    """What came of a frame; ``edges`` is None while searching and where no rows hold runway."""
-
-    status: EdgeStatus
-    miss: EdgeMiss
-    edges: Edges | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -281,6 +230,7 @@ class EdgeTracker:
 
     def _search(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
         """Run Algorithm 1, and start the filter from what it finds."""
+        config = self._config
         rows = band_rows(pose, self._kappa, self._size, self._config.guess)
         if isinstance(rows, NoBand):
             return EdgeReport(status=EdgeStatus.SEARCHING, miss=EdgeMiss.NO_BAND, edges=None)
@@ -289,7 +239,9 @@ class EdgeTracker:
         middle, _ = project_lines(np.array([1.0, 0.0, -half, half]), e, rows)
         px_per_m = np.abs(middle[2:] - middle[:2]) / (2.0 * half)
         image = without_paint(image, rows, self._config.paint_m * float(px_per_m[1]))
-        pair = detect(image, rows, px_per_m, self._config.detection, lambda x: self._plausible(x, rows, pose))
+        pair = detect(
+            image, rows, px_per_m, self._config.detection, lambda x: plausible(x, rows, pose, self._kappa, config)
+        )
         if isinstance(pair, NoPair):
             return EdgeReport(status=EdgeStatus.SEARCHING, miss=EdgeMiss.NO_PAIR, edges=None)
         found = self._first_look(image, pair.crossings_px, rows, pose, e)
@@ -355,24 +307,6 @@ class EdgeTracker:
         if not self._config.use_strip:
             return _plain(down.crossings_px)
         return settle(image, down.crossings_px, rows, widths, across, self._config.strip)
-
-    def _plausible(self, crossings: FloatArray, rows: FloatArray, pose: CameraPose) -> float:
-        """Return the weight of a pair: 0 unless parallel on the ground, along the runway, near it, of its width."""
-        each = [
-            state_from_crossings(np.concatenate([line, line]), rows, pose, self._kappa)
-            for line in crossings.reshape(2, 2)
-        ]
-        both = state_from_crossings(crossings, rows, pose, self._kappa)
-        if not np.isfinite(both).all() or not all(np.isfinite(one).all() for one in each):
-            return 0.0
-        config = self._config
-        middle = 0.5 * abs(both[C] + both[D])
-        width = abs(both[C] - both[D])
-        turns = [abs(angle_between(state)) / config.start_turn_rad for state in (*each, both)]
-        apart = abs(angle_between(each[0]) - angle_between(each[1])) / config.start_turn_rad
-        factor = abs(math.log(max(width, 0.1) / config.guess.width_m)) / math.log(config.start_width)
-        off = max(*turns[:2], turns[2], apart, middle / config.start_shift_m, factor)
-        return 0.0 if off > 3.0 else math.exp(-0.5 * (turns[2] ** 2 + (middle / config.start_shift_m) ** 2 + factor**2))
 
 
 def _plain(crossings_px: FloatArray) -> FoundEdges:

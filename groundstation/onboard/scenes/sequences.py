@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -23,8 +23,8 @@ NOSE_LENS = Lens(
 )
 _GAMMA = 1.0 / 2.2
 _SAND = Surfaces(
-    ground=(0.62, 0.52, 0.36), ground_other=(0.52, 0.43, 0.29), runway=(0.20, 0.20, 0.21), runway_end=(0.36, 0.35, 0.33),
-    taxiway=(0.26, 0.25, 0.25), road=(0.24, 0.23, 0.23),
+    ground=(0.62, 0.52, 0.36), ground_other=(0.52, 0.43, 0.29), runway=(0.20, 0.20, 0.21),
+    runway_end=(0.36, 0.35, 0.33), taxiway=(0.26, 0.25, 0.25), road=(0.24, 0.23, 0.23),
 )  # fmt: skip
 
 
@@ -37,7 +37,7 @@ class Sequence:
     airfield: Airfield
     light: Light
     approach: Approach
-    sensors: Sensors = Sensors()
+    sensors: Sensors = field(default_factory=Sensors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
