@@ -43,7 +43,7 @@ class EdgesFile:
         self._file.close()
 
     def write(self, frame: int, t_s: float, report: EdgeReport | None, corners_px: FloatArray | None) -> None:
-        """Append a frame's row; ``report`` is None where there was no pose, ``corners_px`` (4, 2) where no edges are."""
+        """Append a frame's row; ``report`` is None without a pose, ``corners_px`` (4, 2) without edges."""
         cells = [str(frame), f"{t_s:.6f}"]
         edges = None if report is None else report.edges
         if edges is None or corners_px is None:

@@ -4,7 +4,7 @@ Going down the energy ends in the nearest minimum: a painted stripe is one. A st
 straightened, holds u − v of each place and each displacement along the row; the energy of an edge displaced by α at
 the upper and β at the lower row is a sum over it, so that a whole grid of (α, β) costs little. Two departures from
 |u − v|²: neighbouring places are averaged before they are squared (at night the noise of one row is more than the
-contrast), and the sum is of S / (S + κ), which no bright spot, lamp or crossing taxiway carries alone. Not in the paper.
+contrast), and the sum is of S / (S + κ), which no lamp or crossing taxiway carries alone. Not in the paper.
 """
 
 from dataclasses import dataclass
