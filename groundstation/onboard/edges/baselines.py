@@ -11,7 +11,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 
-_CANNY = (50, 150)
+# of the strongest gradient, as in the paper's Fig. 1
+_CANNY = (0.1, 0.4)
 _STRONGEST = 12
 _ROUNDS = 3
 _LEAST_ROWS = 6
@@ -27,7 +28,12 @@ def hough_edges(
     """
     first, last = int(rows_px[0]), int(rows_px[1]) + 1
     grey = cv2.cvtColor(image[first:last], cv2.COLOR_BGR2GRAY)
-    edges = cv2.Canny(cv2.GaussianBlur(grey, (0, 0), 1.0), *_CANNY)
+    smooth = cv2.GaussianBlur(grey, (0, 0), 1.0)
+    dx, dy = (cv2.Sobel(smooth, cv2.CV_16S, *order) for order in ((1, 0), (0, 1)))
+    strongest = float(np.max(np.abs(dx.astype(np.float64)) + np.abs(dy)))
+    if strongest == 0.0:
+        return None
+    edges = cv2.Canny(dx, dy, *(share * strongest for share in _CANNY))
     lines = cv2.HoughLines(edges, 1.0, math.radians(1.0), max(int(0.25 * (last - first)), 5))
     if lines is None:
         return None

@@ -43,11 +43,14 @@ def painted_runway(
     noise: float = 3.0, seed: int = 3,
 ) -> ImageArray:  # fmt: skip
     """Return a picture (480, 640, 3) of plain ground and a plain endless runway, a pixel of blur, noise."""
-    picture = np.full((480, 640, 3), outside, np.uint8)
     rows = np.array([245.0, 479.0])
-    u, _ = project_lines(RUNWAY, line_map(pose, KAPPA), rows)
-    corners = np.array([[u[0], rows[0]], [u[2], rows[0]], [u[3], rows[1]], [u[1], rows[1]]])
-    cv2.fillConvexPoly(picture, np.round(corners * 256).astype(np.int32), inside, cv2.LINE_AA, 8)
-    blurred = cv2.GaussianBlur(picture, (0, 0), 1.0).astype(np.float64)
+    ends, _ = project_lines(RUNWAY, line_map(pose, KAPPA), rows)
+    t = ((np.arange(480) - rows[0]) / (rows[1] - rows[0]))[:, None]
+    left, right = (ends[k] * (1 - t) + ends[k + 1] * t for k in (0, 2))
+    u = np.arange(640)[None, :]
+    # each pixel a box along its row
+    share = np.clip(u + 0.5 - left, 0, 1) * np.clip(right - u + 0.5, 0, 1) * (t >= 0.0)
+    picture = np.asarray(outside) + share[:, :, None] * (np.asarray(inside) - np.asarray(outside)).astype(np.float64)
+    blurred = cv2.GaussianBlur(picture, (0, 0), 1.0)
     noisy = blurred + np.random.default_rng(seed).normal(0.0, noise, blurred.shape)
     return np.clip(np.round(noisy), 0, 255).astype(np.uint8)

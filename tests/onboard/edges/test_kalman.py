@@ -60,8 +60,8 @@ def test_the_papers_update_brings_lines_together_and_a_stays_positive() -> None:
         assert abs(np.hypot(*state.mean[:2]) - 1.0) < 1e-12
         assert state.mean[0] > 0.0
         assert np.linalg.eigvalsh(state.covariance).min() > -1e-12
-    found, _ = project_lines(state.mean, line_map(pose, KAPPA), ROWS)
-    assert np.abs(found - truth).max() < 0.5
+    before, after = (project_lines(mean, line_map(pose, KAPPA), ROWS)[0] for mean in (turned, state.mean))
+    assert np.abs(after - truth).max() < 0.1 * np.abs(before - truth).max()
 
 
 def test_errors_of_the_filter_are_what_its_covariance_says(rng: np.random.Generator) -> None:
