@@ -33,7 +33,7 @@ def hough_edges(
     strongest = float(np.max(np.abs(dx.astype(np.float64)) + np.abs(dy)))
     if strongest == 0.0:
         return None
-    edges = cv2.Canny(dx, dy, *(share * strongest for share in _CANNY))
+    edges = cv2.Canny(dx, dy, _CANNY[0] * strongest, _CANNY[1] * strongest)
     lines = cv2.HoughLines(edges, 1.0, math.radians(1.0), max(int(0.25 * (last - first)), 5))
     if lines is None:
         return None

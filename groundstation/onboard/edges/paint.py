@@ -34,7 +34,7 @@ def without_paint(image: ImageArray, rows_px: FloatArray, width_px: float) -> Im
     last = min(int(rows_px[1]) + _BESIDE_PX + 1, image.shape[0])
     cleaned = image.copy()
     part = cleaned[first:last]
-    grey = cv2.cvtColor(part, cv2.COLOR_BGR2GRAY)
+    grey = np.asarray(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY), np.uint8)
     if float(np.median(grey[::4, ::4])) < _DARK:
         # no opening here: it darkens what is noisy, and a bridge is not
         bridge(part, lamp_mask(grey))

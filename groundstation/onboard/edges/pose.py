@@ -88,8 +88,8 @@ def corrected_pose(pose: CameraPose, roll_rad: float, pitch_rad: float, up_m: fl
 
 def threshold_position(lat_deg: float, lon_deg: float, alt_m: float, place: RunwayPlace) -> FloatArray:
     """Return a place on Earth (WGS 84) in the threshold frame, (3,) in m."""
-    places = (np.array([value]) for value in (lat_deg, lon_deg, alt_m))
-    enu = enu_from_geodetic(*places, (place.lat_deg, place.lon_deg, place.alt_m))[0]
+    lat, lon, alt = (np.array([value]) for value in (lat_deg, lon_deg, alt_m))
+    enu = enu_from_geodetic(lat, lon, alt, (place.lat_deg, place.lon_deg, place.alt_m))[0]
     s, c = math.sin(place.heading_rad), math.cos(place.heading_rad)
     return np.array([[-c, s, 0.0], [-s, -c, 0.0], [0.0, 0.0, 1.0]]) @ enu
 
