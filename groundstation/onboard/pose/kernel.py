@@ -66,12 +66,12 @@ def unit_rows(q: FloatArray, r: FloatArray, J: FloatArray, row: int) -> None:
 def paper_rows(
     q: FloatArray, points: FloatArray, normals: FloatArray, pairs: IntArray, metres: float, r: FloatArray, J: FloatArray
 ) -> bool:
-    """Fill the paper's residuals: for each pair n·R d, n·(R p_i + t), n·(R p_j + t), the latter two in m; then units."""
+    """Fill the paper's residuals: for each pair (i, j) n·R d, and n·(R p_j + t) in m; then the unit constraints."""
     x, j = np.empty(3), np.empty((3, 8))
     d = np.empty(3)
     row = 0
     for m in range(len(pairs)):
-        for part in range(3):
+        for part in range(2):
             if part == 0:
                 for k in range(3):
                     d[k] = points[pairs[m, 1], k] - points[pairs[m, 0], k]
@@ -79,7 +79,7 @@ def paper_rows(
                 move_point(q, d / length, 0.0, x, j)
                 weight = 1.0
             else:
-                move_point(q, points[pairs[m, part - 1]], 1.0, x, j)
+                move_point(q, points[pairs[m, 1]], 1.0, x, j)
                 weight = metres
             r[row] = weight * (normals[m, 0] * x[0] + normals[m, 1] * x[1] + normals[m, 2] * x[2])
             for k in range(8):
@@ -168,7 +168,7 @@ def levenberg_marquardt(
 
     The damping follows Marquardt's scaling with the largest diagonal seen, so units do not matter.
     """
-    count = 3 * len(pairs) + 2 if kind == PAPER else 2 * len(points) + len(attitude) + 2
+    count = 2 * len(pairs) + 2 if kind == PAPER else 2 * len(points) + len(attitude) + 2
     r, J = np.empty(count), np.empty((count, 8))
     r_new, J_new = np.empty(count), np.empty((count, 8))
     if not rows(kind, q, points, rays, tangents, attitude, normals, pairs, metres, r, J):

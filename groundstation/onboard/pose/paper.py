@@ -1,7 +1,9 @@
 """The pose as in the paper on runway pose by unit dual quaternion (docs/onboard-pose.md), to measure against.
 
 Two constraints for each pair of corners: n·(R d) = 0, eq. (16), and n·(R p + t) = 0, eq. (17), n the normal of the plane
-through the camera and both corners, d the direction from one to the other. All residuals count alike.
+through the camera and both corners, d the direction from one to the other. All residuals count alike. Of the two corners
+p of a pair the nearer one is taken: the residual is in metres, and n is the less certain there the further p is; with
+the farther ones the range is several times worse.
 """
 
 from dataclasses import dataclass
@@ -11,11 +13,14 @@ import numpy as np
 from groundstation.arrays import FloatArray, IntArray
 from groundstation.geometry.dual_quaternion import normalised
 from groundstation.onboard.pose.kernel import PAPER, levenberg_marquardt
-from groundstation.onboard.pose.solve import MOST_STEPS, TOLERANCE, SeenPoints, View, all_pairs, pair_normals
-from groundstation.onboard.pose.view_kernel import closed_form_start, matrix_of, pose_of, turned_to_front
+from groundstation.onboard.pose.solve import TOLERANCE, SeenPoints, View, first_poses, pair_normals
+from groundstation.onboard.pose.view_kernel import matrix_of, pose_of, turned_to_front
 
-# corners in the order around the runway: the four sides alone
-SIDES = np.array([[0, 1], [1, 2], [2, 3], [3, 0]], dtype=np.int64)
+# of the corners in `runway.CORNERS` order, the farther one first
+SIX_PAIRS = np.array([[1, 2], [1, 0], [1, 3], [2, 0], [2, 3], [0, 3]], dtype=np.int64)
+FOUR_SIDES = np.array([[1, 2], [1, 0], [2, 3], [0, 3]], dtype=np.int64)
+# soft unit constraints make a long valley
+_MOST_STEPS = 500
 _NO_ROWS = np.zeros((0, 4))
 
 
@@ -30,22 +35,23 @@ class PaperPose:
 
 
 def solve_paper(
-    seen: SeenPoints, pairs: IntArray | None = None, start: tuple[FloatArray, FloatArray] | None = None
+    seen: SeenPoints, pairs: IntArray = SIX_PAIRS, start: tuple[FloatArray, FloatArray] | None = None
 ) -> PaperPose | None:
-    """Minimise the paper's cost over ``pairs`` (all of them unless given), from ``start`` or the plane's homography.
+    """Minimise the paper's cost over ``pairs`` (m, 2) of points, from ``start`` or what three points allow.
 
     Returns None without a start. ``start`` is runway_from_camera_wxyz (4,) and position_m (3,).
     """
     view = View(seen)
-    pairs = all_pairs(len(view.points)) if pairs is None else pairs
-    q = np.empty(8)
     if start is not None:
         q = view.dual(*start)
-    elif not closed_form_start(view.points, view.rays, q):
-        return None
+    else:
+        starts = first_poses(view)
+        if not len(starts):
+            return None
+        q = starts[0]
     _, steps, converged = levenberg_marquardt(
         PAPER, q, view.points, view.rays, view.tangents, _NO_ROWS,
-        pair_normals(view.rays, pairs), pairs, view.scale_m, MOST_STEPS, TOLERANCE,
+        pair_normals(view.rays, pairs), pairs, view.scale_m, _MOST_STEPS, TOLERANCE,
     )  # fmt: skip
     turned_to_front(view.points, view.rays, q)
     unit = normalised(q)
@@ -62,8 +68,6 @@ def dual_part(real_wxyz: FloatArray, points: FloatArray, normals: FloatArray, pa
     """
     R = matrix_of(real_wxyz)
     turned = points @ R.T
-    n = np.concatenate([normals, normals])
-    ends = np.concatenate([pairs[:, 0], pairs[:, 1]])
-    t, *_ = np.linalg.lstsq(n, -np.einsum("mk,mk->m", n, turned[ends]), rcond=None)
+    t, *_ = np.linalg.lstsq(normals, -np.einsum("mk,mk->m", normals, turned[pairs[:, 1]]), rcond=None)
     w, v = real_wxyz[0], real_wxyz[1:]
     return np.asarray(0.5 * np.concatenate([[-(t @ v)], w * t + np.cross(t, v)]))

@@ -10,8 +10,8 @@ from groundstation.arrays import FloatArray, IntArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.dual_quaternion import left_matrix, normalised, quaternion_conjugate
 from groundstation.onboard.pose.kernel import PAPER, WEIGHTED, levenberg_marquardt
+from groundstation.onboard.pose.start_kernel import three_point_starts
 from groundstation.onboard.pose.view_kernel import (
-    closed_form_start,
     dual_of,
     information_of,
     look,
@@ -24,6 +24,8 @@ from groundstation.onboard.pose.view_kernel import (
 
 MOST_STEPS = 60
 TOLERANCE = 1e-9
+# the second best start costs little and settles what noise has put in the wrong order
+_STARTS = 2
 # a fit worse than this happens by chance once in a million
 MISFIT_CHANCE = 1e-6
 _NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
@@ -148,7 +150,7 @@ def solve_pose(
     seen : points, pixels, lens.
     known : of the attitude.
     start : runway_from_camera_wxyz (4,) and position_m (3,), any; without it, or where it ends in no fit, the pose
-        starts from the plane's homography.
+        starts from what three of the points allow.
 
     Returns None where no pose has all points in front of the camera.
     """
@@ -164,8 +166,7 @@ def solve_pose(
         best_cost, more = _weighted(view, attitude, q)
         best, steps = q, steps + more
     if not best_cost < gate:
-        q = np.empty(8)
-        if closed_form_start(view.points, view.rays, q):
+        for q in first_poses(view):
             cost, more = _weighted(view, attitude, q)
             steps += more
             if cost < best_cost:
@@ -179,6 +180,13 @@ def solve_pose(
         best, best_cost = other, cost
     status = PoseStatus.OK if best_cost <= gate else PoseStatus.RESIDUAL
     return _result(view, known, best, best_cost, dof, steps + more, status)
+
+
+def first_poses(view: View) -> FloatArray:
+    """Return starts (k, 8), the best first, from triples of the points alone; none where these lie on a line."""
+    starts = np.empty((_STARTS, 8))
+    found = three_point_starts(view.points, view.rays, view.tangents, starts)
+    return starts[:found]
 
 
 def pose_covariance(
@@ -212,8 +220,8 @@ def pair_normals(rays: FloatArray, pairs: IntArray) -> FloatArray:
 
 
 def all_pairs(count: int) -> IntArray:
-    """Return every pair (m, 2) of corners."""
-    return np.array([(i, j) for i in range(count) for j in range(i + 1, count)], dtype=np.int64)
+    """Return every pair (m, 2) of corners, each both ways round."""
+    return np.array([(i, j) for i in range(count) for j in range(count) if i != j], dtype=np.int64)
 
 
 def _weighted(view: View, attitude: FloatArray, q: FloatArray) -> tuple[float, int]:

@@ -1,4 +1,4 @@
-"""Compiled arithmetic around the solver: rays and their tangents from pixels, the start, reprojection, covariance.
+"""Compiled arithmetic around the solver: rays and their tangents from pixels, conversions, reprojection, covariance.
 
 A lens is packed as (10,): fx, fy, cx, cy, k1, k2, p1, p2, k3, the r² limit of `groundstation.geometry.kernels.distort`.
 """
@@ -8,8 +8,6 @@ from numba import njit
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.kernels import distort, undistort
-
-_LEAST = 1e-300
 
 
 @njit(cache=True)
@@ -125,55 +123,6 @@ def best_plane(points: FloatArray) -> FloatArray:
     axes[:, 1] = vectors[:, 1]
     axes[:, 2] = np.cross(vectors[:, 2], vectors[:, 1])
     return axes
-
-
-@njit(cache=True)
-def closed_form_start(points: FloatArray, rays: FloatArray, q: FloatArray) -> bool:
-    """Fill the pose (8,) of points near a plane, n ≥ 4, by the homography u_i × H (a, b, 1) = 0; False if it has none.
-
-    H = λ [r₁ r₂ t] in the plane's own axes; the rotation nearest to it is taken.
-    """
-    n = len(points)
-    centre = points.sum(axis=0) / n
-    axes = best_plane(points)
-    flat = (points - centre) @ axes
-    sa = np.sqrt((flat[:, 0] ** 2).sum() / n)
-    sb = np.sqrt((flat[:, 1] ** 2).sum() / n)
-    if sb <= 1e-9 * sa:
-        return False
-    A = np.zeros((3 * n, 9))
-    for i in range(n):
-        c = (flat[i, 0] / sa, flat[i, 1] / sb, 1.0)
-        u = rays[i]
-        for k in range(3):
-            A[3 * i, 6 + k], A[3 * i, 3 + k] = u[1] * c[k], -u[2] * c[k]
-            A[3 * i + 1, k], A[3 * i + 1, 6 + k] = u[2] * c[k], -u[0] * c[k]
-            A[3 * i + 2, 3 + k], A[3 * i + 2, k] = u[0] * c[k], -u[1] * c[k]
-    _, _, vt = np.linalg.svd(A)
-    H = np.ascontiguousarray(vt[8]).reshape(3, 3).copy()
-    H[:, 0] /= sa
-    H[:, 1] /= sb
-    facing = 0.0
-    for i in range(n):
-        moved = H[:, 0] * flat[i, 0] + H[:, 1] * flat[i, 1] + H[:, 2]
-        facing += np.sign((rays[i] * moved).sum())
-    if facing < 0:
-        H = -H
-    lengths = np.sqrt((H[:, 0] ** 2).sum()) + np.sqrt((H[:, 1] ** 2).sum())
-    if lengths < _LEAST:
-        return False
-    H *= 2.0 / lengths
-    M = np.empty((3, 3))
-    M[:, 0], M[:, 1] = H[:, 0], H[:, 1]
-    M[:, 2] = np.cross(H[:, 0], H[:, 1])
-    left, _, right = np.linalg.svd(M)
-    R = left @ right
-    if np.linalg.det(R) < 0:
-        left[:, 2] = -left[:, 2]
-        R = left @ right
-    R = R @ axes.T
-    dual_of(R, H[:, 2] - R @ centre, q)
-    return True
 
 
 @njit(cache=True)
