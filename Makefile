@@ -4,13 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/landing-1
 
-.PHONY: demo test lint fuzz figures study clean
+.PHONY: demo test lint fuzz peers cameras figures study clean
 
 $(VENV)/installed: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
 	@$(PYTHON) -c 'import venv, ensurepip' || { echo "On Debian and Ubuntu: apt install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,ptu,genicam,gige]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,ptu]'
 	@touch $@
 
 ## demo: replay the bundled landing and print its accuracy
@@ -29,6 +29,19 @@ lint: $(VENV)/installed
 ## fuzz: the property tests once more, on examples that no run has seen
 fuzz: $(VENV)/installed
 	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=new
+	$(BIN)/python benchmarks/ptu_fuzz.py
+
+## peers: programs of others that drive our simulated pan-tilt units in the tests, in a venv of their own
+peers: .venv-peers/installed
+
+.venv-peers/installed:
+	$(PYTHON) -m venv .venv-peers
+	.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check flirptu==0.0.1a2 alpaca-simulators==1.3.2
+	@touch $@
+
+## cameras: what GenICam and GigE Vision cameras need, for their tests (docs/cameras.md)
+cameras: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[genicam,gige]'
 
 ## figures: commit to new figures of the bundled landing (say why in the changelog)
 figures: $(VENV)/installed
@@ -39,4 +52,4 @@ study: $(VENV)/installed
 	for study in $(filter-out benchmarks/change_indicator.py,$(wildcard benchmarks/*.py)); do echo "== $$study"; $(BIN)/python $$study || exit 1; done
 
 clean:
-	rm -rf $(VENV) out build *.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) .venv-peers out build *.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -60,7 +60,7 @@ def make_unit(rnd: random.Random, seed: int) -> tuple[SimulatedUnit, VirtualLine
     line_model = LineModel(baud=0 if network else 9600, leading_lf=rnd.random() < 0.3)
     unit = SimulatedUnit(model, line_model, seed=seed)
     batch_s = rnd.choice((0.0, 0.0, 0.001, 0.016))
-    line = VirtualLine(unit, 0 if network else 9600, batch_s=batch_s, seed=seed)
+    line = VirtualLine(unit, 0 if network else 9600, batch_s=batch_s, send_delay_s=rnd.choice((0.0, 0.001)), seed=seed)
     return unit, line, UnitSettings(baud=raise_to)
 
 

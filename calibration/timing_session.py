@@ -8,8 +8,9 @@ import numpy as np
 
 from calibration.flight import FlightFit, solve_flight
 from calibration.flight_data import gather_flight
-from calibration.flight_parameters import FLOOR_CLOCK_S, KNOWN_CLOCK_S, choose_parameters, solved_rig
+from calibration.flight_parameters import FLOOR_CLOCK_S, KNOWN_CLOCK_S, choose_parameters
 from calibration.flight_problem import DGPS_OFFSET, FlightProblem
+from calibration.flight_rig import solved_rig
 from calibration.image_motion import StationMotion, gather_motion
 from calibration.timing import TimingFit, solve_timing
 from groundstation.errors import InputError
@@ -87,7 +88,8 @@ def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = l
     session = load_session(request.session, request.rig)
     session.rig.require_known()
     flight = _by_flight(session, request) if request.flight else None
-    rig = session.rig if flight is None else solved_rig(session.rig, flight)
+    antenna = session.target.antenna_in_body_m
+    rig = session.rig if flight is None else solved_rig(session.rig, flight, session.name, antenna)
     fits, motions = {}, {}
     if request.pictures:
         found = gather_motion(session, request.from_s, request.to_s, progress)

@@ -12,6 +12,8 @@ from groundstation.cli_calibrate import add_calibrate, run_calibrate
 from groundstation.cli_cameras import add_cameras, run_cameras
 from groundstation.cli_live import add_live, run_check, run_live
 from groundstation.cli_ptu import add_ptu, run_ptu
+from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
+from groundstation.cli_simulate import add_simulate, run_simulate
 from groundstation.errors import GroundstationError
 from groundstation.progress import ProgressLine
 
@@ -91,6 +93,12 @@ def _parser() -> argparse.ArgumentParser:
     _add_track(commands)
     _add_plan(commands)
     add_calibrate(commands)
+    add_recover(commands)
+    add_convert(commands)
+    add_cameras(commands)
+    add_live(commands)
+    add_ptu(commands)
+    add_simulate(commands)
     add_cameras(commands)
     add_live(commands)
     add_ptu(commands)
@@ -108,7 +116,7 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     replay.add_argument(
-        "session", type=Path, metavar="SESSION", help="session folder (session.toml, rig.toml, videos …)"
+        "session", type=Path, metavar="SESSION", help="session folder (session.toml, rig.toml, videos …) or .mcap"
     )
     replay.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the results go; made if missing")
     replay.add_argument("--rig", type=Path, metavar="FILE", help="another rig than the session's rig.toml")
@@ -129,6 +137,7 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     replay.add_argument(
         "--smooth", action="store_true", help="also smooth over the whole flight: smoothed.csv, a row in the accuracy"
     )
+    replay.add_argument("--record", type=Path, metavar="FILE.mcap", help="also record what was consumed and answered")
     recording = replay.add_mutually_exclusive_group()
     recording.add_argument("--view", action="store_true", help="open the Rerun recording when done")
     recording.add_argument("--no-rerun", action="store_true", help="do not write session.rrd")
@@ -248,12 +257,15 @@ def _replay(options: argparse.Namespace) -> int:
         to_s=options.to_s,
         learn_until_s=options.learn_until,
         rerun=not options.no_rerun,
+        record=options.record,
         smooth=options.smooth,
     )
     with ProgressLine(sys.stderr, "replay") as line:
         result = replay(request, line.update)
     print(format_accuracy_table(result.evaluation.summary))
     print()
+    if result.identity is not None:
+        print(f"{result.identity.line()}\n")
     for path in result.files:
         print(f"wrote {path}")
     if result.fault is not None:
@@ -271,6 +283,9 @@ _COMMANDS = {
     "track": _track,
     "plan": _plan,
     "calibrate": run_calibrate,
+    "recover": run_recover,
+    "convert": run_convert,
+    "simulate": run_simulate,
     "cameras": run_cameras,
     "live": run_live,
     "check": run_check,

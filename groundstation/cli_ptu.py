@@ -22,8 +22,11 @@ _MORE = """examples:
   groundstation ptu probe /tmp/unit
   groundstation ptu monitor socket://192.168.0.20:4000 --seconds 10
   groundstation ptu jog /dev/ttyUSB0 --pan 10 --tilt -5 --rate 2
+  groundstation ptu probe /dev/ttyUSB1 --protocol pelco-d --option address=3
+  groundstation ptu probe http://mount.local:11111 --protocol alpaca
 
-URL: /dev/ttyUSB0, a pty, socket://HOST:PORT, rfc2217://HOST:PORT
+URL: /dev/ttyUSB0, a pty, socket://HOST:PORT, rfc2217://HOST:PORT; for Alpaca
+http://HOST:PORT
 
 exit code: 0 done; 1 the unit or its line is at fault, or a move missed its
 target; 2 wrong usage; 130 interrupted, and halted"""
@@ -66,17 +69,28 @@ def _add_line(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("url", metavar="URL", help="the line, see below")
     parser.add_argument("--protocol", choices=tuple(PROTOCOLS), default="flir", help="what it speaks (flir)")
-    parser.add_argument("--baud", type=int, default=0, metavar="N", help="raise a FLIR unit's line to this speed")
+    parser.add_argument(
+        "--baud", type=int, default=0, metavar="N", help="speed of the line; FLIR units are raised to it"
+    )
     parser.add_argument("--patience", type=_positive, default=5.0, metavar="S", help="how long to look for it, s (5)")
+    parser.add_argument(
+        "--option",
+        action="append",
+        default=[],
+        type=_option,
+        metavar="NAME=VALUE",
+        help="what only this protocol has, as address=3; may be repeated; a wrong name lists them",
+    )
     for axis in ("pan", "tilt"):
         parser.add_argument(f"--{axis}-limits", type=_range, metavar="LOW,HIGH", help=f"keep {axis} between these, deg")
 
 
 def _add_simulate(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     from ptu_drivers.simulated_faults import FAULTS
+    from ptu_drivers.simulated_others import OTHERS
 
     simulate = _kind(kinds, "simulate", "pretend to be one", _SIMULATE)
-    simulate.add_argument("--protocol", choices=("flir",), default="flir", help="what to speak (flir)")
+    simulate.add_argument("--protocol", choices=("flir", *OTHERS), default="flir", help="what to speak (flir)")
     where = simulate.add_mutually_exclusive_group(required=True)
     where.add_argument("--link", type=Path, metavar="PATH", help="make a pty, and a link to it here")
     where.add_argument("--tcp", type=int, metavar="PORT", help="listen on this port of 127.0.0.1")
@@ -122,7 +136,7 @@ def _open(options: argparse.Namespace):  # type: ignore[no-untyped-def] # the ty
 
     settings = UnitSettings(pan=soft(options.pan_limits), tilt=soft(options.tilt_limits), baud=options.baud)
     own = {"patience_s": options.patience} if options.protocol == "flir" else {}
-    return open_ptu(options.url, options.protocol, settings, **own)
+    return open_ptu(options.url, options.protocol, settings, **own, **dict(options.option))
 
 
 def _probe(options: argparse.Namespace) -> int:
@@ -162,7 +176,7 @@ def _monitor(options: argparse.Namespace) -> int:
 
 def _jog(options: argparse.Namespace) -> int:
     """Turn it, and print how that went; 1 if it missed its target."""
-    from ptu_drivers import Axis, NoReading
+    from ptu_drivers import Axis, Capability, NoReading
     from ptu_drivers.monitor import Moved, format_moved, move
 
     wanted = {axis: math.radians(v) for axis, v in zip(Axis, (options.pan, options.tilt), strict=True) if v is not None}
@@ -179,7 +193,9 @@ def _jog(options: argparse.Namespace) -> int:
             wanted = {axis: at[axis] + value for axis, value in wanted.items()}
         axes = [said.axis(axis) for axis in wanted]
         slow = max(0.1 * min(a.max_rate_rad_s for a in axes), *(a.min_rate_rad_s for a in axes))
-        rate = math.radians(options.rate) if options.rate else slow
+        rate: float | None = math.radians(options.rate) if options.rate else slow
+        if options.rate is None and Capability.SPEED not in said.capabilities:
+            rate = None
         for targets in (wanted, {axis: at[axis] for axis in wanted}) if options.back else (wanted,):
             for moved in move(unit, targets, rate, time.monotonic, time.sleep):
                 print(format_moved(moved), flush=True)
@@ -189,9 +205,42 @@ def _jog(options: argparse.Namespace) -> int:
 
 def _simulate(options: argparse.Namespace) -> int:
     """Serve a simulated unit until interrupted."""
+    from ptu_drivers.simulated_server import SimulatedServer
+
+    name, line = _simulated_flir(options) if options.protocol == "flir" else _simulated_other(options)
+    server = SimulatedServer(
+        line,
+        options.tcp if options.link is None else options.link,
+        faults=options.fault,
+        faults_per_minute=options.faults_per_minute if options.fault else 0.0,
+        seed=options.seed,
+        on_fault=lambda name: print(f"fault: {name}", flush=True),
+    )
+    # the link is removed however it ends
+    signal.signal(signal.SIGTERM, lambda *_: server.stop())
+    print(f"{name} simulated at {server.url}", flush=True)
+    server.run()
+    return 0
+
+
+def _simulated_other(options: argparse.Namespace):  # type: ignore[no-untyped-def] # as for _open
+    from ptu_drivers.simulated_others import simulated_line
+
+    if options.fault:
+        raise GroundstationError(f"--fault {options.fault[0]}: got protocol {options.protocol}; wanted flir")
+    line = simulated_line(
+        options.protocol,
+        start_s=time.monotonic(),
+        network=options.link is None,
+        play_deg=options.backlash_deg,
+        seed=options.seed,
+    )
+    return options.protocol, line
+
+
+def _simulated_flir(options: argparse.Namespace):  # type: ignore[no-untyped-def] # as for _open
     from ptu_drivers.simulated_flir import D_SERIES, FlirModel
     from ptu_drivers.simulated_line import VirtualLine
-    from ptu_drivers.simulated_server import SimulatedServer
     from ptu_drivers.simulated_unit import DEFAULT_BAUD, LineModel, SimulatedUnit
 
     base = D_SERIES if options.series == "d" else FlirModel()
@@ -206,20 +255,7 @@ def _simulate(options: argparse.Namespace) -> int:
         banner=options.banner,
     )
     unit = SimulatedUnit(model, line_model, seed=options.seed)
-    line = VirtualLine(unit, baud, start_s=time.monotonic(), seed=options.seed)
-    server = SimulatedServer(
-        line,
-        options.tcp if options.link is None else options.link,
-        faults=options.fault,
-        faults_per_minute=options.faults_per_minute if options.fault else 0.0,
-        seed=options.seed,
-        on_fault=lambda name: print(f"fault: {name}", flush=True),
-    )
-    print(f"{model.model or 'PTU-D46'} simulated at {server.url}", flush=True)
-    # the link is removed however it ends
-    signal.signal(signal.SIGTERM, lambda *_: server.stop())
-    server.run()
-    return 0
+    return model.model or "PTU-D46", VirtualLine(unit, baud, start_s=time.monotonic(), seed=options.seed)
 
 
 def _finite(text: str) -> float:
@@ -231,6 +267,21 @@ def _finite(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number")
     return value
+
+
+def _option(text: str) -> tuple[str, object]:
+    """Return name and value of --option."""
+    name, sep, value = text.partition("=")
+    if not (sep and name.isidentifier()):
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted NAME=VALUE")
+    if value in ("true", "false"):
+        return name, value == "true"
+    for kind in (int, float):
+        try:
+            return name, kind(value)
+        except ValueError:
+            continue
+    return name, value
 
 
 def _positive(text: str) -> float:

@@ -11,7 +11,6 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -22,6 +21,7 @@ from groundstation.estimation.config import EstimationConfig, InitiationConfig
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.integrity import IntegrityConfig
 from groundstation.synchronise import SynchroniseConfig
+from groundstation.text_file import TextFile
 from groundstation.toml_table import load_toml, quoted, shown
 
 T = TypeVar("T")
@@ -50,7 +50,7 @@ class Config:
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
 
 
-def load_config(path: Path | None) -> Config:
+def load_config(path: TextFile | None) -> Config:
     """Read a configuration file; None gives the defaults. Raises `ConfigError`."""
     return Config() if path is None else config_from_mapping(Config, load_toml(path, ConfigError), str(path))
 

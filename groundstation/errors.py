@@ -29,6 +29,10 @@ class SessionError(InputError):
     """A session folder is not usable."""
 
 
+class RecordingError(InputError):
+    """A recording (.mcap) is damaged, or is none of ours."""
+
+
 class ConfigError(InputError):
     """A configuration file is not usable."""
 

@@ -45,10 +45,14 @@ _TO_BGR = {
 
 
 class Picture(ABC):
-    """One picture of ``size_px`` (w, h); ``read`` tells the windows that have been looked at, ``whole_read`` if all."""
+    """One picture of ``size_px`` (w, h); ``read`` tells the windows that have been looked at, ``whole_read`` if all.
 
-    def __init__(self, size_px: tuple[int, int]) -> None:
+    ``pattern`` is the order of a raw picture's colours, None where it is grey or in colour already.
+    """
+
+    def __init__(self, size_px: tuple[int, int], pattern: BayerPattern | None = None) -> None:
         self.size_px = size_px
+        self.pattern = pattern
         self.read: list[Window] = []
         self.whole_read = False
 
@@ -70,7 +74,7 @@ class Picture(ABC):
         return self._pixels((0, 0, *self.size_px))
 
     def glance(self) -> ImageArray:
-        """Return all of it for a person's eyes, (h, w, 3) uint8 BGR: what they see decides nothing, and is not noted."""
+        """Return all of it for a person's eyes, (h, w, 3) uint8 BGR: it decides nothing, and is not noted."""
         return self._pixels((0, 0, *self.size_px))
 
     @abstractmethod
@@ -112,17 +116,16 @@ class RawPicture(Picture):
     """A sensor's raw picture (h, w) uint8: grey where ``pattern`` is None, else in colour once someone looks."""
 
     def __init__(self, raw: ImageArray, pattern: BayerPattern | None) -> None:
-        super().__init__((raw.shape[1], raw.shape[0]))
+        super().__init__((raw.shape[1], raw.shape[0]), pattern)
         self._raw = raw
-        self._pattern = pattern
 
     def _pixels(self, window: Window) -> ImageArray:
-        part = _around(window, self.size_px, self._pattern)
-        return _in_colour(self._raw[part[1] : part[3], part[0] : part[2]], part, window, self._pattern)
+        part = _around(window, self.size_px, self.pattern)
+        return _in_colour(self._raw[part[1] : part[3], part[0] : part[2]], part, window, self.pattern)
 
     def kept(self, window: Window) -> Kept:
         """Return a copy of the raw window, with what its colours need beside it."""
-        x0, y0, x1, y1 = _around(window, self.size_px, self._pattern)
+        x0, y0, x1, y1 = _around(window, self.size_px, self.pattern)
         return Kept(x=x0, y=y0, pixels=self._raw[y0:y1, x0:x1].copy())
 
 
@@ -136,19 +139,28 @@ class PartialPicture(Picture):
     """
 
     def __init__(self, size_px: tuple[int, int], parts: Sequence[Kept], pattern: BayerPattern | None) -> None:
-        super().__init__(size_px)
+        super().__init__(size_px, pattern)
         self._parts = parts
-        self._pattern = pattern
+
+    @property
+    def kept_windows(self) -> list[Window]:
+        """The parts that were kept."""
+        return [(p.x, p.y, p.x + p.pixels.shape[1], p.y + p.pixels.shape[0]) for p in self._parts]
+
+    @property
+    def has_all(self) -> bool:
+        """Whether one part is the whole picture."""
+        return (0, 0, *self.size_px) in self.kept_windows
 
     def _pixels(self, window: Window) -> ImageArray:
         for part in self._parts:
             raw = part.pixels.ndim == 2
-            needed = _around(window, self.size_px, self._pattern) if raw else window
+            needed = _around(window, self.size_px, self.pattern) if raw else window
             x0, y0 = needed[0] - part.x, needed[1] - part.y
             x1, y1 = needed[2] - part.x, needed[3] - part.y
             if x0 >= 0 and y0 >= 0 and x1 <= part.pixels.shape[1] and y1 <= part.pixels.shape[0]:
                 pixels = part.pixels[y0:y1, x0:x1]
-                return _in_colour(pixels, needed, window, self._pattern) if raw else pixels
+                return _in_colour(pixels, needed, window, self.pattern) if raw else pixels
         have = ", ".join(f"{p.pixels.shape[1]}×{p.pixels.shape[0]} at ({p.x}, {p.y})" for p in self._parts) or "nothing"
         raise PictureError(f"window {window} of a recorded picture: it holds {have}")
 

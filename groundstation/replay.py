@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.config import Start, config_to_mapping, load_config
+from groundstation.config import Config, Start, config_to_mapping
 from groundstation.errors import InputError, RigError, SessionError
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
@@ -20,15 +20,17 @@ from groundstation.evaluation.run_description import RunDescription
 from groundstation.hand_over import quick_hand_over
 from groundstation.messages import DgpsFix, InitialState, ReferenceFix
 from groundstation.pipeline import Pipeline
+from groundstation.recorded_run import recorder_for, recording_notes, tuning, untaught
 from groundstation.reference_knowledge import ReferenceKnowledge, reference_knowledge
 from groundstation.run import RunOutcome, run
 from groundstation.session import Session, load_dgps, load_session, load_truth
+from groundstation.sinks.identity import Identity, IdentitySink
 from groundstation.sinks.rerun_session import reference_tracks, session_view
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.smoothed_track import SmoothedTrackSink
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.sources.reference import reference_fixes, with_reference
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.session_source import session_source
 from groundstation.warm_up import warm_up
 
 # a start from DGPS is only as good as its clock: so much time may lie between the two
@@ -40,10 +42,10 @@ _CLOCKS_APART_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayRequest:
-    """What the user asked for; ``rig`` and ``config`` None take the session's rig and the defaults.
+    """What the user asked for; ``rig`` and ``config`` None take the session's rig and tuning (or the defaults).
 
     Up to ``learn_until_s`` of its clock the DGPS corrects the track and teaches the rig's errors; None compares only.
-    ``smooth`` writes the track once more, smoothed over the whole flight.
+    ``smooth`` writes the track once more, smoothed over the whole flight. ``record`` is a recording to write.
     """
 
     session: Path
@@ -55,15 +57,25 @@ class ReplayRequest:
     learn_until_s: float | None = None
     rerun: bool = True
     smooth: bool = False
+    record: Path | None = None
+
+    @property
+    def changes_nothing(self) -> bool:
+        """Whether a recording is to be replayed as it was made."""
+        return all(v is None for v in (self.rig, self.config, self.from_s, self.to_s, self.learn_until_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReplayResult:
-    """What came of it: the evaluation, the files written, and the fault that cut the run short, if any."""
+    """What came of it: the evaluation, the files written, and the fault that cut the run short, if any.
+
+    ``identity`` tells of a recording that was replayed as it was made whether it gave the same track again.
+    """
 
     evaluation: Evaluation
     files: tuple[Path, ...]
     fault: InputError | None
+    identity: Identity | None = None
 
 
 def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda done, total: None) -> ReplayResult:
@@ -72,8 +84,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     Raises `InputError` where nothing can be done at all. A fault met on the way is in the result.
     """
     began = time.perf_counter()
-    config = load_config(request.config)
     session = _usable_session(request)
+    config = tuning(session, request.config)
     # a broken reference does not stop the run
     broken: list[SessionError] = []
     dgps = load_dgps(session, broken.append)
@@ -86,32 +98,46 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     faults += known.notes
     with ExitStack() as opened:
         opened.enter_context(quick_hand_over())
-        source = opened.enter_context(ReplaySource(session, request.from_s, request.to_s))
+        check = IdentitySink() if session.recorded is not None and request.changes_nothing else None
+        told = check.recorded if check is not None else lambda line: None
+        source = session_source(session, request.from_s, request.to_s, told)
+        opened.enter_context(source)
         taught = _lessons(request, session, dgps, known)
-        initial = _start(config.start, session, dgps, source.span_s[0])
+        given = session.recorded.header if session.recorded is not None else None
+        learns = bool(taught) or (given is not None and given.taught and request.learn_until_s is None)
+        initial = _initial(request, config, session, dgps, source.span_s[0])
         _make_folder(request.out)
         warm_up()
         collector = ResultCollector()
         files = opened.enter_context(TrackFilesSink(request.out))
         view = session_view(request.out / "session.rrd", session) if request.rerun else None
         smoothed = SmoothedTrackSink() if request.smooth else None
-        sinks: list[Sink] = [collector, files, *(sink for sink in (view, smoothed) if sink is not None)]
+        recorder = None
+        if request.record is not None:
+            recorder = recorder_for(request.record, session, request.rig, config, initial, learns)
+            opened.enter_context(recorder)
+        optional = (recorder, view, smoothed, check)
+        sinks: list[Sink] = [collector, files, *(sink for sink in optional if sink is not None)]
         pipeline = Pipeline(
             session.rig,
             config,
             span_m=session.target.span_m,
             initial=initial,
             stopwatch=time.perf_counter,
-            reference_errors=known.errors if taught else None,
+            reference_errors=known.errors if learns else None,
         )
         if smoothed is not None:
             smoothed.want = pipeline.smooth(smoothed.found)
         prepared_s = time.perf_counter() - began
         total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
-        outcome = run(with_reference(source, taught), pipeline, sinks, lambda done: progress(done, total))
+        events = with_reference(untaught(source) if taught else source, taught)
+        if recorder is not None:
+            events = recorder.taken(events)
+        outcome = run(events, pipeline, sinks, lambda done: progress(done, total))
     pipeline.finish_smoothing()
     if outcome.fault is not None:
         faults.append(str(outcome.fault))
+    faults += recording_notes(source, recorder)
     faults += [f"{name.replace('_', ' ')}: {n}" for name, n in pipeline.counts.items() if n]
     if taught and pipeline.taught_until_s is None:
         faults.append("nothing was learnt from DGPS: no target was held while it was there, or nothing may be learnt")
@@ -152,7 +178,9 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     write_summary(request.out / "summary.json", evaluation)
     write_report(request.out / "report.html", evaluation, config.evaluation)
     written += ["summary.json", "report.html"]
-    return ReplayResult(evaluation=evaluation, files=tuple(request.out / name for name in written), fault=outcome.fault)
+    paths = [request.out / name for name in written] + ([] if request.record is None else [request.record])
+    identity = None if check is None else check.result()
+    return ReplayResult(evaluation=evaluation, files=tuple(paths), fault=outcome.fault, identity=identity)
 
 
 def _lessons(
@@ -177,7 +205,7 @@ def _usable_session(request: ReplayRequest) -> Session:
     places = np.array([s.ptu_position_m for s in session.rig.stations])
     if float(np.ptp(places, axis=0).max()) < _MIN_BASELINE_M:
         raise RigError(session.rig.path, got="all stations in one place", wanted="stations that stand apart")
-    if request.out.resolve() == session.folder.resolve():
+    if request.out.resolve() == request.session.resolve():
         got = "the session folder itself"
         raise InputError(str(request.out), got=got, wanted="another folder: results would replace recordings")
     return session
@@ -216,6 +244,15 @@ def _speed(outcome: RunOutcome, span_s: float, prepared_s: float) -> dict[str, f
         "epochs_per_s": outcome.epochs / elapsed,
         "times_real_time": span_s / elapsed,
     }
+
+
+def _initial(
+    request: ReplayRequest, config: Config, session: Session, dgps: Sequence[DgpsFix], first_s: float
+) -> InitialState | None:
+    """Return the start that was recorded, or that the tuning asks for if that, or the part replayed, is another."""
+    if session.recorded is not None and request.config is None and request.from_s is None:
+        return session.recorded.header.initial
+    return _start(config.start, session, dgps, first_s)
 
 
 def _start(kind: Start, session: Session, dgps: Sequence[DgpsFix], first_s: float) -> InitialState | None:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from groundstation.geometry.station import StationGeometry
 from groundstation.ptu_axes import IDEAL_AXES, PtuAxes, read_axes
 from groundstation.rig_covariance import ParameterCovariance, joined, read_covariance, require_agreement
 from groundstation.rig_reference import RigReference, read_reference
+from groundstation.text_file import TextFile
 from groundstation.toml_table import Table, load_toml, quoted
 
 RIG_FORMAT = "stereo-ptu-rig/1"
@@ -178,7 +178,7 @@ class Rig:
                 )
 
 
-def load_rig(path: Path) -> Rig:
+def load_rig(path: TextFile) -> Rig:
     """Read a rig file; raises `RigError` with file, station and key of the first fault."""
     document = load_toml(path, RigError)
     top = Table(document, str(path), RigError)

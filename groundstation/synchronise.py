@@ -31,14 +31,17 @@ class SynchroniseConfig:
     ----------
     hold_s : how long a record waits for streams that lag.
     max_gap_s : readings further apart than this do not bracket an exposure.
+    camera_gap_s : a camera's next frame comes no sooner than this after its last, so it is not waited for that long;
+        one that does is late. In operation half a period; 0 supposes nothing.
     """
 
     hold_s: float = 0.15
     max_gap_s: float = 0.25
+    camera_gap_s: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.hold_s < 0 or self.max_gap_s <= 0:
-            raise ValueError("hold_s must be ≥ 0 and max_gap_s > 0")
+        if self.hold_s < 0 or self.max_gap_s <= 0 or self.camera_gap_s < 0:
+            raise ValueError("hold_s and camera_gap_s must be ≥ 0, max_gap_s > 0")
 
 
 # readings older than this before the newest record passed on are forgotten
@@ -129,8 +132,10 @@ class Synchroniser:
         """Take one event and yield, in time order, all whose time has come."""
         self._newest_s = max(self._newest_s, event.t_s)
         if not isinstance(event, (Epoch, ReferenceFix)):
-            stream = ("ptu" if isinstance(event, PtuSample) else "camera", event.station)
-            self._streams[stream] = max(self._streams.get(stream, event.t_s), event.t_s)
+            reading = isinstance(event, PtuSample)
+            stream = ("ptu" if reading else "camera", event.station)
+            reached = event.t_s if reading else event.t_s + self._config.camera_gap_s
+            self._streams[stream] = max(self._streams.get(stream, reached), reached)
         if event.t_s < self._passed_s and not isinstance(event, Epoch):
             yield from self._answer_late(event)
             return

@@ -4,13 +4,13 @@ import math
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.errors import InputError
+from groundstation.text_file import TextFile
 
 MAX_TOML_BYTES = 4_000_000
 
@@ -29,15 +29,16 @@ def quoted(value: object) -> str:
         return "a whole number of thousands of digits"
 
 
-def load_toml(path: Path, error: type[InputError]) -> dict[str, Any]:
+def load_toml(path: TextFile, error: type[InputError]) -> dict[str, Any]:
     """Read one TOML file; raises `error` if it is missing, too large or not TOML."""
     if not path.is_file():
         raise error(str(path), got="no such file", wanted="a TOML file")
     try:
-        size = path.stat().st_size
-        if size > MAX_TOML_BYTES:
-            raise error(str(path), got=f"{size} bytes", wanted=f"at most {MAX_TOML_BYTES} bytes")
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        with path.open(encoding="utf-8-sig") as file:
+            text = file.read(MAX_TOML_BYTES + 1)
+        if len(text) > MAX_TOML_BYTES:
+            raise error(str(path), got="a larger file", wanted=f"at most {MAX_TOML_BYTES} bytes")
+        return tomllib.loads(text)
     except OSError as fault:
         raise error(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
     except (ValueError, RecursionError) as fault:

@@ -5,8 +5,9 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from ptu_drivers.errors import ProtocolError, PtuError
+from ptu_drivers.flir_codec import integer
 from ptu_drivers.flir_line import Doubt, FlirLine
-from ptu_drivers.flir_poll import Query
+from ptu_drivers.flir_poll import Query, best_query
 from ptu_drivers.flir_probe import probe, set_up
 from ptu_drivers.flir_unit import DRAINING_S, FlirUnit
 from ptu_drivers.health import DoubtReason, HealthCounter
@@ -14,6 +15,7 @@ from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import SerialTransport, Transport
 
 BAUDS = (9600, 115200, 57600, 38400, 19200)
+_TRIES = 3
 
 
 def open_flir(
@@ -62,6 +64,7 @@ def connect(
         set_up(line)
         facts = probe(line)
         _raise_baud(line, settings.baud)
+        type_ahead = _takes_type_ahead(line)
     except Doubt as doubt:
         transport.close()
         raise ProtocolError(transport.url, got=doubt.got, wanted="a FLIR unit's answer") from doubt
@@ -69,9 +72,20 @@ def connect(
         transport.close()
         raise
     unit = FlirUnit(line, counter, facts, settings, threaded=threaded)
-    if query != "auto":
-        unit.ask_by(Query(query))
+    unit.ask_by(best_query(facts) if query == "auto" else Query(query), type_ahead=type_ahead)
     return unit
+
+
+def _takes_type_ahead(line: FlirLine) -> bool:
+    """Return whether letters typed while an answer comes in leave that answer whole; tried, since nothing says so."""
+    try:
+        for _ in range(_TRIES):
+            for said in line.ask_two("PP", "TP"):
+                integer(said.answer.text)
+    except (Doubt, ProtocolError):
+        line.resynchronise(line.transport.now() + line.longest_s())
+        return False
+    return True
 
 
 def _find(line: FlirLine, settings: UnitSettings, patience_s: float) -> None:

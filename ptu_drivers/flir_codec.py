@@ -13,14 +13,14 @@ from ptu_drivers.errors import ProtocolError
 DELIMITER = b" "
 LONGEST_LINE = 256
 
-_COMMAND = re.compile(r"[A-Za-z@_]{1,8}(?:-?\d{1,7}|\(\d+,\d+,[TF]\)|-?\d+,-?\d+,\d+,\d+)?")
+_COMMAND = re.compile(r"[A-Za-z@_]{1,8}(?:-?\d{1,7}|\(\d+,\d+,[TF]\)|-?\d+,-?\d+,\d+,\d+)?", re.ASCII)
 _EVENTS = r"(?:(?:![PTD](?![a-z])|[#$][PT])\s*)*"
 _LINE = re.compile(
     rf"\s*(?P<before>{_EVENTS})(?P<echo>[^*!]*?)\s*(?P<after>{_EVENTS})(?P<mark>[*!])\s*(?P<text>.*?)\s*"
 )
 _ONLY_EVENTS = re.compile(r"\s*(?:(?:![PTD]|[#$][PT])\s*)+")
-_INTEGER = re.compile(r"[-+]?\d{1,10}")
-_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?![\w.]*\d)")
+_INTEGER = re.compile(r"[-+]?[0-9]{1,10}")
+_NUMBER = re.compile(r"(?<![\w.])[-+]?[0-9]+(?:\.[0-9]+)?(?![\w.]*\d)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

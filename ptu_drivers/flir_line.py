@@ -79,6 +79,7 @@ class FlirLine:
         self._splitter = LineSplitter()
         self._spelling: Counter[str] = Counter()
         self._nonce = count(1000)
+        self._length: dict[str, int] = {}
         self._last_s = float("-inf")
 
     def longest_s(self) -> float:
@@ -169,17 +170,13 @@ class FlirLine:
             try:
                 self._finish(question, until_s)
             except Doubt as doubt:
-                if doubt.reason is DoubtReason.TIMEOUT or question.command.startswith(self._pending()):
+                if doubt.reason is DoubtReason.TIMEOUT:
                     # the echo comes at once, the answer when it is done
                     return False
                 raise
             return True
 
         return answered
-
-    def _pending(self) -> str:
-        """Return the line that has not ended, as text."""
-        return self._splitter.unfinished.decode("latin-1").strip()
 
     def _spell(self, command: str) -> str:
         """Vary the case of the letters; the unit does not care, and its echo repeats it."""
@@ -216,6 +213,8 @@ class FlirLine:
                 if isinstance(parsed, Answer):
                     if parsed.echo != question.command:
                         raise Doubt(DoubtReason.ECHO_MISMATCH, parsed.echo or "an answer without echo")
+                    if question.command.isalpha():
+                        self._length[question.command.upper()] = len(line.data)
                     return self._exchanged(question, parsed, line)
 
     def _exchanged(self, question: _Question, answer: Answer, line: RawLine) -> Exchanged:
@@ -224,13 +223,15 @@ class FlirLine:
         latest = mark - character
         if 0 <= answer.delimiter_at < answer.mark_at:
             latest = min(latest, line.times_s[answer.delimiter_at] - character)
+        # a line that is faster than its speed says (a pty) tells nothing by its times: only that it was sent before
+        earliest = question.earliest_s if question.earliest_s <= latest else min(question.begun_s, latest)
         return Exchanged(
             answer=answer,
             begun_s=question.begun_s,
             done_s=line.times_s[-1],
-            earliest_s=question.earliest_s,
+            earliest_s=earliest,
             sent_s=question.sent_s,
-            latest_s=max(latest, question.earliest_s),
+            latest_s=latest,
             mark_s=mark,
         )
 
@@ -240,14 +241,27 @@ class FlirLine:
             chunk = self.transport.read(until_s)
             if not chunk.data:
                 left = self._splitter.unfinished
-                reason = DoubtReason.TRUNCATED if left else DoubtReason.TIMEOUT
+                begun = b"*" in left or b"!" in left
+                reason = DoubtReason.TRUNCATED if begun else DoubtReason.TIMEOUT
                 raise Doubt(reason, repr(left)[:60] if left else f"nothing to {asked}")
             lines = self._splitter.feed(chunk.data, chunk.t_s, self.transport.character_s())
             if lines:
                 return lines
-            if on_mark and b"*" in self._splitter.unfinished:
+            left = self._splitter.unfinished
+            if on_mark and b"*" in left:
                 on_mark()
                 on_mark = None
+            self._doze(asked, left, until_s, whole=on_mark is None and b"*" in left)
+
+    def _doze(self, asked: str, left: bytes, until_s: float, *, whole: bool) -> None:
+        """Sleep while bytes come in that are sure to come: to be woken for each costs the processor more than all else.
+
+        First until the echo must be complete, then until the answer may be, if it is as long as the last one.
+        """
+        expected = self._length.get(asked.upper(), 0) - 2 if whole else len(asked) + 1
+        least = (expected - len(left)) * self.transport.character_s()
+        if least > 0.0:
+            self.transport.wait(min(least, until_s - self.transport.now()))
 
     def _parse(self, line: RawLine) -> Answer | Stray:
         try:

@@ -58,7 +58,7 @@ class FlirUnit(PanTiltUnit):
 
     def _describe(self) -> UnitDescription:
         facts, settings = self._facts, self._settings
-        can = {Capability.POSITION, Capability.VELOCITY, Capability.HOMING}
+        can = {Capability.POSITION, Capability.VELOCITY, Capability.SPEED, Capability.HOMING}
         can |= {Capability.COMBINED_QUERY} if facts.combined else set()
         can |= {Capability.DEVICE_CLOCK} if facts.clock_hz else set()
         baud = self._transport.baud()

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from ptu_drivers.messages import AngleSource
 
 _SQRT12 = math.sqrt(12.0)
+# no clock of ours, and no unit's reading of its counters, is better known than that
+_LEAST_SIGMA_S = 1e-4
 _DRIFT = 200e-6
 _KEPT = 64
 _COUNTER = 2**32
@@ -28,7 +30,7 @@ class Latency:
     Attributes
     ----------
     unit_s, unit_sigma_s : from the delimiter to the reply's first bit, and its spread.
-    send_sigma_s : of the delay between a write and the line; infinite over a network.
+    send_sigma_s : of the delay between a write and the line, which is that much on average; infinite over a network.
     """
 
     unit_s: float
@@ -52,14 +54,20 @@ def of_query(*, earliest_s: float, sent_s: float, latest_s: float, first_bit_s: 
     width = latest_s - earliest_s
     if math.isfinite(latency.send_sigma_s):
         sigma = math.hypot(latency.send_sigma_s, (sent_s - earliest_s) / _SQRT12)
-        at, source = min(max(sent_s, earliest_s), latest_s), AngleSource.LAST_BYTE_SENT
-        return Instant(t_s=at, sigma_s=min(sigma, width / _SQRT12), source=source)
+        # a port may send later than it was told, never earlier; no later than the middle of the bounds is likely
+        at = max(earliest_s, min(sent_s + latency.send_sigma_s, 0.5 * (earliest_s + latest_s)))
+        source = AngleSource.LAST_BYTE_SENT
+        return Instant(t_s=at, sigma_s=_at_least(min(sigma, width / _SQRT12)), source=source)
     guess = first_bit_s - latency.unit_s
     if earliest_s <= guess <= latest_s and width <= latency.unit_s + 3.0 * latency.unit_sigma_s:
-        sigma = min(latency.unit_sigma_s, width / _SQRT12)
+        sigma = _at_least(min(latency.unit_sigma_s, width / _SQRT12))
         return Instant(t_s=guess, sigma_s=sigma, source=AngleSource.FIRST_REPLY_BYTE)
     middle = 0.5 * (earliest_s + latest_s)
-    return Instant(t_s=middle, sigma_s=width / _SQRT12, source=AngleSource.ROUND_TRIP)
+    return Instant(t_s=middle, sigma_s=_at_least(width / _SQRT12), source=AngleSource.ROUND_TRIP)
+
+
+def _at_least(sigma_s: float) -> float:
+    return max(sigma_s, _LEAST_SIGMA_S)
 
 
 class DeviceClock:
@@ -98,4 +106,6 @@ class DeviceClock:
             self._bounds.clear()
             self._bounds.append(last)
             low, high = last[1], last[2]
-        return Instant(t_s=device + 0.5 * (low + high), sigma_s=(high - low) / _SQRT12, source=AngleSource.DEVICE_CLOCK)
+        return Instant(
+            t_s=device + 0.5 * (low + high), sigma_s=_at_least((high - low) / _SQRT12), source=AngleSource.DEVICE_CLOCK
+        )

@@ -36,6 +36,8 @@ class Capability(StrEnum):
     COMBINED_QUERY = "combined query"
     DEVICE_CLOCK = "device clock"
     HOMING = "homing"
+    SPEED = "speed of moves"
+    """A move to a position may name its speed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +77,10 @@ class Reading:
     tilt: AngleSample
     sent_s: float
     answered_s: float
+
+    def axis(self, axis: Axis) -> AngleSample:
+        """Return one axis' angle."""
+        return self.pan if axis is Axis.PAN else self.tilt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

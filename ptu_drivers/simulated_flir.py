@@ -107,6 +107,8 @@ class FlirInterpreter:
     def power_up(self, t_s: float) -> None:
         """Take the factory's settings: echo on, verbose, independent control, limits on."""
         self.echo, self.verbose, self.velocity, self.limits = True, True, False, True
+        self.slaved = False
+        self.waiting: dict[str, int] = {}
         self.powered_s = t_s
         self.wanted_rate = {"P": float(self.model.rate), "T": float(self.model.rate)}
         for axis in self.axes.values():
@@ -163,13 +165,13 @@ class FlirInterpreter:
     def _axis_query(self, axis: SimulatedAxis, word: str, what: str, t_s: float) -> Said:
         low, high = round(axis.low - axis.origin), round(axis.high - axis.origin)
         m = self.model
-        wanted = round(self.wanted_rate[word[0]])
+        wanted, arcsec = round(self.wanted_rate[word[0]]), f"{m.arcsec:.6f}".rstrip("0")
         texts: dict[str, tuple[str, object]] = {
             "P": (f"Current {word} position is {(n := axis.counter(t_s))}", n),
             "O": (f"Target {word} position is {round(axis.target)}", round(axis.target)),
             "S": (f"Target {word} speed is {wanted} positions/sec", wanted),
             "D": (f"Current {word} speed is {(v := round(axis.speed(t_s)))} positions/sec", v),
-            "R": (f"{m.arcsec:.6g} seconds arc per position", f"{m.arcsec:.6g}"),
+            "R": (f"{arcsec} seconds arc per position", arcsec),
             "N": (f"Minimum {word} position is {low}", low),
             "X": (f"Maximum {word} position is {high}", high),
             "U": (f"Maximum {word} speed is {m.max_rate} positions/sec", m.max_rate),
@@ -185,8 +187,17 @@ class FlirInterpreter:
             return Said(text=f"! Maximum allowable {word} position is {high}")
         if self.limits and value < low:
             return Said(text=f"! Minimum allowable {word} position is {low}")
-        axis.move_to(t_s, value, self.wanted_rate[word[0]])
+        if self.slaved:
+            self.waiting[word[0]] = value
+        else:
+            axis.move_to(t_s, value, self.wanted_rate[word[0]])
         return Said(text="*")
+
+    def _release(self, t_s: float) -> None:
+        """Start the moves that slaved mode has held back, together."""
+        for letter, value in self.waiting.items():
+            self.axes[letter].move_to(t_s, value, self.wanted_rate[letter])
+        self.waiting.clear()
 
     def _rate(self, axis: SimulatedAxis, word: str, value: int, t_s: float) -> Said:
         m = self.model
@@ -218,6 +229,7 @@ class FlirInterpreter:
                 self.axes[letter].halt(t_s)
             return Said(text="*")
         if name == "A":
+            self._release(t_s)
             end = self._end_s(t_s)
             return Said(text="*", not_before_s=end, deaf_until_s=end)
         if name == "R":
@@ -234,6 +246,8 @@ class FlirInterpreter:
             self.wanted_rate = dict.fromkeys(self.axes, 0.0 if self.velocity else float(m.rate))
             return Said(text="*")
         if name in ("I", "S"):
+            self.slaved = name == "S"
+            self._release(t_s)
             return Said(text="*")
         return self._unit_query(name, t_s)
 

@@ -52,6 +52,7 @@ class VirtualLine:
     baud : speed of our end, bit/s; 0 for a network line.
     start_s : the clock's first value, s.
     batch_s : bytes are handed over in batches that begin so far apart, s (a USB adapter's frame); 0 at once.
+    send_delay_s : bytes reach the line up to so long after they were written, s (a USB adapter's frame).
     seed : of the random bytes.
     """
 
@@ -62,6 +63,7 @@ class VirtualLine:
         *,
         start_s: float = 1000.0,
         batch_s: float = 0.0,
+        send_delay_s: float = 0.0,
         seed: int = 0,
         url: str = "virtual",
     ) -> None:
@@ -78,6 +80,7 @@ class VirtualLine:
         self._baud = baud
         self._t_s = start_s
         self._batch_s = batch_s
+        self._send_delay_s = send_delay_s
         self._random = random.Random(seed)
         self._to_unit: deque[tuple[float, int, int]] = deque()
         self._sent_until_s = start_s
@@ -125,7 +128,8 @@ class VirtualLine:
         self._check()
         if self.record:
             self.traffic.append((self._t_s, ">", data))
-        t_s = max(self._t_s, self._sent_until_s)
+        t_s = self._t_s + (self._random.uniform(0.0, self._send_delay_s) if self._send_delay_s else 0.0)
+        t_s = max(t_s, self._sent_until_s)
         for byte in data:
             t_s += self.character_s()
             if self.faults.to_unit_lose:
@@ -170,14 +174,17 @@ class VirtualLine:
         """Return what has come until now, whoever listens: for a server that hands it on."""
         data = bytes(self._inbox)
         self._inbox.clear()
+        if self.record and data:
+            self.traffic.append((self._t_s, "<", data))
         return data
 
     def put(self, data: bytes, baud: int) -> None:
         """Send at a speed that may have changed: for a server."""
         if self._baud and baud:
             self._baud = baud
-        self._open = True
-        self.write(data)
+        if not self.gone:
+            self._open = True
+            self.write(data)
 
     def next_s(self) -> float:
         """Return when the next thing happens, s."""

@@ -1,5 +1,6 @@
 """A simulated unit on its serial line: bytes with times in, bytes with times out; no clock, no thread, no I/O."""
 
+import bisect
 import heapq
 import random
 from dataclasses import dataclass, field
@@ -22,6 +23,7 @@ class LineModel:
     latency_s : least and most time from a command's delimiter to the first bit of the reply, s.
     commands_per_s : commands that come faster than that are lost (D-series: 10); 0 is no limit.
     banner : sent when the line is opened (TCP), after `banner_s`.
+    echo_interrupts : the echo of a byte does not wait for the end of an answer that is being sent.
     leading_lf : a line feed stands before each reply, as seen with echo off over TCP.
     """
 
@@ -31,6 +33,7 @@ class LineModel:
     banner: str = ""
     banner_s: float = 0.5
     leading_lf: bool = False
+    echo_interrupts: bool = False
 
 
 @dataclass(slots=True)
@@ -114,7 +117,9 @@ class SimulatedUnit:
             return
         if baud != self.baud and self.baud:
             byte = self._random.choice((0x00, 0xE0, 0xF8, 0x78, 0x80))
-        if self.flir.echo:
+        if self.flir.echo and self.line.echo_interrupts:
+            bisect.insort(self._ready, (t_s + self.character_s(), byte, self.baud))
+        elif self.flir.echo:
             self.say(t_s, bytes((byte,)))
         if byte not in _DELIMITERS:
             if len(self._typed) < _LONGEST:

@@ -2,6 +2,8 @@
 
 import contextlib
 import math
+import os
+import select
 import threading
 import time
 from collections.abc import Callable
@@ -12,6 +14,7 @@ from ptu_drivers.errors import LineError, MissingExtraError, PtuError
 
 _SLICE_S = 0.02
 _WRITE_S = 1.0
+_MOST = 4096
 # a USB adapter takes bytes once a millisecond
 _SEND_SIGMA_S = 0.0005
 _REOPEN_S = 0.1
@@ -88,7 +91,8 @@ class SerialTransport:
         self._opening: threading.Thread | None = None
         self._opened_port: Any = None
         self._fault: BaseException | None = None
-        self._port = self._open()
+        self._fileno = -1
+        self._take(self._open())
 
     def now(self) -> float:
         """Return the clock, s."""
@@ -129,15 +133,26 @@ class SerialTransport:
         """Wait for the first byte, then take all that is there."""
         with _line_errors(self.url):
             port = self._opened()
-            if self._clock() >= until_s and not port.in_waiting:
-                return Chunk(data=b"", t_s=self._clock())
-            while True:
-                data = port.read(1)
-                if data and (waiting := port.in_waiting):
-                    data += port.read(waiting)
-                t_s = self._clock()
-                if data or t_s >= until_s:
-                    return Chunk(data=data, t_s=t_s)
+            data = self._read_port(port, until_s) if self._fileno < 0 else self._read_file(until_s)
+            return Chunk(data=data, t_s=self._clock())
+
+    def _read_file(self, until_s: float) -> bytes:
+        """Read from the system's own file: half the work, and no waiting in slices."""
+        ready, _, _ = select.select([self._fileno], [], [], max(0.0, until_s - self._clock()))
+        if not ready:
+            return b""
+        data = os.read(self._fileno, _MOST)
+        if not data:
+            raise OSError("the other side has closed it")
+        return data
+
+    def _read_port(self, port: Any, until_s: float) -> bytes:
+        """Read through pyserial, where there is no file: RFC 2217."""
+        while self._clock() < until_s or port.in_waiting:
+            data: bytes = port.read(1)
+            if data:
+                return data + (port.read(waiting) if (waiting := port.in_waiting) else b"")
+        return b""
 
     def reopen(self) -> None:
         """Open, after closing what was open.
@@ -155,7 +170,14 @@ class SerialTransport:
         self._opening = None
         if self._fault is not None:
             raise LineError(self.url, got=str(self._fault), wanted="a line that is there") from self._fault
-        self._port = self._opened_port
+        self._take(self._opened_port)
+
+    def _take(self, port: Any) -> None:
+        self._port = port
+        try:
+            self._fileno = port.fileno()
+        except (OSError, AttributeError):
+            self._fileno = -1
 
     def _open_aside(self) -> None:
         try:

@@ -19,6 +19,8 @@ from groundstation.messages import Kinematics
 from groundstation.triangulation import View, triangulate
 
 # 0.999 quantile of chi-square with 3 degrees of freedom: the gate that links a fix to a track
+# a target's depth is its distance but for the angle off the optical axis
+_SIZE_SLACK = 1.2
 _LINK_GATE = 16.27
 _MAX_TRACKS = 40
 
@@ -139,6 +141,8 @@ class TrackInitiator:
         pairs = []
         for i, j in np.argwhere(ahead):
             far = float(distance[i, j])
+            if not self._sizes_possible(first[i], second[j], far):
+                continue
             noise = self._ray_sigma(first[i], far) + self._ray_sigma(second[j], far)
             if gap[i, j] <= (self._config.residual_gate_sigma + 1.0) * noise * far:
                 pairs.append((first[i], second[j], far))
@@ -198,6 +202,17 @@ class TrackInitiator:
             labelled=first.labelled and second.labelled,
         )
 
+    def _sizes_possible(self, first: Sighting, second: Sighting, distance_m: float) -> bool:
+        """Return whether `_sizes_fit` may say yes at about this distance: nobody triangulates clouds with trees."""
+        if first.width_px is None or second.width_px is None:
+            return True
+        widths = [
+            s.width_px * distance_m / float(self._stations[s.station].lens.focal_px[0])
+            for s in (first, second)
+            if s.width_px is not None
+        ]
+        return self._width_believable(widths, first.moving or second.moving, _SIZE_SLACK)
+
     def _sizes_fit(self, first: Sighting, second: Sighting, point: FloatArray) -> bool:
         """Return whether both silhouettes have the same, believable width in metres."""
         widths = []
@@ -208,14 +223,17 @@ class TrackInitiator:
             if projection is None:
                 return False
             widths.append(s.width_px * projection.depth_m / float(self._stations[s.station].lens.focal_px[0]))
-        partial = first.moving or second.moving
-        if not partial and max(widths) > self._config.size_agreement * min(widths):
+        return self._width_believable(widths, first.moving or second.moving, 1.0)
+
+    def _width_believable(self, widths_m: list[float], partial: bool, slack: float) -> bool:
+        """Return whether two widths in m agree and are an aircraft's, each to a factor of ``slack``."""
+        if not partial and max(widths_m) > slack * self._config.size_agreement * min(widths_m):
             return False
         if self._span_m is not None:
             low, high = self._span_m / self._config.size_tolerance, self._span_m * self._config.size_tolerance
         else:
             low, high = self._config.min_size_m, self._config.max_size_m
-        return (partial or low <= min(widths)) and max(widths) <= high
+        return (partial or low <= slack * min(widths_m)) and max(widths_m) <= slack * high
 
     # ------------------------------------------------------------------------------------------ time
     def _predict(self, track: _Tentative, t_s: float) -> None:

@@ -13,6 +13,7 @@ from groundstation.config import Config, load_config
 from groundstation.errors import InputError
 from groundstation.live.board import LiveStatus
 from groundstation.live.camera_worker import said
+from groundstation.live.core import in_operation
 from groundstation.live.devices import DeviceError, camera_of, check_against_rig
 from groundstation.live.head_process import Heads
 from groundstation.live.operation import EventSink, Operation, OperationResult, StatusSink
@@ -69,7 +70,7 @@ def live(
     file = _file(request, out)
     rig = load_rig(file.rig)
     check_against_rig(file, rig)
-    config = load_config(file.config)
+    config = in_operation(load_config(file.config), file.rate_hz)
     keeper = EstimateKeeper()
     with ExitStack() as opened:
         say("compiling, once")

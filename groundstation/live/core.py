@@ -7,9 +7,10 @@ run again, and a thousand bad days can be run in a test.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from groundstation.arrays import FloatArray
+from groundstation.config import Config
 from groundstation.live.inbox import Item, Said, Shot
 from groundstation.live.pairing import Pairing
 from groundstation.messages import (
@@ -31,6 +32,13 @@ from groundstation.search_pattern import SearchPattern
 COMMAND_EVERY_S = 0.03
 # how far ahead a target is extrapolated for a head
 _FURTHEST_AHEAD_S = 1.0
+
+
+def in_operation(config: Config, rate_hz: float) -> Config:
+    """Return the tuning with what is known of cameras that run at a rate: no frame comes half a period early."""
+    if config.synchronise.camera_gap_s > 0.0:
+        return config
+    return replace(config, synchronise=replace(config.synchronise, camera_gap_s=0.5 / rate_hz))
 
 
 @dataclass(slots=True)

@@ -44,7 +44,7 @@ class Inbox:
     others : how many of anything else.
     """
 
-    def __init__(self, frames: int = 3, others: int = 20_000) -> None:
+    def __init__(self, frames: int = 4, others: int = 20_000) -> None:
         if frames < 1 or others < 1:
             raise ValueError("an inbox holds at least one frame of each camera, and one of anything else")
         self._frames, self._others = frames, others
@@ -91,6 +91,12 @@ class Inbox:
         """What was dropped so far, by kind."""
         with self._changed:
             return dict(self._dropped)
+
+    @property
+    def frames_waiting(self) -> int:
+        """How many frames wait, of all cameras."""
+        with self._changed:
+            return sum(self._waiting.values())
 
     def __len__(self) -> int:
         return len(self._items)

@@ -17,7 +17,7 @@ from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.core import LiveCore, Taken
 from groundstation.live.head_process import Heads, HeadState
 from groundstation.live.inbox import Inbox, Item, Said, Shot
-from groundstation.live.pairing import Pairing
+from groundstation.live.pairing import Pairing, Shedding
 from groundstation.live.station_file import StationFile
 from groundstation.messages import Event, Frame, TrackStatus
 from groundstation.pipeline import Pipeline
@@ -146,7 +146,7 @@ class Operation:
             tracked=self._tracked,
             latency_p50_ms=self._board.latency_ms(50),
             latency_p99_ms=self._board.latency_ms(99),
-            dropped=self.inbox.dropped,
+            dropped=self._dropped(),
             counts=core.pipeline.counts,
             busy_s=self._busy_s,
         )
@@ -154,6 +154,8 @@ class Operation:
     # ------------------------------------------------------------------------------------- one turn
     def _turn(self, core: LiveCore, heads: Heads, cameras: Sequence[CameraWorker], item: Item | None) -> None:
         began_s = self.now_s
+        if isinstance(item, Shot) and self._shedding.leaves_out(item.station, item.t_s, self.inbox.frames_waiting):
+            item = None
         taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
         if isinstance(item, Shot):
             for event in taken.consumed:
@@ -187,10 +189,14 @@ class Operation:
         states = [self._camera_state(c, now_s) for c in cameras] + [
             self._head_state(n, h, now_s) for n, h in heads.states.items()
         ]
-        dropped = {what: n for what, n in self.inbox.dropped.items() if n}
+        dropped = self._dropped()
         status = self._board.status(now_s, core.status, tuple(states), dropped, self._recorder_words())
         for operator in self._operators:
             operator.tell(status)
+
+    def _dropped(self) -> dict[str, int]:
+        dropped = {what: n for what, n in self.inbox.dropped.items() if n}
+        return dropped | ({"pairs, being behind": self._shedding.pairs} if self._shedding.pairs else {})
 
     def _camera_state(self, worker: CameraWorker, now_s: float) -> DeviceState:
         counts = worker.camera.counts
@@ -217,5 +223,7 @@ class Operation:
             keep_images=self._keep_images,
         )
         pilots = {n: HeadPilot(geometries[n], h.limits, self._file.pointing) for n, h in heads.states.items()}
-        pairing = Pairing(self._rig.names, 1.0 / self._file.rate_hz)
+        period_s = 1.0 / self._file.rate_hz
+        pairing = Pairing(self._rig.names, period_s)
+        self._shedding = Shedding(pairing, period_s, most=len(self._rig.names) + 1)
         return LiveCore(pipeline, pairing, pilots, SearchPattern(geometries, self._file.search))

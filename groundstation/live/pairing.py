@@ -49,11 +49,16 @@ class Pairing:
         self._newest: dict[str, float] = {}
         self._began_s = math.inf
 
+    def joins(self, station: str, t_s: float) -> bool:
+        """Return whether a frame would join the pair that is open."""
+        pair = self._open
+        return pair is not None and station not in pair.stamps and abs(t_s - pair.first_s) <= 0.5 * self._period_s
+
     def frame(self, station: str, t_s: float) -> Paired:
         """Place a frame of ``station``, exposed at ``t_s``."""
         before: list[Epoch] = []
         pair = self._open
-        if pair is None or station in pair.stamps or abs(t_s - pair.first_s) > 0.5 * self._period_s:
+        if pair is None or not self.joins(station, t_s):
             before += self._close()
             pair = self._open = _Open(number=self._next, first_s=t_s)
             self._next += 1
@@ -84,3 +89,32 @@ class Pairing:
         stations = tuple(name for name in self._cameras if name in pair.stamps)
         stamps = [pair.stamps[name] for name in stations]
         return [Epoch(t_s=sum(stamps) / len(stamps), epoch=pair.number, stations=stations)]
+
+
+class Shedding:
+    """Leaves whole pairs out while the pipeline is behind: one frame of a pair is worth little without the other.
+
+    Parameters
+    ----------
+    pairing : that the frames will go to.
+    most : so many frames may wait when a new pair is begun.
+    """
+
+    def __init__(self, pairing: Pairing, period_s: float, most: int) -> None:
+        self.pairs = 0
+        self._pairing = pairing
+        self._period_s = period_s
+        self._most = most
+        self._left_out: dict[str, float] = {}
+
+    def leaves_out(self, station: str, t_s: float, waiting: int) -> bool:
+        """Return whether a frame is not to be taken, with so many waiting behind it."""
+        if self._pairing.joins(station, t_s):
+            return False
+        near = [t for name, t in self._left_out.items() if name != station]
+        mate = any(abs(t - t_s) <= 0.5 * self._period_s for t in near)
+        if not mate and waiting < self._most:
+            return False
+        self.pairs += not mate
+        self._left_out[station] = t_s
+        return True

@@ -17,7 +17,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.config import Config
 from groundstation.geometry.aim import aim_at
-from groundstation.live.core import LiveCore, Taken
+from groundstation.live.core import LiveCore, Taken, in_operation
 from groundstation.live.pairing import Pairing
 from groundstation.messages import PixelMeasurement, PtuSample, TrackEstimate, TrackStatus
 from groundstation.pipeline import Pipeline
@@ -316,7 +316,7 @@ class Rehearsal:
         )
         limits = HeadLimits(pan=axis, tilt=axis)
         return LiveCore(
-            Pipeline(self._rig, self._config),
+            Pipeline(self._rig, in_operation(self._config, h.frame_rate_hz)),
             Pairing(self._rig.names, 1.0 / h.frame_rate_hz),
             {n: HeadPilot(g, limits, PointingConfig(latency_s=h.head_latency_s)) for n, g in self._geometries.items()},
             SearchPattern(self._geometries, SearchConfig()),

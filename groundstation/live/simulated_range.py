@@ -292,7 +292,7 @@ def _deliver(
         angles = station.angles(t_s)
         picture = station.camera.picture(t_s, *angles)
         slots[number % _SLOTS] = picture.kept((0, 0, w, h)).pixels
-        truth = station.camera.truth(t_s, *angles)
+        truth = station.camera.truth(t_s, *angles, silhouette=False)
         u, v = (math.nan, math.nan) if truth.pixel_px is None else (float(x) for x in truth.pixel_px)
         told = PictureTold(t_s=t_s, pan_rad=angles[0], tilt_rad=angles[1], u_px=u, v_px=v, visible=bool(truth.visible))
         stop.wait(max(t_s + config.delivery_s - time.monotonic(), 0.0))

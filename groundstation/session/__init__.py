@@ -5,7 +5,8 @@ and detections are streamed by `groundstation.sources.replay`. `load_dgps` and `
 since a broken reference must not keep a recording from being tracked.
 """
 
-from groundstation.session.folder import GeoOrigin, Phase, Session, TargetModel, load_session
+from groundstation.session.folder import GeoOrigin, Phase, Recorded, Session, TargetModel
+from groundstation.session.load import load_session
 from groundstation.session.media import Medium, MediumKind
 from groundstation.session.references import Truth, load_dgps, load_truth
 
@@ -14,6 +15,7 @@ __all__ = [
     "Medium",
     "MediumKind",
     "Phase",
+    "Recorded",
     "Session",
     "TargetModel",
     "Truth",

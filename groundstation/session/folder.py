@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import GroundstationError, SessionError
+from groundstation.errors import GroundstationError, RecordingError, SessionError
 from groundstation.messages import InitialState
+from groundstation.recording.contents import RecordingHeader
 from groundstation.rig import ClockModel, Rig, Station, load_rig, parse_clock
 from groundstation.session.media import Medium, check_medium, find_media
 from groundstation.session.tables import CsvTable
+from groundstation.text_file import TextFolder
 from groundstation.toml_table import Table, load_toml, quoted
 
 # what [clocks] may name besides the stations
@@ -48,22 +50,39 @@ class GeoOrigin:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recorded:
+    """That a session is a recording: the file, how the run was set up, whether the file was closed.
+
+    ``path`` of the container; ``header`` what it says of the run; ``fault`` is what is wrong with its end, if anything.
+    ``epochs`` and ``span_s`` (first and last) are None where the file was not closed: one has to count.
+    """
+
+    path: Path
+    header: RecordingHeader
+    epochs: int | None
+    span_s: tuple[float, float] | None
+    fault: RecordingError | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Session:
-    """One session folder, checked.
+    """One session, a folder or a recording, checked.
 
     Attributes
     ----------
+    folder : where its tables lie: a folder, or the files that a recording carries.
     rig : the calibrated stations; clocks that the rig file leaves open are those of [clocks].
     frame : "runway" or "east-north-up".
     date, licence, notes : the file's own words, empty where it has none.
     initial, origin : None where the file does not give them.
     clocks : the [clocks] table, by station or table name.
-    media : each station's pictures; empty for a session of detections.csv only.
+    media : each station's pictures; empty for a session of detections only.
     left_out : stations of the folder's own rig that the rig in use does not have; their rows are passed over.
+    recorded : of a recording, how it was made; None for a folder.
     """
 
     name: str
-    folder: Path
+    folder: TextFolder
     rig: Rig
     frame: str
     date: str
@@ -76,6 +95,7 @@ class Session:
     clocks: dict[str, ClockModel]
     media: dict[str, Medium]
     left_out: frozenset[str]
+    recorded: Recorded | None = None
 
     @property
     def detections_only(self) -> bool:
@@ -97,25 +117,39 @@ class Session:
         return station.ptu_clock
 
 
-def load_session(folder: Path, rig_path: Path | None = None) -> Session:
+def load_folder(folder: Path, rig_path: Path | None = None) -> Session:
     """Read a session folder and check what can be checked without reading its recordings.
 
     Raises `SessionError` or `RigError`, one line that says where, what was got and what was wanted.
     """
     if not folder.is_dir():
         raise SessionError(str(folder), got="no such folder", wanted="a session folder with session.toml")
+    rig = load_rig(rig_path if rig_path is not None else folder / "rig.toml")
+    left_out = _left_out(folder, rig) if rig_path is not None else frozenset()
+    session = read_session(folder, folder.resolve().name, rig, left_out, find_media(folder, rig))
+    if session.media:
+        frames_table(session)
+    else:
+        detections_table(session)
+    ptu_table(session)
+    for name, medium in session.media.items():
+        check_medium(medium, rig[name].lens.image_size_px)
+    return session
+
+
+def read_session(
+    folder: TextFolder, name: str, rig: Rig, left_out: frozenset[str], media: dict[str, Medium]
+) -> Session:
+    """Read session.toml of a folder or a recording; ``name`` where it gives none. Raises `SessionError`."""
     path = folder / "session.toml"
     top = Table(load_toml(path, SessionError), str(path), SessionError)
     _refuse_misspelt(top)
-    rig = load_rig(rig_path if rig_path is not None else folder / "rig.toml")
-    left_out = _left_out(folder, rig) if rig_path is not None else frozenset()
-    media = find_media(folder, rig)
     clocks = _clocks(top.table("clocks"), {*rig.names, *left_out})
     frame = top.text("frame", "runway")
     if frame not in ("runway", "east-north-up"):
         raise top.fail("frame", quoted(frame), "'runway' or 'east-north-up'")
-    session = Session(
-        name=top.text("name", folder.resolve().name),
+    return Session(
+        name=top.text("name", name),
         folder=folder,
         rig=_with_clocks(rig, clocks, "frames" if media else "detections"),
         frame=frame,
@@ -130,14 +164,6 @@ def load_session(folder: Path, rig_path: Path | None = None) -> Session:
         media=media,
         left_out=left_out,
     )
-    if media:
-        frames_table(session)
-    else:
-        detections_table(session)
-    ptu_table(session)
-    for name, medium in media.items():
-        check_medium(medium, rig[name].lens.image_size_px)
-    return session
 
 
 def frames_table(session: Session) -> CsvTable:

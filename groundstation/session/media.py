@@ -24,11 +24,12 @@ class MediumKind(StrEnum):
 
     VIDEO = "video"
     IMAGES = "images"
+    RECORDING = "recording"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Medium:
-    """One station's pictures: a video file, or a folder of 000000.png …"""
+    """One station's pictures: a video file, a folder of 000000.png …, or a recording that holds them."""
 
     kind: MediumKind
     path: Path

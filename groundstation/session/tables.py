@@ -4,10 +4,10 @@ import csv
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TextIO
 
 from groundstation.errors import SessionError
+from groundstation.text_file import TextFile
 from groundstation.toml_table import quoted, shown
 
 MAX_COLUMNS = 400
@@ -35,7 +35,7 @@ class CsvTable:
     Raises `SessionError` on opening if the file or a column is missing.
     """
 
-    def __init__(self, path: Path, required: Sequence[str]) -> None:
+    def __init__(self, path: TextFile, required: Sequence[str]) -> None:
         self.path = path
         if not path.is_file():
             raise SessionError(str(path), got="no such file", wanted="a table with " + ", ".join(required))
@@ -120,7 +120,7 @@ class CsvTable:
             raise SessionError(str(self.path), got=str(error.strerror), wanted="a file that can be read") from error
 
 
-def _bounded(stream: TextIO, path: Path) -> Iterator[str]:
+def _bounded(stream: TextIO, path: TextFile) -> Iterator[str]:
     """Pass lines on, and refuse one that is too long to be a row before it is all in memory."""
     number = 0
     while line := stream.readline(MAX_LINE_CHARACTERS + 1):

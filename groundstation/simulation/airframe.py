@@ -3,6 +3,7 @@
 Body frame: x forward, y right, z down, in m; its origin is the target point, the centre of the nose.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -145,7 +146,7 @@ def _loft(rings: list[FloatArray]) -> FloatArray:
     """Return the triangles (n, 3, 3) of a closed body through rings of equally many points."""
     triangles = []
     count = len(rings[0])
-    for near, far in zip(rings, rings[1:], strict=False):
+    for near, far in itertools.pairwise(rings):
         for k in range(count):
             after = (k + 1) % count
             triangles += [(near[k], far[k], far[after]), (near[k], far[after], near[after])]

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from groundstation.arrays import FloatArray
+from groundstation.arrays import Float32Array, FloatArray
 from groundstation.geometry.kernels import MIN_DEPTH_M, project
 
 
@@ -21,7 +21,7 @@ def project_corners(s: FloatArray, points: FloatArray, pan: float, tilt: float, 
 
 
 @njit(cache=True, nogil=True)
-def _fill(t: FloatArray, x0: int, y0: int, scale: int, number: int, near: FloatArray, owner: np.ndarray) -> None:
+def _fill(t: FloatArray, x0: int, y0: int, scale: int, number: int, near: Float32Array, owner: np.ndarray) -> None:
     """Draw one triangle (3, 3) of u, v, 1/depth; sample (i, j) is at x0 − ½ + (j + ½)/scale and likewise down."""
     ax, ay = (t[0, 0] - x0 + 0.5) * scale - 0.5, (t[0, 1] - y0 + 0.5) * scale - 0.5
     bx, by = (t[1, 0] - x0 + 0.5) * scale - 0.5, (t[1, 1] - y0 + 0.5) * scale - 0.5
@@ -61,7 +61,14 @@ def _fill(t: FloatArray, x0: int, y0: int, scale: int, number: int, near: FloatA
 
 @njit(cache=True, nogil=True)
 def draw(
-    corners: FloatArray, colours: FloatArray, x0: int, y0: int, scale: int, near: FloatArray, owner: np.ndarray, out: FloatArray
+    corners: FloatArray,
+    colours: FloatArray,
+    x0: int,
+    y0: int,
+    scale: int,
+    near: Float32Array,
+    owner: np.ndarray,
+    out: Float32Array,
 ) -> None:
     """Draw triangles (n, 3, 3) of u, v, 1/depth; fill the window (h, w, 4): B, G, R times cover, and cover 0 to 1.
 

@@ -7,7 +7,7 @@ and columns (0, 1, 2 for B, G, R).
 import numpy as np
 from numba import njit
 
-from groundstation.arrays import FloatArray, ImageArray, MaskArray
+from groundstation.arrays import Float32Array, FloatArray, ImageArray, MaskArray
 
 TILE = 16
 _FRACTION = 16
@@ -38,7 +38,7 @@ def _near(azimuth: float, to: float) -> float:
 def _row(
     flat: np.ndarray, width: int, x: int, y: int, step_x: int, step_y: int, even: int, odd: int, out: np.ndarray
 ) -> None:
-    """Fill a row of one tile (n,) by bilinear interpolation from (x, y) on, all of which is inside; 16 bits of fraction.
+    """Fill a row of one tile (n,) by bilinear interpolation from (x, y) on, all inside, with 16 bits of fraction.
 
     ``flat`` is a panorama of this width as one row of numbers.
     """
@@ -57,7 +57,14 @@ def _row(
 
 @njit(cache=True, nogil=True)
 def _tile(
-    corner: FloatArray, shift: FloatArray, looks: int, panorama: ImageArray, channels: np.ndarray, light: np.ndarray, y0: int, x0: int
+    corner: FloatArray,
+    shift: FloatArray,
+    looks: int,
+    panorama: ImageArray,
+    channels: np.ndarray,
+    light: np.ndarray,
+    y0: int,
+    x0: int,
 ) -> None:
     """Fill one tile from panorama pixels at its four corners (4, 2), averaged over looks along a shift (2,) px."""
     rows, columns = min(TILE, light.shape[0] - y0), min(TILE, light.shape[1] - x0)
@@ -66,8 +73,14 @@ def _tile(
     room = np.empty(TILE, np.uint16)
     for i in range(rows):
         b = i / TILE
-        left_x, left_y = corner[0, 0] + b * (corner[2, 0] - corner[0, 0]), corner[0, 1] + b * (corner[2, 1] - corner[0, 1])
-        right_x, right_y = corner[1, 0] + b * (corner[3, 0] - corner[1, 0]), corner[1, 1] + b * (corner[3, 1] - corner[1, 1])
+        left_x, left_y = (
+            corner[0, 0] + b * (corner[2, 0] - corner[0, 0]),
+            corner[0, 1] + b * (corner[2, 1] - corner[0, 1]),
+        )
+        right_x, right_y = (
+            corner[1, 0] + b * (corner[3, 0] - corner[1, 0]),
+            corner[1, 1] + b * (corner[3, 1] - corner[1, 1]),
+        )
         step_x, step_y = int((right_x - left_x) / TILE * _ONE), int((right_y - left_y) / TILE * _ONE)
         even, odd = channels[(y0 + i) & 1, x0 & 1], channels[(y0 + i) & 1, (x0 + 1) & 1]
         line = light[y0 + i, x0 : x0 + columns]
@@ -85,7 +98,7 @@ def _tile(
 
 @njit(cache=True, nogil=True)
 def flat_blocks(panorama: ImageArray, most: float, out: MaskArray) -> None:
-    """Tell which blocks of 16 × 16 panorama pixels (h // 16, w // 16) are bilinear in their corners, but for so much."""
+    """Tell which blocks of 16 × 16 panorama pixels are bilinear in their corners, but for so many grey levels."""
     height, width = panorama.shape[0], panorama.shape[1]
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
@@ -121,7 +134,9 @@ def _is_flat(corner: FloatArray, flat: MaskArray) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _flat_tile(corner: FloatArray, panorama: ImageArray, channels: np.ndarray, light: np.ndarray, y0: int, x0: int) -> None:
+def _flat_tile(
+    corner: FloatArray, panorama: ImageArray, channels: np.ndarray, light: np.ndarray, y0: int, x0: int
+) -> None:
     """Fill one tile by the light at its four corners, between which it changes evenly."""
     rows, columns = min(TILE, light.shape[0] - y0), min(TILE, light.shape[1] - x0)
     at = np.empty((4, 3), np.float32)
@@ -145,7 +160,7 @@ def _flat_tile(corner: FloatArray, panorama: ImageArray, channels: np.ndarray, l
 
 @njit(cache=True, nogil=True)
 def _kept_inside(corner: FloatArray, shift: FloatArray, width: int, height: int) -> bool:
-    """Push corners (4, 2) into a panorama, a pixel and half the shift from its border; return whether they were there."""
+    """Push corners (4, 2) a pixel and half the shift inside a panorama; return whether they were there."""
     inside = True
     for axis, size in ((0, width), (1, height)):
         margin = 1.0 + 0.5 * abs(shift[axis])
@@ -199,7 +214,7 @@ def surroundings(
 
 
 @njit(cache=True, nogil=True)
-def cover(overlay: FloatArray, x0: int, y0: int, channels: np.ndarray, light: np.ndarray) -> None:
+def cover(overlay: Float32Array, x0: int, y0: int, channels: np.ndarray, light: np.ndarray) -> None:
     """Lay a window (h, w, 4) of B, G, R times cover, and cover, with its corner at (x0, y0), over the light."""
     for i in range(max(-y0, 0), min(overlay.shape[0], light.shape[0] - y0)):
         for j in range(max(-x0, 0), min(overlay.shape[1], light.shape[1] - x0)):

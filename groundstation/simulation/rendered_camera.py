@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from groundstation.arrays import FloatArray, ImageArray, MaskArray
-from groundstation.geometry import kernels
+from groundstation.arrays import Float32Array, FloatArray, ImageArray, MaskArray
 from groundstation.geometry.rotation import rotation_x, rotation_z
 from groundstation.picture import RawPicture
 from groundstation.rig import Station
@@ -20,7 +18,8 @@ from groundstation.simulation import raster_kernels, render_kernels
 from groundstation.simulation.attitude import AircraftPose
 from groundstation.simulation.checks import require
 from groundstation.simulation.optics import Optics
-from groundstation.simulation.scenery import surroundings_of
+from groundstation.simulation.picture_parts import cut_to_picture, node_rays, smear
+from groundstation.simulation.scenery import Surroundings, surroundings_of
 from groundstation.simulation.world import World
 
 MAX_SIZE_PX = 8192
@@ -60,7 +59,8 @@ class PictureTruth:
     ----------
     pixel_px : (2,) where the nose is; None where it is not in front of the camera.
     visible : whether that is in the picture.
-    silhouette : (h, w) which pixels the aircraft covers by half or more, before any blur; (0, 0) where none.
+    silhouette : (h, w) which pixels the aircraft covers by half or more, before any blur; (0, 0) where none, or not
+        asked for.
     corner_px : x, y of its upper-left pixel.
     """
 
@@ -74,7 +74,7 @@ class PictureTruth:
 class _Drawn:
     """The aircraft in a window: ``cover`` (h, w, 4), its corner, and how far its nose moves while exposed, (2,) px."""
 
-    cover: NDArray[np.float32]
+    cover: Float32Array
     corner: tuple[int, int]
 
 
@@ -88,14 +88,24 @@ class RenderedCamera:
     optics : exposure and sensor.
     seed : of the noise.
     number : tells cameras of one seed apart.
+    around : what `surroundings_of` has drawn for this eye before; None draws it, which takes some seconds.
     """
 
     def __init__(
-        self, world: World, station: Station, optics: Optics | None = None, *, seed: int = 0, number: int = 0
+        self,
+        world: World,
+        station: Station,
+        optics: Optics | None = None,
+        *,
+        seed: int = 0,
+        number: int = 0,
+        around: Surroundings | None = None,
     ) -> None:
         w, h = station.lens.image_size_px
         fits = max(w, h) <= MAX_SIZE_PX
-        require(fits, f"RenderedCamera: station {station.name}", got=f"{w} × {h} px", wanted=f"at most {MAX_SIZE_PX} px")
+        require(
+            fits, f"RenderedCamera: station {station.name}", got=f"{w} × {h} px", wanted=f"at most {MAX_SIZE_PX} px"
+        )
         self.world = world
         self.station = station
         self.optics = Optics() if optics is None else optics
@@ -103,9 +113,10 @@ class RenderedCamera:
         self._seed = (seed, _NOISE_STREAM, number)
         self._eye = self._geometry.camera_pose(0.0, 0.0).position_runway_m
         focal = float(station.lens.focal_px.max())
-        self._around = surroundings_of(world.scenery, self._eye, focal, grey=self.optics.pattern is None)
+        grey = self.optics.pattern is None
+        self._around = surroundings_of(world.scenery, self._eye, focal, grey) if around is None else around
         self._focal = focal
-        self._rays = _node_rays(self._geometry.packed, (w, h))
+        self._rays = node_rays(self._geometry.packed, (w, h))
         self._nodes = np.empty((*self._rays.shape[:2], 2))
         self._channels = self.optics.channels
         generator = np.random.default_rng(self._seed)
@@ -138,9 +149,16 @@ class RenderedCamera:
         return RawPicture(self._exposed(t_s), self.optics.pattern)
 
     def truth(
-        self, t_s: float, pan_rad: float, tilt_rad: float, pan_rate_rad_s: float = 0.0, tilt_rate_rad_s: float = 0.0
+        self,
+        t_s: float,
+        pan_rad: float,
+        tilt_rad: float,
+        pan_rate_rad_s: float = 0.0,
+        tilt_rate_rad_s: float = 0.0,
+        *,
+        silhouette: bool = True,
     ) -> PictureTruth:
-        """Return what the picture of the same arguments truly shows."""
+        """Return what the picture of the same arguments truly shows; quick where no silhouette is wanted."""
         head = HeadState(
             pan_rad=pan_rad, tilt_rad=tilt_rad, pan_rate_rad_s=pan_rate_rad_s, tilt_rate_rad_s=tilt_rate_rad_s
         )
@@ -149,15 +167,19 @@ class RenderedCamera:
         if seen is None:
             return PictureTruth(pixel_px=None, visible=False, silhouette=nothing, corner_px=(0, 0))
         moment, turned = seen
-        pose = self.world.aircraft_at(moment)
         pixel = self._pixel(moment, turned)
-        skin = self.world.skin(pose)
-        drawn = self._drawn(skin, np.zeros((len(skin), 3)), turned, np.zeros(2), self._facing(pose, skin))
-        silhouette, corner = nothing, (0, 0)
-        if drawn is not None:
-            silhouette, corner = _inside(drawn.cover[:, :, 3] >= 0.5, drawn.corner, self._geometry.image_size_px)
         visible = pixel is not None and self._geometry.contains(pixel)
-        return PictureTruth(pixel_px=pixel, visible=visible, silhouette=silhouette, corner_px=corner)
+        mask, corner = self._silhouette(moment, turned) if silhouette else (nothing, (0, 0))
+        return PictureTruth(pixel_px=pixel, visible=visible, silhouette=mask, corner_px=corner)
+
+    def _silhouette(self, t_s: float, head: HeadState) -> tuple[MaskArray, tuple[int, int]]:
+        """Return the aircraft's mask (h, w) and its corner; (0, 0) where it is not in the picture."""
+        pose = self.world.aircraft_at(t_s)
+        skin = self.world.skin(pose)
+        drawn = self._drawn(skin, np.zeros((len(skin), 3)), head, np.zeros(2), self._facing(pose, skin))
+        if drawn is None:
+            return np.zeros((0, 0), dtype=bool), (0, 0)
+        return cut_to_picture(drawn.cover[:, :, 3] >= 0.5, drawn.corner, self._geometry.image_size_px)
 
     # -------------------------------------------------------------------------------- the surroundings
     def _look_around(self, head: HeadState) -> None:
@@ -274,7 +296,7 @@ class RenderedCamera:
         """Blur what was drawn and lay it over the light."""
         cover = drawn.cover
         if float(np.hypot(*motion)) > _LEAST_MOTION_PX:
-            cover = np.asarray(cv2.filter2D(cover, -1, _line(motion), borderType=cv2.BORDER_CONSTANT), np.float32)
+            cover = np.asarray(cv2.filter2D(cover, -1, smear(motion), borderType=cv2.BORDER_CONSTANT), np.float32)
         if self.optics.blur_px > 0.0:
             size = 2 * math.ceil(3.0 * self.optics.blur_px) + 1
             sigma = self.optics.blur_px
@@ -295,45 +317,3 @@ class RenderedCamera:
         raw = np.empty((h, w), np.uint8)
         render_kernels.expose(self._light, self.optics.brightness, *self.optics.noise, self._normals, starts, raw)
         return raw
-
-
-def _node_rays(packed: FloatArray, size_px: tuple[int, int]) -> FloatArray:
-    """Return the rays (rows, columns, 3), camera frame, of every 16th pixel, to beyond the last."""
-    columns, rows = (math.ceil(n / render_kernels.TILE) + 1 for n in size_px)
-    rays = np.ones((rows, columns, 3))
-    point = np.empty(2)
-    for i in range(rows):
-        for j in range(columns):
-            x = (render_kernels.TILE * j - packed[26]) / packed[24]
-            y = (render_kernels.TILE * i - packed[27]) / packed[25]
-            # where the lens has no inverse there is no picture either; the pinhole's ray will do
-            good = kernels.undistort(packed[28:34], x, y, point)
-            rays[i, j, :2] = point if good else (x, y)
-    return rays
-
-
-def _line(motion: FloatArray) -> NDArray[np.float32]:
-    """Return the kernel of a straight motion (2,) px: its length sampled finely, each sample shared by four pixels."""
-    reach = int(0.5 * np.abs(motion).max()) + 1
-    kernel = np.zeros((2 * reach + 1, 2 * reach + 1), np.float32)
-    count = 4 * reach + 5
-    for part in (np.arange(count) + 0.5) / count - 0.5:
-        x, y = reach + part * motion[0], reach + part * motion[1]
-        ix, iy = min(int(x), 2 * reach - 1), min(int(y), 2 * reach - 1)
-        fx, fy = x - ix, y - iy
-        kernel[iy, ix] += (1 - fx) * (1 - fy)
-        kernel[iy, ix + 1] += fx * (1 - fy)
-        kernel[iy + 1, ix] += (1 - fx) * fy
-        kernel[iy + 1, ix + 1] += fx * fy
-    return kernel / kernel.sum()
-
-
-def _inside(mask: MaskArray, corner: tuple[int, int], size_px: tuple[int, int]) -> tuple[MaskArray, tuple[int, int]]:
-    """Return a mask cut to the picture and to what is set, with its corner."""
-    x0, y0 = max(corner[0], 0), max(corner[1], 0)
-    cut = mask[y0 - corner[1] : size_px[1] - corner[1], x0 - corner[0] : size_px[0] - corner[0]]
-    rows, columns = np.flatnonzero(cut.any(axis=1)), np.flatnonzero(cut.any(axis=0))
-    if rows.size == 0:
-        return np.zeros((0, 0), dtype=bool), (0, 0)
-    part = cut[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    return part.copy(), (x0 + int(columns[0]), y0 + int(rows[0]))

@@ -21,7 +21,7 @@ FINE_LOW_RAD, FINE_HIGH_RAD = math.radians(-12.0), math.radians(5.0)
 # of the lens's own pixels to a radian; interpolation then blurs about as a lens does
 _FINE_SHARE = 0.8
 _MAX_FINE_PIXELS = 10_000_000
-_MAX_COARSE_DENSITY = 350.0
+_COARSER, _MAX_COARSE_DENSITY = 8.0, 350.0
 # of a pixel off the plane through its block's corners, rounding included; noise is some two levels
 _FLAT_LEVELS = 1.5
 _LAP_RAD = 0.7  # the coarse panorama goes on beyond a full turn, so that no tile is torn
@@ -49,7 +49,9 @@ class Scenery:
         )
         require_positive("Scenery: runway_half_width_m", self.runway_half_width_m)
         wanted = f"beyond runway_from_y_m = {self.runway_from_y_m:g}"
-        require(self.runway_to_y_m > self.runway_from_y_m, "Scenery: runway_to_y_m", got=self.runway_to_y_m, wanted=wanted)
+        require(
+            self.runway_to_y_m > self.runway_from_y_m, "Scenery: runway_to_y_m", got=self.runway_to_y_m, wanted=wanted
+        )
         require_share("Scenery: cloud_cover", self.cloud_cover)
         high = 0 < self.sun_elevation_rad <= 0.5 * math.pi
         require(high, "Scenery: sun_elevation_rad", got=self.sun_elevation_rad, wanted="above 0, at most π/2")
@@ -87,7 +89,7 @@ def surroundings_of(scenery: Scenery, eye_runway_m: FloatArray, focal_px: float,
     density = min(_FINE_SHARE * focal_px, math.sqrt(_MAX_FINE_PIXELS / area))
     fine = _panorama(scenery, eye_runway_m, grey, density, FINE_AZIMUTH_RAD, (FINE_LOW_RAD, FINE_HIGH_RAD))
     all_round = (-0.5 * math.pi, 0.5 * math.pi)
-    coarse_density = min(density, _MAX_COARSE_DENSITY)
+    coarse_density = min(density / _COARSER, _MAX_COARSE_DENSITY)
     coarse = _panorama(scenery, eye_runway_m, grey, coarse_density, math.pi + _LAP_RAD, all_round)
     return Surroundings(fine=fine, coarse=coarse)
 

@@ -90,18 +90,25 @@ def _sky(azimuth: float, elevation: float, cover: float, seed: int, colour: Floa
     far = 1.0 / max(np.sin(up), 0.035)
     x, y = far * np.sin(azimuth) * np.cos(up), far * np.cos(azimuth) * np.cos(up)
     thick = _layers(x, y, 3.0, 0.0, 6, seed + 11) + 0.5
-    near_horizon = _smooth(up / 0.12)
+    # below, where they would be drawn out into streaks, they fade
+    near_horizon = _smooth((up - 0.03) / 0.1)
     cloud = _smooth((thick - 0.95 + 0.75 * cover) / 0.45)
-    _mix(colour, 0.75 * cloud * (0.25 + 0.75 * near_horizon), 226.0, 224.0, 222.0)
+    _mix(colour, 0.75 * cloud * near_horizon, 226.0, 224.0, 222.0)
 
 
 @njit(cache=True, nogil=True)
-def _ground(x: float, y: float, covered_x: float, covered_y: float, runway: FloatArray, seed: int, c: FloatArray) -> None:
+def _ground(
+    x: float, y: float, covered_x: float, covered_y: float, runway: FloatArray, seed: int, c: FloatArray
+) -> None:
     """Set the colour of the ground at (x, y) m, of which a pixel covers so much along x and y."""
     covered = max(covered_x, covered_y)
     wide = _layers(x, y, 90.0, covered, 4, seed + 31)
     fine = _layers(x, y, 4.0, np.sqrt(covered_x * covered_y), 5, seed + 41)
-    c[0], c[1], c[2] = 62.0 + 16.0 * wide + 34.0 * fine, 98.0 + 26.0 * wide + 46.0 * fine, 84.0 + 40.0 * wide + 40.0 * fine
+    c[0], c[1], c[2] = (
+        62.0 + 16.0 * wide + 34.0 * fine,
+        98.0 + 26.0 * wide + 46.0 * fine,
+        84.0 + 40.0 * wide + 40.0 * fine,
+    )
     half, start, end, aim = runway[0], runway[1], runway[2], runway[3]
     along = _within(y, start, end, covered_y)
     paved = along * _within(x, -half, half, covered_x)
@@ -125,7 +132,14 @@ def _ground(x: float, y: float, covered_x: float, covered_y: float, runway: Floa
 
 @njit(cache=True, nogil=True)
 def radiance(
-    azimuth: float, elevation: float, pixel: float, eye: FloatArray, runway: FloatArray, cover: float, seed: int, c: FloatArray
+    azimuth: float,
+    elevation: float,
+    pixel: float,
+    eye: FloatArray,
+    runway: FloatArray,
+    cover: float,
+    seed: int,
+    c: FloatArray,
 ) -> None:
     """Set the colour (3,) that is seen from ``eye`` (3,) m under a direction, rad, by a pixel of so many rad.
 
@@ -135,12 +149,16 @@ def radiance(
     tree_top = -1.0
     # trees stand in clumps on a circle around the runway; seen from aside they stand elsewhere
     around = azimuth + (eye[0] * np.cos(azimuth) - eye[1] * np.sin(azimuth)) / TREES_M
-    clump = _smooth((noise(around * 9.0, 0.5, seed + 61) - 0.5) / 0.12)
+    clump = _smooth((noise(around * 16.0, 0.0, seed + 61) - 0.55) / 0.12)
     if clump > 0.0:
         crown = 0.55 + 0.9 * _layers(around * TREES_M, 0.0, 7.0, pixel * TREES_M, 6, seed + 62)
         tree_top = (12.0 * clump * crown - height) / TREES_M
     foot = -height / TREES_M
-    hill = 0.010 + 0.014 * _layers(azimuth, 0.0, 0.35, pixel, 7, seed + 71) + 0.006 * _layers(azimuth, 3.0, 0.05, pixel, 4, seed + 72)
+    hill = (
+        0.010
+        + 0.014 * _layers(azimuth, 0.0, 0.35, pixel, 7, seed + 71)
+        + 0.006 * _layers(azimuth, 3.0, 0.05, pixel, 4, seed + 72)
+    )
     if elevation > max(hill, tree_top) + pixel:
         _sky(azimuth, elevation, cover, seed, c)
         return
@@ -164,7 +182,14 @@ def radiance(
 
 @njit(cache=True, nogil=True)
 def bake(
-    first: FloatArray, density: float, eye: FloatArray, runway: FloatArray, cover: float, seed: int, grey: bool, out: ImageArray
+    first: FloatArray,
+    density: float,
+    eye: FloatArray,
+    runway: FloatArray,
+    cover: float,
+    seed: int,
+    grey: bool,
+    out: ImageArray,
 ) -> None:
     """Fill a panorama (h, w, 3); pixel (0, 0) is at azimuth and elevation ``first``, rows go down, density px/rad."""
     colour = np.empty(3)

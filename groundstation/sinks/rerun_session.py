@@ -11,12 +11,15 @@ from groundstation.sources.pictures import image_files
 
 
 def session_view(path: Path, session: Session) -> RerunSink:
-    """Open the recording of a session's replay; videos are referred to, not encoded again."""
+    """Open the recording of a session's replay; videos are referred to, not encoded again.
+
+    Of a recording the overlays are shown: its pictures can be looked at where they are.
+    """
     media: dict[str, Media] = {}
     for name, medium in session.media.items():
         if medium.kind is MediumKind.VIDEO:
             media[name] = VideoAsset(path=medium.path)
-        else:
+        elif medium.kind is MediumKind.IMAGES:
             media[name] = ImageFolder(files=image_files(medium.path))
     return RerunSink(path, session.rig, session_name=session.name, media=media)
 

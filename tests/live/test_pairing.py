@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundstation.live.inbox import Inbox, Said, Shot
-from groundstation.live.pairing import Pairing
+from groundstation.live.pairing import Pairing, Shedding
 from groundstation.messages import Epoch, PtuSample
 from groundstation.picture import BgrPicture
 
@@ -89,3 +89,18 @@ def test_readings_are_bounded_too() -> None:
     assert [i.t_s for i in iter(lambda: inbox.get(0.0), None)] == [2.0, 3.0, 4.0]
     with pytest.raises(ValueError, match="at least one"):
         Inbox(frames=0)
+
+
+def test_whole_pairs_are_left_out_while_behind() -> None:
+    pairing = Pairing(CAMERAS, PERIOD)
+    shedding = Shedding(pairing, PERIOD, most=3)
+    taken = []
+    # (frames waiting behind, expected)
+    waiting = [0, 0, 4, 3, 3, 0, 2, 0, 0, 0]
+    for k, behind in enumerate(waiting):
+        station, t_s = CAMERAS[k % 2], (k // 2) * PERIOD + 0.001 * (k % 2)
+        if not shedding.leaves_out(station, t_s, behind):
+            taken.append((station, pairing.frame(station, t_s).epoch))
+    # the second and the third pair are gone, with both frames each
+    assert taken == [("left", 0), ("right", 0), ("left", 1), ("right", 1), ("left", 2), ("right", 2)]
+    assert shedding.pairs == 2

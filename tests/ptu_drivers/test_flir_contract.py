@@ -48,6 +48,7 @@ RIGS = {
     "device clock": lambda: make_rig(FlirModel(), LineModel()),
     "raised baud": lambda: make_rig(FlirModel(device_clock=False), LineModel(), raise_to=115200),
     "network": lambda: make_rig(FlirModel(), LineModel(baud=0, banner="* PAN-TILT banner " * 6, banner_s=1.0), baud=0),
+    "echo that interrupts": lambda: make_rig(PLAIN, LineModel(echo_interrupts=True)),
     "USB adapter": lambda: make_rig(PLAIN, LineModel(), batch_s=0.016),
     "D series": lambda: make_rig(D_SERIES, LineModel(commands_per_s=10)),
 }

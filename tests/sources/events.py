@@ -53,7 +53,7 @@ class Played:
     def check_pictures(self) -> None:
         """Each picture is the one that frames.csv means."""
         for frame in self.frames:
-            assert number_of(frame.image) == frame.epoch
+            assert number_of(frame.image.whole()) == frame.epoch
 
 
 def play(folder: Path, from_s: float | None = None, to_s: float | None = None) -> Played:

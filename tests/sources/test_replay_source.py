@@ -199,8 +199,8 @@ def test_the_bundled_session(landing_1: Path) -> None:
     assert not played.fault
     played.check_order()
     assert len(played.epochs) == 10
-    assert played.frames[0].image.shape == (960, 1280, 3)
-    assert played.frames[0].image.dtype == np.uint8
+    assert played.frames[0].image.whole().shape == (960, 1280, 3)
+    assert played.frames[0].image.whole().dtype == np.uint8
 
 
 def test_entering_without_anything_to_replay_leaves_no_thread(tmp_path: Path) -> None:

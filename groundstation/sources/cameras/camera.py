@@ -63,8 +63,8 @@ class CameraTiming:
     Parameters
     ----------
     stamp : what the device's stamp means.
-    transfer_s, transfer_sigma_s : from the end of the exposure to the arrival when nothing is in the way; None: reckoned
-        by the kind of camera, for GenICam from the size of a picture and the link.
+    transfer_s, transfer_sigma_s : from the end of the exposure to the arrival when nothing is in the way; None:
+        reckoned by the kind of camera, for GenICam from the size of a picture and the link.
     link_mbit_s : of the network or the bus.
     exposure_s : supposed where the camera does not tell its own.
     """
@@ -158,6 +158,8 @@ class CameraFrame:
     ----------
     t_s, sigma_s : its mid-exposure in the host's clock and one sigma, s.
     index : the device's frame number unwrapped, else counted; ``lost`` frames are missing just before it.
+    opening : 0 until the camera is lost for the first time, and one more whenever it has come back; what is missing
+        between two openings is in no count of lost frames.
     device_ns : the device's own stamp, ns; None where it has no clock.
     arrival_s : when the host had it, in the host's clock, s.
     exposure_s, gain : as the camera says; None where it does not.
@@ -169,6 +171,7 @@ class CameraFrame:
     sigma_s: float
     index: int
     lost: int
+    opening: int
     device_ns: int | None
     arrival_s: float
     exposure_s: float | None

@@ -1,7 +1,8 @@
 """A device's clock fitted to the host's: the lower envelope of the arrivals.
 
-Host time of an event is y = a + (1 + b)·x for the device's stamp x, and a frame arrives e ≥ 0 later: network, bus, driver
-and scheduler only ever delay. So the line lies under all arrivals and touches some: a side of the lower convex hull.
+Host time of an event is y = a + (1 + b)·x for the device's stamp x, and a frame arrives e ≥ 0 later: network, bus,
+driver and scheduler only ever delay. So the line lies under all arrivals and touches some: it supports their lower
+convex hull.
 With delays exponential of scale τ and a prior N(0, σ_b²) for the drift, the most likely line is
 
     max over (a, b) of  −Σ (y_i − a − (1 + b)·x_i)/τ − b²/(2σ_b²)   subject to all residuals ≥ 0,
@@ -14,6 +15,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 
 import numpy as np
 
@@ -62,7 +64,7 @@ class ClockReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockFitState:
-    """The line as it is: host − device at the last stamp, s; drift, s/s, with sigmas; arrivals over it, rms, s."""
+    """The line as it is: host − device at the last stamp, s; drift, s/s, with sigmas; arrivals over it, s."""
 
     offset_s: float
     drift: float
@@ -74,7 +76,7 @@ class ClockFitState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Line:
-    """y = y0 + (1 + drift)·(x − x0); ``spread_s`` is the rms of the bins over it."""
+    """y = y0 + (1 + drift)·(x − x0); ``spread_s`` is twice the bins' median over it."""
 
     x0: float
     y0: float
@@ -193,18 +195,20 @@ class ClockFit:
     def _sigma(self, line: _Line, x: float) -> float:
         """Return one sigma of the line at x, s.
 
-        The bins over the line are taken for scattered about it. Were the delays exponential, that would state twice
-        the truth and more; it still holds where short delays are rare.
+        The line is late by the shortest delay that occurred, which nobody knows: next to nothing where short delays are
+        common, as much as the bins scatter where they are rare. What few bins say of that is uncertain (Student's t).
         """
-        level = line.spread_s / math.sqrt(line.bins)
+        level = line.spread_s * math.sqrt(line.bins / max(line.bins - 4.0, 1.0))
         unsettled = self._config.jump_s / 2.0 if line.bins < self._config.settled else 0.0
         return math.hypot(level, line.drift_sigma * (x - line.x0), self._config.floor_s, unsettled)
 
     def _doubt(self, line: _Line) -> float:
-        """Return what the line may be off while arrivals contradict it, s: late ones by the least of them."""
+        """Return what the line may be off while arrivals contradict it, s; a few late ones are only late."""
         if self._early:
             return max(line.at(x) - y for x, y in self._early)
-        return min((y - line.at(x) for x, y in self._late), default=0.0)
+        if not self._late or self._late[-1][1] - self._late[0][1] < self._config.confirm_s / 4.0:
+            return 0.0
+        return min(y - line.at(x) for x, y in self._late)
 
 
 def envelope(points: FloatArray, drift_sigma: float) -> _Line:
@@ -224,7 +228,8 @@ def envelope(points: FloatArray, drift_sigma: float) -> _Line:
             scale = float(np.mean(y - drift * x - (y - drift * x).min()))
     over = y - drift * x
     base = float(over.min())
-    spread = float(np.sqrt(np.mean((over - base) ** 2)))
+    # for exponential delays the rms; a camera that is held up for seconds does not change it
+    spread = 2.0 * float(np.median(over - base))
     fitted = spread / (width * math.sqrt(n)) if width > 0.0 and n > 2 else math.inf
     return _Line(
         x0=x0,
@@ -244,7 +249,7 @@ def _best_drift(x: FloatArray, y: FloatArray, corners: list[int], scale: float, 
     While the line turns about corner k, its slope is between those of the hull's two sides there, and the gain's
     derivative is −n·x_k/τ − b/σ²: the best b is where it vanishes, or the side at which it changes sign.
     """
-    slopes = [(y[j] - y[i]) / (x[j] - x[i]) for i, j in zip(corners, corners[1:], strict=False)]
+    slopes = [(y[j] - y[i]) / (x[j] - x[i]) for i, j in pairwise(corners)]
     lows, highs = [-math.inf, *slopes], [*slopes, math.inf]
     pull = len(x) * drift_sigma**2 / scale
     best = 0.0

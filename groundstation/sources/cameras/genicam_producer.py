@@ -206,12 +206,12 @@ def _share(producers: tuple[Path, ...]) -> Any:
         harvester, users = _open.get(producers, (None, 0))
         if harvester is None:
             harvester = core.Harvester()
-            try:
-                for path in producers:
+            for path in producers:
+                try:
                     harvester.add_file(str(path), check_validity=True)
-            except _faults(gentl) as error:
-                harvester.reset()
-                raise CameraError(f"{path}: got no library ({_line(error)}); wanted a GenTL producer (.cti)") from error
+                except _faults(gentl) as error:
+                    harvester.reset()
+                    raise CameraError(f"{path}: got {_line(error)}; wanted a GenTL producer (.cti)") from error
         _open[producers] = harvester, users + 1
         return harvester
 

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,9 +49,8 @@ def pixels_of(
     if values.size < row * h - row_padding:
         wanted = f"{row * h - row_padding} for {w} × {h} px"
         raise CameraError(f"picture in {pixel_format}: got {values.size} values; wanted {wanted}")
-    if row_padding:
-        values = np.resize(values, row * h)
-    image = values[: row * h].reshape(h, row)[:, : w * channels]
+    values = np.concatenate([values, np.zeros(max(row * h - values.size, 0), values.dtype)])
+    image: NDArray[np.integer[Any]] = values[: row * h].reshape(h, row)[:, : w * channels]
     if raw is None:
         image = image.reshape(h, w, channels)[..., :3]
         return Pixels(pixels=_own(image[..., ::-1] if _COLOUR[pixel_format][1] == "rgb" else image), pattern=None)
@@ -65,5 +65,5 @@ def picture_of(pixels: ImageArray, pattern: BayerPattern | None) -> Picture:
     return RawPicture(pixels, pattern) if pixels.ndim == 2 else BgrPicture(pixels)
 
 
-def _own(image: NDArray[np.uint8] | NDArray[np.uint16]) -> ImageArray:
+def _own(image: NDArray[np.integer[Any]]) -> ImageArray:
     return np.array(image, np.uint8, order="C", copy=True)

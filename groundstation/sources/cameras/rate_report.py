@@ -14,7 +14,7 @@ class RateReport:
     """Over ``frames`` frames: rate, Hz; times between neighbours by the device's clock and at arrival, s.
 
     ``device_jitter_s`` is None without a device clock; ``sigma_s`` is the last frame's; ``late_s`` is from mid-exposure
-    to arrival, median and worst. Neighbours with lost frames between them are left out of the jitters.
+    to arrival, median and worst. Where frames were lost or the camera was away, there are no neighbours.
     """
 
     frames: int
@@ -30,6 +30,7 @@ class FrameTimes:
     """What a report needs of a frame: all but its picture."""
 
     index: int
+    opening: int
     device_ns: int | None
     arrival_s: float
     t_s: float
@@ -39,7 +40,12 @@ class FrameTimes:
 def times_of(frame: CameraFrame) -> FrameTimes:
     """Return a frame's times, so that its picture need not be kept."""
     return FrameTimes(
-        index=frame.index, device_ns=frame.device_ns, arrival_s=frame.arrival_s, t_s=frame.t_s, sigma_s=frame.sigma_s
+        index=frame.index,
+        opening=frame.opening,
+        device_ns=frame.device_ns,
+        arrival_s=frame.arrival_s,
+        t_s=frame.t_s,
+        sigma_s=frame.sigma_s,
     )
 
 
@@ -50,7 +56,10 @@ def rate_report(frames: Sequence[FrameTimes]) -> RateReport | None:
     arrival = np.array([f.arrival_s for f in frames])
     times = np.array([f.t_s for f in frames])
     index = np.array([f.index for f in frames])
-    neighbours = np.diff(index) == 1
+    together = np.diff([f.opening for f in frames]) == 0
+    neighbours = (np.diff(index) == 1) & together
+    # frames that the camera made, lost ones too, over the time that it ran
+    made, ran_s = np.diff(index)[together].sum(), np.diff(times)[together].sum()
     stamps = [f.device_ns for f in frames if f.device_ns is not None]
     device_jitter = None
     if len(stamps) == len(frames) and neighbours.any():
@@ -58,8 +67,7 @@ def rate_report(frames: Sequence[FrameTimes]) -> RateReport | None:
     late = arrival - times
     return RateReport(
         frames=len(frames),
-        # by the frames that the camera made, lost ones too
-        rate_hz=float((index[-1] - index[0]) / (times[-1] - times[0])) if times[-1] > times[0] else 0.0,
+        rate_hz=float(made / ran_s) if ran_s > 0.0 else 0.0,
         device_jitter_s=device_jitter,
         arrival_jitter_s=float(np.std(np.diff(arrival)[neighbours])) if neighbours.any() else 0.0,
         late_s=(float(np.median(late)), float(late.max())),
@@ -102,10 +110,11 @@ def format_rate(report: RateReport | None, counts: CameraCounts, clock: ClockFit
         rows.append(("clock", "the camera has none; frames are stamped by their arrival"))
     else:
         drift = f"drift {clock.drift * 1e6:+.1f} ± {clock.drift_sigma * 1e6:.1f} ppm"
-        over = f"arrivals {clock.spread_s * 1e3:.3f} ms rms over their lower envelope"
+        over = f"arrivals {clock.spread_s * 1e3:.3f} ms over their lower envelope"
         rows.append(("clock", f"{drift}, fit ± {clock.sigma_s * 1e3:.3f} ms, {over}"))
-    lost = f"{counts.lost} lost, {counts.incomplete} incomplete, {counts.overtaken} overtaken, {counts.dropped} dropped here"
-    rows.append(("frames", f"{counts.frames} complete, {lost}, {counts.repeated} repeated"))
+    lost = f"{counts.lost} lost, {counts.incomplete} incomplete, {counts.overtaken} overtaken"
+    here = f"{counts.dropped} dropped here, {counts.repeated} repeated"
+    rows.append(("frames", f"{counts.frames} complete, {lost}, {here}"))
     rows.append(("reconnects", f"{counts.reconnects}"))
     return "\n".join(f"{name:<14}{value}" for name, value in rows)
 

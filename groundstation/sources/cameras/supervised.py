@@ -159,6 +159,7 @@ class SupervisedCamera:
             sigma_s=stamp.sigma_s,
             index=number.index,
             lost=number.lost,
+            opening=self._counts.reconnects,
             device_ns=grab.device_ns,
             arrival_s=now,
             exposure_s=exposure_s,

@@ -1,0 +1,273 @@
+"""Reading an MCAP file record by record, from front to back, with bounds: the file may be cut short or anyone's.
+
+What is whole before a fault is given first, then the fault is raised. https://mcap.dev/spec
+"""
+
+import os
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, TypeVar
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Metadata, Schema
+
+from groundstation.errors import RecordingError
+from groundstation.toml_table import quoted, shown
+
+MAGIC = b"\x89MCAP0\r\n"
+# a chunk of ours is a megabyte and one picture
+MAX_RECORD_BYTES = 256 * 2**20
+MAX_ATTACHED_BYTES = 512 * 2**20
+_MAX_CHANNELS = 10_000
+_MAX_METADATA = 1_000
+_HEAD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQQ")
+R = TypeVar("R", bound=McapRecord)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TopicMessage:
+    """One message: its channel and schema, its writer's number and stamp; ``offset`` of its chunk in the file."""
+
+    channel: Channel
+    schema: Schema | None
+    sequence: int
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+    offset: int
+
+    @property
+    def topic(self) -> str:
+        """What it is about."""
+        return self.channel.topic
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contents:
+    """What stands in a file beside its messages: attached files, notes by name, and whether it was closed.
+
+    ``fault`` is what ended the reading early, None in a closed file.
+    """
+
+    attachments: dict[str, bytes]
+    metadata: dict[str, dict[str, str]]
+    chunks: int
+    whole_bytes: int
+    fault: RecordingError | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Place:
+    """Where a record's content stands."""
+
+    opcode: int
+    offset: int
+    length: int
+
+
+class ContainerReader:
+    """One MCAP file, opened; raises `RecordingError` if it is none. A context manager.
+
+    Nothing larger than `MAX_RECORD_BYTES` is ever held, packed or unpacked.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        # a pipe or a device has no end, and no places to go back to
+        if not path.is_file():
+            raise RecordingError(str(path), got="no such file", wanted="a recording, .mcap")
+        try:
+            self._stream: BinaryIO = path.open("rb")
+        except OSError as fault:
+            raise RecordingError(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
+        self._size = os.fstat(self._stream.fileno()).st_size
+        if self._read(0, len(MAGIC)) != MAGIC:
+            self._stream.close()
+            raise RecordingError(str(path), got="a file that is no MCAP", wanted="a recording, .mcap")
+
+    def __enter__(self) -> "ContainerReader":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stream.close()
+
+    def contents(self) -> Contents:
+        """Go once through the file, passing over what is packed in chunks; a fault is in the answer."""
+        attachments: dict[str, bytes] = {}
+        metadata: dict[str, dict[str, str]] = {}
+        chunks = attached = 0
+        end, fault = len(MAGIC), None
+        try:
+            for place in self._places():
+                if place.opcode == Opcode.ATTACHMENT:
+                    attached += place.length
+                    if attached > MAX_ATTACHED_BYTES:
+                        raise self._fault(place.offset, "more attached", f"at most {MAX_ATTACHED_BYTES >> 20} MiB")
+                    file = self._parsed(Attachment, place)
+                    attachments[file.name] = file.data
+                elif place.opcode == Opcode.METADATA and len(metadata) < _MAX_METADATA:
+                    note = self._parsed(Metadata, place)
+                    metadata[note.name] = note.metadata
+                chunks += place.opcode == Opcode.CHUNK
+                end = place.offset + place.length
+        except RecordingError as error:
+            fault = error
+        return Contents(attachments=attachments, metadata=metadata, chunks=chunks, whole_bytes=end, fault=fault)
+
+    def messages(self, skip: Callable[[RecordingError], None] | None = None) -> Iterator[TopicMessage]:
+        """Yield all messages in the file's order.
+
+        Raises `RecordingError` at the first fault; a chunk that is damaged inside is told to ``skip`` and passed
+        over, if that is given.
+        """
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
+        for place in self._places():
+            if place.opcode == Opcode.CHUNK:
+                try:
+                    inside = _Inside(self._unpacked(place), self._where(place.offset), schemas, channels)
+                    yield from inside.messages(place.offset)
+                except RecordingError as fault:
+                    if skip is None:
+                        raise
+                    skip(fault)
+
+    # ----------------------------------------------------------------------------------- the file's records
+    def _places(self) -> Iterator[_Place]:
+        """Yield the records up to the end of the data; raises `RecordingError` where the file ends before it."""
+        at = len(MAGIC)
+        while True:
+            head = self._read(at, _HEAD.size)
+            if len(head) < _HEAD.size:
+                raise self._fault(at, "the end of the file", "a recording that was closed")
+            opcode, length = _HEAD.unpack(head)
+            at += _HEAD.size
+            if length > self._size - at:
+                raise self._fault(at, "an unfinished record", "a recording that was closed")
+            if length > MAX_RECORD_BYTES:
+                raise self._fault(at, f"a record of {length} bytes", f"at most {MAX_RECORD_BYTES >> 20} MiB")
+            yield _Place(opcode=opcode, offset=at, length=length)
+            if opcode == Opcode.DATA_END:
+                break
+            at += length
+        if self._read(max(self._size - len(MAGIC), at), len(MAGIC)) != MAGIC:
+            raise self._fault(at, "no proper end", "a recording that was closed")
+
+    def _read(self, at: int, length: int) -> bytes:
+        try:
+            self._stream.seek(at)
+            return self._stream.read(length)
+        except OSError as fault:
+            raise RecordingError(str(self.path), got=str(fault.strerror), wanted="a file that can be read") from fault
+
+    def _parsed(self, kind: type[R], place: _Place) -> R:
+        return _parse(kind, self._read(place.offset, place.length), self._where(place.offset))
+
+    def _unpacked(self, place: _Place) -> bytes:
+        """Return what a chunk holds; raises `RecordingError` if it is damaged or too large."""
+        chunk = self._parsed(Chunk, place)
+        if chunk.uncompressed_size > MAX_RECORD_BYTES:
+            got = f"a chunk of {chunk.uncompressed_size} bytes"
+            raise self._fault(place.offset, got, f"at most {MAX_RECORD_BYTES >> 20} MiB")
+        try:
+            data = _decompressed(chunk)
+        except (RuntimeError, ValueError, MemoryError, zstandard.ZstdError) as error:
+            raise self._fault(place.offset, f"a damaged chunk ({shown(str(error))})", "a whole one") from error
+        if len(data) != chunk.uncompressed_size or (chunk.uncompressed_crc not in (0, zlib.crc32(data))):
+            raise self._fault(place.offset, "a damaged chunk", "a whole one")
+        return data
+
+    def _where(self, offset: int) -> str:
+        return f"{self.path.name}: byte {offset}"
+
+    def _fault(self, offset: int, got: str, wanted: str) -> RecordingError:
+        return RecordingError(self._where(offset), got=got, wanted=wanted)
+
+
+class _Inside:
+    """The records of one unpacked chunk; schemas and channels hold for later chunks too."""
+
+    def __init__(self, data: bytes, where: str, schemas: dict[int, Schema], channels: dict[int, Channel]) -> None:
+        self._data = data
+        self._where = where
+        self._schemas = schemas
+        self._channels = channels
+
+    def messages(self, offset: int) -> Iterator[TopicMessage]:
+        """Yield the messages; raises `RecordingError` where a record is damaged."""
+        at, data = 0, self._data
+        while at < len(data):
+            if at + _HEAD.size > len(data):
+                raise self._fault("a record cut short")
+            opcode, length = _HEAD.unpack_from(data, at)
+            at += _HEAD.size
+            if length > len(data) - at:
+                raise self._fault("a record cut short")
+            content = data[at : at + length]
+            at += length
+            if opcode == Opcode.MESSAGE:
+                yield self._message(content, offset)
+            elif opcode == Opcode.SCHEMA:
+                schema = _parse(Schema, content, self._where)
+                self._schemas[schema.id] = schema
+            elif opcode == Opcode.CHANNEL:
+                channel = _parse(Channel, content, self._where)
+                self._channels[channel.id] = channel
+            if len(self._channels) + len(self._schemas) > _MAX_CHANNELS:
+                raise self._fault("more channels", f"at most {_MAX_CHANNELS}")
+
+    def _message(self, content: bytes, offset: int) -> TopicMessage:
+        if len(content) < _MESSAGE.size:
+            raise self._fault("a message cut short")
+        number, sequence, log_time, publish_time = _MESSAGE.unpack_from(content)
+        channel = self._channels.get(number)
+        if channel is None:
+            raise self._fault(f"a message of channel {number}", "a channel that was announced")
+        return TopicMessage(
+            channel=channel,
+            schema=self._schemas.get(channel.schema_id),
+            sequence=sequence,
+            log_time_ns=log_time,
+            publish_time_ns=publish_time,
+            data=content[_MESSAGE.size :],
+            offset=offset,
+        )
+
+    def _fault(self, got: str, wanted: str = "a whole chunk") -> RecordingError:
+        return RecordingError(self._where, got=got, wanted=wanted)
+
+
+def _parse(kind: type[R], data: bytes, where: str) -> R:
+    """Return one record of the library's; raises `RecordingError` where the bytes are none."""
+    try:
+        # every record has such a reader; their common base does not say so
+        record: R = kind.read(ReadDataStream(BytesIO(data)))  # type: ignore[attr-defined]
+    except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
+        raise RecordingError(where, got=f"a damaged {kind.__name__.lower()}", wanted="a whole one") from error
+    return record
+
+
+def _decompressed(chunk: Chunk) -> bytes:
+    """Unpack a chunk's data, no more than it says and one byte."""
+    most = chunk.uncompressed_size + 1
+    if chunk.compression == "":
+        return chunk.data
+    if chunk.compression == "lz4":
+        unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most)
+        return unpacked
+    if chunk.compression == "zstd":
+        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as stream:
+            return stream.read(most)
+    raise ValueError(f"packed by {quoted(chunk.compression)}")

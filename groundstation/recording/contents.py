@@ -1,0 +1,148 @@
+"""What a recording says before its first event: the session's own files, and how the run was set up."""
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from groundstation import __version__
+from groundstation.errors import RecordingError
+from groundstation.messages import InitialState
+from groundstation.recording.container_reader import Contents
+from groundstation.toml_table import Table, quoted
+
+FORMAT = "groundstation-recording/1"
+ABOUT = "groundstation"
+END = "groundstation.end"
+SESSION, RIG, CONFIG = "session.toml", "rig.toml", "config.toml"
+# tables that a session may have, for scoring and for teaching
+REFERENCES = ("dgps.csv", "truth.csv")
+EVENTS_TOPIC, TRACK_TOPIC, CAMERAS_TOPIC = "/groundstation/events", "/groundstation/track", "/groundstation/cameras"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecordingHeader:
+    """How a recorded run was set up.
+
+    Attributes
+    ----------
+    name : of the session.
+    files : session.toml, rig.toml, config.toml as they were read, and the reference tables that there are.
+    pictures : whether cameras give pictures, or someone else's pixels are used.
+    initial : the start that the pipeline was given.
+    taught : whether the filter was to learn from reference positions.
+    left_out : stations that session.toml may name and the rig does not have.
+    """
+
+    name: str
+    files: Mapping[str, bytes]
+    pictures: bool = True
+    initial: InitialState | None = None
+    taught: bool = False
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingEnd:
+    """What the writer knew when it closed: how many events and epochs, and the stamps of the first and last epoch."""
+
+    events: int
+    epochs: int
+    first_s: float
+    last_s: float
+
+
+def header_values(header: RecordingHeader) -> dict[str, str]:
+    """Return the header's note, all values text; versions are for people."""
+    values = {
+        "format": FORMAT,
+        "name": header.name,
+        "pictures": json.dumps(header.pictures),
+        "taught": json.dumps(header.taught),
+        "left_out": json.dumps(list(header.left_out)),
+        "initial": json.dumps(None if header.initial is None else _initial_values(header.initial)),
+        "version": __version__,
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}",
+    }
+    return values | {name: version(name) for name in ("numpy", "scipy", "numba", "opencv-python-headless", "mcap")}
+
+
+def parse_header(contents: Contents, where: str) -> RecordingHeader:
+    """Return the header of a file; raises `RecordingError` if it is none of ours."""
+    about = contents.metadata.get(ABOUT)
+    if about is None or about.get("format") != FORMAT:
+        got = "another program's file" if about is None else f"format {quoted(about.get('format'))}"
+        raise RecordingError(where, got=got, wanted=f"a recording of the format {FORMAT!r}")
+    missing = [name for name in (SESSION, RIG, CONFIG) if name not in contents.attachments]
+    if missing:
+        raise RecordingError(where, got=f"no {missing[0]} in it", wanted="one, as each recording of ours has")
+    initial, left_out = _json(about, "initial", where), _json(about, "left_out", where)
+    if not isinstance(left_out, list) or not all(isinstance(name, str) for name in left_out):
+        raise RecordingError(f"{where}: left_out", got=quoted(left_out), wanted="a list of stations")
+    return RecordingHeader(
+        name=about.get("name", ""),
+        files=contents.attachments,
+        pictures=_json(about, "pictures", where) is True,
+        initial=None if initial is None else _initial(Table(initial, f"{where}: initial", RecordingError)),
+        taught=_json(about, "taught", where) is True,
+        left_out=tuple(left_out),
+    )
+
+
+def end_values(end: RecordingEnd) -> dict[str, str]:
+    """Return the closing note."""
+    return {
+        "events": str(end.events),
+        "epochs": str(end.epochs),
+        "first_s": repr(end.first_s),
+        "last_s": repr(end.last_s),
+    }
+
+
+def parse_end(contents: Contents) -> RecordingEnd | None:
+    """Return the closing note; None where there is none that makes sense, and one has to count."""
+    values = contents.metadata.get(END)
+    if contents.fault is not None or values is None:
+        return None
+    try:
+        end = RecordingEnd(
+            events=int(values["events"]),
+            epochs=int(values["epochs"]),
+            first_s=float(values["first_s"]),
+            last_s=float(values["last_s"]),
+        )
+    except (KeyError, ValueError):
+        return None
+    return end if np.isfinite([end.first_s, end.last_s]).all() and min(end.events, end.epochs) >= 0 else None
+
+
+def _initial_values(initial: InitialState) -> dict[str, Any]:
+    return {
+        "t_s": float(initial.t_s),
+        "position_runway_m": initial.position_runway_m.tolist(),
+        "velocity_runway_m_s": initial.velocity_runway_m_s.tolist(),
+        "sigma_position_m": initial.sigma_position_m.tolist(),
+        "sigma_velocity_m_s": initial.sigma_velocity_m_s.tolist(),
+    }
+
+
+def _initial(table: Table) -> InitialState:
+    return InitialState(
+        t_s=table.number("t_s"),
+        position_runway_m=table.vector("position_runway_m", 3),
+        velocity_runway_m_s=table.vector("velocity_runway_m_s", 3),
+        sigma_position_m=table.vector("sigma_position_m", 3),
+        sigma_velocity_m_s=table.vector("sigma_velocity_m_s", 3),
+    )
+
+
+def _json(values: Mapping[str, str], key: str, where: str) -> Any:
+    try:
+        return json.loads(values.get(key, "null"))
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"{where}: {key}", got=quoted(values.get(key)), wanted="JSON") from error

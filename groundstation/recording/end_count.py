@@ -1,0 +1,39 @@
+"""Counting events and epochs as they go by, for the closing note."""
+
+import json
+import math
+from typing import Any
+
+from groundstation.recording.contents import RecordingEnd
+
+
+class EndCount:
+    """Counts events, epochs and the span of the epochs."""
+
+    def __init__(self) -> None:
+        self._events = self._epochs = 0
+        self._first_s, self._last_s = math.inf, -math.inf
+
+    def add(self, values: dict[str, Any]) -> None:
+        """Count an event, given as plain values; a note is none."""
+        if "n" not in values:
+            return
+        self._events += 1
+        t_s = values.get("t_s")
+        if values.get("kind") == "epoch" and isinstance(t_s, float):
+            self._epochs += 1
+            self._first_s, self._last_s = min(self._first_s, t_s), max(self._last_s, t_s)
+
+    def take(self, line: bytes) -> None:
+        """Count an event, given as its line; a line that is damaged does not count."""
+        try:
+            values = json.loads(line)
+        except (ValueError, RecursionError):
+            return
+        if isinstance(values, dict):
+            self.add(values)
+
+    def result(self) -> RecordingEnd:
+        """Return the closing note."""
+        first, last = (self._first_s, self._last_s) if self._epochs else (0.0, 0.0)
+        return RecordingEnd(events=self._events, epochs=self._epochs, first_s=first, last_s=last)

@@ -1,0 +1,250 @@
+"""What the pipeline consumed as lines of JSON, exact to the last bit of every number, and back.
+
+Besides the events there are notes: what was kept of a frame's pixels (known only once it has been looked at), what was
+dropped, what was lost.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from groundstation.errors import RecordingError
+from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample, ReferenceFix
+from groundstation.picture import BayerPattern, clip
+from groundstation.toml_table import quoted, shown
+
+_MOST = 1e12
+_MAX_WHOLE = 2**53
+_MAX_PARTS = 64
+_MAX_STATIONS = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameHead:
+    """A frame without its pixels: its ``size_px`` (w, h), and the order of its colours where they are raw."""
+
+    t_s: float
+    station: str
+    epoch: int
+    size_px: tuple[int, int]
+    pattern: BayerPattern | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartNote:
+    """One kept part of a frame: the end of its topic, its corner and its size in px."""
+
+    topic: str
+    x: int
+    y: int
+    w: int
+    h: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PixelsNote:
+    """What was kept of frame number ``of``; its parts' pictures follow, in this order. No part: nobody looked."""
+
+    of: int
+    parts: tuple[PartNote, ...]
+    colour: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DroppedNote:
+    """The pixels of frame number ``of`` were not recorded, and why."""
+
+    of: int
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LostNote:
+    """Events number ``first`` to ``last`` were not recorded."""
+
+    first: int
+    last: int
+
+
+Note = PixelsNote | DroppedNote | LostNote
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Numbered:
+    """Event number ``n`` of the run, counted from 0; a frame is only its head."""
+
+    n: int
+    event: Event | FrameHead
+
+
+def line(values: Mapping[str, Any]) -> bytes:
+    """Return one line of JSON; floats are written so that they come back bit for bit."""
+    return json.dumps(values, separators=(",", ":"), ensure_ascii=False).encode()
+
+
+def event_values(n: int, event: Event) -> dict[str, Any]:
+    """Return an event as plain values; of a frame only the head."""
+    values: dict[str, Any] = {"n": n, "kind": _KINDS[type(event)], "t_s": float(event.t_s)}
+    if isinstance(event, PtuSample):
+        values |= {"station": event.station, "pan_rad": float(event.pan_rad), "tilt_rad": float(event.tilt_rad)}
+    elif isinstance(event, Frame):
+        pattern = event.image.pattern
+        values |= {
+            "station": event.station,
+            "epoch": int(event.epoch),
+            "size_px": [int(v) for v in event.image.size_px],
+        }
+        values |= {"pattern": None if pattern is None else pattern.value}
+    elif isinstance(event, PixelMeasurement):
+        values |= {"station": event.station, "epoch": int(event.epoch)}
+        values |= {"u_px": float(event.u_px), "v_px": float(event.v_px)}
+    elif isinstance(event, Epoch):
+        values |= {"epoch": int(event.epoch), "stations": list(event.stations)}
+    else:
+        values |= {"position_runway_m": event.position_runway_m.tolist(), "sigma_m": event.sigma_m.tolist()}
+    return values
+
+
+def note_values(note: Note) -> dict[str, Any]:
+    """Return a note as plain values."""
+    if isinstance(note, PixelsNote):
+        parts = [{"topic": p.topic, "x": p.x, "y": p.y, "w": p.w, "h": p.h} for p in note.parts]
+        return {"kind": "pixels", "of": note.of, "colour": note.colour, "parts": parts}
+    if isinstance(note, DroppedNote):
+        return {"kind": "dropped", "of": note.of, "why": note.why}
+    return {"kind": "lost", "first": note.first, "last": note.last}
+
+
+def parse_line(data: bytes, sizes_px: Mapping[str, tuple[int, int]], where: str) -> Numbered | Note:
+    """Return the event or note of a line; ``sizes_px`` (w, h) by station are the rig's.
+
+    Raises `RecordingError` for anything that this module does not write.
+    """
+    try:
+        values = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(where, got=f"no JSON ({shown(str(error))})", wanted="an event") from error
+    if not isinstance(values, dict):
+        raise RecordingError(where, got=quoted(values), wanted="an event")
+    return _Line(values, sizes_px, where).parsed()
+
+
+_KINDS = {PtuSample: "ptu", Frame: "frame", PixelMeasurement: "pixel", Epoch: "epoch", ReferenceFix: "reference"}
+
+
+class _Line:
+    """One line's values, each checked as it is asked for."""
+
+    def __init__(self, values: Mapping[str, Any], sizes_px: Mapping[str, tuple[int, int]], where: str) -> None:
+        self._values = values
+        self._sizes = sizes_px
+        self._where = where
+
+    def parsed(self) -> Numbered | Note:
+        """Return what the line says."""
+        kind = self._values.get("kind")
+        if kind == "pixels":
+            return self._pixels()
+        if kind == "dropped":
+            return DroppedNote(of=self._whole("of"), why=self._text("why"))
+        if kind == "lost":
+            return LostNote(first=self._whole("first"), last=self._whole("last"))
+        return Numbered(n=self._whole("n"), event=self._event(kind))
+
+    def _event(self, kind: object) -> Event | FrameHead:
+        t_s = self._number("t_s", self._values.get("t_s"))
+        if kind == "ptu":
+            pan, tilt = (self._number(key, self._values.get(key)) for key in ("pan_rad", "tilt_rad"))
+            return PtuSample(t_s=t_s, station=self._station(), pan_rad=pan, tilt_rad=tilt)
+        if kind == "frame":
+            return self._frame(t_s)
+        if kind == "pixel":
+            u, v = (self._number(key, self._values.get(key)) for key in ("u_px", "v_px"))
+            return PixelMeasurement(t_s=t_s, station=self._station(), epoch=self._whole("epoch"), u_px=u, v_px=v)
+        if kind == "epoch":
+            return Epoch(t_s=t_s, epoch=self._whole("epoch"), stations=self._stations())
+        if kind == "reference":
+            position, sigma = self._vector("position_runway_m"), self._vector("sigma_m")
+            return ReferenceFix(t_s=t_s, position_runway_m=np.array(position), sigma_m=np.array(sigma))
+        raise self._fault("kind", kind, "ptu, frame, pixel, epoch, reference, pixels, dropped or lost")
+
+    def _frame(self, t_s: float) -> FrameHead:
+        station, given, pattern = self._station(), self._values.get("size_px"), self._values.get("pattern")
+        if given != list(self._sizes[station]):
+            raise self._fault("size_px", given, f"{list(self._sizes[station])} as in the rig")
+        if pattern is not None and pattern not in [p.value for p in BayerPattern]:
+            raise self._fault("pattern", pattern, "a Bayer pattern or null")
+        return FrameHead(
+            t_s=t_s,
+            station=station,
+            epoch=self._whole("epoch"),
+            size_px=self._sizes[station],
+            pattern=None if pattern is None else BayerPattern(pattern),
+        )
+
+    def _pixels(self) -> PixelsNote:
+        rows = self._values.get("parts")
+        if not isinstance(rows, list) or len(rows) > _MAX_PARTS or not all(isinstance(r, dict) for r in rows):
+            raise self._fault("parts", rows, f"at most {_MAX_PARTS} parts")
+        colour = self._values.get("colour")
+        if not isinstance(colour, bool):
+            raise self._fault("colour", colour, "true or false")
+        parts = []
+        for row in rows:
+            part = _Line(row, self._sizes, self._where)
+            x, y, w, h = (part._whole(key) for key in "xywh")
+            parts.append(PartNote(topic=part._text("topic"), x=x, y=y, w=w, h=h))
+        return PixelsNote(of=self._whole("of"), parts=tuple(parts), colour=colour)
+
+    def _station(self, name: object = None) -> str:
+        name = self._values.get("station") if name is None else name
+        if not isinstance(name, str) or name not in self._sizes:
+            raise self._fault("station", name, "one of " + ", ".join(self._sizes))
+        return name
+
+    def _stations(self) -> tuple[str, ...]:
+        names = self._values.get("stations")
+        if not isinstance(names, list) or len(names) > _MAX_STATIONS:
+            raise self._fault("stations", names, "a list of stations")
+        return tuple(self._station(name) for name in names)
+
+    def _vector(self, key: str) -> Sequence[float]:
+        values = self._values.get(key)
+        if not isinstance(values, list) or len(values) != 3:
+            raise self._fault(key, values, "three numbers")
+        return [self._number(key, value) for value in values]
+
+    def _number(self, key: str, value: object) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _MOST:
+            raise self._fault(key, value, f"a finite number of at most {_MOST:g}")
+        return float(value)
+
+    def _whole(self, key: str) -> int:
+        value = self._values.get(key)
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _MAX_WHOLE:
+            raise self._fault(key, value, "a whole number from 0")
+        return value
+
+    def _text(self, key: str) -> str:
+        value = self._values.get(key)
+        if not isinstance(value, str):
+            raise self._fault(key, value, "text")
+        return value
+
+    def _fault(self, key: str, got: object, wanted: str) -> RecordingError:
+        return RecordingError(f"{self._where}: {key}", got=quoted(got), wanted=wanted)
+
+
+def part_inside(part: PartNote, size_px: tuple[int, int]) -> bool:
+    """Return whether a part is one: some pixels, all of them inside the picture (w, h)."""
+    window = (part.x, part.y, part.x + part.w, part.y + part.h)
+    return part.w > 0 and part.h > 0 and clip(window, size_px) == window
+
+
+def stamp_ns(t_s: float) -> int:
+    """Return a time as the container's clock has it, in whole ns; exact times stand in the lines."""
+    return min(max(round(t_s * 1e9), 0), 2**62) if math.isfinite(t_s) else 0

@@ -1,0 +1,46 @@
+"""Which parts of a picture to keep, so that every window that was read can be read again."""
+
+from collections.abc import Sequence
+
+from groundstation.picture import Window
+
+# beyond so many parts they are kept as one
+MAX_PARTS = 8
+
+
+def merged(windows: Sequence[Window]) -> list[Window]:
+    """Return windows that hold all of those given, joined where one costs no more pixels than two; largest first."""
+    parts: list[Window] = []
+    for window in dict.fromkeys(windows):
+        parts = _joined(parts, window)
+    if len(parts) > MAX_PARTS:
+        parts = [_around(parts)]
+    return sorted(parts, key=_area, reverse=True)
+
+
+def _joined(parts: list[Window], window: Window) -> list[Window]:
+    """Return the parts with one more, which may now join others that were apart."""
+    apart = list(parts)
+    grew = True
+    while grew:
+        grew = False
+        for part in apart:
+            both = _around([part, window])
+            if _area(both) <= _area(part) + _area(window):
+                apart.remove(part)
+                window, grew = both, True
+                break
+    return [*apart, window]
+
+
+def _around(windows: Sequence[Window]) -> Window:
+    return (
+        min(w[0] for w in windows),
+        min(w[1] for w in windows),
+        max(w[2] for w in windows),
+        max(w[3] for w in windows),
+    )
+
+
+def _area(window: Window) -> int:
+    return (window[2] - window[0]) * (window[3] - window[1])

@@ -1,0 +1,46 @@
+"""A session from wherever it is: a folder of videos and tables, or a recording of our own."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from groundstation.errors import SessionError
+from groundstation.recording.container_reader import ContainerReader, Contents
+from groundstation.recording.contents import RIG, parse_end, parse_header
+from groundstation.rig import load_rig
+from groundstation.session.folder import Recorded, Session, load_folder, read_session
+from groundstation.session.media import Medium, MediumKind
+from groundstation.text_file import AttachedFiles
+
+
+def load_session(path: Path, rig_path: Path | None = None) -> Session:
+    """Read a session folder or a recording (.mcap) and check what can be checked without reading all of it.
+
+    Raises `SessionError`, `RecordingError` or `RigError`, one line that says where, what was got and what was wanted.
+    """
+    if path.is_file():
+        return _load_recording(path, rig_path)
+    if not path.exists() and path.suffix == ".mcap":
+        raise SessionError(str(path), got="no such file", wanted="a recording")
+    return load_folder(path, rig_path)
+
+
+def _load_recording(path: Path, rig_path: Path | None) -> Session:
+    """Read what a recording carries beside its events; a rig of the user's own takes the place of the recorded one."""
+    with ContainerReader(path) as reader:
+        contents: Contents = reader.contents()
+    header = parse_header(contents, path.name)
+    folder = AttachedFiles(path.name, header.files)
+    own = load_rig(folder / RIG)
+    rig = own if rig_path is None else load_rig(rig_path)
+    left_out = frozenset((*header.left_out, *own.names)) - frozenset(rig.names)
+    medium = Medium(kind=MediumKind.RECORDING, path=path)
+    media = dict.fromkeys(rig.names, medium) if header.pictures else {}
+    end = parse_end(contents)
+    recorded = Recorded(
+        path=path,
+        header=header,
+        epochs=None if end is None else end.epochs,
+        span_s=None if end is None else (end.first_s, end.last_s),
+        fault=contents.fault,
+    )
+    return replace(read_session(folder, path.stem, rig, left_out, media), recorded=recorded)

@@ -1,0 +1,54 @@
+"""Parts of a rendered picture that need no camera: rays of a grid, the smear of a motion, a mask cut to size."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray, MaskArray
+from groundstation.geometry import kernels
+from groundstation.simulation import render_kernels
+
+
+def node_rays(packed: FloatArray, size_px: tuple[int, int]) -> FloatArray:
+    """Return the rays (rows, columns, 3), camera frame, of every 16th pixel, to beyond the last."""
+    columns, rows = (math.ceil(n / render_kernels.TILE) + 1 for n in size_px)
+    rays = np.ones((rows, columns, 3))
+    point = np.empty(2)
+    for i in range(rows):
+        for j in range(columns):
+            x = (render_kernels.TILE * j - packed[26]) / packed[24]
+            y = (render_kernels.TILE * i - packed[27]) / packed[25]
+            # where the lens has no inverse there is no picture either; the pinhole's ray will do
+            good = kernels.undistort(packed[28:34], x, y, point)
+            rays[i, j, :2] = point if good else (x, y)
+    return rays
+
+
+def smear(motion: FloatArray) -> NDArray[np.float32]:
+    """Return the kernel of a straight motion (2,) px: its length sampled finely, each sample shared by four pixels."""
+    reach = int(0.5 * np.abs(motion).max()) + 1
+    kernel = np.zeros((2 * reach + 1, 2 * reach + 1), np.float32)
+    count = 4 * reach + 5
+    for part in (np.arange(count) + 0.5) / count - 0.5:
+        x, y = reach + part * motion[0], reach + part * motion[1]
+        ix, iy = min(int(x), 2 * reach - 1), min(int(y), 2 * reach - 1)
+        fx, fy = x - ix, y - iy
+        kernel[iy, ix] += (1 - fx) * (1 - fy)
+        kernel[iy, ix + 1] += fx * (1 - fy)
+        kernel[iy + 1, ix] += (1 - fx) * fy
+        kernel[iy + 1, ix + 1] += fx * fy
+    return kernel / kernel.sum()
+
+
+def cut_to_picture(
+    mask: MaskArray, corner: tuple[int, int], size_px: tuple[int, int]
+) -> tuple[MaskArray, tuple[int, int]]:
+    """Return a mask cut to the picture and to what is set, with its corner."""
+    x0, y0 = max(corner[0], 0), max(corner[1], 0)
+    cut = mask[y0 - corner[1] : size_px[1] - corner[1], x0 - corner[0] : size_px[0] - corner[0]]
+    rows, columns = np.flatnonzero(cut.any(axis=1)), np.flatnonzero(cut.any(axis=0))
+    if rows.size == 0:
+        return np.zeros((0, 0), dtype=bool), (0, 0)
+    part = cut[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return part.copy(), (x0 + int(columns[0]), y0 + int(rows[0]))

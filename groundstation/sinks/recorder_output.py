@@ -1,0 +1,106 @@
+"""The recorder's file: what cannot be written now is kept and tried again, so that a full disk leaves no hole."""
+
+import os
+from pathlib import Path
+from typing import IO, Protocol
+
+from groundstation.errors import InputError
+
+
+class RawOutput(Protocol):
+    """Where bytes go: an unbuffered file, or a test's stand-in."""
+
+    def write(self, data: memoryview, /) -> int | None:
+        """Write some of the data; returns how much."""
+
+    def fileno(self) -> int:
+        """Return the file's descriptor."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+def new_file(path: Path) -> RawOutput:
+    """Open a file that does not exist yet, unbuffered; raises `InputError` if there is one, or it cannot be made."""
+    try:
+        raw = path.open("xb", buffering=0)
+        _sync_folder(path.parent)
+    except FileExistsError as fault:
+        raise InputError(str(path), got="a file that exists", wanted="a new one: recordings are kept") from fault
+    except OSError as fault:
+        raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be made") from fault
+    return raw
+
+
+def _sync_folder(folder: Path) -> None:
+    """Bring the file's name onto the disk; its content alone would not survive a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+class RetriedOutput:
+    """Holds what is written until `commit` has brought all of it to the file.
+
+    A commit that fails halfway goes on where it stopped, so the file is always a beginning of what was written.
+    """
+
+    def __init__(self, raw: RawOutput) -> None:
+        self._raw = raw
+        self._waiting = bytearray()
+        self._written = 0
+        self._synced = 0
+
+    @property
+    def waiting_bytes(self) -> int:
+        """How much is not in the file yet."""
+        return len(self._waiting)
+
+    @property
+    def written_bytes(self) -> int:
+        """How much is in the file."""
+        return self._written
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:
+        """Keep bytes for the next commit."""
+        self._waiting += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Return where the next byte will stand."""
+        return self._written + len(self._waiting)
+
+    def flush(self) -> None:
+        """Nothing: `commit` brings bytes to the file."""
+
+    def commit(self) -> None:
+        """Bring everything to the file; raises `OSError` where that fails, and can be tried again."""
+        done = 0
+        try:
+            with memoryview(self._waiting) as data:
+                while done < len(data):
+                    step = self._raw.write(data[done:])
+                    if not step:
+                        raise OSError("the file takes no more")
+                    done += step
+        finally:
+            self._written += done
+            del self._waiting[:done]
+
+    def sync(self) -> None:
+        """Bring what is in the file onto the disk itself, through all caches; raises `OSError`."""
+        if self._synced < self._written:
+            written = self._written
+            os.fdatasync(self._raw.fileno())
+            self._synced = written
+
+    def close(self) -> None:
+        """Close the file."""
+        self._raw.close()
+
+
+def as_stream(output: RetriedOutput) -> IO[bytes]:
+    """Return it as what a container's writer asks for: it writes, tells and flushes, and does nothing else."""
+    return output  # type: ignore[return-value]

@@ -1,0 +1,277 @@
+"""A recording as the events that the pipeline consumed, in the same order, with the pixels that were kept.
+
+A frame's pixels stand after its head in the file, since only detection tells which of them matter; so events wait
+here until the frames before them are whole. A frame whose pixels were not recorded is not sent, and counted.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from types import TracebackType
+
+import numpy as np
+
+from groundstation.errors import RecordingError, SessionError
+from groundstation.messages import Epoch, Event, Frame, PixelMeasurement
+from groundstation.picture import Kept, PartialPicture
+from groundstation.recording.container_reader import ContainerReader, TopicMessage
+from groundstation.recording.contents import EVENTS_TOPIC, TRACK_TOPIC
+from groundstation.recording.event_codec import (
+    DroppedNote,
+    FrameHead,
+    LostNote,
+    Note,
+    Numbered,
+    PixelsNote,
+    parse_line,
+    part_inside,
+)
+from groundstation.recording.pixels import decoded
+from groundstation.session import Session
+from groundstation.session.folder import Recorded
+
+# PTU readings from this long before the part asked for to this long after it, so that all angles are known
+LEAD_S = 1.0
+# what may wait for a frame's pixels: more than any recorder of ours lets wait
+_MAX_WAITING = 100_000
+_MAX_WAITING_BYTES = 512 * 2**20
+
+
+@dataclass(slots=True, kw_only=True)
+class Missing:
+    """What the recording does not have: frames without pixels, events, and the first epoch that this touches."""
+
+    frames: int = 0
+    events: int = 0
+    first_epoch: int | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.frames or self.events)
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Waiting:
+    """An event that waits for its turn; a frame also for its pixels."""
+
+    number: int
+    event: Event | FrameHead
+    note: PixelsNote | None = None
+    pictures: list[bytes] = field(default_factory=list)
+    missing: bool = False
+
+    @property
+    def ready(self) -> bool:
+        """Whether nothing more is to come for it."""
+        if not isinstance(self.event, FrameHead) or self.missing:
+            return True
+        return self.note is not None and len(self.pictures) == len(self.note.parts)
+
+
+class RecordingSource:
+    """Events of one recording, or of the part of it between two session times.
+
+    A context manager; iterate it once. ``epoch_count`` and ``span_s`` (first and last epoch) are known on entry,
+    ``missing`` in the end. A fault of the file is raised after all that is whole before it.
+
+    Parameters
+    ----------
+    session : with ``recorded``.
+    on_answer : is told each recorded answer to an epoch, a line of JSON.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        recorded: Recorded,
+        from_s: float | None = None,
+        to_s: float | None = None,
+        *,
+        on_answer: Callable[[bytes], None] = lambda line: None,
+    ) -> None:
+        self.epoch_count = 0
+        self.span_s = (0.0, 0.0)
+        self.missing = Missing()
+        self._session = session
+        self._recorded = recorded
+        self._from = -np.inf if from_s is None else from_s
+        self._to = np.inf if to_s is None else to_s
+        self._on_answer = on_answer
+        self._sizes = {s.name: s.lens.image_size_px for s in session.rig.stations}
+        self._open = ExitStack()
+        self._reader: ContainerReader
+        self._line: _EventLine
+
+    def __enter__(self) -> "RecordingSource":
+        with ExitStack() as opened:
+            self._reader = opened.enter_context(ContainerReader(self._recorded.path))
+            self._count_epochs()
+            self._open = opened.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.close()
+
+    def __iter__(self) -> Iterator[Event]:
+        """Yield all events in the order in which they were recorded, then raise what fault was met."""
+        queue = _EventLine(self._sizes, self.missing, self._reader.path.name)
+        fault: RecordingError | None = None
+        try:
+            for message in self._reader.messages():
+                if message.topic == TRACK_TOPIC:
+                    self._on_answer(message.data)
+                else:
+                    queue.take(message)
+                    yield from self._asked(queue.ready())
+        except RecordingError as error:
+            fault = error
+        yield from self._asked(queue.rest())
+        if fault is not None:
+            raise fault
+
+    def _asked(self, events: Iterator[Event]) -> Iterator[Event]:
+        """Pass on what lies in the part asked for."""
+        for event in events:
+            lead = 0.0 if isinstance(event, Frame | PixelMeasurement | Epoch) else LEAD_S
+            if self._from - lead <= event.t_s <= self._to + lead:
+                yield event
+
+    def _count_epochs(self) -> None:
+        """Find how many epochs there are, and the first and last; counts where the file does not tell."""
+        known = self._recorded
+        if known.epochs and known.span_s is not None and self._from == -np.inf and self._to == np.inf:
+            self.epoch_count, self.span_s = known.epochs, known.span_s
+            return
+        times: list[float] = []
+        try:
+            for message in self._reader.messages():
+                if message.topic == EVENTS_TOPIC and b'"kind":"epoch"' in message.data:
+                    parsed = parse_line(message.data, self._sizes, self._reader.path.name)
+                    if isinstance(parsed, Numbered) and self._from <= parsed.event.t_s <= self._to:
+                        times.append(parsed.event.t_s)
+        except RecordingError:
+            # raised again where the events end; what is before it can be used
+            pass
+        if not times:
+            raise SessionError(self._session.name, got="no epoch in the part asked for", wanted="at least one")
+        self.epoch_count, self.span_s = len(times), (min(times), max(times))
+
+
+class _EventLine:
+    """The events in their order, each leaving when it is whole and all before it have left."""
+
+    def __init__(self, sizes_px: dict[str, tuple[int, int]], missing: Missing, where: str) -> None:
+        self._sizes = sizes_px
+        self._missing = missing
+        self._where = where
+        self._line: deque[_Waiting] = deque()
+        self._frames: dict[int, _Waiting] = {}
+        self._arriving: _Waiting | None = None
+        self._next = 0
+        self._bytes = 0
+        self._touched = False
+
+    def take(self, message: TopicMessage) -> None:
+        """Take one message of the file; those of others are passed over. Raises `RecordingError`."""
+        if message.topic == EVENTS_TOPIC:
+            parsed = parse_line(message.data, self._sizes, self._where)
+            if isinstance(parsed, Numbered):
+                self._enter(parsed)
+            else:
+                self._note(parsed)
+        elif self._arriving is not None and message.topic.startswith("/stations/"):
+            self._picture(self._arriving, message)
+
+    def ready(self) -> Iterator[Event]:
+        """Yield the events whose turn has come."""
+        while self._line and (self._line[0].ready or self._crowded()):
+            yield from self._leave(self._line.popleft())
+
+    def rest(self) -> Iterator[Event]:
+        """Yield what still waits: nothing more will come."""
+        while self._line:
+            yield from self._leave(self._line.popleft())
+
+    def _crowded(self) -> bool:
+        return len(self._line) > _MAX_WAITING or self._bytes > _MAX_WAITING_BYTES
+
+    def _enter(self, numbered: Numbered) -> None:
+        if numbered.n < self._next:
+            got, wanted = f"event {numbered.n} after event {self._next - 1}", "each once and in order"
+            raise RecordingError(self._where, got=got, wanted=wanted)
+        self._lost(numbered.n - self._next)
+        self._next = numbered.n + 1
+        waiting = _Waiting(number=numbered.n, event=numbered.event)
+        self._line.append(waiting)
+        if isinstance(numbered.event, FrameHead):
+            self._frames[numbered.n] = waiting
+
+    def _note(self, note: Note) -> None:
+        if isinstance(note, LostNote):
+            # counted where the numbers jump
+            return
+        frame = self._frames.get(note.of)
+        if frame is None or frame.note is not None:
+            # its head was lost, or has left without it
+            return
+        if isinstance(note, DroppedNote):
+            frame.missing = True
+            return
+        head = frame.event
+        if not isinstance(head, FrameHead) or not all(part_inside(part, head.size_px) for part in note.parts):
+            got = f"parts of frame {note.of} outside its picture"
+            raise RecordingError(self._where, got=got, wanted="parts inside it")
+        frame.note = note
+        self._arriving = frame if note.parts else None
+
+    def _picture(self, frame: _Waiting, message: TopicMessage) -> None:
+        """Put a picture to its frame; they stand in the order of the note, right behind it."""
+        note, head = frame.note, frame.event
+        if note is None or not isinstance(head, FrameHead):
+            return
+        part = note.parts[len(frame.pictures)]
+        topic = f"/stations/{head.station}/{part.topic}"
+        if message.topic != topic or message.sequence != frame.number & 0xFFFFFFFF:
+            return
+        frame.pictures.append(message.data)
+        self._bytes += len(message.data)
+        if frame.ready:
+            self._arriving = None
+
+    def _lost(self, count: int) -> None:
+        if count:
+            self._missing.events += count
+            self._touched = True
+
+    def _leave(self, waiting: _Waiting) -> Iterator[Event]:
+        """Yield the event, if it is whole."""
+        event = waiting.event
+        if not isinstance(event, FrameHead):
+            if isinstance(event, Epoch) and self._touched and self._missing.first_epoch is None:
+                self._missing.first_epoch = event.epoch
+            yield event
+            return
+        self._frames.pop(waiting.number, None)
+        self._bytes -= sum(map(len, waiting.pictures))
+        if waiting.missing or not waiting.ready or waiting.note is None:
+            self._missing.frames += 1
+            self._touched = True
+            return
+        yield Frame(
+            t_s=event.t_s,
+            station=event.station,
+            epoch=event.epoch,
+            image=_picture_of(event, waiting.note, waiting.pictures, f"{self._where}: frame {waiting.number}"),
+        )
+
+
+def _picture_of(head: FrameHead, note: PixelsNote, pictures: list[bytes], where: str) -> PartialPicture:
+    """Return the picture that the kept parts make."""
+    parts = []
+    for part, data in zip(note.parts, pictures, strict=True):
+        png = not part.topic.endswith("/raw")
+        pixels = decoded(data, png=png, size_px=(part.w, part.h), colour=note.colour, where=where)
+        parts.append(Kept(x=part.x, y=part.y, pixels=pixels))
+    return PartialPicture(head.size_px, parts, head.pattern)

@@ -1,0 +1,74 @@
+"""Small text files that may lie in a folder or inside another file; a `pathlib.Path` is one of them."""
+
+from collections.abc import Mapping
+from io import BytesIO, TextIOWrapper
+from typing import Protocol, TextIO
+
+
+class TextFile(Protocol):
+    """A file of text, which may not exist."""
+
+    @property
+    def name(self) -> str:
+        """Return its name without folders."""
+
+    def is_file(self) -> bool:
+        """Return whether it exists."""
+
+    def open(self, *, encoding: str, errors: str = "strict", newline: str | None = None) -> TextIO:
+        """Open it for reading."""
+
+    def read_bytes(self) -> bytes:
+        """Return what is in it."""
+
+
+class TextFolder(Protocol):
+    """Where a session's files lie, by their names."""
+
+    def __truediv__(self, name: str, /) -> TextFile:
+        """Return the file of a name."""
+
+
+class AttachedFiles:
+    """Files that another file, ``place``, carries: by name their content."""
+
+    def __init__(self, place: str, files: Mapping[str, bytes]) -> None:
+        self._place = place
+        self._files = files
+
+    def __truediv__(self, name: str) -> "AttachedFile":
+        return AttachedFile(name, self._place, self._files.get(name))
+
+    def __str__(self) -> str:
+        return self._place
+
+
+class AttachedFile:
+    """One of them; ``content`` is None where there is none of that name."""
+
+    def __init__(self, name: str, place: str, content: bytes | None) -> None:
+        self._name = name
+        self._place = place
+        self._content = content
+
+    def __str__(self) -> str:
+        return f"{self._place}: {self._name}"
+
+    @property
+    def name(self) -> str:
+        """Return its name."""
+        return self._name
+
+    def is_file(self) -> bool:
+        """Return whether it is there."""
+        return self._content is not None
+
+    def open(self, *, encoding: str, errors: str = "strict", newline: str | None = None) -> TextIO:
+        """Open it for reading; raises `FileNotFoundError`."""
+        return TextIOWrapper(BytesIO(self.read_bytes()), encoding=encoding, errors=errors, newline=newline)
+
+    def read_bytes(self) -> bytes:
+        """Return what is in it; raises `FileNotFoundError`."""
+        if self._content is None:
+            raise FileNotFoundError(2, "no such file", str(self))
+        return self._content

@@ -1,0 +1,11 @@
+"""The named reason, inside a driver, for which an answer is not believed."""
+
+from ptu_drivers.health import DoubtReason
+
+
+class Doubtful(Exception):  # noqa: N818 - not an error: a named reason, which never leaves the driver
+    """Inside a driver: an answer that cannot be believed, or none."""
+
+    def __init__(self, reason: DoubtReason, said: str = "") -> None:
+        self.reason = reason
+        super().__init__(said or reason.value)

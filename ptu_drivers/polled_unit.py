@@ -1,0 +1,350 @@
+"""What the drivers of units that only answer questions have in common.
+
+Lock, limits, counts, watchdog, halt and reconnection are here. A
+protocol adds how to ask, move, halt and set up. Its angles are the unit's own, before the settings' sign and zero.
+"""
+
+import threading
+from abc import abstractmethod
+from typing import Protocol
+
+from ptu_drivers.axis_limits import insist_on_angle, insist_on_rate, insist_on_room
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.errors import LineError, NoAnswerError, PtuError, RefusedError, UnsupportedError
+from ptu_drivers.halting import Watchdog
+from ptu_drivers.health import DoubtReason, Health, HealthCounter, UnitState
+from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.messages import Axis, Capability, NoReading, Reading, UnitDescription
+from ptu_drivers.settings import AxisSettings, UnitSettings
+
+# timeouts in a row after which the line is opened again: a socket can be half open, an adapter asleep
+_SILENCES = 4
+_REOPEN_S = 0.2
+_HALT_TRIES = 3
+# motion by rate is looked at this often by itself, so that it can be stopped at a limit
+_LOOK_S = 0.1
+# until it is looked at again and has come to rest
+_AHEAD_S = 0.25
+
+
+class Line(Protocol):
+    """What the common part needs of a line; a `Transport`, or a connection of another kind."""
+
+    url: str
+
+    def now(self) -> float:
+        """Return the clock, s."""
+
+    def wait(self, duration_s: float) -> None:
+        """Let time pass."""
+
+    def reopen(self) -> None:
+        """Close and open again. Raises LineError."""
+
+    def close(self) -> None:
+        """Let go; never raises."""
+
+
+class PolledUnit(PanTiltUnit):
+    """The common part; see the module.
+
+    Parameters
+    ----------
+    line : the line, open; owned by this from now on.
+    settings : as given to `open_ptu`.
+    description : what the probe found.
+    health : the counts of the probe, to be carried on.
+    watch : run the watchdog in a thread; without, it is looked at with each call (time that is simulated).
+    """
+
+    def __init__(
+        self, line: Line, settings: UnitSettings, description: UnitDescription, health: HealthCounter, *, watch: bool
+    ) -> None:
+        self._line = line
+        self._settings = settings
+        self._description = description
+        self._health = health
+        self._health.state = UnitState.READY
+        self._lock = threading.RLock()
+        self._closed = False
+        self._halt_owed = False
+        self._silences = 0
+        self._next_reopen_s = float("-inf")
+        self._until_s = float("inf")
+        """When the present call must be over, s."""
+        self._rates: dict[Axis, float] | None = None
+        self._rate_command_s = 0.0
+        self._last: Reading | None = None
+        self._watches = watch
+        self._watchdog: Watchdog | None = None
+
+    @abstractmethod
+    def _ask(self) -> Reading:
+        """Ask both axes; raises Doubtful, LineError."""
+
+    @abstractmethod
+    def _resynchronise(self) -> None:
+        """After a doubt: make sure that the next answer belongs to the next question; raises Doubtful, LineError."""
+
+    @abstractmethod
+    def _set_up(self) -> None:
+        """After the line was opened again: set what the unit may have lost; raises Doubtful, LineError."""
+
+    @abstractmethod
+    def _send_position(self, targets: dict[Axis, float], rate_rad_s: float | None) -> None:
+        """Command positions, the unit's own rad; raises Doubtful, RefusedError, LineError."""
+
+    @abstractmethod
+    def _send_rates(self, rates: dict[Axis, float]) -> None:
+        """Command rates, the unit's own rad/s; raises Doubtful, RefusedError, LineError."""
+
+    @abstractmethod
+    def _send_halt(self) -> None:
+        """Stop both axes; raises Doubtful, RefusedError, LineError."""
+
+    def describe(self) -> UnitDescription:
+        """Return what the probe found."""
+        return self._description
+
+    def health(self) -> Health:
+        """Return the counts until now."""
+        with self._lock:
+            return self._health.snapshot()
+
+    def read(self) -> Reading | NoReading:
+        """Ask both axes where they are."""
+        with self._lock:
+            self._begin()
+            self._check_watchdog()
+            try:
+                if self._health.state is not UnitState.READY:
+                    self._recover()
+                reading = self._ask()
+            except RefusedError as refused:
+                return self._doubt(Doubtful(DoubtReason.REFUSED, str(refused)))
+            except (Doubtful, LineError) as fault:
+                return self._doubt(fault)
+            self._silences = 0
+            self._health.state = UnitState.READY
+            self._health.readings += 1
+            self._last = reading
+            self._health.last_reading_s = max(reading.pan.t_s, reading.tilt.t_s)
+            self._stop_at_limits(reading)
+            if self._halt_owed:
+                self._try_halt()
+            return reading
+
+    def move_to(
+        self, *, pan_rad: float | None = None, tilt_rad: float | None = None, rate_rad_s: float | None = None
+    ) -> None:
+        """Start to turn to a position."""
+        asked = {a: v for a, v in ((Axis.PAN, pan_rad), (Axis.TILT, tilt_rad)) if v is not None}
+        with self._lock:
+            self._begin()
+            if rate_rad_s is not None and Capability.SPEED not in self._description.capabilities:
+                raise UnsupportedError(self._description.protocol, got="a speed for a move to a position")
+            for axis, value in asked.items():
+                insist_on_angle(axis, self._description.axis(axis), value)
+                if rate_rad_s is not None:
+                    insist_on_rate(axis, self._description.axis(axis), rate_rad_s)
+            self._rates = None
+            targets = {axis: self._axis(axis).unit_angle(value) for axis, value in asked.items()}
+            self._command("move", lambda: self._send_position(targets, rate_rad_s))
+
+    def move_at(self, *, pan_rad_s: float, tilt_rad_s: float) -> None:
+        """Turn at a rate until the next command."""
+        with self._lock:
+            self._begin()
+            if Capability.VELOCITY not in self._description.capabilities:
+                raise UnsupportedError(self._description.protocol, got="a rate")
+            asked = {Axis.PAN: pan_rad_s, Axis.TILT: tilt_rad_s}
+            for axis, value in asked.items():
+                insist_on_rate(axis, self._description.axis(axis), value)
+                if self._last is not None and not (self._rates and self._rates[axis]):
+                    # from rest; motion is stopped at its limit anyway
+                    ahead_rad = self._last.axis(axis).angle_rad + value * _AHEAD_S
+                    insist_on_room(axis, self._description.axis(axis), ahead_rad, value)
+            self._rate_command_s = self._line.now()
+            self._rates = asked
+            rates = {axis: self._axis(axis).sign * value for axis, value in asked.items()}
+            self._command("turn", lambda: self._send_rates(rates))
+            if self._watches and self._watchdog is None:
+                self._watchdog = Watchdog(self._watch, min(_LOOK_S, self._settings.watchdog_s / 4 or _LOOK_S))
+            if self._line.now() - self._health.last_reading_s > _LOOK_S:
+                self.read()
+
+    def halt(self) -> None:
+        """Stop both axes now."""
+        with self._lock:
+            self._begin()
+            self._halt()
+
+    def home(self) -> None:
+        """Reset and home; units of these protocols cannot be asked to."""
+        with self._lock:
+            self._begin()
+            raise UnsupportedError(self._description.protocol, got="a request to home")
+
+    def close(self) -> None:
+        """Halt and let go of the line."""
+        with self._lock:
+            if self._closed:
+                return
+            if self._watchdog is not None:
+                self._watchdog.stop()
+            self._try_again()
+            self._try_halt(_HALT_TRIES)
+            self._try_again()
+            try:
+                if not self._halt_owed:
+                    self._let_go()
+            except (Doubtful, PtuError) as fault:
+                self._health.doubts[fault.reason if isinstance(fault, Doubtful) else DoubtReason.LINE_LOST] += 1
+            self._closed = True
+            self._health.state = UnitState.CLOSED
+            self._line.close()
+
+    def _let_go(self) -> None:
+        """After the last halt: what else a unit needs before it is left alone."""
+
+    def _axis(self, axis: Axis) -> AxisSettings:
+        return self._settings.pan if axis is Axis.PAN else self._settings.tilt
+
+    def _begin(self) -> None:
+        """Begin a call: the unit must be open, and the call has its time from now on."""
+        if self._closed:
+            raise LineError(self._description.url, got="a unit that was closed", wanted="an open one")
+        self._try_again()
+
+    def _try_again(self) -> None:
+        """Give the call the time of one exchange from now on."""
+        self._until_s = self._line.now() + self._description.reply_timeout_s
+
+    def _command(self, name: str, send: "_Send") -> None:
+        """Send once; what is not acknowledged may still move, and is halted when the line is back."""
+        began = self._line.now()
+        try:
+            if self._health.state is not UnitState.READY:
+                self._recover()
+            send()
+        except RefusedError:
+            # one axis may have taken it
+            self._rates = None
+            self._halt_owed = True
+            raise
+        except (Doubtful, LineError) as fault:
+            self._rates = None
+            self._halt_owed = True
+            self._doubt(fault)
+            if isinstance(fault, LineError):
+                raise
+            raise NoAnswerError(name, waited_s=self._line.now() - began, got=str(fault)) from fault
+        # a new command replaces the motion that the halt was owed for
+        self._halt_owed = False
+        self._health.state = UnitState.READY
+        self._silences = 0
+
+    def _halt(self, tries: int = _HALT_TRIES) -> None:
+        self._rates = None
+        self._halt_owed = True
+        began = self._line.now()
+        last: Doubtful | LineError | None = None
+        for n in range(tries):
+            if n:
+                self._try_again()
+            try:
+                if self._health.state is UnitState.LINE_LOST:
+                    self._reconnect()
+                # no resynchronisation first: a halt that may be heard is worth more than an answer that is certain
+                self._send_halt()
+            except (Doubtful, LineError) as fault:
+                last = fault
+                self._doubt(fault)
+                if isinstance(fault, LineError):
+                    break
+            else:
+                self._halt_owed = False
+                return
+        if isinstance(last, LineError):
+            raise last
+        raise NoAnswerError("halt", waited_s=self._line.now() - began, got=str(last))
+
+    def _try_halt(self, tries: int = 1) -> None:
+        """Halt; failure stays owed."""
+        try:
+            self._halt(tries)
+        except PtuError:
+            return
+
+    def _doubt(self, fault: Doubtful | LineError) -> NoReading:
+        """Count it, and decide what comes next."""
+        if isinstance(fault, LineError):
+            reason = DoubtReason.LINE_LOST
+            self._lose()
+        else:
+            reason = fault.reason
+            silent = reason in (DoubtReason.TIMEOUT, DoubtReason.LINE_LOST)
+            self._silences = self._silences + 1 if silent else 0
+            if self._health.state is UnitState.READY:
+                self._health.state = UnitState.RESYNCHRONISING
+                self._health.resyncs += 1
+            if self._silences >= _SILENCES and self._health.state is not UnitState.LINE_LOST:
+                self._lose()
+        self._health.doubts[reason] += 1
+        return NoReading(reason=reason, state=self._health.state, t_s=self._line.now())
+
+    def _lose(self) -> None:
+        self._silences = 0
+        if self._rates is not None:
+            self._halt_owed = True
+            self._rates = None
+        self._health.state = UnitState.LINE_LOST
+
+    def _recover(self) -> None:
+        if self._health.state is UnitState.LINE_LOST:
+            self._reconnect()
+            self._set_up()
+        self._resynchronise()
+
+    def _reconnect(self) -> None:
+        now = self._line.now()
+        if now < self._next_reopen_s:
+            self._line.wait(min(self._next_reopen_s, self._until_s) - now)
+        self._next_reopen_s = self._line.now() + _REOPEN_S
+        self._line.reopen()
+        self._health.reconnects += 1
+        self._health.state = UnitState.RESYNCHRONISING
+
+    def _check_watchdog(self) -> None:
+        """Halt motion by rate that nobody renewed."""
+        if self._rates is None or not any(self._rates.values()) or self._settings.watchdog_s <= 0:
+            return
+        if self._line.now() - self._rate_command_s > self._settings.watchdog_s:
+            self._health.watchdog_stops += 1
+            self._try_halt()
+
+    def _stop_at_limits(self, reading: Reading) -> None:
+        """Halt motion by rate that would pass a limit before the next look."""
+        if self._rates is None:
+            return
+        for axis in Axis:
+            sample, said, rate = reading.axis(axis), self._description.axis(axis), self._rates[axis]
+            ahead = sample.angle_rad + rate * (self._line.now() - sample.t_s + _AHEAD_S)
+            if (rate > 0 and ahead > said.high_rad) or (rate < 0 and ahead < said.low_rad):
+                self._health.limit_events += 1
+                self._try_halt()
+                return
+
+    def _watch(self) -> None:
+        """Look after motion by rate: that commands come, that limits are kept."""
+        with self._lock:
+            if self._closed or self._rates is None or not any(self._rates.values()):
+                return
+            self._try_again()
+            self._check_watchdog()
+            if self._line.now() - self._health.last_reading_s > _LOOK_S:
+                self.read()
+
+
+class _Send(Protocol):
+    def __call__(self) -> None: ...

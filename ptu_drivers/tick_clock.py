@@ -1,0 +1,89 @@
+"""The clock of a device tied to ours: each answer says what its clock showed between two instants of ours."""
+
+import math
+from dataclasses import dataclass
+
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.health import DoubtReason
+
+
+@dataclass(frozen=True, slots=True)
+class _Tie:
+    """Our clock less the device's lies between `low_s` and `high_s`, as of `t_s`."""
+
+    t_s: float
+    low_s: float
+    high_s: float
+
+    @property
+    def middle_s(self) -> float:
+        return 0.5 * (self.low_s + self.high_s)
+
+    @property
+    def half_s(self) -> float:
+        return 0.5 * (self.high_s - self.low_s)
+
+
+@dataclass(slots=True, kw_only=True)
+class TickClock:
+    """A counter that ticks in a device.
+
+    The differences that an answer allows are an interval, whose width is the time that the device had to answer; the
+    intersection of all of them, widened by the drift in between, is narrower than any. An answer to an older question
+    shows an older tick than it can, and is refused; so is the first answer after the device was restarted, until the
+    next one agrees with it.
+
+    Attributes
+    ----------
+    tick_s : seconds per tick.
+    ticks : at this count it begins again from 0.
+    drift : most that the clocks run apart, s/s.
+    """
+
+    tick_s: float
+    ticks: int
+    drift: float = 5e-4
+    _tie: _Tie | None = None
+    _held: _Tie | None = None
+
+    def instant(self, tick: int, earliest_s: float, latest_s: float) -> tuple[float, float]:
+        """Return when the tick was shown, and 1 sigma, s.
+
+        Parameters
+        ----------
+        tick : what the counter showed. earliest_s, latest_s : between these instants of ours.
+
+        Raises
+        ------
+        Doubtful : it cannot have shown that then.
+        """
+        for tie, reason in ((self._tie, None), (self._held, DoubtReason.STARTING)):
+            if tie is None:
+                continue
+            new = self._joined(tie, tick, earliest_s, latest_s)
+            if new is not None:
+                self.restarted = reason is not None
+                self._tie, self._held = new, None
+                shown_s = self._device_s(tick, latest_s - new.middle_s)
+                t_s = min(max(shown_s + 0.5 * self.tick_s + new.middle_s, earliest_s), latest_s)
+                return t_s, math.hypot(self.tick_s, 2 * new.half_s) / math.sqrt(12)
+        device_s = tick * self.tick_s
+        self._held = _Tie(latest_s, earliest_s - device_s - self.tick_s, latest_s - device_s)
+        if self._tie is None:
+            raise Doubtful(DoubtReason.STARTING, "the first tick")
+        raise Doubtful(DoubtReason.ECHO_MISMATCH, f"tick {tick}, which it cannot show now")
+
+    restarted: bool = False
+    """The last answer was the second of a new count: the device was restarted, or seen for the first time."""
+
+    def _device_s(self, tick: int, near_s: float) -> float:
+        """Return the device's time of a tick, of all with that count the nearest."""
+        turn_s = self.ticks * self.tick_s
+        return tick * self.tick_s + round((near_s - tick * self.tick_s) / turn_s) * turn_s
+
+    def _joined(self, tie: _Tie, tick: int, earliest_s: float, latest_s: float) -> _Tie | None:
+        wider_s = self.drift * abs(latest_s - tie.t_s)
+        device_s = self._device_s(tick, latest_s - tie.middle_s)
+        low_s = max(tie.low_s - wider_s, earliest_s - device_s - self.tick_s)
+        high_s = min(tie.high_s + wider_s, latest_s - device_s)
+        return _Tie(latest_s, low_s, high_s) if low_s <= high_s else None

@@ -1,0 +1,37 @@
+"""A program that moves a unit and ends badly, for `test_lifecycle.py`; arguments: URL, how to move, how to end."""
+
+import math
+import sys
+import time
+
+from ptu_drivers import open_ptu
+
+url, motion, end = sys.argv[1:]
+unit = open_ptu(url)
+
+
+def work() -> None:
+    if motion == "position":
+        unit.move_to(pan_rad=unit.describe().pan.high_rad, rate_rad_s=math.radians(20))
+    else:
+        unit.move_at(pan_rad_s=math.radians(20), tilt_rad_s=0.0)
+    time.sleep(0.2)
+    print("moving", flush=True)
+    if end == "exception":
+        raise ZeroDivisionError
+    for _ in range(600):
+        if motion == "rate" and end != "silence":
+            unit.move_at(pan_rad_s=math.radians(20), tilt_rad_s=0.0)
+        time.sleep(0.05)
+
+
+if end == "with":
+    with unit:
+        unit.move_to(pan_rad=unit.describe().pan.high_rad)
+        print("moving", flush=True)
+elif end == "return":
+    # neither closed nor in a context: the end of the program has to do it
+    unit.move_to(pan_rad=unit.describe().pan.high_rad)
+    print("moving", flush=True)
+else:
+    work()

@@ -1,0 +1,58 @@
+"""A mount behind Alpaca keeps the contract of a pan-tilt unit: simulated, in virtual time."""
+
+import math
+
+import pytest
+
+from ptu_drivers.alpaca import AlpacaOptions, connect_alpaca
+from ptu_drivers.messages import Axis
+from ptu_drivers.settings import UnitSettings
+from ptu_drivers.simulated_alpaca import MountModel, SimulatedMount
+from tests.contracts.pan_tilt_unit import ContractRig, PanTiltContract
+from tests.ptu_drivers.virtual_http import VirtualHttp
+
+
+def alpaca_rig(model: MountModel, settings: UnitSettings) -> ContractRig:
+    mount = SimulatedMount(model)
+    line = VirtualHttp(mount)
+
+    def truth(axis: Axis, t_s: float) -> float:
+        if axis is Axis.TILT:
+            return math.radians(mount.altitude_deg(t_s))
+        return -math.remainder(math.radians(mount.azimuth_deg(t_s)), 2 * math.pi)
+
+    def set_dead(dead: bool) -> None:
+        line.dead = dead
+
+    return ContractRig(
+        open=lambda settings: connect_alpaca(
+            line, settings, AlpacaOptions(altitude_low_deg=-10.0, altitude_high_deg=60.0), watch=False
+        ),
+        now=line.now,
+        wait=line.wait,
+        truth=truth,
+        cut=lambda: set_dead(True),
+        mend=lambda: set_dead(False),
+        settings=settings,
+        time_sigma_s=0.0005,
+    )
+
+
+class TestAlpaca(PanTiltContract):
+    @pytest.fixture
+    def rig(self) -> ContractRig:
+        return alpaca_rig(MountModel(), UnitSettings())
+
+
+class TestAlpacaBeforeVersionFour(PanTiltContract):
+    @pytest.fixture
+    def rig(self) -> ContractRig:
+        return alpaca_rig(MountModel(state=False), UnitSettings())
+
+
+class TestAlpacaOnAnEquatorialMount(PanTiltContract):
+    """Its axes are no pan and tilt: it slews to altitudes, but does not turn at rates."""
+
+    @pytest.fixture
+    def rig(self) -> ContractRig:
+        return alpaca_rig(MountModel(alignment=2), UnitSettings())

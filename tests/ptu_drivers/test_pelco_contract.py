@@ -1,0 +1,62 @@
+"""Pelco units keep the contract of a pan-tilt unit: simulated, in virtual time."""
+
+import pytest
+
+from ptu_drivers.pelco import PelcoOptions, connect_pelco
+from ptu_drivers.pelco_codec import PelcoFraming
+from ptu_drivers.settings import UnitSettings
+from ptu_drivers.simulated_line import VirtualLine
+from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
+from tests.contracts.pan_tilt_unit import ContractRig, PanTiltContract
+
+
+def pelco_rig(model: PelcoModel, **options: object) -> ContractRig:
+    unit = SimulatedPelco(model, seed=4)
+    line = VirtualLine(unit, model.baud)
+    if "speeds_deg_s" in options:
+        options["speeds_deg_s"] = unit.speed_table()
+
+    def set_dead(dead: bool) -> None:
+        line.dead = dead
+
+    return ContractRig(
+        open=lambda settings: connect_pelco(
+            line,
+            settings,
+            PelcoOptions(max_rate_deg_s=60.0, max_acceleration_deg_s2=120.0, **options),  # type: ignore[arg-type]
+            model.framing,
+            watch=False,
+        ),
+        now=line.now,
+        wait=line.wait,
+        truth=unit.head_rad,
+        cut=lambda: set_dead(True),
+        mend=lambda: set_dead(False),
+        settings=UnitSettings(),
+        time_sigma_s=0.0005,
+    )
+
+
+class TestPelcoD(PanTiltContract):
+    @pytest.fixture
+    def rig(self) -> ContractRig:
+        return pelco_rig(PelcoModel())
+
+
+class TestPelcoDOnTwoWiresWithRates(PanTiltContract):
+    @pytest.fixture
+    def rig(self) -> ContractRig:
+        return pelco_rig(PelcoModel(echo=True), speeds_deg_s={})
+
+
+class TestPelcoDThatAcknowledges(PanTiltContract):
+    @pytest.fixture
+    def rig(self) -> ContractRig:
+        return pelco_rig(PelcoModel(acknowledges=True), acknowledges=True)
+
+
+class TestPelcoPOfTheOtherSenses(PanTiltContract):
+    @pytest.fixture
+    def rig(self) -> ContractRig:
+        model = PelcoModel(framing=PelcoFraming.P, address=7, baud=4800, clockwise=False, downwards=False)
+        return pelco_rig(model, address=7, pan_sign=1, tilt_sign=1)

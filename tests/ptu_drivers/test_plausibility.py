@@ -1,0 +1,88 @@
+"""The gate and the instants: what passes, what is asked again, what cannot be."""
+
+import math
+import random
+
+from ptu_drivers.instants import DeviceClock, Latency, of_query
+from ptu_drivers.messages import AngleSource
+from ptu_drivers.plausibility import Plausibility, Point, Verdict
+from ptu_drivers.simulated_axis import SimulatedAxis
+
+
+def at(t_s: float, angle: float) -> Point:
+    return Point(t_s=t_s, sigma_t_s=0.0003, angle=angle)
+
+
+def gate() -> Plausibility:
+    return Plausibility(quantum=1.0, max_rate=8000, max_acceleration=8000)
+
+
+def test_no_true_motion_is_ever_called_impossible() -> None:
+    rnd = random.Random(2)
+    axis = SimulatedAxis(low=-30000, high=30000, rate=8000, max_rate=8000, acceleration=8000)
+    g, t, confirmed = gate(), 0.0, 0
+    g.accept(at(0.0, 0.0))
+    for _ in range(4000):
+        if rnd.random() < 0.02:
+            axis.move_to(t, rnd.uniform(-30000, 30000))
+        t += rnd.uniform(0.01, 0.06)
+        point = at(t, round(axis.motor(t + rnd.gauss(0.0, 0.0003))))
+        verdict = g.judge(point)
+        assert verdict is not Verdict.IMPOSSIBLE
+        if verdict is Verdict.CONFIRM:
+            confirmed += 1
+            t += 0.02
+            again = at(t, round(axis.motor(t + rnd.gauss(0.0, 0.0003))))
+            assert g.confirms(point, again)
+            point = again
+        g.accept(point)
+    assert 50 < confirmed < 2000
+
+
+def test_a_lost_digit_is_impossible_or_unconfirmed() -> None:
+    """All counts at rest that lose a digit: nothing gets through but a sign at one count."""
+    for true in range(-3000, 3001, 7):
+        text = str(true)
+        for k in range(len(text)):
+            rest = text[:k] + text[k + 1 :]
+            if rest in ("", "-") or int(rest) == true:
+                continue
+            g = gate()
+            for n in range(3):
+                g.accept(at(0.03 * n, true))
+            wrong, again = at(0.09, int(rest)), at(0.105, true)
+            verdict = g.judge(wrong)
+            passed = verdict is Verdict.PLAUSIBLE or (verdict is Verdict.CONFIRM and g.confirms(wrong, again))
+            assert not passed or abs(int(rest) - true) <= 9, (true, rest)
+
+
+def test_instants_stay_within_their_bounds() -> None:
+    rnd = random.Random(3)
+    for _ in range(2000):
+        earliest = rnd.uniform(0.0, 1.0)
+        latest = earliest + rnd.uniform(0.0, 0.03)
+        sent = earliest + rnd.uniform(0.0, 0.002)
+        first = latest + rnd.uniform(0.0, 0.01)
+        for spread in (0.0005, math.inf):
+            latency = Latency(unit_s=0.005, unit_sigma_s=0.0017, send_sigma_s=spread)
+            found = of_query(earliest_s=earliest, sent_s=sent, latest_s=latest, first_bit_s=first, latency=latency)
+            assert earliest <= found.t_s <= latest
+            assert 1e-4 <= found.sigma_s <= max(1e-4, (latest - earliest) / math.sqrt(12))
+
+
+def test_the_device_clock_learns_its_offset_and_survives_a_wrap_and_a_restart() -> None:
+    rnd = random.Random(4)
+    hz, drift, start = 90_000.0, 1 + 50e-6, 2**32 - 90_000 * 5
+    clock, errors = DeviceClock(hz), []
+    for k in range(400):
+        true = 100.0 + 0.04 * k
+        count = int((true - 100.0) * hz * drift + start) % 2**32
+        before, after = rnd.uniform(0.0, 0.005), rnd.uniform(0.0, 0.01)
+        found = clock.instant(count, true - before, true + after)
+        assert found.source is AngleSource.DEVICE_CLOCK
+        errors.append((found.t_s - true, found.sigma_s))
+    assert max(abs(e) for e, _ in errors[50:]) < 0.0015
+    assert all(abs(e) < 4 * s + 2 / hz for e, s in errors)
+    assert clock.went_back(5)
+    again = clock.instant(5, 200.0, 200.004)
+    assert 200.0 <= again.t_s <= 200.004

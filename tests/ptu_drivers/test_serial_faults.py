@@ -1,0 +1,31 @@
+"""A short part of the fault campaign (`benchmarks/ptu_serial_faults.py`), each kind of fault alone and all together."""
+
+import pytest
+from ptu_serial_faults import FAULTS, MAKERS, RECOVERY_S, Tally, campaign, fuzz, one_run
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_no_wrong_angle_and_back_in_time(name: str) -> None:
+    if name == "dynamixel":
+        pytest.importorskip("dynamixel_sdk", reason="extra `dynamixel` is not installed")
+    tally = campaign(name, 6, first_seed=5000)
+    assert tally.angles > 500
+    assert sum(tally.doubts.values()) > 20
+    assert (tally.wrong, tally.not_back, tally.slow, tally.still_moving, tally.too_long) == (0, 0, 0, 0, 0)
+    assert max(tally.recovery_s) < RECOVERY_S
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_each_fault_alone(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for other in tuple(FAULTS):
+        if other != fault:
+            monkeypatch.delitem(FAULTS, other)
+    tally = Tally()
+    one_run(MAKERS["pelco"], 77, tally)
+    assert tally.faults[fault] == 6
+    assert (tally.wrong, tally.not_back, tally.slow, tally.still_moving) == (0, 0, 0, 0)
+    assert tally.angles > 10
+
+
+def test_random_strings() -> None:
+    assert sum(fuzz(20_000).values()) > 10

@@ -1,0 +1,118 @@
+"""Lines, windows and pixels of a recording: what goes in comes out, and what is none of ours is refused."""
+
+import struct
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from groundstation.errors import RecordingError
+from groundstation.messages import Epoch, Event, PixelMeasurement, PtuSample
+from groundstation.picture import BayerPattern
+from groundstation.recording.event_codec import (
+    DroppedNote,
+    LostNote,
+    Numbered,
+    PartNote,
+    PixelsNote,
+    event_values,
+    line,
+    note_values,
+    parse_line,
+)
+from groundstation.recording.pixels import decoded, encoded
+from groundstation.recording.windows import MAX_PARTS, merged
+
+SIZES = {"left": (64, 48), "right": (64, 48)}
+numbers = st.floats(-1e9, 1e9, allow_nan=False)
+names = st.sampled_from(sorted(SIZES))
+whole = st.integers(0, 2**40)
+simple_events: st.SearchStrategy[Event] = st.one_of(
+    st.builds(PtuSample, t_s=numbers, station=names, pan_rad=numbers, tilt_rad=numbers),
+    st.builds(PixelMeasurement, t_s=numbers, station=names, epoch=whole, u_px=numbers, v_px=numbers),
+    st.builds(Epoch, t_s=numbers, epoch=whole, stations=st.lists(names, max_size=3).map(tuple)),
+)
+parts = st.builds(PartNote, topic=st.text(max_size=9), x=whole, y=whole, w=whole, h=whole)
+notes = st.one_of(
+    st.builds(PixelsNote, of=whole, parts=st.lists(parts, max_size=4).map(tuple), colour=st.booleans()),
+    st.builds(DroppedNote, of=whole, why=st.text(max_size=9)),
+    st.builds(LostNote, first=whole, last=whole),
+)
+values = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
+keys = st.sampled_from(
+    (
+        *("n", "kind", "t_s", "station", "epoch", "stations", "size_px", "pattern"),
+        *("of", "parts", "colour", "why", "position_runway_m", "sigma_m"),
+    )
+)
+kinds = st.sampled_from(["ptu", "frame", "pixel", "epoch", "reference", "pixels", "dropped", "lost", "x"])
+windows = st.tuples(st.integers(0, 60), st.integers(0, 40), st.integers(1, 30), st.integers(1, 30)).map(
+    lambda w: (w[0], w[1], w[0] + w[2], w[1] + w[3])
+)
+
+
+@given(simple_events, whole)
+def test_events_come_back_bit_for_bit(event: Event, n: int) -> None:
+    assert parse_line(line(event_values(n, event)), SIZES, "test") == Numbered(n=n, event=event)
+
+
+@given(notes)
+def test_notes_come_back(note: PixelsNote | DroppedNote | LostNote) -> None:
+    assert parse_line(line(note_values(note)), SIZES, "test") == note
+
+
+@given(st.dictionaries(keys, values), kinds)
+def test_other_lines_are_refused_with_one_error(given_values: dict[str, object], kind: str) -> None:
+    with suppress(RecordingError):
+        parse_line(line({**given_values, "kind": kind}), SIZES, "test")
+
+
+@given(st.binary(max_size=40))
+def test_bytes_that_are_no_line_are_refused(data: bytes) -> None:
+    with pytest.raises(RecordingError):
+        parse_line(data, SIZES, "test")
+
+
+@given(st.lists(windows, max_size=20))
+def test_each_window_lies_in_one_part(read: list[tuple[int, int, int, int]]) -> None:
+    kept = merged(read)
+    assert len(kept) <= MAX_PARTS
+    for w in read:
+        assert any(k[0] <= w[0] and k[1] <= w[1] and k[2] >= w[2] and k[3] >= w[3] for k in kept)
+    if len(kept) > 1:
+        area = sum((k[2] - k[0]) * (k[3] - k[1]) for k in kept)
+        assert area <= sum((w[2] - w[0]) * (w[3] - w[1]) for w in read)
+
+
+@pytest.mark.parametrize("png", [True, False])
+@pytest.mark.parametrize("colour", [True, False])
+def test_pixels_come_back(png: bool, colour: bool, rng: np.random.Generator) -> None:
+    shape = (13, 7, 3) if colour else (13, 7)
+    pixels = rng.integers(0, 256, shape, dtype=np.uint8)
+    message = encoded(pixels, png=png, pattern=BayerPattern.GB, stamp_ns=1, frame_id="left/camera")
+    back = decoded(message, png=png, size_px=(7, 13), colour=colour, where="test")
+    np.testing.assert_array_equal(back, pixels)
+    for size, other in (((13, 7), colour), ((7, 13), not colour)):
+        with pytest.raises(RecordingError):
+            decoded(message, png=png, size_px=size, colour=other, where="test")
+
+
+def test_a_picture_that_says_to_be_enormous_is_not_unpacked() -> None:
+    pixels = np.zeros((13, 7), np.uint8)
+    message = encoded(pixels, png=True, pattern=None, stamp_ns=1, frame_id="left/camera")
+    bomb = message.replace(struct.pack(">II", 7, 13), struct.pack(">II", 60_000, 60_000))
+    assert bomb != message
+    with pytest.raises(RecordingError, match="damaged"):
+        decoded(bomb, png=True, size_px=(7, 13), colour=False, where="test")
+
+
+@given(st.binary(max_size=60), st.booleans())
+def test_bytes_that_are_no_picture_are_refused(data: bytes, png: bool) -> None:
+    with pytest.raises(RecordingError):
+        decoded(data, png=png, size_px=(7, 13), colour=False, where="test")

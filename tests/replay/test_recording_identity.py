@@ -1,0 +1,111 @@
+"""Replaying a recording gives the track that was recorded, bit for bit; and what a recording lacks is told."""
+
+import json
+import subprocess
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+from groundstation.cli import main
+from groundstation.recording.container_reader import ContainerReader
+from groundstation.recording.contents import TRACK_TOPIC
+from groundstation.recording.event_codec import line
+from groundstation.replay import ReplayRequest, replay
+from groundstation.sinks.identity import IdentitySink
+
+FROM_S, TO_S = 19.0, 21.5
+
+
+@pytest.fixture(scope="module")
+def recorded(landing_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Some seconds of the landing, taught by DGPS for the first, replayed into out/ and recorded."""
+    folder = tmp_path_factory.mktemp("recorded")
+    request = ReplayRequest(
+        session=landing_path,
+        out=folder / "out",
+        from_s=FROM_S,
+        to_s=TO_S,
+        learn_until_s=FROM_S + 1.0,
+        rerun=False,
+        record=folder / "flight.mcap",
+    )
+    assert replay(request).fault is None
+    return folder
+
+
+@pytest.fixture(scope="module")
+def landing_path() -> Path:
+    return Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
+
+
+def test_the_same_track_bit_for_bit(recorded: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    again = recorded / "again"
+    assert main(["replay", str(recorded / "flight.mcap"), "--out", str(again), "--no-rerun"]) == 0
+    for name in ("track.csv", "triangulation.csv", "track.tum"):
+        assert (again / name).read_bytes() == (recorded / "out" / name).read_bytes()
+    said = capsys.readouterr().out
+    epochs = len((again / "track.csv").read_text().splitlines()) - 1
+    assert f"the same track as was recorded, bit for bit: {epochs} epochs\n" in said
+    summary = json.loads((again / "summary.json").read_text())
+    assert "tracking" in (again / "track.csv").read_text()
+    first = json.loads((recorded / "out" / "summary.json").read_text())
+    # truth, DGPS and what was learnt from it came with the recording
+    assert summary["calibration"] == first["calibration"]
+
+
+def test_only_what_was_looked_at_is_in_it(recorded: Path) -> None:
+    whole = parts = part_bytes = 0
+    with ContainerReader(recorded / "flight.mcap") as reader:
+        for message in reader.messages():
+            if message.topic.endswith("/image"):
+                whole += 1
+            elif "/window/" in message.topic:
+                parts += 1
+                part_bytes += len(message.data)
+    assert 0 < whole < parts
+    assert part_bytes / parts < 150_000
+
+
+def test_rerun_opens_it(recorded: Path) -> None:
+    rerun = Path(sysconfig.get_path("scripts")) / "rerun"
+    out = recorded / "seen.rrd"
+    environment = {"RERUN_ANALYTICS": "0", "HOME": str(recorded), "PATH": "/usr/bin:/bin"}
+    command = [rerun, "mcap", "convert", recorded / "flight.mcap", "-o", out]
+    subprocess.run(command, check=True, capture_output=True, env=environment)
+    subprocess.run([rerun, "rrd", "verify", out], check=True, capture_output=True, env=environment)
+    stats = subprocess.run(
+        [rerun, "rrd", "stats", out], check=True, capture_output=True, text=True, env=environment
+    ).stdout
+    # its exit code alone says nothing: what is in it counts
+    for entity in ("/tf", "/track/pose", "/log", "/groundstation/events"):
+        assert f"\n{entity}: " in stats
+    for station in ("left", "right"):
+        for entity in ("image", "window/0", "calibration"):
+            assert f"\n/stations/{station}/{entity}: " in stats
+
+
+def test_answers_that_differ_are_counted(recorded: Path) -> None:
+    with ContainerReader(recorded / "flight.mcap") as reader:
+        answers = [m.data for m in reader.messages() if m.topic == TRACK_TOPIC]
+    check = IdentitySink()
+    for k, answer in enumerate(answers):
+        values = json.loads(answer)
+        check.recorded(answer)
+        del values["latency_s"]
+        if k == 3:
+            values["t_s"] += 1e-12
+        check._meet(check._answered, check._recorded, values["epoch"], line(values))
+    result = check.result()
+    epoch = json.loads(answers[3])["epoch"]
+    assert (result.compared, result.differing, result.first_epoch, result.alone) == (len(answers), 1, epoch, 0)
+    assert f"the first that differs is epoch {epoch}" in result.line()
+
+
+def test_a_part_or_another_tuning_is_not_compared(recorded: Path, tmp_path: Path) -> None:
+    request = ReplayRequest(session=recorded / "flight.mcap", out=tmp_path, to_s=FROM_S + 1.0, rerun=False)
+    result = replay(request)
+    assert result.identity is None
+    assert result.fault is None
+    rows = (tmp_path / "track.csv").read_text().splitlines()[1:]
+    assert rows == (recorded / "out" / "track.csv").read_text().splitlines()[1 : len(rows) + 1]
