@@ -18,6 +18,9 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.cli_calibrate_timing",
         "groundstation.cli_cameras",
         "groundstation.cli_live",
+        "groundstation.cli_onboard",
+        "groundstation.cli_onboard_pose",
+        "groundstation.cli_calibrate_runway",
         "groundstation.cli_ptu",
         "groundstation.cli_recording",
         "groundstation.cli_simulate",
@@ -29,6 +32,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ),
     ("groundstation.recorded_run",),
     ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
+    ("groundstation.onboard",),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation"),
     (
