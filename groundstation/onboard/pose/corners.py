@@ -24,7 +24,7 @@ _SOFT_PX = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Corners:
-    """Four corners: ``pixels`` (4, 2) in the order given, ``covariance_px2`` (4, 2, 2), and the smallest edge contrast."""
+    """Four corners: ``pixels`` (4, 2) in the order given, ``covariance_px2`` (4, 2, 2), and the weakest side's contrast."""
 
     pixels: FloatArray
     covariance_px2: FloatArray
@@ -96,9 +96,7 @@ def _fit_side(image: FloatArray, start: FloatArray, end: FloatArray, reach_px: f
     return side
 
 
-def _fit_once(
-    image: FloatArray, middle: FloatArray, along: FloatArray, length: float, reach: float
-) -> _Side | None:
+def _fit_once(image: FloatArray, middle: FloatArray, along: FloatArray, length: float, reach: float) -> _Side | None:
     """Fit offset and slope of the strongest edge of one sign within ``reach`` of a line."""
     half = 0.5 * length - _END_PX
     count = int(np.clip(round(2.0 * half), _LEAST_PROFILES, _MOST_PROFILES))
@@ -143,7 +141,7 @@ def _line(x: FloatArray, place: FloatArray, middle: FloatArray, along: FloatArra
     sigma = max(1.4826 * float(np.median(np.abs(left))), _LEAST_SIGMA_PX)
     kept = np.abs(left) < 4.0 * sigma
     J = jacobian(fit.x)[kept]
-    covariance = np.linalg.inv(J.T @ J) * sigma**2 * independent
+    covariance = np.asarray(np.linalg.inv(J.T @ J) * sigma**2 * independent, dtype=np.float64)
     across = np.array([-along[1], along[0]])
     turned = along + fit.x[1] * across
     return _Side(

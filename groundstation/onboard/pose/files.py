@@ -108,7 +108,9 @@ def _place(corners: Mapping[str, Any], name: str, where: str) -> tuple[float, fl
         raise PoseError(f"{where}: corner {name}", got="none that can be read", wanted=wanted) from error
     lat, lon, height = place
     if not (abs(lat) <= 90.0 and abs(lon) <= 360.0 and abs(height) <= 1e4):
-        raise PoseError(f"{where}: corner {name}", got=f"{lat}, {lon}, {height}", wanted="a place on Earth, in deg and m")
+        raise PoseError(
+            f"{where}: corner {name}", got=f"{lat}, {lon}, {height}", wanted="a place on Earth, in deg and m"
+        )
     return lat, lon, height
 
 

@@ -38,9 +38,7 @@ def solve_corners(
     found: list[LabelledPose] = []
     for order in orders_by_row(pixels):
         try:
-            seen = SeenPoints(
-                points_m=runway.corners_m, pixels=pixels[order], covariance_px2=covariance, lens=lens
-            )
+            seen = SeenPoints(points_m=runway.corners_m, pixels=pixels[order], covariance_px2=covariance, lens=lens)
             pose = solve_pose(seen, known)
         except ValueError:
             pose = None

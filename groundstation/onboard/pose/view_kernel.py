@@ -11,9 +11,7 @@ from groundstation.geometry.kernels import distort, undistort
 
 
 @njit(cache=True)
-def look(
-    lens: FloatArray, pixels: FloatArray, covariances: FloatArray, rays: FloatArray, tangents: FloatArray
-) -> bool:
+def look(lens: FloatArray, pixels: FloatArray, covariances: FloatArray, rays: FloatArray, tangents: FloatArray) -> bool:
     """Fill unit rays (n, 3) of pixels (n, 2) and whitened tangents (n, 2, 3); False where the lens has no inverse.
 
     The tangent plane's coordinates of a point X are B X / (u · X) with B (2, 3) across u; the tangents are L⁻¹ B, with
