@@ -24,7 +24,7 @@ _SOFT_PX = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Corners:
-    """Four corners: ``pixels`` (4, 2) in the order given, ``covariance_px2`` (4, 2, 2), and the weakest side's contrast."""
+    """Four corners: ``pixels`` (4, 2) as ordered, ``covariance_px2`` (4, 2, 2), the weakest side's ``contrast``."""
 
     pixels: FloatArray
     covariance_px2: FloatArray

@@ -86,7 +86,7 @@ class Runways:
             raise PoseError(where, got=have, wanted=f"runway {runway}")
         places = np.array([_place(corners, name, where) for name in "ABCD"])
         first, second = places[:2], places[2:]
-        # a runway is named after the heading of who lands on it, in tens of degrees; C and D are near where it says nothing
+        # a runway is named after its landing heading in tens of degrees; C and D are near where the name says nothing
         heading = _NUMBER.match(runway)
         if heading is not None and _along(first, second, 10.0 * float(heading[1])) > 0:
             made = runway_from_geodetic(first, second)

@@ -1,7 +1,7 @@
 """An inertial navigator that runway poses correct: error-state EKF over position, velocity, attitude and biases.
 
-The frame is the runway's, taken as inertial and level: for a few minutes of a low-cost unit the earth's rate is part of the
-gyroscopes' bias.
+The frame is the runway's, taken as inertial and level: for a few minutes of a low-cost unit the earth's rate is part
+of the gyroscopes' bias.
 """
 
 import enum
@@ -72,7 +72,7 @@ class ImuSample:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoseObservation:
-    """A camera's pose in the runway frame: position (3,) m, quaternion (4,), covariance (6, 6) as `RunwayPose` has it."""
+    """A camera's pose in the runway frame: position (3,), quaternion (4,), covariance (6, 6) as in `RunwayPose`."""
 
     t_s: float
     position_m: FloatArray
@@ -122,7 +122,7 @@ class PoseInnovation:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Navigation:
-    """The state at one time: position, velocity (3,), runway_from_body_wxyz (4,), biases (3,), P (15, 15) as `STATE`."""
+    """The state at one time: vectors (3,), quaternion (4,), P (15, 15) ordered as `STATE`."""
 
     t_s: float
     position_m: FloatArray
@@ -244,7 +244,8 @@ class InertialFilter:
         self._P = I_KH @ self._P @ I_KH.T + K @ noise @ K.T
         self._p = self._p + change[POSITION]
         self._v = self._v + change[VELOCITY]
-        self._q = turned(self._q, *change[ATTITUDE], False)
+        x, y, z = change[ATTITUDE]
+        self._q = turned(self._q, x, y, z, False)
         self._force_bias = self._force_bias + change[FORCE_BIAS]
         self._rate_bias = self._rate_bias + change[RATE_BIAS]
 

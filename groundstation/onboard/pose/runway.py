@@ -42,7 +42,7 @@ def rectangle(length_m: float, width_m: float) -> Runway:
 
 
 def runway_from_geodetic(near_deg_m: FloatArray, far_deg_m: FloatArray) -> Runway:
-    """Return the runway from the two corners of each threshold, (2, 3) each: latitude, longitude in deg, height in m."""
+    """Return the runway from the two corners of each threshold, (2, 3) each: deg, deg and m."""
     places = np.vstack([near_deg_m, far_deg_m])
     origin = near_deg_m.mean(axis=0)
     enu = enu_from_geodetic(places[:, 0], places[:, 1], places[:, 2], (origin[0], origin[1], origin[2]))

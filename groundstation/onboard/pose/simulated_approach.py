@@ -87,7 +87,7 @@ def fly(setup: ApproachSetup, rng: np.random.Generator) -> Approach:
     """Simulate one approach; the trajectory's gusts, the biases and all noise are drawn from ``rng``."""
     n = round(setup.duration_s * setup.imu_hz)
     dt = 1.0 / setup.imu_hz
-    t = np.arange(n) * dt
+    t = np.asarray(np.arange(n) * dt, dtype=np.float64)
     runway_from_body = _attitudes(t, rng)
     acceleration = _acceleration(t, rng)
     glide = np.radians(setup.glide_deg)

@@ -1,4 +1,4 @@
-"""A ground station checked by the runway's own corners: its camera's pose from them against the pose that its rig says."""
+"""A ground station checked by the runway's own corners: its camera's pose from them against its rig's."""
 
 from dataclasses import dataclass
 

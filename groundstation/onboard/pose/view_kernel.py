@@ -125,7 +125,7 @@ def best_plane(points: FloatArray) -> FloatArray:
 
 @njit(cache=True)
 def turned_to_front(points: FloatArray, rays: FloatArray, q: FloatArray) -> None:
-    """Where most points lie behind the camera, replace the pose by the one that sees their plane the same from in front.
+    """Where most points lie behind the camera, replace the pose by the one that sees their plane alike from in front.
 
     For points of a plane with normal n, (R Rot(n, 180°), −t) about their middle has every point at −X.
     """
