@@ -20,8 +20,9 @@ runway, corners A to D with latitude, longitude and altitude. nose.toml has
 image_size_px, focal_px, principal_point_px and distortion.
 
 poses.csv has filename,x_m,y_m,z_m,qw,qx,qy,qz,range_m,reprojection_px,status;
-the quaternion is runway_from_camera; status is ok, residual (a pose that does not
-fit the corners' noise), no_pose or no_corners (empty cells)
+the quaternion is runway_from_camera; status is ok, uncertain (the corners say next
+to nothing), residual (a pose that does not fit the corners' noise), no_pose or
+no_corners (empty cells)
 
 exit code: 0 done; 1 a file is at fault; 2 wrong usage"""
 

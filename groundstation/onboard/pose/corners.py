@@ -13,12 +13,13 @@ from scipy.optimize import least_squares
 from groundstation.arrays import FloatArray
 
 _STEP_PX = 0.25
-_SMOOTH_PX = 1.0
+_SMOOTH_PX = 1.5
 _MOST_PROFILES = 64
 _LEAST_PROFILES = 5
 # the ends of a side lie in the blur of its neighbours
 _END_PX = 2.5
-_LEAST_SIGMA_PX = 0.02
+# what interpolation and a lens's blur leave, however little noise there is
+_LEAST_SIGMA_PX = 0.05
 _SOFT_PX = 0.3
 
 

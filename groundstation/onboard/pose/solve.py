@@ -26,6 +26,8 @@ MOST_STEPS = 60
 TOLERANCE = 1e-9
 # the second best start costs little and settles what noise has put in the wrong order
 _STARTS = 2
+# a position whose sigma exceeds this share of the range is none to rely on
+_UNCERTAIN = 0.5
 # a fit worse than this happens by chance once in a million
 MISFIT_CHANCE = 1e-6
 _NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
@@ -34,9 +36,10 @@ _NO_NORMALS = np.zeros((0, 3))
 
 
 class PoseStatus(enum.StrEnum):
-    """How a solution ended: it fits; it does not fit the corners' noise; there is none."""
+    """How a solution ended: it fits; it fits and says next to nothing; it does not fit the noise; there is none."""
 
     OK = "ok"
+    UNCERTAIN = "uncertain"
     RESIDUAL = "residual"
     NO_POSE = "no_pose"
 
@@ -178,8 +181,7 @@ def solve_pose(
     cost, more = _weighted(view, attitude, other)
     if cost < best_cost:
         best, best_cost = other, cost
-    status = PoseStatus.OK if best_cost <= gate else PoseStatus.RESIDUAL
-    return _result(view, known, best, best_cost, dof, steps + more, status)
+    return _result(view, known, best, best_cost, dof, steps + more)
 
 
 def first_poses(view: View) -> FloatArray:
@@ -253,22 +255,31 @@ def _covariance(view: View, known: KnownAttitude | None, q: FloatArray) -> Float
 
 
 def _result(
-    view: View,
-    known: KnownAttitude | None,
-    q: FloatArray,
-    cost: float,
-    dof: int,
-    steps: int,
-    status: PoseStatus,
-) -> RunwayPose:
+    view: View, known: KnownAttitude | None, q: FloatArray, cost: float, dof: int, steps: int
+) -> RunwayPose | None:
+    """Return the pose of a minimum; None where the points do not hold it."""
     unit = normalised(q)
     R, t = np.empty((3, 3)), np.empty(3)
     pose_of(unit, R, t)
     wxyz = quaternion_conjugate(unit[:4])
+    position = -R.T @ t * view.scale_m
+    try:
+        covariance = _covariance(view, known, unit)
+    except np.linalg.LinAlgError:
+        return None
+    variances = np.diag(covariance)
+    if not (np.isfinite(covariance).all() and (variances > 0).all()):
+        return None
+    if cost > misfit_gate(dof):
+        status = PoseStatus.RESIDUAL
+    elif variances[:3].sum() > (_UNCERTAIN * np.linalg.norm(position)) ** 2:
+        status = PoseStatus.UNCERTAIN
+    else:
+        status = PoseStatus.OK
     return RunwayPose(
-        position_m=-R.T @ t * view.scale_m,
+        position_m=position,
         runway_from_camera_wxyz=-wxyz if wxyz[0] < 0 else wxyz,
-        covariance=_covariance(view, known, unit),
+        covariance=covariance,
         reprojection_px=float(reprojection_rms(view.lens, view.points, view.pixels, unit)),
         chi_square=float(cost),
         dof=dof,
