@@ -119,8 +119,8 @@ def _fit_once(image: FloatArray, middle: FloatArray, along: FloatArray, length: 
     rows = np.arange(len(slopes))
     before, at, after = (sign * slopes[rows, peak + k] for k in (-1, 0, 1))
     bend = before - 2.0 * at + after
-    usable = (at > 0.2 * at.max()) & (bend < 0.0) & (at > 0.0)
-    if usable.sum() < _LEAST_PROFILES:
+    usable = (at > 0.2 * at.max()) & (bend < 0.0)
+    if at.max() < 1e-9 * max(float(np.abs(profiles).max()), 1e-9) or usable.sum() < _LEAST_PROFILES:
         return None
     place = offsets[peak[usable]] + _STEP_PX * 0.5 * (before - after)[usable] / bend[usable]
     return _line(stations[usable], place, middle, along, float(np.median(at[usable])))
