@@ -50,6 +50,7 @@ def check_station(
     pixels: FloatArray,
     sigma_px: FloatArray,
     angle_sigma_rad: float | None = None,
+    corner_sigma_m: FloatArray | None = None,
 ) -> StationCheck:
     """Compare one look of a station at four or more corners of the runway with its rig.
 
@@ -59,11 +60,14 @@ def check_station(
     corners_m : (n, 3) surveyed, runway frame of the session.
     pixels, sigma_px : (n, 2) and (n,) where they are seen, and one sigma of each coordinate.
     angle_sigma_rad : of one angle; by default the rig's own for one reading.
+    corner_sigma_m : (n, 3) of the survey; exact by default.
 
     What the rig says of the lens's own errors is left out: they move pixels by less than a corner's noise.
     Raises `ValueError` where fewer than four corners, or pixels without a ray, are given.
     """
     covariance = np.asarray(sigma_px)[:, None, None] ** 2 * np.eye(2)
+    if corner_sigma_m is not None:
+        covariance = covariance + _survey_in_pixels(station, pan_rad, tilt_rad, corners_m, corner_sigma_m)
     seen = SeenPoints(points_m=corners_m, pixels=pixels, covariance_px2=covariance, lens=station.lens)
     pose = solve_pose(seen)
     threshold = float(chi2.isf(FALSE_ALARM, 6))
@@ -85,6 +89,20 @@ def check_station(
         statistic=float(difference @ np.linalg.solve(total, difference)),
         threshold=threshold,
     )
+
+
+def _survey_in_pixels(
+    station: Station, pan_rad: float, tilt_rad: float, corners_m: FloatArray, sigma_m: FloatArray
+) -> FloatArray:
+    """Return what the corners' own uncertainty is in the picture, (n, 2, 2); nothing for one behind the camera."""
+    geometry = station.geometry()
+    out = np.zeros((len(corners_m), 2, 2))
+    for k, (corner, sigma) in enumerate(zip(corners_m, sigma_m, strict=True)):
+        projection = geometry.project(corner, pan_rad, tilt_rad)
+        if projection is not None:
+            J = projection.jacobian[:, :3] * sigma
+            out[k] = J @ J.T
+    return out
 
 
 def _matrix(pose: RunwayPose) -> FloatArray:
