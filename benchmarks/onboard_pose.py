@@ -1,7 +1,7 @@
 """Pose of an aircraft's camera from a runway's corners, and the inertial filter that it aids; docs/onboard-pose.md.
 
-usage: [GROUNDSTATION_DATA=…] python benchmarks/onboard_pose.py [--runs N] [--only corners,attitude,start,noise,extract,
-flight] [--figures DIR]
+usage: [GROUNDSTATION_DATA=…] python benchmarks/onboard_pose.py [--runs N] [--only corners,attitude,start,
+horizon,noise,extract,flight] [--figures DIR]
 Prints one JSON line for each study; DIR gets the paper's figures as PNG.
 """
 
@@ -12,9 +12,9 @@ from pathlib import Path
 
 from onboard_pose_study.dataset import attitude_study, corner_study, start_study
 from onboard_pose_study.flight import flight_study
-from onboard_pose_study.simulated import extraction_study, noise_study
+from onboard_pose_study.simulated import extraction_study, horizon_study, noise_study
 
-KINDS = ("corners", "attitude", "start", "noise", "extract", "flight")
+KINDS = ("corners", "attitude", "start", "horizon", "noise", "extract", "flight")
 
 
 def main() -> None:
@@ -34,6 +34,8 @@ def main() -> None:
                 print(json.dumps({kind: f"skipped: no {data}"}))
                 continue
             result = on_data[kind](data)
+        elif kind == "horizon":
+            result = horizon_study()
         elif kind == "noise":
             result = noise_study()
         elif kind == "extract":

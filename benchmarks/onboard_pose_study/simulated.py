@@ -4,11 +4,18 @@ import cv2
 import numpy as np
 from scipy.stats import chi2
 
-from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z, wxyz_from_matrix
+from groundstation.geometry.rotation import (
+    matrix_from_wxyz,
+    rotation_from_vector,
+    rotation_x,
+    rotation_y,
+    rotation_z,
+    wxyz_from_matrix,
+)
 from groundstation.onboard.pose.corners import refine_corners
 from groundstation.onboard.pose.inertial import rotation_vector
 from groundstation.onboard.pose.simulated_approach import RUNWAY_FROM_LEVEL_BODY, default_setup, see_runway
-from groundstation.onboard.pose.solve import pose_covariance, solve_pose
+from groundstation.onboard.pose.solve import KnownAttitude, pose_covariance, solve_pose
 from groundstation.onboard.pose.susan import susan_corner
 
 
@@ -48,6 +55,38 @@ def noise_study(count: int = 5000) -> dict[str, object]:
             "band_95": [round(float(low), 3), round(float(high), 3)],
             "cost_of_2": round(float(np.mean(misfit)), 3),
         }
+    return out
+
+
+def horizon_study(count: int = 1500) -> dict[str, object]:
+    """RMSE of range for a small UAV's camera (runway 900 m by 30 m, 0.5 px), the horizon known to so much."""
+    setup = default_setup(0.5)
+    rng = np.random.default_rng(21)
+    told_deg = (0.02, 0.1, 0.5)
+    rows = []
+    while len(rows) < count:
+        position, body = somewhere(rng)
+        seen = see_runway(setup, position, body, rng)
+        if seen is None:
+            continue
+        camera = position + body @ setup.mount.camera_in_body_m
+        R = body @ setup.mount.body_from_camera
+        range_m = float(np.linalg.norm(camera))
+        errors = [solve_pose(seen).range_m - range_m]
+        noise = rng.standard_normal(3)
+        for degrees in told_deg:
+            sigma = np.radians([degrees, degrees, np.inf])
+            turn = np.array([*(sigma[:2] * noise[:2]), 0.1 * noise[2]])
+            told = wxyz_from_matrix(rotation_from_vector(turn) @ R)
+            known = KnownAttitude(runway_from_camera_wxyz=told, sigma_rad=sigma)
+            errors.append(solve_pose(seen, known).range_m - range_m)
+        rows.append([range_m, *errors])
+    table = np.array(rows)
+    out: dict[str, object] = {}
+    for low, high in ((150, 500), (500, 1000), (1000, 1800)):
+        part = table[(table[:, 0] >= low) & (table[:, 0] < high), 1:]
+        names = ("nothing", *(f"horizon {degrees} deg" for degrees in told_deg))
+        out[f"{low}-{high} m"] = dict(zip(names, np.sqrt((part**2).mean(axis=0)).round(2).tolist(), strict=True))
     return out
 
 
