@@ -129,6 +129,7 @@ def _words(result: "LiveResult") -> str:
         f"{done.epochs} pairs in {done.elapsed_s:.1f} s, tracking in {share:.1f} % of them",
         f"delay from a pair's first frame to its answer: median {done.latency_p50_ms:.1f} ms, "
         f"99 % within {done.latency_p99_ms:.1f} ms",
+        f"the same while tracking: median {done.tracking_p50_ms:.1f} ms, 99 % within {done.tracking_p99_ms:.1f} ms",
         f"the pipeline computed {100 * done.busy_s / done.elapsed_s:.0f} % of the time",
     ]
     counted = {**done.dropped, **{name.replace("_", " "): n for name, n in done.counts.items() if n}}

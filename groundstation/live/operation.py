@@ -54,7 +54,8 @@ class OperationResult:
     """How an operation went.
 
     ``epochs`` pairs were answered, ``dropped`` counts what was not taken, ``latency_*`` from a pair's first frame at
-    the host to its answer; ``counts`` are the pipeline's; ``busy_s`` is what its thread computed in ``elapsed_s``.
+    the host to its answer, ``tracking_*`` while tracking; ``counts`` are the pipeline's; ``busy_s`` is what its thread
+    computed in ``elapsed_s``.
     """
 
     elapsed_s: float
@@ -62,6 +63,8 @@ class OperationResult:
     tracked: int
     latency_p50_ms: float
     latency_p99_ms: float
+    tracking_p50_ms: float
+    tracking_p99_ms: float
     dropped: Mapping[str, int]
     counts: Mapping[str, int]
     busy_s: float
@@ -146,6 +149,8 @@ class Operation:
             tracked=self._tracked,
             latency_p50_ms=self._board.latency_ms(50),
             latency_p99_ms=self._board.latency_ms(99),
+            tracking_p50_ms=self._board.latency_ms(50, tracking=True),
+            tracking_p99_ms=self._board.latency_ms(99, tracking=True),
             dropped=self._dropped(),
             counts=core.pipeline.counts,
             busy_s=self._busy_s,
