@@ -1,6 +1,6 @@
 """Pose of an aircraft's camera from a runway's corners, and the inertial filter that it aids; docs/onboard-pose.md.
 
-usage: [GROUNDSTATION_DATA=…] python benchmarks/onboard_pose.py [--runs N] [--only corners,attitude,start,
+usage: [GROUNDSTATION_DATA=…] python benchmarks/onboard_pose.py [--runs N] [--seed N] [--only corners,attitude,start,
 horizon,noise,extract,flight] [--figures DIR]
 Prints one JSON line for each study; DIR gets the paper's figures as PNG.
 """
@@ -20,6 +20,7 @@ KINDS = ("corners", "attitude", "start", "horizon", "noise", "extract", "flight"
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=60, help="flights of the filter study")
+    parser.add_argument("--seed", type=int, default=11, help="of the flights")
     parser.add_argument("--only", default=",".join(KINDS))
     parser.add_argument("--figures", type=Path)
     options = parser.parse_args()
@@ -41,7 +42,7 @@ def main() -> None:
         elif kind == "extract":
             result = extraction_study()
         else:
-            result = flight_study(options.runs, options.figures)
+            result = flight_study(options.runs, options.figures, options.seed)
         print(json.dumps({kind: result}), flush=True)
 
 
