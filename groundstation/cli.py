@@ -100,6 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     add_convert(commands)
     add_cameras(commands)
     add_live(commands)
+    add_onboard(commands)
     add_ptu(commands)
     add_simulate(commands)
     add_onboard(commands)
@@ -291,6 +292,7 @@ _COMMANDS = {
     "cameras": run_cameras,
     "live": run_live,
     "check": run_check,
+    "onboard": run_onboard,
     "ptu": run_ptu,
     "onboard": run_onboard,
     "config": _config,

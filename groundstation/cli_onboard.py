@@ -68,3 +68,25 @@ def _run_edges(options: argparse.Namespace) -> int:
     if result.fault is not None:
         print(f"groundstation: fault in the video: {result.fault}", file=sys.stderr)
     return 0 if result.fault is None else 1
+from collections.abc import Callable
+
+from groundstation.cli_onboard_pose import add_pose, run_pose
+
+
+def add_onboard(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `onboard` and its kinds."""
+    onboard = commands.add_parser(
+        "onboard",
+        help="the aircraft's own camera: where it is relative to the runway",
+        description="The aircraft's own camera: where it is relative to the runway.",
+    )
+    kinds = onboard.add_subparsers(dest="onboard", metavar="WHAT", required=True)
+    add_pose(kinds)
+
+
+def run_onboard(options: argparse.Namespace) -> int:
+    """Run one kind; returns the exit code."""
+    return _KINDS[options.onboard](options)
+
+
+_KINDS: dict[str, Callable[[argparse.Namespace], int]] = {"pose": run_pose}

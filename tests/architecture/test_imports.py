@@ -20,6 +20,8 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.cli_import",
         "groundstation.cli_live",
         "groundstation.cli_onboard",
+        "groundstation.cli_onboard_pose",
+        "groundstation.cli_calibrate_runway",
         "groundstation.cli_ptu",
         "groundstation.cli_recording",
         "groundstation.cli_simulate",
@@ -40,6 +42,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ),
     ("groundstation.onboard_sinks",),
     ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
+    ("groundstation.onboard",),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
     ("groundstation.session", "groundstation.evaluation", "groundstation.logs"),
     (
