@@ -103,7 +103,6 @@ def _parser() -> argparse.ArgumentParser:
     add_onboard(commands)
     add_ptu(commands)
     add_simulate(commands)
-    add_onboard(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
@@ -294,6 +293,5 @@ _COMMANDS = {
     "check": run_check,
     "onboard": run_onboard,
     "ptu": run_ptu,
-    "onboard": run_onboard,
     "config": _config,
 }

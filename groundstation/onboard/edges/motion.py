@@ -114,7 +114,7 @@ def recover_motion(
     if homography is None or int(inliers.sum()) < config.least_inliers:
         return NoMotion.NO_HOMOGRAPHY
     good = inliers.ravel() > 0
-    motion = decompose(homography, first_px[good], pose, kappa)
+    motion = decompose(np.asarray(homography, np.float64), first_px[good], pose, kappa)
     if config.refine:
         return refined_motion(first_px[good], second_px[good], motion, pose, kappa, config.tolerance_px)
     return motion
@@ -188,7 +188,7 @@ def decompose(homography: FloatArray, used_px: FloatArray, pose: CameraPose, kap
             best, most = (rotation, translation.ravel(), n), upright
     if best is None:
         return NoMotion.NO_SOLUTION
-    rotation, translation, n = best
+    rotation, translation, n = (np.asarray(part, np.float64) for part in best)
     distance = _distance(used_px, n, pose, kappa)
     # X₂ = R X₁ + (t/d)·d
     return Motion(
