@@ -291,9 +291,9 @@ def report(out: Path, rows: list, pooled: dict, predicted: dict, spent: dict, pi
     reference = float(np.median(np.concatenate(spent["cv2.Canny + cv2.HoughLines, whole picture"])))
     for name, own in spent.items():
         ms = 1e3 * np.concatenate(own)
-        print(
-            f"{name}: median {np.median(ms):.2f} ms, 95 % {np.percentile(ms, 95):.2f}, {np.median(ms) / reference / 1e3:.2f} × Canny + Hough"
-        )
+        ratio = 1e-3 * float(np.median(ms)) / reference
+        spread = f"median {np.median(ms):.2f} ms, 95 % {np.percentile(ms, 95):.2f}"
+        print(f"{name}: {spread}, {ratio:.2f} × Canny + Hough")
     cv2.imwrite(str(out / "overlays.png"), np.vstack(pictures))
     print(f"wrote {out}")
 
