@@ -65,7 +65,7 @@ class RangeConfig:
     folder: Path
     flight: Trajectory
     frame_rate_hz: float = 30.0
-    delivery_s: float = 0.025
+    delivery_s: float = 0.035
     baud: int = 115200
     seed: int = 0
 
