@@ -1,4 +1,4 @@
-"""The directive `command-help`: every command with the help that the program itself prints, so that it cannot be stale."""
+"""The directive `command-help`: every command with the help that the program itself prints; it cannot be stale."""
 
 import argparse
 import os

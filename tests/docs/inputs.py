@@ -10,12 +10,13 @@ from landmark_study.simulated import look as look_at_landmarks
 from landmark_study.simulated import morning, write_landmarks, write_sightings
 
 from calibration.boards import parse_board
+from calibration.lens_fit import camera_matrix
 from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
-from groundstation.simulation import case_b, simulate
+from groundstation.simulation import simulate
 from groundstation.sinks.session_folder import write_session_folder
-from tests.calibration.boards_seen import a_lens, a_pose, render
-from tests.calibration.flights import unknown
+from tests.calibration.boards_seen import Pose, a_lens, a_pose, render
+from tests.calibration.flights import approach, unknown
 from tests.calibration.mounts import look, marks_around, plain_station, spoiled
 from tests.calibration.swings import Recorder, Swing, small_station, write_session
 from tests.docs.pages import ROOT
@@ -63,27 +64,24 @@ def _mount(folder: Path, rng: np.random.Generator) -> None:
 
 
 def _board(folder: Path, rng: np.random.Generator) -> None:
-    """A head whose readings are off by nothing but noise, before a board that stands still."""
+    """A head whose readings are off by nothing but noise, before a board that stands still, its front towards it."""
     board, lens = parse_board(_BOARD), replace(a_lens(focal_px=3000.0), distortion=np.zeros(5))
     station = replace(plain_station(), lens=lens, ptu_sigma_rad=np.radians(0.002), ptu_resolution_rad=0.0)
+    geometry, corners = station.geometry(), board.corners_m
+    # the board's x is the runway's, its y goes down
+    runway_from_board = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    away_m, above_m = 4.0, 0.8
+    middle = station.ptu_position_m + np.array([0.0, away_m, above_m])
+    places = middle + (corners - corners.mean(axis=0)) @ runway_from_board.T
     (folder / "shots").mkdir(parents=True)
     rows = ["file,station,pan_deg,tilt_deg,pan_from,tilt_from"]
-    geometry, corners = station.geometry(), board.corners_m
-    middle = station.ptu_position_m + np.array([0.0, 4.0, 0.8])
-    # the board's own y goes down its front
-    places = middle + (corners - corners.mean(axis=0)) @ np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
-    turn = np.column_stack([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
-    middle_tilt = np.arctan2(0.8, 4.0)
     for k in range(16):
-        angles = np.array([0.0, middle_tilt]) + np.radians(rng.uniform(-1.2, 1.2, 2))
-        # the same view for OpenCV: the board's corners in the camera, as its pose
-        camera = np.array([geometry.project(p, *angles).pixel for p in places])
-        matrix = np.array([[lens.focal_px[0], 0, lens.principal_point_px[0]], [0, lens.focal_px[1], lens.principal_point_px[1]], [0, 0, 1.0]])
-        solved, rotation, translation = cv2.solvePnP(corners, camera, matrix, None)
+        angles = np.array([0.0, np.arctan2(above_m, away_m)]) + np.radians(rng.uniform(-1.2, 1.2, 2))
+        seen = [geometry.project(place, *angles) for place in places]
+        pixels = np.array([projection.pixel for projection in seen if projection is not None])
+        # the same view once more, as the pose that the picture is drawn by
+        solved, rotation, translation = cv2.solvePnP(corners, pixels, camera_matrix(lens), lens.distortion)
         assert solved
-        assert turn.shape == (3, 3)
-        from tests.calibration.boards_seen import Pose
-
         pose = Pose(rotation=rotation.ravel(), translation_m=translation.ravel())
         cv2.imwrite(str(folder / "shots" / f"{k:02d}.png"), render(rng, board, lens, pose))
         reading = np.degrees(angles) + 0.002 * rng.normal(size=2)
@@ -108,7 +106,7 @@ def _strip(folder: Path, rng: np.random.Generator) -> None:
 
 
 def _flight(folder: Path, rng: np.random.Generator) -> None:
-    scenario = case_b(seed=3)
+    scenario = approach(3, {})
     scenario = replace(scenario, rig=unknown(scenario.rig, "orientation"))
     folder.mkdir()
     write_session_folder(folder / "session", simulate(scenario), name="simulated")

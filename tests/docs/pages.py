@@ -52,7 +52,7 @@ def blocks(page: Path) -> Iterator[Block]:
         lines = tuple(line for line in body.replace("\\\n", " ").splitlines() if line.strip())
         if not any(line.startswith(("groundstation ", "make ", "python benchmarks")) for line in lines):
             continue
-        said = {kind: words for kind, words in _COMMENT.findall(comments)}
+        said = dict(_COMMENT.findall(comments))
         assert len(said) == comments.count("<!--"), f"{page.name}: a comment that is not understood: {comments}"
         yield Block(
             page=page,
@@ -70,7 +70,7 @@ def arguments(command: str, extra: tuple[str, ...] = ()) -> list[str]:
     added: list[str] = []
     for part in extra:
         more = shlex.split(part)
-        names = [w for w in more[: next(i for i, w in enumerate(more) if w.startswith("--"))]]
+        names = list(more[: next(i for i, w in enumerate(more) if w.startswith("--"))])
         if all(name in words for name in names):
             added += more[len(names) :]
     return [w for w in words if w != "&"] + added

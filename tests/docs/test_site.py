@@ -9,7 +9,6 @@ import pytest
 
 from tests.docs.pages import ROOT
 
-
 _OFFLINE = """
 import socket, sys
 def refuse(*_, **__): raise SystemExit("the network was asked")
