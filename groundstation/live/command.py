@@ -112,7 +112,7 @@ def live(
         found = None
         if simulated is not None:
             begin_s = host_begin_s - operation.start_s
-            found = score(flight, begin_s, keeper.estimates, simulated.truth, rig, host_begin_s)
+            found = score(flight, begin_s, keeper.rows(), simulated.truth, rig, host_begin_s)
     files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
     return LiveResult(operation=result, files=files, score=found)
 
