@@ -21,8 +21,8 @@ from groundstation.simulation.cases import standard_rig
 
 SPAN_M = 2.3
 _SPEED_M_S = 20.0
-# a lap begins where the aircraft is a few pixels, and ends behind the stations
-_START_M, _END_M = 560.0, -240.0
+# a lap begins where the aircraft is small, and ends when heads that lost it search the sky again
+_START_M, _END_M = 560.0, -500.0
 _APPROACH_ENDS_M = 90.0
 _GLIDE_RAD = math.radians(3.5)
 _LEVEL_FROM_M, _LEVEL_M, _ROUNDED_M = 110.0, 5.0, 1.0

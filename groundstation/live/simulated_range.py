@@ -62,6 +62,7 @@ class RangeConfig:
     frame_rate_hz : of both cameras, triggered together.
     delivery_s : from mid-exposure to the picture's arrival; longer where rendering takes longer.
     baud : of the PTUs' lines.
+    ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated_faults.FAULTS`, and how often one strikes a PTU.
     """
 
     rig: Path
@@ -70,6 +71,8 @@ class RangeConfig:
     frame_rate_hz: float = 30.0
     delivery_s: float = 0.035
     baud: int = 115200
+    ptu_faults: tuple[str, ...] = ()
+    ptu_faults_per_minute: float = 6.0
     seed: int = 0
 
 
@@ -271,7 +274,13 @@ def _made(rig: Rig, number: int, world: World, config: RangeConfig) -> _Station:
     model = FlirModel(arcsec=arcsec, pan=(-counts, counts), tilt=(-counts // 3, counts // 2), min_rate=0, homing_s=8.0)
     unit = SimulatedUnit(model, LineModel(baud=config.baud), seed=config.seed + number)
     line = VirtualLine(unit, config.baud, start_s=time.monotonic(), seed=config.seed + number)
-    server = SimulatedServer(line, config.folder / f"ptu-{station.name}")
+    server = SimulatedServer(
+        line,
+        config.folder / f"ptu-{station.name}",
+        faults=config.ptu_faults,
+        faults_per_minute=config.ptu_faults_per_minute if config.ptu_faults else 0.0,
+        seed=config.seed + number,
+    )
     camera = RenderedCamera(world, station, seed=config.seed, number=number)
     return _Station(name=station.name, camera=camera, server=server, arcsec=arcsec)
 

@@ -1,5 +1,6 @@
 """The whole of a station in operation, with a range that is not there: flown, recorded, ended softly, replayed."""
 
+import errno
 import signal
 import subprocess
 import sys
@@ -12,6 +13,8 @@ import pytest
 
 from groundstation.cli import main
 from groundstation.geometry.camera import Lens
+from groundstation.live.command import GuardedSink
+from groundstation.messages import StepReport
 from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
 from groundstation.simulation.cases import standard_rig
@@ -116,3 +119,29 @@ ptu = "{tmp_path}/nothing"
     assert any("left camera: got pictures of 1280 × 960 px; wanted 320 × 240 px as in the rig" in line for line in said)
     assert any(line.startswith("WRONG  left: PTU:") and "nothing" in line for line in said)
     assert any(line.startswith("WRONG  right camera:") and "none.mp4" in line for line in said)
+
+
+class FullDisk:
+    """A sink whose disk takes one report."""
+
+    def __init__(self) -> None:
+        self.taken = 0
+
+    def write(self, report: StepReport) -> None:
+        self.taken += 1
+        if self.taken > 1:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    def close(self) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_full_disk_ends_the_tables_and_nothing_else() -> None:
+    disk, faults = FullDisk(), list[str]()
+    sink = GuardedSink(disk, faults)
+    for _ in range(5):
+        sink.write(StepReport())
+    assert disk.taken == 2
+    assert faults == ["track files end here: No space left on device"]
+    sink.close()
+    assert faults[1:] == ["track files are not whole: No space left on device"]
