@@ -12,6 +12,7 @@ from groundstation.cli_calibrate import add_calibrate, run_calibrate
 from groundstation.cli_cameras import add_cameras, run_cameras
 from groundstation.cli_import import add_import, run_import
 from groundstation.cli_live import add_live, run_check, run_live
+from groundstation.cli_onboard import add_onboard, run_onboard
 from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
 from groundstation.cli_simulate import add_simulate, run_simulate
@@ -100,6 +101,7 @@ def build_parser() -> argparse.ArgumentParser:
     add_convert(commands)
     add_cameras(commands)
     add_live(commands)
+    add_onboard(commands)
     add_ptu(commands)
     add_simulate(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
@@ -290,6 +292,7 @@ _COMMANDS = {
     "cameras": run_cameras,
     "live": run_live,
     "check": run_check,
+    "onboard": run_onboard,
     "ptu": run_ptu,
     "config": _config,
 }
