@@ -54,7 +54,7 @@ _QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 1 the input stopped it, 2 wrong usage, 130 interrupted."""
-    parser = _parser()
+    parser = build_parser()
     options = parser.parse_args(arguments)
     if options.command is None:
         parser.print_help(sys.stderr)
@@ -84,7 +84,8 @@ def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str])
         environment.setdefault(name, value)
 
 
-def _parser() -> argparse.ArgumentParser:
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line; the documentation prints its help."""
     parser = argparse.ArgumentParser(
         prog="groundstation",
         description="Where is the approaching aircraft, in 3-D, from two cameras on pan-tilt units; without GNSS.",
