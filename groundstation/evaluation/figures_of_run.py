@@ -31,7 +31,7 @@ class Moved:
 
 
 def figures_of(summary: Mapping[str, Any]) -> dict[str, float]:
-    """Return the figures of a summary.json by name, such as ``truth.y250-400.ekf.rmse_y_m``; what is null is left out."""
+    """Return the figures of a summary.json by name, such as ``truth.y250-400.ekf.rmse_y_m``, without what is null."""
     found = dict(_all_figures(summary))
     return {name: float(value) for name, value in found.items() if value is not None}
 

@@ -19,7 +19,8 @@ GAP_S = 1.0
 class ReferenceLine:
     """A track to compare with: ``name`` ("dgps", "truth" or "smoothed").
 
-    ``t_s`` (n,) session time, ``position_runway_m`` (n, 3). A DGPS line is in the session's clock, by the offset that was found.
+    ``t_s`` (n,) session time, ``position_runway_m`` (n, 3). A DGPS line is in the session's clock, by the
+    offset that was found.
     """
 
     name: str
