@@ -122,7 +122,9 @@ def comparison_blueprint(runs: Sequence[ShownRun]) -> rrb.Blueprint:
     """Return the layout: the runway with all tracks, what is overlaid, and a column of pictures for each run."""
     low = np.min([r.track.position_runway_m.min(axis=0) for r in runs], axis=0)
     high = np.max([r.track.position_runway_m.max(axis=0) for r in runs], axis=0)
-    left = rrb.Vertical(_scene(runs, np.minimum(low, 0.0), high), _plots(runs), row_shares=[6, 5])
+    scene = _scene(runs, np.minimum(low, 0.0), high)
+    plotted = any(run.track.has_plots for run in runs)
+    left = rrb.Vertical(scene, _plots(runs), row_shares=[6, 5]) if plotted else rrb.Vertical(scene)
     pictures = [_pictures(run) for run in runs if run.track.stations]
     words = rrb.TextDocumentView(origin=f"/{RUNS}", name="Runs")
     states = [rrb.StateTimelineView(origin=f"/{run.name}/{tree.STATUS}", name=f"Status: {run.name}") for run in runs]
@@ -158,7 +160,7 @@ def _scene(runs: Sequence[ShownRun], low_m: FloatArray, high_m: FloatArray) -> r
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
     contents: list[str] = []
-    overrides: dict[str, Any] = {}
+    overrides: dict[Any, Any] = {}
     for number, run in enumerate(runs):
         contents += [f"+ /{run.name}/world/**", f"+ /{run.name}/{tree.AIRCRAFT}/**"]
         # a label that stands at the same place twice cannot be read

@@ -35,14 +35,14 @@ class Align(StrEnum):
 class RecordedTrack:
     """The filter's track in a recording: ``t_s`` (n,) session time, ``position_runway_m`` (n, 3).
 
-    ``stations`` that have a picture or an overlay; ``axes`` for which there are errors; ``has_words`` whether an
-    operator's lines are in it.
+    ``stations`` that have a picture or an overlay; whether there are errors against a reference, and other plots.
     """
 
     t_s: FloatArray
     position_runway_m: FloatArray
     stations: tuple[str, ...]
     has_errors: bool
+    has_plots: bool
 
     @property
     def start_s(self) -> float:
@@ -65,12 +65,13 @@ def read_track(path: Path) -> RecordedTrack:
     t_ns: list[np.ndarray] = []
     points: list[np.ndarray] = []
     stations: dict[str, None] = {}
-    has_errors = False
+    has_errors = has_plots = False
     for chunk in _chunks(path):
         entity = chunk.entity_path
         if entity.startswith("/cameras/"):
             stations[entity.split("/")[2]] = None
         has_errors |= entity.startswith(f"/{tree.ERROR}/")
+        has_plots |= entity == f"/{tree.PAIR_LATENCY}" and not chunk.is_static
         if entity == f"/{tree.EKF}" and not chunk.is_static:
             rows = chunk.to_record_batch()
             if tree.TIMELINE not in rows.schema.names or "Points3D:positions" not in rows.schema.names:
@@ -84,7 +85,11 @@ def read_track(path: Path) -> RecordedTrack:
     t, xyz = np.concatenate(t_ns), np.concatenate(points).astype(np.float64)
     order = np.argsort(t, kind="stable")
     return RecordedTrack(
-        t_s=t[order] / 1e9, position_runway_m=xyz[order], stations=tuple(stations), has_errors=has_errors
+        t_s=t[order] / 1e9,
+        position_runway_m=xyz[order],
+        stations=tuple(stations),
+        has_errors=has_errors,
+        has_plots=has_plots,
     )
 
 
@@ -108,7 +113,8 @@ def _moved(chunk: Chunk, name: str, shift_ns: int) -> list[Chunk]:
     if tree.TIMELINE in rows.schema.names:
         times = rows.column(tree.TIMELINE)
         rows = _replaced(rows, tree.TIMELINE, pc.add(times.cast(pa.int64()), shift_ns).cast(times.type))
-    return Chunk.from_record_batch(rows, entity_path=entity)
+    # rows carry the path they had, which would win over one given here
+    return [made.with_entity_path(entity) for made in Chunk.from_record_batch(rows)]
 
 
 def _renamed(names: pa.Array, run: str) -> pa.Array:
