@@ -106,6 +106,7 @@ def _scene(eye: Eye) -> rrb.Spatial3DView:
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=eye.position_m, look_target=eye.target_m, eye_up=[0.0, 0.0, 1.0]
         ),
+        background=tree.BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=True, spacing=10.0, color=[120, 120, 120, 50]),
         overrides={
             tree.EKF_PATH: _so_far(),

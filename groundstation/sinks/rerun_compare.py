@@ -179,6 +179,7 @@ def _scene(runs: Sequence[ShownRun], low_m: FloatArray, high_m: FloatArray) -> r
             look_target=middle + TARGET_FROM_MIDDLE * (high_m - low_m) * [0.0, 1.0, 0.0],
             eye_up=[0.0, 0.0, 1.0],
         ),
+        background=tree.BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=True, spacing=10.0, color=[120, 120, 120, 50]),
         overrides=overrides,
     )

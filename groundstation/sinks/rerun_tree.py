@@ -34,6 +34,8 @@ PTU = f"{PLOTS}/ptu"
 AXES = ("x", "y", "z")
 
 EKF_COLOUR = Colour((90, 220, 255))
+# colours are chosen for it; a viewer whose theme is light would show them on white
+BACKGROUND = Colour((13, 16, 17))
 # the filter's colour in the middle; lightness alone tells the range, so that it is read without colours too
 RANGE_SCALE_M = (0.0, 300.0, 600.0)
 RANGE_COLOURS = (Colour((235, 252, 255)), EKF_COLOUR, Colour((40, 105, 235)))
