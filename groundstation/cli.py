@@ -11,6 +11,7 @@ from groundstation import __version__
 from groundstation.cli_calibrate import add_calibrate, run_calibrate
 from groundstation.cli_cameras import add_cameras, run_cameras
 from groundstation.cli_evaluate import add_evaluate, run_evaluate
+from groundstation.cli_import import add_import, run_import
 from groundstation.cli_live import add_live, run_check, run_live
 from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
@@ -95,6 +96,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_track(commands)
     _add_plan(commands)
     add_calibrate(commands)
+    add_import(commands)
     add_recover(commands)
     add_convert(commands)
     add_cameras(commands)
@@ -284,6 +286,7 @@ _COMMANDS = {
     "track": _track,
     "plan": _plan,
     "calibrate": run_calibrate,
+    "import": run_import,
     "recover": run_recover,
     "convert": run_convert,
     "simulate": run_simulate,

@@ -17,6 +17,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.cli_calibrate_mount",
         "groundstation.cli_calibrate_timing",
         "groundstation.cli_cameras",
+        "groundstation.cli_import",
         "groundstation.cli_live",
         "groundstation.cli_ptu",
         "groundstation.cli_recording",
@@ -27,6 +28,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("calibration",),
     ("groundstation.view", "groundstation.compare"),
     ("groundstation.compared_runs",),
+    ("groundstation.importing",),
     (
         *("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
         *("groundstation.convert", "groundstation.recover", "groundstation.filming"),
@@ -34,7 +36,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.recorded_run",),
     ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
-    ("groundstation.session", "groundstation.evaluation"),
+    ("groundstation.session", "groundstation.evaluation", "groundstation.logs"),
     (
         "groundstation.pipeline",
         "groundstation.frame_update",
