@@ -2,9 +2,10 @@
 
     python benchmarks/long_session.py [--hours H] [--keep DIR]
 
-An aircraft holds in front of two stations (case B, exact truth, no DGPS). Memory is the process's own resident set, from
-the tenth part of the session, when everything is loaded and compiled, to the end of the replay, evaluation and report
-included. Exit code 1 where it grows by more than `GROWTH_MB`, the report is above `REPORT_MB`, or Rerun finds a fault.
+An aircraft holds in front of two stations (case B, exact truth, no DGPS). Memory is the process's own resident set,
+from the tenth part of the session, when everything is loaded and compiled, to the end of the replay, evaluation and
+report included. Exit code 1 where it grows by more than `GROWTH_MB`, the report is above `REPORT_MB`, or Rerun finds
+a fault in the recording.
 """
 
 import argparse

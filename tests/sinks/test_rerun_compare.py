@@ -1,5 +1,6 @@
 """Several recordings in one: every row below its run's name, moved in time by the event that is at 0."""
 
+import itertools
 import os
 import subprocess
 import sys
@@ -182,7 +183,7 @@ def test_named_frames_get_the_runs_name() -> None:
 
 def test_the_colour_of_the_track_tells_its_range() -> None:
     lightness = [sum(range_colour(r)) for r in np.linspace(0.0, 600.0, 25)]
-    assert all(a > b for a, b in zip(lightness, lightness[1:], strict=False))
+    assert all(a > b for a, b in itertools.pairwise(lightness))
     assert range_colour(2000.0) == RANGE_COLOURS[-1]
 
 
