@@ -75,7 +75,7 @@ def live_blueprint(rig: Rig, eye: Eye) -> rrb.Blueprint:
         _plot(tree.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
         _plot(tree.PTU, "Pan and tilt [°]", [f"{tree.PTU}/{s}/{kind}" for s in rig.names for kind in ("pan", "tilt")]),
     )
-    left = rrb.Vertical(words, _scene(eye), plots, row_shares=[4, 5, 3])
+    left = rrb.Vertical(words, _scene(eye), plots, row_shares=[3, 6, 3])
     right = rrb.Vertical(_images(rig), rrb.TextLogView(origin=f"/{tree.LOG}", name="Log"), row_shares=[4, 1])
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1]),
