@@ -36,12 +36,12 @@ fuzz: $(VENV)/installed
 	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=new
 	$(BIN)/python benchmarks/ptu_fuzz.py
 
-## peers: programs of others that drive our simulated pan-tilt units in the tests, in a venv of their own
+## peers: programs of others that the tests set ours against, in a venv of their own
 peers: .venv-peers/installed
 
 .venv-peers/installed:
 	$(PYTHON) -m venv .venv-peers
-	.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check flirptu==0.0.1a2 alpaca-simulators==1.3.2
+	.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check flirptu==0.0.1a2 alpaca-simulators==1.3.2 evo==1.38.1
 	@touch $@
 
 ## cameras: what GenICam and GigE Vision cameras need, for their tests (docs/cameras.md)

@@ -8,11 +8,13 @@
 
 import argparse
 import json
+import re
 import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
+from groundstation.evaluation.figures_of_run import Moved, figures_of
 from groundstation.replay import ReplayRequest, replay
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -23,20 +25,12 @@ RELATIVE, ABSOLUTE = 0.05, 0.003
 
 def figures(summary: dict[str, Any]) -> dict[str, float]:
     """Return the figures that are watched, by name."""
-    truth = summary["accuracy"]["truth"]
-    found: dict[str, float] = {}
-    for group in truth["by_range"]:
-        if group["ekf"]["rmse_m"] is None:
-            continue
-        for kind in ("ekf", "triangulation"):
-            for axis, value in zip("xyz", group[kind]["rmse_m"], strict=True):
-                found[f"{kind} rmse {axis}, y {group['from_m']:.0f} m on, m"] = value
-    found["anees"] = truth["total"]["anees"]
-    found["dgps offset, s"] = summary["reference"]["time_offset"]["offset_s"]
-    found["pairs tracked"] = summary["counts"]["track"]["tracking"]
-    for station, counts in summary["counts"]["detection"].items():
-        found[f"detections ok, {station}"] = counts["status"]["ok"]
-    return {name: round(float(value), 5) for name, value in found.items()}
+    watched = re.compile(
+        r"truth\.y[\d.-]+\.(ekf|triangulation)\.rmse_._m|truth\.all\.ekf\.anees|dgps_clock\.offset_s"
+        r"|pairs\.tracking|detections\.[^.]+\.ok"
+    )
+    found = {name: value for name, value in figures_of(summary).items() if watched.fullmatch(name)}
+    return {name: round(value, 5) for name, value in found.items()}
 
 
 def measured(out: Path) -> dict[str, float]:
@@ -47,7 +41,7 @@ def measured(out: Path) -> dict[str, float]:
 
 def agrees(new: float, old: float) -> bool:
     """Return whether a figure is the committed one, within tolerance."""
-    return abs(new - old) <= max(RELATIVE * abs(old), ABSOLUTE)
+    return Moved(before=old, after=new).within(RELATIVE, ABSOLUTE)
 
 
 def main() -> int:

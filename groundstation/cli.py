@@ -10,12 +10,14 @@ from pathlib import Path
 from groundstation import __version__
 from groundstation.cli_calibrate import add_calibrate, run_calibrate
 from groundstation.cli_cameras import add_cameras, run_cameras
+from groundstation.cli_evaluate import add_evaluate, run_evaluate
 from groundstation.cli_import import add_import, run_import
 from groundstation.cli_live import add_live, run_check, run_live
 from groundstation.cli_onboard import add_onboard, run_onboard
 from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
 from groundstation.cli_simulate import add_simulate, run_simulate
+from groundstation.cli_view import add_view, run_view
 from groundstation.errors import GroundstationError
 from groundstation.progress import ProgressLine
 
@@ -104,6 +106,8 @@ def build_parser() -> argparse.ArgumentParser:
     add_onboard(commands)
     add_ptu(commands)
     add_simulate(commands)
+    add_view(commands)
+    add_evaluate(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
@@ -289,6 +293,8 @@ _COMMANDS = {
     "recover": run_recover,
     "convert": run_convert,
     "simulate": run_simulate,
+    "view": run_view,
+    "evaluate": run_evaluate,
     "cameras": run_cameras,
     "live": run_live,
     "check": run_check,

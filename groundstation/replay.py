@@ -14,7 +14,7 @@ import numpy as np
 from groundstation.config import Config, Start, config_to_mapping
 from groundstation.errors import InputError, RigError, SessionError
 from groundstation.evaluation.collector import ResultCollector
-from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
+from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_reference_tums, write_summary
 from groundstation.evaluation.report import write_report
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.hand_over import quick_hand_over
@@ -159,6 +159,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         # what the filter was told is no proof of what it knows
         until_s = pipeline.taught_until_s + known.offset_s
         dgps = tuple(fix for fix in dgps if fix.t_s > until_s)
+    given_all = None if smoothed is None else smoothed.collected()
     evaluation = evaluate_run(
         collector,
         description,
@@ -166,18 +167,19 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         config=config.evaluation,
         dgps=dgps,
         truth=truth,
-        smoothed=None if smoothed is None else smoothed.collected(),
+        smoothed=given_all,
     )
     written = ["track.csv", "triangulation.csv", "detections.csv", "track.tum"]
     if smoothed is not None:
         smoothed.save(request.out / "smoothed.csv")
         written.append("smoothed.csv")
     if view is not None:
-        view.write_reference(reference_tracks(evaluation))
+        view.write_reference(reference_tracks(evaluation, given_all))
         view.close()
         written.append("session.rrd")
     write_summary(request.out / "summary.json", evaluation)
     write_report(request.out / "report.html", evaluation, config.evaluation)
+    written += [path.name for path in write_reference_tums(request.out, evaluation)]
     written += ["summary.json", "report.html"]
     paths = [request.out / name for name in written] + ([] if request.record is None else [request.record])
     identity = None if check is None else check.result()

@@ -120,6 +120,25 @@ def write_summary(path: Path, evaluation: Evaluation) -> None:
         raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
 
 
+def write_reference_tums(folder: Path, evaluation: Evaluation) -> list[Path]:
+    """Write truth.tum and dgps.tum, each reference at the pairs' own times, beside track.tum; returns the files.
+
+    A program that matches stamps without interpolating then compares what `summary.json` compares. Raises
+    `InputError` if a file can't be written.
+    """
+    written = []
+    for name, c in evaluation.comparisons.items():
+        rows = zip(c.t_s[c.usable], c.reference_m[c.usable], strict=True)
+        text = "".join(f"{t:.6f} {p[0]:.7f} {p[1]:.7f} {p[2]:.7f} 0 0 0 1\n" for t, p in rows)
+        path = folder / f"{name}.tum"
+        try:
+            path.write_text(text, encoding="utf-8")
+        except OSError as fault:
+            raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
+        written.append(path)
+    return written
+
+
 def track_series(epochs: NDArray[Any]) -> PositionSeries:
     """Return the epochs that have an EKF estimate."""
     known = _estimated(epochs)
@@ -204,11 +223,11 @@ def _bounds(
     if truth is not None:
         place[truth.usable] = truth.reference_m[truth.usable]
     fix_sigma, fix_known, information = np.zeros((n, 3)), np.zeros(n, dtype=np.bool_), np.zeros((n, 3, 3))
-    by_epoch = _views(cameras, stations, rig)
+    views = _Views(cameras, stations, rig)
     for k in range(n):
         if not np.all(np.isfinite(place[k])):
             continue
-        information[k] = fix_information(place[k], by_epoch.get(int(epochs["epoch"][k]), []))
+        information[k] = fix_information(place[k], views.of(int(epochs["epoch"][k])))
         covariance = fix_covariance(information[k])
         if covariance is not None:
             fix_sigma[k], fix_known[k] = np.sqrt(np.diag(covariance)), True
@@ -228,21 +247,30 @@ def _bounds(
     return BoundSeries(fix_sigma_m=fix_sigma, fix_known=fix_known, track_sigma_m=track_sigma, track_known=track_known)
 
 
-def _views(cameras: NDArray[Any], stations: tuple[str, ...], rig: Rig) -> dict[int, list[View]]:
-    """Return the looks with an accepted pixel, by epoch number."""
-    calibrated = [rig[name] for name in stations]
-    geometries = [station.geometry() for station in calibrated]
-    ok = np.isin(cameras["status"], [k for k, status in enumerate(DETECTION_STATUSES) if status.used])
-    ok &= np.isfinite(cameras["pan_rad"]) & np.isfinite(cameras["tilt_rad"])
-    views: dict[int, list[View]] = {}
-    for row in cameras[ok]:
-        station = calibrated[row["station"]]
-        view = View(
-            geometry=geometries[row["station"]],
+class _Views:
+    """The looks with an accepted pixel, by epoch number; made when asked for, since an hour has 70,000 of them."""
+
+    def __init__(self, cameras: NDArray[Any], stations: tuple[str, ...], rig: Rig) -> None:
+        self._calibrated = [rig[name] for name in stations]
+        self._geometries = [station.geometry() for station in self._calibrated]
+        ok = np.isin(cameras["status"], [k for k, status in enumerate(DETECTION_STATUSES) if status.used])
+        ok &= np.isfinite(cameras["pan_rad"]) & np.isfinite(cameras["tilt_rad"])
+        self._cameras = cameras
+        rows = np.flatnonzero(ok)
+        self._rows = rows[np.argsort(cameras["epoch"][rows], kind="stable")]
+        self._epochs = cameras["epoch"][self._rows]
+
+    def of(self, epoch: int) -> list[View]:
+        """Return the views of one epoch, in the order in which they came."""
+        first, last = np.searchsorted(self._epochs, [epoch, epoch + 1])
+        return [self._view(self._cameras[k]) for k in self._rows[first:last]]
+
+    def _view(self, row: NDArray[Any]) -> View:
+        station = self._calibrated[row["station"]]
+        return View(
+            geometry=self._geometries[row["station"]],
             pan_rad=float(row["pan_rad"]),
             tilt_rad=float(row["tilt_rad"]),
             pixel_covariance_px2=row["covariance_px2"].astype(np.float64),
             angle_sigma_rad=0.0 if station.fixed else station.angle_sigma_rad,
         )
-        views.setdefault(int(row["epoch"]), []).append(view)
-    return views

@@ -75,7 +75,7 @@ def live_blueprint(rig: Rig, eye: Eye) -> rrb.Blueprint:
         _plot(tree.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
         _plot(tree.PTU, "Pan and tilt [°]", [f"{tree.PTU}/{s}/{kind}" for s in rig.names for kind in ("pan", "tilt")]),
     )
-    left = rrb.Vertical(words, _scene(eye), plots, row_shares=[3, 5, 3])
+    left = rrb.Vertical(words, _scene(eye), plots, row_shares=[3, 6, 3])
     right = rrb.Vertical(_images(rig), rrb.TextLogView(origin=f"/{tree.LOG}", name="Log"), row_shares=[4, 1])
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1]),
@@ -106,6 +106,7 @@ def _scene(eye: Eye) -> rrb.Spatial3DView:
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=eye.position_m, look_target=eye.target_m, eye_up=[0.0, 0.0, 1.0]
         ),
+        background=tree.BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=True, spacing=10.0, color=[120, 120, 120, 50]),
         overrides={
             tree.EKF_PATH: _so_far(),

@@ -79,7 +79,7 @@ class LiveView:
                 self._draw(what)
             else:
                 self._stream.set_time(tree.TIMELINE, duration=np.timedelta64(round(what[0] * 1e9), "ns"))
-                text = "\n\n".join([f"**{what[1][0]}**", *what[1][1:]])
+                text = "\n".join([f"**{what[1][0]}**", "", *(f"- {line}" for line in what[1][1:])])
                 self._stream.log(tree.WORDS, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
         self._sink.close()
 

@@ -9,7 +9,7 @@ from groundstation.arrays import FloatArray
 from groundstation.sinks import rerun_tree as tree
 from groundstation.sinks.rerun_columns import Batch, scalars
 
-COLOURS = {"dgps": tree.DGPS_COLOUR, "truth": tree.TRUTH_COLOUR}
+COLOURS = {"dgps": tree.DGPS_COLOUR, "truth": tree.TRUTH_COLOUR, "smoothed": tree.SMOOTHED_COLOUR}
 BOUND_SIGMAS = 2.0
 # a reference that is silent for longer is not joined by a line
 GAP_S = 1.0
@@ -17,9 +17,10 @@ GAP_S = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReferenceLine:
-    """A reference track: ``name`` ("dgps" or "truth"), ``t_s`` (n,) session time, ``position_runway_m`` (n, 3).
+    """A track to compare with: ``name`` ("dgps", "truth" or "smoothed").
 
-    A DGPS line is in the session's clock, by the offset that was found.
+    ``t_s`` (n,) session time, ``position_runway_m`` (n, 3). A DGPS line is in the session's clock, by the
+    offset that was found.
     """
 
     name: str

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from groundstation.evaluation.evaluate import Evaluation
+from groundstation.evaluation.collector import ResultCollector
+from groundstation.evaluation.evaluate import Evaluation, track_series
 from groundstation.session import MediumKind, Session
 from groundstation.sinks.rerun_media import ImageFolder, Media, VideoAsset
 from groundstation.sinks.rerun_reference import AxisErrors, ReferenceLine, ReferenceTracks
@@ -24,9 +25,16 @@ def session_view(path: Path, session: Session) -> RerunSink:
     return RerunSink(path, session.rig, session_name=session.name, media=media)
 
 
-def reference_tracks(evaluation: Evaluation) -> ReferenceTracks:
-    """Return the references as lines, and the errors against the better one: truth if there is one."""
+def reference_tracks(evaluation: Evaluation, smoothed: ResultCollector | None = None) -> ReferenceTracks:
+    """Return the references as lines, and the errors against the better one: truth if there is one.
+
+    ``smoothed`` is the track given the whole flight, if it was smoothed.
+    """
     lines = []
+    if smoothed is not None:
+        track = track_series(smoothed.epochs())
+        if len(track):
+            lines.append(ReferenceLine(name="smoothed", t_s=track.t_s, position_runway_m=track.position_m))
     if evaluation.truth is not None:
         lines.append(
             ReferenceLine(name="truth", t_s=evaluation.truth.t_s, position_runway_m=evaluation.truth.position_m)

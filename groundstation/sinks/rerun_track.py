@@ -75,7 +75,8 @@ class TrackChannel:
                 strokes.append((self._last_position, here))
                 ends_s.append(estimate.t_s)
                 tracking = estimate.status is TrackStatus.TRACKING
-                colours.append(tree.EKF_COLOUR if tracking else tree.COASTING_COLOUR)
+                range_m = float(np.linalg.norm(here))
+                colours.append(tree.range_colour(range_m) if tracking else tree.COASTING_COLOUR)
             self._last_position = here
         marker = rr.Points3D.columns(positions=positions.reshape(-1, 3))
         path = rr.LineStrips3D.columns(

@@ -34,9 +34,15 @@ PTU = f"{PLOTS}/ptu"
 AXES = ("x", "y", "z")
 
 EKF_COLOUR = Colour((90, 220, 255))
+# colours are chosen for it; a viewer whose theme is light would show them on white
+BACKGROUND = Colour((13, 16, 17))
+# the filter's colour in the middle; lightness alone tells the range, so that it is read without colours too
+RANGE_SCALE_M = (0.0, 300.0, 600.0)
+RANGE_COLOURS = (Colour((235, 252, 255)), EKF_COLOUR, Colour((40, 105, 235)))
 COASTING_COLOUR = Colour((255, 190, 60))
 TRIANGULATION_COLOUR = Colour((255, 120, 200))
 DGPS_COLOUR = Colour((255, 225, 90))
+SMOOTHED_COLOUR = Colour((245, 245, 245))
 TRUTH_COLOUR = Colour((120, 230, 120))
 BOUND_COLOUR = Colour((150, 150, 150))
 REFUSED_COLOUR = Colour((255, 90, 80))
@@ -60,6 +66,21 @@ def image(station: str) -> str:
 def station_colour(number: int) -> Colour:
     """Return the colour of the n-th station of the rig, in all views."""
     return STATION_COLOURS[number % len(STATION_COLOURS)]
+
+
+def range_colour(range_m: float) -> Colour:
+    """Return the filter's colour at a distance from the runway's origin: nearly white close by, deep blue far away.
+
+    The scale is the same in every recording, so that runs can be compared.
+    """
+    r, g, b = (round(float(np.interp(range_m, RANGE_SCALE_M, [c[k] for c in RANGE_COLOURS]))) for k in range(3))
+    return Colour((r, g, b))
+
+
+def dimmed(colour: Colour) -> Colour:
+    """Return a darker shade, for what belongs to a line and is not the line."""
+    r, g, b = (int(0.55 * c) for c in colour)
+    return Colour((r, g, b))
 
 
 def time_column(t_s: FloatArray) -> rr.TimeColumn:

@@ -47,13 +47,41 @@ def open_viewer(path: Path, environment: Mapping[str, str]) -> subprocess.Popen[
     if not path.is_file():
         raise ViewerError(f"{path}: no such recording")
     browser = f"in a browser: rerun --web-viewer --bind 127.0.0.1 {path}"
-    if not _has_display(environment):
+    if not has_display(environment):
         raise ViewerError(f"no display to show {path} on; on a desktop: rerun {path}; {browser}")
     process = _start(viewer_command(path), environment)
     code = _stopped(process)
     if code is not None and code != 0:
         raise ViewerError(f"the viewer stopped at once (exit code {code}); try it {browser}")
     return process
+
+
+def web_viewer_command(path: Path, port: int, web_port: int) -> list[str]:
+    """Return the command that serves a recording to browsers on this machine, and to no other."""
+    command = [sys.executable, "-m", "rerun", "--serve-web", "--bind", "127.0.0.1", "--port", str(port)]
+    return [*command, "--web-viewer-port", str(web_port), str(path)]
+
+
+def serve_recording(path: Path, environment: Mapping[str, str]) -> tuple[str, subprocess.Popen[bytes]]:
+    """Serve a recording to browsers on this machine alone; returns the address, and the server's process.
+
+    Raises `ViewerError` where there is no file or the server stops at once.
+    """
+    if not path.is_file():
+        raise ViewerError(f"{path}: no such recording")
+    port, web_port = _free_port(), _free_port()
+    process = _start(web_viewer_command(path, port, web_port), environment)
+    code = _stopped(process)
+    if code is not None:
+        raise ViewerError(f"the web viewer stopped at once (exit code {code})")
+    return _web_address(port, web_port), process
+
+
+def has_display(environment: Mapping[str, str]) -> bool:
+    """Return whether the desktop viewer can be shown."""
+    return not sys.platform.startswith("linux") or bool(
+        environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")
+    )
 
 
 def live_viewer_command(port: int) -> list[str]:
@@ -67,7 +95,7 @@ def open_live_stream(application: str, environment: Mapping[str, str]) -> rr.Rec
     ``environment`` is the caller's (os.environ). Raises `ViewerError` where there is no display or the viewer
     stops at once.
     """
-    if not _has_display(environment):
+    if not has_display(environment):
         raise ViewerError("no display for --view; --save-video writes the same pictures into a file")
     port = _free_port()
     code = _stopped(_start(live_viewer_command(port), environment))
@@ -90,8 +118,11 @@ def open_web_stream(
     code = _stopped(process)
     if code is not None:
         raise ViewerError(f"the web viewer stopped at once (exit code {code})")
-    proxy = f"rerun%2Bhttp://127.0.0.1:{port}/proxy"
-    return _stream_to(application, port), f"http://127.0.0.1:{web_port}/?url={proxy}", process
+    return _stream_to(application, port), _web_address(port, web_port), process
+
+
+def _web_address(port: int, web_port: int) -> str:
+    return f"http://127.0.0.1:{web_port}/?url=rerun%2Bhttp://127.0.0.1:{port}/proxy"
 
 
 def _free_port() -> int:
@@ -106,12 +137,6 @@ def _stream_to(application: str, port: int) -> rr.RecordingStream:
     stream.set_log_tick_enabled(False)
     stream.connect_grpc(f"rerun+http://127.0.0.1:{port}/proxy")
     return stream
-
-
-def _has_display(environment: Mapping[str, str]) -> bool:
-    return not sys.platform.startswith("linux") or bool(
-        environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")
-    )
 
 
 def _start(command: list[str], environment: Mapping[str, str]) -> subprocess.Popen[bytes]:

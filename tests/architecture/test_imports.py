@@ -25,8 +25,12 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.cli_ptu",
         "groundstation.cli_recording",
         "groundstation.cli_simulate",
+        "groundstation.cli_view",
+        "groundstation.cli_evaluate",
     ),
     ("calibration",),
+    ("groundstation.view", "groundstation.compare"),
+    ("groundstation.compared_runs",),
     ("groundstation.importing",),
     (
         *("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),

@@ -87,7 +87,8 @@ def recording(landing: Landing, reports: list[StepReport], tmp_path_factory: pyt
     truth = ReferenceLine(name="truth", t_s=landing.truth["t_s"], position_runway_m=landing.truth_m)
     heard = (landing.dgps["t_s"] < 10.0) | (landing.dgps["t_s"] > 12.0)
     dgps = ReferenceLine(name="dgps", t_s=landing.dgps["t_s"][heard], position_runway_m=landing.dgps_m[heard])
-    sink.write_reference(ReferenceTracks(lines=(truth, dgps), errors=errors))
+    smoothed = ReferenceLine(name="smoothed", t_s=landing.truth["t_s"], position_runway_m=landing.truth_m + 0.1)
+    sink.write_reference(ReferenceTracks(lines=(truth, dgps, smoothed), errors=errors))
     sink.close()
     return Recording(path)
 

@@ -1,0 +1,149 @@
+"""Several runs beside each other as text: accuracy by range, consistency, delay, misses, and what was set otherwise."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from groundstation.evaluation.figures_of_run import AXES, Moved, figures_of
+
+_REFERENCES = {"truth": "the truth", "dgps": "DGPS"}
+_MOST_SETTINGS = 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScoredRun:
+    """One run: its name, where it came from, its summary, and its figures by name."""
+
+    name: str
+    source: str
+    summary: Mapping[str, Any]
+    figures: Mapping[str, float]
+
+
+def scored(name: str, source: str, summary: Mapping[str, Any]) -> ScoredRun:
+    """Return a run with its figures."""
+    return ScoredRun(name=name, source=source, summary=summary, figures=figures_of(summary))
+
+
+def format_comparison(runs: Sequence[ScoredRun], baseline: ScoredRun) -> str:
+    """Return the comparison for a terminal, each run against ``baseline``."""
+    width = max(len(run.name) for run in runs)
+    blocks = [_accuracy(reference, runs, baseline, width) for reference in _references(runs)]
+    if not blocks:
+        blocks.append("no reference in any of them: nothing to be right or wrong against")
+    blocks.append("\n".join(_consistency(runs, width)))
+    blocks.append("\n".join(_misses(runs)))
+    others = [run for run in runs if run is not baseline]
+    settings = [line for run in others for line in _settings(run, baseline)]
+    if settings:
+        blocks.append("\n".join(["set otherwise:", *settings]))
+    return "\n\n".join(block for block in blocks if block)
+
+
+def _references(runs: Iterable[ScoredRun]) -> list[str]:
+    return list(dict.fromkeys(name for run in runs for name in run.summary["accuracy"]))
+
+
+def _accuracy(reference: str, runs: Sequence[ScoredRun], baseline: ScoredRun, width: int) -> str:
+    """Return one reference's table: a row for each group and run, and by how much the errors differ."""
+    against = _REFERENCES.get(reference, reference)
+    head = f"{'':<12} {'':<{width}} {'pairs':>6} {'seen %':>6} │{'EKF x':>7} {'y':>7} {'z':>7} │"
+    head += f"{'± % x':>6} {'y':>5} {'z':>5} │ {'ANEES':>6} │{'tri. x':>7} {'y':>7} {'z':>7}"
+    lines = [f"RMSE in m against {against}, differences to {baseline.name}", head, "─" * len(head)]
+    for group in _groups(reference, runs):
+        label = group
+        for run in runs:
+            cells = _row(run, baseline, f"{reference}.{group}")
+            if cells is not None:
+                lines.append(f"{label:<12} {run.name:<{width}} {cells}")
+                label = ""
+    return "\n".join(lines)
+
+
+def _groups(reference: str, runs: Iterable[ScoredRun]) -> list[str]:
+    """Return the groups of epochs that any run has: all, ranges from near to far, backgrounds."""
+    names = dict.fromkeys(
+        name.split(".")[1] for run in runs for name in run.figures if name.startswith(f"{reference}.")
+    )
+    ranges = sorted((n for n in names if _from_m(n) is not None), key=lambda n: _from_m(n) or 0.0)
+    return ["all", *ranges, *(n for n in names if n != "all" and n not in ranges)]
+
+
+def _from_m(group: str) -> float | None:
+    """Return where a range begins, None for a group that is no range."""
+    try:
+        return float(group.removeprefix("y").split("-")[0]) if group.startswith("y") else None
+    except ValueError:
+        return None
+
+
+def _row(run: ScoredRun, baseline: ScoredRun, group: str) -> str | None:
+    """Return one run's cells of one group, None where it has no pair of it."""
+    f, b = run.figures, baseline.figures
+    if not f.get(f"{group}.pairs"):
+        return None
+    names = [f"{group}.ekf.rmse_{axis}_m" for axis in AXES]
+    errors = " ".join(f"{_metres(f.get(n)):>7}" for n in names)
+    changes = " ".join(
+        f"{'' if run is baseline else _percent(Moved(before=b.get(n), after=f.get(n))):>5}" for n in names
+    )
+    fixes = " ".join(f"{_metres(f.get(n.replace('.ekf.', '.triangulation.'))):>7}" for n in names)
+    anees = f.get(f"{group}.ekf.anees")
+    return (
+        f"{f[f'{group}.pairs']:>6.0f} {100 * f.get(f'{group}.ekf.coverage', 0.0):>6.1f} │{errors} │ {changes} │ "
+        f"{'–' if anees is None else format(anees, '.2f'):>6} │{fixes}"
+    )
+
+
+def _consistency(runs: Sequence[ScoredRun], width: int) -> Iterator[str]:
+    """Return NIS, refused pixels, delay and where the track was, a row for each run."""
+    track = [w for w in runs[0].summary["counts"]["track"] if any(r.figures.get(f"pairs.{w}") for r in runs)]
+    yield (
+        f"{'':<{width}} {'NIS':>6} {'refused':>8} │ {'delay ms: median':>16} {'99 %':>7} {'max':>7} │ "
+        + " ".join(f"{w:>9}" for w in track)
+    )
+    for run in runs:
+        f = run.figures
+        nis = f.get("nis.all.mean")
+        delays = [f.get(f"latency.{p}_ms") for p in ("p50", "p99", "max")]
+        cells = ["–" if d is None else f"{d:.1f}" for d in delays]
+        yield (
+            f"{run.name:<{width}} {'–' if nis is None else format(nis, '.2f'):>6} {f['nis.all.rejected']:>8.0f} │ "
+            f"{cells[0]:>16} {cells[1]:>7} {cells[2]:>7} │ " + " ".join(f"{f[f'pairs.{w}']:>9.0f}" for w in track)
+        )
+
+
+def _misses(runs: Sequence[ScoredRun]) -> Iterator[str]:
+    """Return why cameras saw nothing, most frequent first."""
+    for run in runs:
+        found = {n.removeprefix("misses."): k for n, k in run.figures.items() if n.startswith("misses.") and k}
+        most = sorted(found.items(), key=lambda item: -item[1])
+        words = ", ".join(f"{name.replace('.', ' ').replace('_', ' ')} {count:.0f}" for name, count in most)
+        yield f"misses, {run.name}: {words or 'none'}"
+
+
+def _settings(run: ScoredRun, baseline: ScoredRun) -> Iterator[str]:
+    """Return the tuning that differs from the baseline's."""
+    here, there = (_flat(r.summary["configuration"]) for r in (run, baseline))
+    changed = [key for key in {**there, **here} if here.get(key) != there.get(key)]
+    for key in changed[:_MOST_SETTINGS]:
+        yield f"  {run.name}: {key} = {here.get(key, 'not there')} ({baseline.name}: {there.get(key, 'not there')})"
+    if len(changed) > _MOST_SETTINGS:
+        yield f"  {run.name}: and {len(changed) - _MOST_SETTINGS} more"
+
+
+def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Return nested tables as one, keys joined by dots."""
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        flat |= _flat(value, f"{before}{key}.") if isinstance(value, Mapping) else {f"{before}{key}": value}
+    return flat
+
+
+def _metres(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}" if value < 100 else f"{value:.0f}"
+
+
+def _percent(moved: Moved) -> str:
+    percent = moved.percent
+    return "–" if percent is None else f"{percent:+.0f}" if abs(percent) < 1000 else ">999"

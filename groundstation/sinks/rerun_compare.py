@@ -1,0 +1,219 @@
+"""Several runs on one screen: one runway, every run's pictures beside the others', errors and consistency overlaid."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from groundstation.arrays import FloatArray
+from groundstation.errors import InputError
+from groundstation.sinks import rerun_tree as tree
+from groundstation.sinks.rerun_blueprint import EYE_FROM_MIDDLE, MAX_NIS_SHOWN, TARGET_FROM_MIDDLE
+from groundstation.sinks.rerun_merge import Align, RecordedTrack, read_track, send_run
+
+APPLICATION = "groundstation"
+RUNS = "runs"
+RUN_COLOURS = (
+    tree.EKF_COLOUR,
+    tree.Colour((255, 165, 70)),
+    tree.Colour((240, 130, 220)),
+    tree.Colour((190, 230, 90)),
+    tree.Colour((150, 160, 255)),
+    tree.Colour((255, 105, 95)),
+)
+_COLOUR_NAMES = ("cyan", "orange", "pink", "lime", "lavender", "red")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShownRun:
+    """One run on the screen: name, recording, its track, and by how much its times are moved, s."""
+
+    name: str
+    path: Path
+    track: RecordedTrack
+    shift_s: float
+
+
+def shown_runs(recordings: Mapping[str, Path], align: Align) -> list[ShownRun]:
+    """Read the tracks and put the event at time 0 in each; with `Align.NONE` nothing is moved.
+
+    Raises `InputError` where a recording holds no track of ours.
+    """
+    runs = []
+    for name, path in recordings.items():
+        track = read_track(path)
+        shift_s = 0.0 if align is Align.NONE else -track.event_s(align)
+        runs.append(ShownRun(name=name, path=path, track=track, shift_s=shift_s))
+    return runs
+
+
+def together_in_time(runs: Sequence[ShownRun]) -> bool:
+    """Return whether the tracks, unmoved, all have a time in common."""
+    return max(r.track.start_s for r in runs) <= min(float(r.track.t_s[-1]) for r in runs)
+
+
+def write_comparison(path: Path, runs: Sequence[ShownRun], align: Align) -> None:
+    """Write one recording with all runs, each below its name; raises `InputError` if it cannot be written."""
+    stream = rr.RecordingStream(APPLICATION, send_properties=False)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    try:
+        stream.save(path)
+    except (OSError, RuntimeError) as fault:
+        raise InputError(str(path), got=str(fault).splitlines()[0], wanted="a file that can be written") from fault
+    stream.send_recording_name(" and ".join(run.name for run in runs))
+    stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    longest = max(range(len(runs)), key=lambda k: float(runs[k].track.position_runway_m[:, 1].max()))
+    for number, run in enumerate(runs):
+        send_run(stream, run.path, run.name, run.shift_s, runway=number == longest)
+        _log_run_styles(stream, run, _colour(number))
+    stream.log(RUNS, rr.TextDocument(_words(runs, align), media_type=rr.MediaType.MARKDOWN), static=True)
+    stream.send_blueprint(comparison_blueprint(runs))
+    stream.flush()
+    stream.disconnect()
+
+
+def _log_run_styles(stream: rr.RecordingStream, run: ShownRun, colour: tree.Colour) -> None:
+    """Give a run its colour and its name where the run's own style would look like every other's."""
+    styles: dict[str, rr.AsComponents] = {
+        tree.EKF: rr.Points3D.from_fields(
+            colors=colour, radii=rr.Radius.ui_points(6.0), labels=[run.name], show_labels=True
+        ),
+        tree.EKF_ELLIPSOID: rr.Ellipsoids3D.from_fields(colors=colour),
+        tree.EKF_ELLIPSOIDS: rr.Ellipsoids3D.from_fields(colors=(*colour, 110)),
+        tree.PAIR_LATENCY: rr.SeriesLines(colors=colour, names=run.name, widths=1.5),
+    }
+    if run.track.has_errors:
+        for axis in tree.AXES:
+            styles[f"{tree.ERROR}/{axis}"] = rr.SeriesLines(
+                colors=[colour, tree.dimmed(colour), tree.dimmed(colour)],
+                names=[run.name, f"{run.name} +2σ", f"{run.name} −2σ"],
+                widths=[1.8, 1.0, 1.0],
+            )
+    for station in run.track.stations:
+        styles[f"{tree.NIS}/{station}"] = rr.SeriesPoints(
+            colors=colour, names=f"{run.name} {station}", markers="circle", marker_sizes=1.5
+        )
+    for entity, style in styles.items():
+        stream.log(f"{run.name}/{entity}", style, static=True)
+
+
+def _words(runs: Sequence[ShownRun], align: Align) -> str:
+    """Say which run has which colour, and how their times were moved."""
+    rows = [
+        f"| **{run.name}** | {_COLOUR_NAMES[k % len(_COLOUR_NAMES)]} | {run.track.start_s:.2f} | {run.shift_s:+.2f} |"
+        for k, run in enumerate(runs)
+    ]
+    at = "each in its own time" if align is Align.NONE else f"time 0 is each one's {align.value}"
+    return "\n".join(
+        [f"One runway frame; {at}.", "", "| run | colour | track from, s | moved by, s |", "|--|--|--|--|", *rows]
+    )
+
+
+def _colour(number: int) -> tree.Colour:
+    return RUN_COLOURS[number % len(RUN_COLOURS)]
+
+
+def comparison_blueprint(runs: Sequence[ShownRun]) -> rrb.Blueprint:
+    """Return the layout: the runway with all tracks, what is overlaid, and a column of pictures for each run."""
+    low = np.min([r.track.position_runway_m.min(axis=0) for r in runs], axis=0)
+    high = np.max([r.track.position_runway_m.max(axis=0) for r in runs], axis=0)
+    scene = _scene(runs, np.minimum(low, 0.0), high)
+    plotted = any(run.track.has_plots for run in runs)
+    left = rrb.Vertical(scene, _plots(runs), row_shares=[6, 5]) if plotted else rrb.Vertical(scene)
+    pictures = [_pictures(run) for run in runs if run.track.stations]
+    words = rrb.TextDocumentView(origin=f"/{RUNS}", name="Runs")
+    states = [rrb.StateTimelineView(origin=f"/{run.name}/{tree.STATUS}", name=f"Status: {run.name}") for run in runs]
+    logs = rrb.TextLogView(origin="/", contents=[f"+ /{run.name}/{tree.LOG}/**" for run in runs], name="Log")
+    below = rrb.Horizontal(words, rrb.Tabs(*states, logs), column_shares=[1, 1])
+    right = rrb.Vertical(rrb.Horizontal(*pictures), below, row_shares=[3, 1]) if pictures else below
+    start_s = min(r.track.start_s + r.shift_s for r in runs)
+    end_s = max(float(r.track.t_s[-1]) + r.shift_s for r in runs)
+    loop = rrb.components.AbsoluteTimeRange(min=rr.TimeInt(seconds=start_s), max=rr.TimeInt(seconds=end_s))
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[1, 1] if pictures else [3, 2]),
+        rrb.TopPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=tree.TIMELINE,
+            play_state="Playing",
+            loop_mode="Selection",
+            time_selection=loop,
+        ),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _scene(runs: Sequence[ShownRun], low_m: FloatArray, high_m: FloatArray) -> rrb.Spatial3DView:
+    """The runway with every track; paths in the run's colour, and without what only one run can show clearly."""
+    middle, length = (low_m + high_m) / 2, float(np.linalg.norm(high_m - low_m))
+    so_far = rrb.VisibleTimeRanges(
+        timeline=tree.TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    contents: list[str] = []
+    overrides: dict[Any, Any] = {}
+    for number, run in enumerate(runs):
+        contents += [f"+ /{run.name}/world/**", f"+ /{run.name}/{tree.AIRCRAFT}/**"]
+        # a label that stands at the same place twice cannot be read
+        contents += [f"- /{run.name}/{tree.STATIONS}/{s}/name" for s in run.track.stations if number]
+        contents.append(f"- /{run.name}/{tree.TRIANGULATION}")
+        path = rr.LineStrips3D.from_fields(colors=_colour(number), radii=rr.Radius.ui_points(2.2))
+        overrides[f"{run.name}/{tree.EKF_PATH}"] = [path, so_far]
+        overrides[f"{run.name}/{tree.EKF_ELLIPSOIDS}"] = [so_far]
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=contents,
+        name="Runway",
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=middle + length * EYE_FROM_MIDDLE,
+            look_target=middle + TARGET_FROM_MIDDLE * (high_m - low_m) * [0.0, 1.0, 0.0],
+            eye_up=[0.0, 0.0, 1.0],
+        ),
+        background=tree.BACKGROUND,
+        line_grid=rrb.LineGrid3D(visible=True, spacing=10.0, color=[120, 120, 120, 50]),
+        overrides=overrides,
+    )
+
+
+def _pictures(run: ShownRun) -> rrb.Container:
+    """One run's pictures, one below the other."""
+    views = [
+        rrb.Spatial2DView(origin=f"/{run.name}/{tree.image(s)}", name=f"{run.name}: {s}") for s in run.track.stations
+    ]
+    return rrb.Vertical(*views)
+
+
+def _plots(runs: Sequence[ShownRun]) -> rrb.Container:
+    """Errors of each axis, and consistency with delay, every run's in the same picture."""
+    errors = [
+        _plot([f"{run.name}/{tree.ERROR}/{axis}" for run in runs], f"{axis}: error, ±2σ [m]") for axis in tree.AXES
+    ]
+    nis = [f"{run.name}/{tree.NIS}/{s}" for run in runs for s in run.track.stations]
+    bounds = [f"{run.name}/{tree.NIS_BOUNDS}" for run in runs]
+    consistency = [
+        _plot([*nis, *bounds], "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
+        _plot([f"{run.name}/{tree.PAIR_LATENCY}" for run in runs], "Latency of a pair [ms]"),
+    ]
+    shown = any(run.track.has_errors for run in runs)
+    return rrb.Horizontal(rrb.Vertical(*errors), rrb.Vertical(*consistency)) if shown else rrb.Horizontal(*consistency)
+
+
+def _plot(entities: Iterable[str], name: str, top: float | None = None) -> rrb.TimeSeriesView:
+    axis = None if top is None else rrb.ScalarAxis(range=(0.0, top), zoom_lock=True)
+    return rrb.TimeSeriesView(
+        origin="/",
+        contents=[f"+ /{entity}" for entity in entities],
+        name=name,
+        axis_y=axis,
+        plot_legend=rrb.PlotLegend(visible=False),
+    )

@@ -1,0 +1,126 @@
+"""Looking at runs: one, or several side by side on one runway, in the viewer, in a browser, or as a file."""
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from groundstation.compared_runs import RECORDING, PlannedRun, SourceKind, planned_runs, results_of
+from groundstation.errors import InputError
+from groundstation.sinks.rerun_compare import shown_runs, together_in_time, write_comparison
+from groundstation.sinks.rerun_merge import Align
+from groundstation.sinks.rerun_results import recording_of_results
+
+_VIEW = "view.rrd"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewRequest:
+    """What the user asked for; ``align`` None moves runs to their start only if they have no time in common.
+
+    ``work`` is where sessions are replayed to and what is shown is written. ``save`` is a file for it.
+    """
+
+    sources: tuple[Path, ...]
+    work: Path
+    configs: tuple[Path, ...] = ()
+    rig: Path | None = None
+    align: Align | None = None
+    save: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewResult:
+    """The recording to open, the names of the runs in it, how they are aligned, and what is to be said."""
+
+    recording: Path
+    names: tuple[str, ...]
+    align: Align
+    notes: tuple[str, ...]
+
+
+def prepare_view(
+    request: ViewRequest, progress: Callable[[str, int, int], None] = lambda name, done, total: None
+) -> ViewResult:
+    """Replay what has to be, and write the one recording that shows it all.
+
+    Raises `InputError` for what is no run, or cannot be shown beside others.
+    """
+    runs = planned_runs(request.sources, request.configs)
+    if request.save is not None and request.save.resolve() in {run.source.resolve() for run in runs}:
+        raise InputError(str(request.save), got="one of the recordings to show", wanted="another file")
+    if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
+        raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
+    notes: list[str] = []
+    recordings: dict[str, Path] = {}
+    for run in runs:
+        recordings[run.name] = _recording(run, request, progress, notes)
+    made = {name for name, path in recordings.items() if path == request.work / f"{name}.rrd"}
+    # one made of tables has no layout of its own
+    if len(recordings) == 1 and request.align in (None, Align.NONE) and runs[0].name not in made:
+        path = next(iter(recordings.values()))
+        return ViewResult(
+            recording=_kept(path, request.save), names=tuple(recordings), align=Align.NONE, notes=tuple(notes)
+        )
+    shown = shown_runs(recordings, request.align or Align.NONE)
+    align = request.align or Align.NONE
+    if request.align is None and not together_in_time(shown):
+        align = Align.START
+        notes.append("the runs have no time in common: shown from each one's start (--align none keeps their times)")
+        shown = shown_runs(recordings, align)
+    path = request.save if request.save is not None else request.work / _VIEW
+    _make_folder(path.parent)
+    write_comparison(path, shown, align)
+    return ViewResult(recording=path, names=tuple(recordings), align=align, notes=tuple(notes))
+
+
+def _recording(
+    run: PlannedRun, request: ViewRequest, progress: Callable[[str, int, int], None], notes: list[str]
+) -> Path:
+    """Return the Rerun recording of a run, replaying or making it if there is none."""
+    if run.kind is SourceKind.RERUN:
+        return run.source
+    folder, fault = results_of(
+        run,
+        request.work,
+        rig=request.rig,
+        rerun=True,
+        smooth=True,
+        progress=lambda done, total: progress(run.name, done, total),
+    )
+    if fault is not None:
+        notes.append(f"{run.name}: fault in the recording: {fault}")
+    if (folder / RECORDING).is_file():
+        return folder / RECORDING
+    made = request.work / f"{run.name}.rrd"
+    _make_folder(made.parent)
+    recording_of_results(folder, made, run.name)
+    notes.append(f"{run.name}: replayed without a Rerun recording; its tables are shown")
+    return made
+
+
+def _kept(path: Path, save: Path | None) -> Path:
+    """Copy a recording to where it shall be saved."""
+    if save is None:
+        return path
+    _make_folder(save.parent)
+    try:
+        shutil.copyfile(path, save)
+    except OSError as fault:
+        raise InputError(str(save), got=str(fault.strerror), wanted="a file that can be written") from fault
+    return save
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
+
+
+def names_line(result: ViewResult, sources: Sequence[Path]) -> str:
+    """Return one line that says what is shown and how."""
+    if len(result.names) == 1:
+        return f"showing {sources[0]}"
+    how = "each in its own time" if result.align is Align.NONE else f"time 0 is each one's {result.align.value}"
+    return f"showing {', '.join(result.names)} on one runway, {how}"

@@ -1,0 +1,222 @@
+"""Several recordings in one: every row below its run's name, moved in time by the event that is at 0."""
+
+import itertools
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from groundstation.compared_runs import SourceKind, kind_of, planned_runs
+from groundstation.errors import InputError
+from groundstation.messages import Kinematics, StepReport, TrackEstimate, TrackStatus, TriangulationStatus
+from groundstation.sinks.rerun_merge import Align, read_track
+from groundstation.sinks.rerun_tree import RANGE_COLOURS, range_colour
+from groundstation.sinks.rerun_view import RerunSink
+from groundstation.sinks.track_files import TrackFilesSink
+from groundstation.view import ViewRequest, names_line, prepare_view
+from tests.sinks.rerun_synthetic import Landing
+
+ROOT = Path(__file__).resolve().parents[2]
+PAIRS = 60
+
+
+def estimates(start_s: float) -> list[TrackEstimate]:
+    """A descent of 6 s that is on the ground for its last two."""
+    made = []
+    for k in range(PAIRS):
+        position = np.array([0.2, 300.0 - 2.5 * k, max(0.3, 10.3 - 0.25 * k)])
+        kinematics = Kinematics(
+            position_runway_m=position,
+            velocity_runway_m_s=np.array([0.0, -25.0, -2.5]),
+            covariance=np.diag([0.01, 0.5, 0.02, 0.1, 0.1, 0.1]) + 0.001,
+        )
+        made.append(
+            TrackEstimate(
+                t_s=start_s + 0.1 * k,
+                epoch=k,
+                status=TrackStatus.TRACKING if k else TrackStatus.ACQUIRING,
+                kinematics=kinematics if k else None,
+                triangulation_status=TriangulationStatus.ONE_VIEW,
+                triangulation=None,
+            )
+        )
+    return made
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> tuple[Path, Path]:
+    rig = Landing(ROOT / "recordings" / "landing-1").rig
+    folders = (tmp_path / "monday", tmp_path / "tuesday")
+    for folder, start_s in zip(folders, (5.0, 1000.0), strict=True):
+        folder.mkdir()
+        sink = RerunSink(folder / "session.rrd", rig, session_name=folder.name)
+        for estimate in estimates(start_s):
+            sink.write(StepReport(estimates=(estimate,)))
+        sink.close()
+    return folders
+
+
+def moving(path: Path, entity: str) -> pa.Table:
+    reader = RrdReader(path)
+    rows = [
+        c.to_record_batch()
+        for c in reader.stream(store=reader.recordings()[0])
+        if c.entity_path == entity and not c.is_static
+    ]
+    return pa.Table.from_batches([b.select(["session_time", *b.schema.names[2:]]) for b in rows])
+
+
+def seconds(table: pa.Table) -> np.ndarray:
+    return np.sort(table.column("session_time").cast(pa.int64()).to_numpy()) / 1e9
+
+
+def show(sources: tuple[Path, ...], tmp_path: Path, align: Align | None) -> Path:
+    out = tmp_path / "both.rrd"
+    prepare_view(ViewRequest(sources=sources, work=tmp_path / "work", align=align, save=out))
+    return out
+
+
+@pytest.mark.parametrize(
+    ("align", "first_s"),
+    # the first estimate is the second pair; the ground (0.5 m above the lowest) is reached at pair 38
+    [(Align.NONE, (5.0, 1000.0)), (Align.START, (-0.1, -0.1)), (Align.TOUCHDOWN, (-3.8, -3.8))],
+)
+def test_every_row_is_below_its_run_at_its_moved_time(
+    two: tuple[Path, Path], tmp_path: Path, align: Align, first_s: tuple[float, float]
+) -> None:
+    both = show(two, tmp_path, align)
+    for folder, start_s in zip(two, first_s, strict=True):
+        t_s = seconds(moving(both, f"/{folder.name}/aircraft/ekf"))
+        np.testing.assert_allclose(t_s, start_s + 0.1 * np.arange(PAIRS), atol=1e-6)
+        assert seconds(moving(both, f"/{folder.name}/aircraft/ekf/ellipsoid"))[0] == t_s[0]
+
+
+def test_nothing_is_lost_and_rerun_finds_no_fault(two: tuple[Path, Path], tmp_path: Path) -> None:
+    both = show(two, tmp_path, Align.START)
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(both)]
+    done = subprocess.run(
+        command, env={**os.environ, "RERUN_ANALYTICS": "0"}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    reader = RrdReader(both)
+    found = {c.entity_path for c in reader.stream(store=reader.recordings()[0])}
+    for number, folder in enumerate(two):
+        one = RrdReader(folder / "session.rrd")
+        own = {c.entity_path for c in one.stream(store=one.recordings()[0])}
+        expected = {
+            f"/{folder.name}{e}".rstrip("/")
+            for e in own
+            if not e.startswith("/__properties") and (number == 0 or not e.startswith("/world/runway"))
+        }
+        assert expected <= found
+    assert len(reader.blueprints()) == 1
+    assert not any(e.startswith("/tuesday/world/runway") for e in found)
+
+
+def test_runs_that_never_meet_in_time_are_shown_from_their_starts(two: tuple[Path, Path], tmp_path: Path) -> None:
+    result = prepare_view(ViewRequest(sources=two, work=tmp_path / "work"))
+    assert result.align is Align.START
+    assert "no time in common" in result.notes[0]
+    assert "time 0 is each one's start" in names_line(result, two)
+    same = prepare_view(ViewRequest(sources=(two[0], two[0]), work=tmp_path / "work"))
+    assert same.align is Align.NONE
+    assert same.names == ("monday", "monday-2") or same.names[0] != same.names[1]
+
+
+def test_one_recording_is_shown_as_it_is(two: tuple[Path, Path], tmp_path: Path) -> None:
+    result = prepare_view(ViewRequest(sources=two[:1], work=tmp_path / "work"))
+    assert result.recording == two[0] / "session.rrd"
+
+
+def test_a_recording_is_not_written_over(two: tuple[Path, Path], tmp_path: Path) -> None:
+    path = two[0] / "session.rrd"
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="another file"):
+        prepare_view(ViewRequest(sources=(path, two[1]), work=tmp_path, save=path))
+    assert path.read_bytes() == before
+
+
+def test_tables_alone_give_the_same_track(two: tuple[Path, Path], tmp_path: Path) -> None:
+    folder = tmp_path / "tables"
+    with TrackFilesSink(folder) as sink:
+        for estimate in estimates(5.0):
+            sink.write(StepReport(estimates=(estimate,)))
+    result = prepare_view(ViewRequest(sources=(folder,), work=tmp_path / "work"))
+    from_tables = moving(result.recording, "/tables/aircraft/ekf/ellipsoid")
+    from_run = moving(two[0] / "session.rrd", "/aircraft/ekf/ellipsoid")
+    for column in ("Ellipsoids3D:centers", "Ellipsoids3D:half_sizes"):
+        rows = [
+            np.concatenate([np.ravel(r) for r in t.sort_by("session_time").column(column).to_pylist()])
+            for t in (from_tables, from_run)
+        ]
+        np.testing.assert_allclose(rows[0], rows[1], rtol=1e-5, atol=1e-5)
+
+
+def test_what_holds_no_track_of_ours_is_named(two: tuple[Path, Path], tmp_path: Path) -> None:
+    other = tmp_path / "other.rrd"
+    stream = rr.RecordingStream("other", send_properties=False)
+    stream.save(other)
+    stream.log("a", rr.Points3D([[0.0, 0.0, 0.0]]))
+    stream.flush()
+    stream.disconnect()
+    with pytest.raises(InputError, match=r"other\.rrd: got no track"):
+        read_track(other)
+    other.write_bytes(b"no recording")
+    with pytest.raises(InputError, match=r"other\.rrd"):
+        show((other, two[0]), tmp_path, None)
+
+
+def test_named_frames_get_the_runs_name() -> None:
+    from groundstation.sinks.rerun_merge import _renamed
+
+    names = pa.array([["left.head"], ["tf#/"], ["tf#/world/stations"], None], type=pa.list_(pa.string()))
+    expected = [["a.left.head"], ["tf#/a"], ["tf#/a/world/stations"], None]
+    assert _renamed(names, "a").to_pylist() == expected
+
+
+def test_the_colour_of_the_track_tells_its_range() -> None:
+    lightness = [sum(range_colour(r)) for r in np.linspace(0.0, 600.0, 25)]
+    assert all(a > b for a, b in itertools.pairwise(lightness))
+    assert range_colour(2000.0) == RANGE_COLOURS[-1]
+
+
+def test_what_an_argument_is(tmp_path: Path) -> None:
+    for name, kind in (("session.toml", SourceKind.SESSION), ("track.csv", SourceKind.RESULTS)):
+        folder = tmp_path / name.split(".")[0]
+        folder.mkdir()
+        (folder / name).write_text("")
+        assert kind_of(folder) is kind
+    (tmp_path / "a.mcap").write_bytes(b"")
+    assert kind_of(tmp_path / "a.mcap") is SourceKind.SESSION
+    for wrong in (tmp_path, tmp_path / "none", tmp_path / "session" / "session.toml"):
+        with pytest.raises(InputError, match="wanted a session folder"):
+            kind_of(wrong)
+
+
+def test_runs_have_names_of_their_own(tmp_path: Path) -> None:
+    sources = []
+    for day in ("mon", "tue"):
+        for name in ("out 1", "out.2"):
+            folder = tmp_path / day / name
+            folder.mkdir(parents=True)
+            (folder / "track.csv").write_text("")
+            sources.append(folder)
+    assert [r.name for r in planned_runs(sources[:2])] == ["out-1", "out-2"]
+    assert [r.name for r in planned_runs(sources)] == ["mon-out-1", "mon-out-2", "tue-out-1", "tue-out-2"]
+    assert [r.name for r in planned_runs([sources[0]] * 3)] == [f"mon-out-1{e}" for e in ("", "-2", "-3")]
+    config = tmp_path / "soft.toml"
+    config.write_text("")
+    with pytest.raises(InputError, match="--config"):
+        planned_runs(sources, [config])
+    (sources[0] / "session.toml").write_text("")
+    named = planned_runs(sources[:1], [config, config])
+    assert [r.name for r in named] == ["soft", "soft-2"]
+    assert all(r.config == config for r in named)
+    assert replace(named[0], name="soft-2") == named[1]
