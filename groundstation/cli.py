@@ -99,9 +99,6 @@ def _parser() -> argparse.ArgumentParser:
     add_live(commands)
     add_ptu(commands)
     add_simulate(commands)
-    add_cameras(commands)
-    add_live(commands)
-    add_ptu(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
