@@ -13,6 +13,7 @@ from groundstation.cli_cameras import add_cameras, run_cameras
 from groundstation.cli_live import add_live, run_check, run_live
 from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
+from groundstation.cli_reproduce import add_reproduce, run_reproduce
 from groundstation.cli_simulate import add_simulate, run_simulate
 from groundstation.errors import GroundstationError
 from groundstation.progress import ProgressLine
@@ -99,6 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     add_live(commands)
     add_ptu(commands)
     add_simulate(commands)
+    add_reproduce(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
@@ -283,6 +285,7 @@ _COMMANDS = {
     "recover": run_recover,
     "convert": run_convert,
     "simulate": run_simulate,
+    "reproduce": run_reproduce,
     "cameras": run_cameras,
     "live": run_live,
     "check": run_check,

@@ -10,6 +10,7 @@ from html import escape
 
 MAX_UNSTACKED = 3
 NOTHING = "–"
+_XYZ = "<span>x</span><span>y</span><span>z</span>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=False)
@@ -42,10 +43,11 @@ def page_table(
     ``stacked`` says whether it becomes cards on a phone; by default all do that have more than three columns.
     """
     stack = len(columns) > MAX_UNSTACKED if stacked is None else stacked
+    axes = any(c.axes for c in columns)
     head = "".join(f"<th{' class=text' if c.text else ''}>{_head(c)}</th>" for c in columns)
     body = "".join(
         f"<tr{f' class={kind}' if kind else ''}>"
-        + "".join(_cell(k, c, cell, stack) for k, (c, cell) in enumerate(zip(columns, cells, strict=True)))
+        + "".join(_cell(k, c, cell, stack, axes) for k, (c, cell) in enumerate(zip(columns, cells, strict=True)))
         + "</tr>"
         for kind, cells in rows
     )
@@ -55,15 +57,16 @@ def page_table(
 
 
 def _head(column: Column) -> str:
-    axes = "<br><span class=axes><span>x</span><span>y</span><span>z</span></span>" if column.axes else ""
+    axes = f"<br><span class=axes>{_XYZ}</span>" if column.axes else ""
     return escape(column.name) + axes
 
 
-def _cell(number: int, column: Column, cell: str, stack: bool) -> str:
+def _cell(number: int, column: Column, cell: str, stack: bool, axes: bool) -> str:
     """Return one cell; on a phone it says its column, but for the first, which is the card's title."""
+    heads = f"<span class='axes narrow'>{_XYZ}</span>" if stack and axes and not number else ""
     kinds = [name for name, on in (("text", column.text), ("empty", not cell)) if on]
     label = ""
     if stack and number:
         label = f' data-label="{escape(column.name, quote=True)}"'
     kind = f" class='{' '.join(kinds)}'" if kinds else ""
-    return f"<td{kind}{label}>{cell or NOTHING}</td>"
+    return f"<td{kind}{label}>{cell or NOTHING}{heads}</td>"

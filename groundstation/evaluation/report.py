@@ -33,7 +33,8 @@ table{border-collapse:collapse;font-size:.9rem;font-variant-numeric:tabular-nums
 th,td{padding:.22rem .6rem;text-align:right;border-bottom:1px solid var(--line);vertical-align:top}
 th:first-child,td:first-child,th.text,td.text{text-align:left}td.text{min-width:11rem}
 thead th{color:var(--soft);font-weight:600}.total td{font-weight:600}
-.axes{display:inline-grid;grid-template-columns:repeat(3,4.1em);white-space:nowrap}
+.axes{display:inline-grid;grid-template-columns:repeat(3,3.5em);white-space:nowrap}.narrow{display:none}
+td:first-child{white-space:nowrap}td.text{white-space:normal}
 .pictures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,380px),1fr));gap:1.6rem}
 figure{margin:0;break-inside:avoid}figure svg{width:100%;height:auto;display:block}
 .bar{display:inline-block;height:.7rem;background:var(--accent);vertical-align:middle;border-radius:2px;min-width:1px}
@@ -45,7 +46,8 @@ summary{cursor:pointer;font-weight:600;padding:.5rem 0}
 .stack,.stack tbody,.stack tr,.stack td{display:block;width:100%}.stack thead{display:none}
 .stack tr{padding:.5rem 0;border-bottom:1px solid var(--line)}
 .stack td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.08rem 0;text-align:right}
-.stack td:first-child{font-weight:600}.stack td[data-label]::before{content:attr(data-label);color:var(--soft);
+.stack td:first-child{font-weight:600;white-space:normal}.stack .narrow{display:inline-grid;color:var(--soft);
+font-weight:400}.stack td[data-label]::before{content:attr(data-label);color:var(--soft);
 text-align:left;font-weight:400}.stack td.empty{display:none}.stack td.text{min-width:0}}
 @media print{@page{margin:14mm}body{max-width:none;font-size:10.5pt;padding:0}
 .pictures{grid-template-columns:1fr 1fr}h2,h3{break-after:avoid}tr,.tile,.verdict{break-inside:avoid}

@@ -11,12 +11,12 @@ _REFERENCES = {"truth": "Against the truth", "dgps": "Against DGPS"}
 _ACCURACY = (
     Column(""),
     Column("pairs"),
-    Column("EKF, RMSE in m", axes=True),
-    Column("triangulation, RMSE in m", axes=True),
+    Column("EKF RMSE, m", axes=True),
+    Column("triangulation RMSE, m", axes=True),
     Column("EKF better by, %", axes=True),
     Column("bound of the track, m", axes=True),
     Column("EKF / its bound", axes=True),
-    Column("triangulation / bound of one fix", axes=True),
+    Column("triang. / bound of one fix", axes=True),
 )
 _NOT_LEARNT = "not estimated"
 _PERCENTILES = (("p50", "median"), ("p90", "90 %"), ("p99", "99 %"), ("max", "worst"))

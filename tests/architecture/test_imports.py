@@ -20,6 +20,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.cli_live",
         "groundstation.cli_ptu",
         "groundstation.cli_recording",
+        "groundstation.cli_reproduce",
         "groundstation.cli_simulate",
     ),
     ("calibration",),
@@ -27,6 +28,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         *("groundstation.replay", "groundstation.track_video", "groundstation.plan", "groundstation.progress"),
         *("groundstation.convert", "groundstation.recover", "groundstation.filming"),
     ),
+    ("groundstation.experiments",),
     ("groundstation.recorded_run",),
     ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
     ("groundstation.sources", "groundstation.sinks", "groundstation.simulation"),
@@ -137,7 +139,7 @@ def test_ptu_drivers_stand_alone() -> None:
 
 def test_the_ground_chain_does_not_know_the_onboard_systems() -> None:
     for name, path in modules().items():
-        if not name.startswith(("groundstation.onboard", "groundstation.cli")):
+        if not name.startswith(("groundstation.onboard", "groundstation.experiments", "groundstation.cli")):
             assert not [i for i in imports_of(path) if i.startswith("groundstation.onboard")], name
 
 

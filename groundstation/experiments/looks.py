@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detection_study.scenes import Scene, Silhouette
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.camera_tracker import silhouette_mask
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import Detector
 from groundstation.detection.roi import place_roi
 from groundstation.detection.segmentation import Float32Array
+from groundstation.experiments.scenes import Scene, Silhouette
 from groundstation.messages import Detection, Roi
 
 FOUND = "found"
@@ -77,7 +77,7 @@ class Watcher:
     def look(self, scene: Scene) -> Outcome:
         """Look at one scene; only the detector is timed."""
         name, image = scene.frame.station, scene.frame.image
-        size = (image.shape[1], image.shape[0])
+        size = image.size_px
         if name not in self._detectors:
             self._detectors[name] = Detector(self._config, size)
             self._stopwatches[name] = _time_segmentation(self._detectors[name])
@@ -143,7 +143,7 @@ def look_once(scene: Scene, config: DetectionConfig, roi: Roi) -> tuple[Float32A
     None where it sees nothing to divide: on the ground a fresh one has not learnt the background yet.
     """
     image = scene.frame.image
-    detector = Detector(config, (image.shape[1], image.shape[0]))
+    detector = Detector(config, image.size_px)
     segment, taken = detector._segment, []
 
     def taking(u: Float32Array, inside: MaskArray) -> Float32Array:
