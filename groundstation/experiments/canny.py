@@ -51,8 +51,8 @@ def canny(recorded: Recorded) -> Findings:
         draw=lambda path: _draw(shown, path),
     )
     differences = (
-        "The paper's picture is from an aircraft on approach to a runway; ours are from the ground, of the sky and the "
-        "hills behind the aircraft. What is shown is the edge detector, not a runway.",
+        "The paper's picture is from an aircraft on approach to a runway; ours are a ground station's, along the "
+        "runway with markings, trees and sky, while the aircraft lands.",
         "That the thresholds 0.4 and 0.1 are shares of the largest gradient is our reading.",
     )
     return Findings(tables=(table,), figures=(figure,), differences=differences)

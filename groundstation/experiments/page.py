@@ -10,10 +10,11 @@ from groundstation.evaluation.report import html_page
 from groundstation.experiments.experiment import Experiment, Findings, PaperFigure
 from groundstation.experiments.tables import Table, shown
 
-_TIME_MARK = " ⏱"
+_TIME_MARK = " †"
 _STYLE = (
     "<style>.wide{overflow-x:auto}figure{margin:1rem 0}figure img{max-width:100%;height:auto}"
-    "nav li{margin:.15rem 0}section{break-before:auto}.wide th,.wide td{padding:.2rem .45rem}"
+    "nav li{margin:.15rem 0}.wide table{font-size:.84rem}.wide th,.wide td{padding:.2rem .4rem}"
+    ".wide td.text{min-width:7rem}"
     "@media print{.wide{overflow:visible}.wide table{font-size:6.5pt}}</style>"
 )
 

@@ -151,6 +151,8 @@ class Recorded:
         for k, name in enumerate(self.collected.stations):
             rows = table[(table["station"] == k) & np.isin(table["status"], ok)]
             found[name] = np.column_stack([rows["t_s"], rows["pixel"].astype(np.float64)])
+        if len(found) < len(self.session.rig.names) or not all(len(rows) for rows in found.values()):
+            raise SessionError(self.session.name, got="no detection in that part", wanted="some in each camera")
         return found
 
     @cached_property
