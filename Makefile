@@ -10,7 +10,7 @@ $(VENV)/installed: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
 	@$(PYTHON) -c 'import venv, ensurepip' || { echo "On Debian and Ubuntu: apt install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,ptu]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,ptu,logs]'
 	@touch $@
 
 ## demo: replay the bundled landing and print its accuracy

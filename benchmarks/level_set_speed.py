@@ -126,7 +126,7 @@ def real_starts(session: Session) -> dict[str, Start]:
     for scene in scenes(session, SEED, last_epoch=max(EPOCHS)):
         if scene.frame.station == station and scene.frame.epoch in EPOCHS:
             name = f"{session.name}, {scene.frame.t_s:.1f} s, {scene.background}, {scene.silhouette.width_px} px wide"
-            start = look_once(scene, CONFIG, region(scene.hint.predicted_px, scene.frame.image.shape))
+            start = look_once(scene, CONFIG, region(scene.hint.predicted_px, scene.frame.image.whole().shape))
             if start is None:
                 print(f"{name}: nothing to divide at first sight, left out", file=sys.stderr)
             else:
@@ -221,7 +221,7 @@ def detector_times(session: Session) -> Table:
     for _ in range(PASSES):
         detectors: dict[str, Detector] = {}
         for scene in scenes(session, SEED):
-            image, name = scene.frame.image, scene.frame.station
+            image, name = scene.frame.image.whole(), scene.frame.station
             detector = detectors.setdefault(name, Detector(CONFIG, (image.shape[1], image.shape[0])))
             roi = region(scene.hint.predicted_px, image.shape)
             started = time.thread_time()

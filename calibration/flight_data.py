@@ -129,7 +129,7 @@ def _thinned(found: _Pixels) -> _Pixels:
 
 def _track(session: Session, excluded: list[str]) -> ReferenceTrack:
     """Return the path through the good fixes, and say what was left out."""
-    fixes = load_dgps(session)
+    fixes = load_dgps(session, on_note=excluded.append)
     if not fixes:
         raise SessionError(session.name, got="no DGPS", wanted="dgps.csv, the aircraft's own track")
     config = EvaluationConfig()

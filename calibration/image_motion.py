@@ -96,7 +96,8 @@ def gather_motion(
             got = f"{len(readings)} readings of its PTU"
             raise SessionError(f"station {station.name}", got=got, wanted="readings around the frames")
         medium, size = session.media[station.name], station.lens.image_size_px
-        with PictureReader(medium, table.index[chosen], table.line[chosen], size, whole=False) as reader:
+        numbers = table.numbers[station.name]
+        with PictureReader(medium, numbers[chosen], table.line[chosen], size, whole=False) as reader:
 
             def pictures(reader: PictureReader = reader) -> Iterator[ImageArray]:
                 nonlocal done

@@ -10,7 +10,9 @@ from pathlib import Path
 from groundstation import __version__
 from groundstation.cli_calibrate import add_calibrate, run_calibrate
 from groundstation.cli_cameras import add_cameras, run_cameras
+from groundstation.cli_import import add_import, run_import
 from groundstation.cli_live import add_live, run_check, run_live
+from groundstation.cli_onboard import add_onboard, run_onboard
 from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
 from groundstation.cli_reproduce import add_reproduce, run_reproduce
@@ -94,10 +96,12 @@ def _parser() -> argparse.ArgumentParser:
     _add_track(commands)
     _add_plan(commands)
     add_calibrate(commands)
+    add_import(commands)
     add_recover(commands)
     add_convert(commands)
     add_cameras(commands)
     add_live(commands)
+    add_onboard(commands)
     add_ptu(commands)
     add_simulate(commands)
     add_reproduce(commands)
@@ -282,6 +286,7 @@ _COMMANDS = {
     "track": _track,
     "plan": _plan,
     "calibrate": run_calibrate,
+    "import": run_import,
     "recover": run_recover,
     "convert": run_convert,
     "simulate": run_simulate,
@@ -289,6 +294,8 @@ _COMMANDS = {
     "cameras": run_cameras,
     "live": run_live,
     "check": run_check,
+    "onboard": run_onboard,
     "ptu": run_ptu,
+    "onboard": run_onboard,
     "config": _config,
 }

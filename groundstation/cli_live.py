@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from groundstation.live.board import LiveStatus
@@ -49,6 +49,13 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     live.add_argument("--rig", type=Path, metavar="FILE", help="with --simulate: another rig than the built-in one")
     live.add_argument("--rate", type=_seconds, default=30.0, metavar="HZ", help="with --simulate: pairs a second (30)")
     live.add_argument("--seed", type=int, default=0, metavar="N", help="with --simulate: of noise and weather")
+    live.add_argument(
+        "--ptu-fault",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="with --simulate: strikes each PTU's line six times a minute; may be repeated",
+    )
     live.add_argument("--no-record", action="store_true", help="keep the track, not the pictures")
     screen = live.add_mutually_exclusive_group()
     screen.add_argument("--view", action="store_true", help="the operator's screen in the desktop viewer")
@@ -78,9 +85,16 @@ def _seconds(text: str) -> float:
 def run_live(options: argparse.Namespace) -> int:
     """Operate until the time is over or somebody says so."""
     from groundstation.live.command import LiveRequest, live
+    from ptu_drivers.simulated_faults import FAULTS
 
     if options.station is None and not options.simulate:
         print("groundstation live: got no STATION; wanted a station file, or --simulate", file=sys.stderr)
+        return 2
+    unknown = [name for name in options.ptu_fault if name not in FAULTS]
+    if unknown:
+        print(
+            f"groundstation live: --ptu-fault: got {unknown[0]!r}; wanted one of {', '.join(FAULTS)}", file=sys.stderr
+        )
         return 2
     request = LiveRequest(
         station=options.station,
@@ -92,9 +106,19 @@ def run_live(options: argparse.Namespace) -> int:
         screen="desktop" if options.view else "browser" if options.web else "none",
         record=not options.no_record,
         seed=options.seed,
+        ptu_faults=tuple(options.ptu_fault),
     )
     stop = threading.Event()
-    before = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    before: dict[signal.Signals, Any] = {}
+
+    def ask_to_stop(*_: object) -> None:
+        stop.set()
+        # whoever presses twice does not want to wait for anything
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        before[number] = signal.signal(number, ask_to_stop)
     try:
         result = live(request, stop.is_set, _show, lambda text: print(f"{text} …", file=sys.stderr))
     finally:
@@ -129,6 +153,7 @@ def _words(result: "LiveResult") -> str:
         f"{done.epochs} pairs in {done.elapsed_s:.1f} s, tracking in {share:.1f} % of them",
         f"delay from a pair's first frame to its answer: median {done.latency_p50_ms:.1f} ms, "
         f"99 % within {done.latency_p99_ms:.1f} ms",
+        f"the same while tracking: median {done.tracking_p50_ms:.1f} ms, 99 % within {done.tracking_p99_ms:.1f} ms",
         f"the pipeline computed {100 * done.busy_s / done.elapsed_s:.0f} % of the time",
     ]
     counted = {**done.dropped, **{name.replace("_", " "): n for name, n in done.counts.items() if n}}

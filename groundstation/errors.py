@@ -50,3 +50,7 @@ class MissingExtraError(GroundstationError):
 
     def __init__(self, part: str, extra: str) -> None:
         super().__init__(f"{part} needs an optional part; install it with: pip install 'groundstation[{extra}]'")
+
+
+class LogError(SessionError):
+    """A position log of a receiver or an autopilot is not usable."""

@@ -88,8 +88,9 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     config = tuning(session, request.config)
     # a broken reference does not stop the run
     broken: list[SessionError] = []
-    dgps = load_dgps(session, broken.append)
-    faults = [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken]
+    notes: list[str] = []
+    dgps = load_dgps(session, broken.append, notes.append)
+    faults = [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken] + notes
     broken.clear()
     truth = load_truth(session, broken.append)
     faults += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]

@@ -145,6 +145,11 @@ class SimulatedAxis:
         self._starts.pop()
         self._add(_Piece(last.t_s, position, 0.0, 0.0, last.head))
 
+    def forget_before(self, t_s: float) -> None:
+        """Forget what it did before `t_s`: of that nothing can be asked any more."""
+        old = max(0, bisect.bisect_right(self._starts, t_s) - 1)
+        del self._pieces[:old], self._starts[:old]
+
     def _cut(self, t_s: float) -> None:
         """Forget what was planned after `t_s`, and begin a piece there."""
         piece = _Piece(t_s, self.motor(t_s), self.speed(t_s), 0.0, self.head(t_s))

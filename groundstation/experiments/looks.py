@@ -76,8 +76,8 @@ class Watcher:
 
     def look(self, scene: Scene) -> Outcome:
         """Look at one scene; only the detector is timed."""
-        name, image = scene.frame.station, scene.frame.image
-        size = image.size_px
+        name, image = scene.frame.station, scene.frame.image.whole()
+        size = (image.shape[1], image.shape[0])
         if name not in self._detectors:
             self._detectors[name] = Detector(self._config, size)
             self._stopwatches[name] = _time_segmentation(self._detectors[name])
@@ -142,8 +142,8 @@ def look_once(scene: Scene, config: DetectionConfig, roi: Roi) -> tuple[Float32A
 
     None where it sees nothing to divide: on the ground a fresh one has not learnt the background yet.
     """
-    image = scene.frame.image
-    detector = Detector(config, image.size_px)
+    image = scene.frame.image.whole()
+    detector = Detector(config, (image.shape[1], image.shape[0]))
     segment, taken = detector._segment, []
 
     def taking(u: Float32Array, inside: MaskArray) -> Float32Array:

@@ -62,7 +62,7 @@ class Board:
     def __init__(self) -> None:
         self._arrived: dict[int, float] = {}
         self._latencies: deque[tuple[float, float]] = deque()
-        self._histogram = np.zeros(_BINS, np.int64)
+        self._histogram = np.zeros((2, _BINS), np.int64)
         self._counts: dict[str, deque[tuple[float, int]]] = {}
         self._newest: TrackEstimate | None = None
 
@@ -78,11 +78,15 @@ class Board:
         arrived_s = self._arrived.pop(estimate.epoch, None)
         if arrived_s is not None:
             self._latencies.append((now_s, now_s - arrived_s))
-            self._histogram[min(max(int((now_s - arrived_s) / _BIN_S), 0), _BINS - 1)] += 1
+            place = min(max(int((now_s - arrived_s) / _BIN_S), 0), _BINS - 1)
+            self._histogram[int(estimate.status is TrackStatus.TRACKING), place] += 1
 
-    def latency_ms(self, percent: float) -> float:
-        """Return a percentile of all delays from a pair's first frame to its answer, ms; 0 before the first."""
-        summed = np.cumsum(self._histogram)
+    def latency_ms(self, percent: float, *, tracking: bool = False) -> float:
+        """Return a percentile of the delays from a pair's first frame to its answer, ms; 0 before the first.
+
+        Of all answers, or of those while ``tracking``: searching looks at whole pictures.
+        """
+        summed = np.cumsum(self._histogram[1] if tracking else self._histogram.sum(axis=0))
         if summed[-1] == 0:
             return 0.0
         return 1e3 * _BIN_S * float(np.searchsorted(summed, 0.01 * percent * summed[-1]) + 1)

@@ -20,6 +20,7 @@ from groundstation.live.operation import EventSink, Operation, OperationResult, 
 from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, score, simulated_set_up
 from groundstation.live.simulated_range import RangeConfig, SimulatedRange
 from groundstation.live.station_file import StationFile, load_station
+from groundstation.messages import StepReport
 from groundstation.rig import Rig, load_rig
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
@@ -47,6 +48,7 @@ class LiveRequest:
     screen: str = "none"
     record: bool = True
     seed: int = 0
+    ptu_faults: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,10 +81,18 @@ def live(
         if request.simulate:
             say("building the simulated range")
             hardware = RangeConfig(
-                rig=file.rig, folder=out, flight=flight, frame_rate_hz=file.rate_hz, seed=request.seed
+                rig=file.rig,
+                folder=out,
+                flight=flight,
+                frame_rate_hz=file.rate_hz,
+                seed=request.seed,
+                ptu_faults=request.ptu_faults,
             )
             simulated = opened.enter_context(SimulatedRange(hardware))
-        sinks: list[Sink] = [opened.enter_context(TrackFilesSink(out)), keeper]
+        faults: list[str] = []
+        tables = GuardedSink(TrackFilesSink(out), faults)
+        opened.callback(tables.close)
+        sinks: list[Sink] = [tables, keeper]
         recorders: list[EventSink] = []
         words = _record(request, file, rig, config, out, opened, sinks, recorders)
         operators: list[StatusSink] = [_Teller(tell)]
@@ -95,7 +105,7 @@ def live(
             sinks=sinks,
             recorders=recorders,
             operators=operators,
-            recorder_words=words,
+            recorder_words=lambda: ", ".join(w for w in (words(), *faults) if w),
             keep_images=request.screen != "none",
         )
         say("opening the PTUs")
@@ -112,9 +122,32 @@ def live(
         found = None
         if simulated is not None:
             begin_s = host_begin_s - operation.start_s
-            found = score(flight, begin_s, keeper.estimates, simulated.truth, rig, host_begin_s)
+            found = score(flight, begin_s, keeper.rows(), simulated.truth, rig, host_begin_s)
     files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
     return LiveResult(operation=result, files=files, score=found)
+
+
+class GuardedSink:
+    """A sink whose disk may fail: it is left alone then, and the operator hears of it; tracking goes on."""
+
+    def __init__(self, sink: Sink, faults: list[str]) -> None:
+        self._sink = sink
+        self._faults = faults
+
+    def write(self, report: StepReport) -> None:
+        """Pass a report on, as long as the disk takes it."""
+        if not self._faults:
+            try:
+                self._sink.write(report)
+            except OSError as fault:
+                self._faults.append(f"track files end here: {fault.strerror or fault}")
+
+    def close(self) -> None:
+        """Close it; a disk that is full then is noted, too."""
+        try:
+            self._sink.close()
+        except OSError as fault:
+            self._faults.append(f"track files are not whole: {fault.strerror or fault}")
 
 
 class _Teller:

@@ -103,6 +103,11 @@ class LiveCore:
             taken.commands += [self._command(name, head, now_s) for name, head in self._heads.items()]
         return taken
 
+    def begin_anew(self, pipeline: Pipeline) -> None:
+        """Go on with a fresh pipeline, which knows nothing."""
+        self.pipeline = pipeline
+        self.status = TrackStatus.SEARCHING
+
     def delays(self, seconds: Mapping[str, float], latency_s: float) -> None:
         """Say how long each head's line has lately taken from command to acknowledgement, and the head after that."""
         for name, delay_s in seconds.items():

@@ -10,6 +10,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from groundstation.config import Config
 from groundstation.hand_over import quick_hand_over
 from groundstation.live.board import Board, DeviceState, LiveStatus
@@ -54,7 +56,8 @@ class OperationResult:
     """How an operation went.
 
     ``epochs`` pairs were answered, ``dropped`` counts what was not taken, ``latency_*`` from a pair's first frame at
-    the host to its answer; ``counts`` are the pipeline's; ``busy_s`` is what its thread computed in ``elapsed_s``.
+    the host to its answer, ``tracking_*`` while tracking; ``counts`` are the pipeline's; ``busy_s`` is what its thread
+    computed in ``elapsed_s``.
     """
 
     elapsed_s: float
@@ -62,6 +65,8 @@ class OperationResult:
     tracked: int
     latency_p50_ms: float
     latency_p99_ms: float
+    tracking_p50_ms: float
+    tracking_p99_ms: float
     dropped: Mapping[str, int]
     counts: Mapping[str, int]
     busy_s: float
@@ -146,6 +151,8 @@ class Operation:
             tracked=self._tracked,
             latency_p50_ms=self._board.latency_ms(50),
             latency_p99_ms=self._board.latency_ms(99),
+            tracking_p50_ms=self._board.latency_ms(50, tracking=True),
+            tracking_p99_ms=self._board.latency_ms(99, tracking=True),
             dropped=self._dropped(),
             counts=core.pipeline.counts,
             busy_s=self._busy_s,
@@ -156,7 +163,13 @@ class Operation:
         began_s = self.now_s
         if isinstance(item, Shot) and self._shedding.leaves_out(item.station, item.t_s, self.inbox.frames_waiting):
             item = None
-        taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
+        try:
+            taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
+        except (ArithmeticError, np.linalg.LinAlgError) as fault:
+            # numbers that no filter can work with: a fresh one may
+            self.say("error", f"the filter has failed ({type(fault).__name__}: {fault}); begun anew")
+            core.begin_anew(self._pipeline())
+            return
         if isinstance(item, Shot):
             for event in taken.consumed:
                 if isinstance(event, Frame):
@@ -213,17 +226,19 @@ class Operation:
         return DeviceState(name=name, rate_hz=rate, age_s=now_s - head.newest_s, note=note)
 
     # --------------------------------------------------------------------------------------- set-up
-    def _core(self, heads: Heads) -> LiveCore:
-        geometries = {s.name: s.geometry() for s in self._rig.stations}
-        pipeline = Pipeline(
+    def _pipeline(self) -> Pipeline:
+        return Pipeline(
             self._rig,
             self._config,
             span_m=self._file.span_m,
             stopwatch=self._clock,
             keep_images=self._keep_images,
         )
+
+    def _core(self, heads: Heads) -> LiveCore:
+        geometries = {s.name: s.geometry() for s in self._rig.stations}
         pilots = {n: HeadPilot(geometries[n], h.limits, self._file.pointing) for n, h in heads.states.items()}
         period_s = 1.0 / self._file.rate_hz
         pairing = Pairing(self._rig.names, period_s)
         self._shedding = Shedding(pairing, period_s, most=len(self._rig.names) + 1)
-        return LiveCore(pipeline, pairing, pilots, SearchPattern(geometries, self._file.search))
+        return LiveCore(self._pipeline(), pairing, pilots, SearchPattern(geometries, self._file.search))

@@ -2,62 +2,74 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from array import array
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from groundstation.arrays import FloatArray
-from groundstation.live.simulated_range import PictureTold
+from groundstation.arrays import FloatArray, MaskArray
+from groundstation.live.simulated_range import Told
 from groundstation.live.station_file import HeadDevice, StationDevices, StationFile
-from groundstation.messages import StepReport, TrackEstimate
+from groundstation.messages import StepReport
 from groundstation.pointing import PointingConfig
 from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
 from groundstation.search_pattern import SearchConfig
-from groundstation.simulation.approach import Flare, Glide
 from groundstation.simulation.cases import standard_rig
-from groundstation.simulation.trajectory import Trajectory
 
 SPAN_M = 2.3
-_GONE_M = np.array([0.0, 20_000.0, 500.0])
+_SPEED_M_S = 20.0
+# a lap begins where the aircraft is small, and ends when heads that lost it search the sky again
+_START_M, _END_M = 560.0, -500.0
+_APPROACH_ENDS_M = 90.0
+_GLIDE_RAD = math.radians(3.5)
+_LEVEL_FROM_M, _LEVEL_M, _ROUNDED_M = 110.0, 5.0, 1.0
 _PTU_SIGMA_RAD = math.radians(0.005)
-_BINS_M = (60.0, 100.0, 250.0, 400.0, 600.0)
+_BINS_M = (90.0, 100.0, 250.0, 400.0, 600.0)
 
 
 class Landings:
-    """One landing after the other: 20 m/s down a 3.5° glide, flare, roll out, and gone until the next begins.
+    """One approach after the other: 20 m/s down a 3.5° glide to 5 m above the runway, level, away over the stations.
+
+    Each leaves the cameras' view as it came into it, in flight: nothing vanishes in front of them.
 
     Parameters
     ----------
     seconds : how long it goes on.
     """
 
-    def __init__(self, seconds: float, pause_s: float = 4.0) -> None:
-        slope = math.radians(3.5)
-        flare = Flare.meeting(110.0, 60.0, slope)
-        self._one: Trajectory = Glide(
-            start_y_m=500.0, end_y_m=90.0, speed_m_s=20.0, slope_rad=slope, aim_y_m=60.0, flare=flare
-        )
-        self._flown_s = self._one.span_s[1]
-        self._lap_s = self._flown_s + pause_s
+    def __init__(self, seconds: float) -> None:
+        self._lap_s = (_START_M - _END_M) / _SPEED_M_S
         self.span_s = (0.0, seconds)
 
-    def flying(self, t_s: float) -> bool:
-        """Return whether there is an aircraft at a time."""
-        return t_s >= 0.0 and t_s % self._lap_s < self._flown_s
+    def approaching(self, t_s: FloatArray) -> MaskArray:
+        """Return at which times (n,) an aircraft is on its way to the runway."""
+        t = np.asarray(t_s, dtype=np.float64)
+        return np.asarray((t >= 0.0) & (self._y(t) >= _APPROACH_ENDS_M))
 
     def position(self, t_s: FloatArray) -> FloatArray:
-        """Return positions (n, 3) in m at times (n,)."""
+        """Return positions (n, 3) in m at times (n,); before time 0 it is far away."""
         t = np.asarray(t_s, dtype=np.float64)
-        lap = t % self._lap_s
-        here = (t >= 0.0) & (lap < self._flown_s)
-        return np.where(here[:, None], self._one.position(np.minimum(lap, self._flown_s)), _GONE_M)
+        y = np.where(t >= 0.0, self._y(t), _START_M - _SPEED_M_S * t)
+        return np.column_stack([np.zeros_like(y), y, self._height(y)])
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
         """Return velocities (n, 3) in m/s at times (n,)."""
-        return self._one.velocity(np.minimum(np.asarray(t_s, dtype=np.float64) % self._lap_s, self._flown_s))
+        step = 1e-3
+        y = self.position(t_s)[:, 1]
+        sink = (self._height(y - step) - self._height(y + step)) / (2.0 * step) * _SPEED_M_S
+        return np.column_stack([np.zeros_like(y), np.full_like(y, -_SPEED_M_S), sink])
+
+    def _y(self, t_s: FloatArray) -> FloatArray:
+        return np.asarray(_START_M - _SPEED_M_S * (t_s % self._lap_s))
+
+    @staticmethod
+    def _height(y_m: FloatArray) -> FloatArray:
+        """Return the height: a glide path rounded off into level flight (softplus)."""
+        above = math.tan(_GLIDE_RAD) * (y_m - _LEVEL_FROM_M)
+        return np.asarray(_LEVEL_M + _ROUNDED_M * np.logaddexp(0.0, above / _ROUNDED_M))
 
 
 def simulated_set_up(folder: Path, rate_hz: float, rig: Rig | None) -> StationFile:
@@ -89,17 +101,25 @@ def simulated_set_up(folder: Path, rate_hz: float, rig: Rig | None) -> StationFi
 
 
 class EstimateKeeper:
-    """A sink that keeps estimates that have a position, for the comparison with the truth."""
+    """A sink that keeps time, position and its covariance of each estimate, in flat memory."""
 
     def __init__(self) -> None:
-        self.estimates: list[TrackEstimate] = []
+        self._rows = array("d")
 
     def write(self, report: StepReport) -> None:
         """Keep the estimates of one report."""
-        self.estimates += [e for e in report.estimates if e.kinematics is not None]
+        for estimate in report.estimates:
+            if estimate.kinematics is not None:
+                self._rows.append(estimate.t_s)
+                self._rows.extend(estimate.kinematics.position_runway_m)
+                self._rows.extend(estimate.kinematics.covariance[:3, :3].ravel())
 
     def close(self) -> None:
         """There is nothing to close."""
+
+    def rows(self) -> FloatArray:
+        """Return t, x, y, z and the nine covariances of all estimates, (n, 13)."""
+        return np.array(self._rows).reshape(-1, 13)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,28 +143,21 @@ class DayScore:
 
 
 def score(
-    flight: Landings,
-    begin_s: float,
-    estimates: Sequence[TrackEstimate],
-    told: dict[str, list[PictureTold]],
-    rig: Rig,
-    host_begin_s: float,
+    flight: Landings, begin_s: float, estimates: FloatArray, told: Mapping[str, Told], rig: Rig, host_begin_s: float
 ) -> DayScore:
     """Compare with what truly was.
 
     Parameters
     ----------
     begin_s, host_begin_s : the flight's time zero, on the session's clock and on the host's.
+    estimates : (n, 13) as `EstimateKeeper` keeps them.
     """
+    known = estimates[flight.approaching(estimates[:, 0] - begin_s)]
+    truth = flight.position(known[:, 0] - begin_s)
+    errors = known[:, 1:4] - truth
+    covariances = known[:, 4:].reshape(-1, 3, 3)
+    squares = np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[:, :, None])[:, :, 0])
     rows = []
-    known = [e for e in estimates if e.kinematics is not None and flight.flying(e.t_s - begin_s)]
-    t_s = np.array([e.t_s for e in known]) - begin_s
-    truth = flight.position(t_s) if len(known) else np.zeros((0, 3))
-    errors, squares = np.zeros((len(known), 3)), np.zeros(len(known))
-    for k, estimate in enumerate(known):
-        if estimate.kinematics is not None:
-            errors[k] = estimate.kinematics.position_runway_m - truth[k]
-            squares[k] = errors[k] @ np.linalg.solve(estimate.kinematics.covariance[:3, :3], errors[k])
     for low, high in itertools.pairwise(_BINS_M):
         inside = (truth[:, 1] >= low) & (truth[:, 1] < high)
         if inside.any():
@@ -157,14 +170,15 @@ def score(
                 anees=float(squares[inside].mean() / 3.0),
             )
             rows.append(row)
-    central = [
-        abs(p.u_px / w - 0.5) <= 0.25 and abs(p.v_px / h - 0.5) <= 0.25
-        for name, pictures in told.items()
-        for (w, h) in [rig[name].lens.image_size_px]
-        for p in pictures
-        if flight.flying(p.t_s - host_begin_s)
-    ]
-    return DayScore(rows=tuple(rows), central=float(np.mean(central)) if central else 0.0, pictures=len(central))
+    central = []
+    for name, pictures in told.items():
+        seen = pictures.rows()
+        seen = seen[flight.approaching(seen[:, 0] - host_begin_s)]
+        size = np.array(rig[name].lens.image_size_px)
+        central.append(np.all(np.abs(seen[:, 1:] / size - 0.5) <= 0.25, axis=1))
+    looked = np.concatenate(central) if central else np.zeros(0, np.bool_)
+    share = float(looked.mean()) if looked.size else 0.0
+    return DayScore(rows=tuple(rows), central=share, pictures=int(looked.size))
 
 
 def format_score(found: DayScore) -> str:
@@ -173,5 +187,7 @@ def format_score(found: DayScore) -> str:
     for row in found.rows:
         x, y, z = row.rmse_m
         lines.append(f"{row.from_m:4.0f}–{row.to_m:<4.0f} {row.count:8d} {x:8.3f}/{y:.3f}/{z:.3f} {row.anees:9.2f}")
-    lines.append(f"nose in the central half of {100 * found.central:.1f} % of {found.pictures} pictures")
+    lines.append(
+        f"nose in the central half of {100 * found.central:.1f} % of {found.pictures} pictures of the approach"
+    )
     return "\n".join(lines)

@@ -10,6 +10,7 @@ import math
 import multiprocessing as mp
 import threading
 import time
+from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
@@ -45,6 +46,8 @@ _ARCSEC = 3600.0
 _PATTERN = BayerPattern.RG
 # before it begins, the aircraft is on its way from so far
 _FAR_OFF_S = 3600.0
+# how far back a head's angles can be asked for
+_REMEMBERED_S = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,27 +62,33 @@ class RangeConfig:
     frame_rate_hz : of both cameras, triggered together.
     delivery_s : from mid-exposure to the picture's arrival; longer where rendering takes longer.
     baud : of the PTUs' lines.
+    ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated_faults.FAULTS`, and how often one strikes a PTU.
     """
 
     rig: Path
     folder: Path
     flight: Trajectory
     frame_rate_hz: float = 30.0
-    delivery_s: float = 0.025
+    delivery_s: float = 0.035
     baud: int = 115200
+    ptu_faults: tuple[str, ...] = ()
+    ptu_faults_per_minute: float = 6.0
     seed: int = 0
 
 
-@dataclass(slots=True)
-class PictureTold:
-    """What truly was at a picture: host time of mid-exposure, the head's angles, the nose's pixel if it is in view."""
+class Told:
+    """What truly was at a camera's pictures: host time of mid-exposure and the nose's pixel, in flat memory."""
 
-    t_s: float
-    pan_rad: float
-    tilt_rad: float
-    u_px: float
-    v_px: float
-    visible: bool
+    def __init__(self) -> None:
+        self._rows = array("d")
+
+    def add(self, t_s: float, u_px: float, v_px: float) -> None:
+        """Note a picture; the pixel is not a number where the nose is behind the camera."""
+        self._rows.extend((t_s, u_px, v_px))
+
+    def rows(self) -> FloatArray:
+        """Return t, u, v of all pictures, (n, 3)."""
+        return np.array(self._rows).reshape(-1, 3)
 
 
 class SimulatedRange:
@@ -89,7 +98,7 @@ class SimulatedRange:
         self._config = config
         rig = load_rig(config.rig)
         self.urls = {s.name: str(config.folder / f"ptu-{s.name}") for s in rig.stations if not s.fixed}
-        self.truth: dict[str, list[PictureTold]] = {name: [] for name in rig.names}
+        self.truth = {name: Told() for name in rig.names}
         self._sizes = {s.name: s.lens.image_size_px for s in rig.stations}
         self._memory: dict[str, SharedMemory] = {}
         self._pipes: dict[str, Connection] = {}
@@ -170,10 +179,10 @@ class SimulatedCameraDevice(CameraDevice):
         try:
             if not self._pipe.poll(timeout_s):
                 return None
-            slot, number, device_ns, told = self._pipe.recv()
+            slot, number, device_ns, t_s, u_px, v_px = self._pipe.recv()
         except (EOFError, OSError) as fault:
             raise CameraLostError(f"{self._name}: the simulated range has ended") from fault
-        self._told.truth[self._name].append(told)
+        self._told.truth[self._name].add(t_s, u_px, v_px)
         pixels = self._slots[slot].copy()
         return Grab(
             frame_id=number, device_ns=device_ns, pixels=pixels, pattern=_PATTERN, payload_bytes=int(pixels.nbytes)
@@ -201,6 +210,8 @@ class _Station:
             axes = self.server.line.unit.flir.axes
             pan, tilt = axes["P"], axes["T"]
             values = (pan.head(t_s), tilt.head(t_s), pan.speed(t_s), tilt.speed(t_s))
+            for axis in (pan, tilt):
+                axis.forget_before(t_s - _REMEMBERED_S)
         return values[0] * scale, values[1] * scale, values[2] * scale, values[3] * scale
 
 
@@ -263,7 +274,13 @@ def _made(rig: Rig, number: int, world: World, config: RangeConfig) -> _Station:
     model = FlirModel(arcsec=arcsec, pan=(-counts, counts), tilt=(-counts // 3, counts // 2), min_rate=0, homing_s=8.0)
     unit = SimulatedUnit(model, LineModel(baud=config.baud), seed=config.seed + number)
     line = VirtualLine(unit, config.baud, start_s=time.monotonic(), seed=config.seed + number)
-    server = SimulatedServer(line, config.folder / f"ptu-{station.name}")
+    server = SimulatedServer(
+        line,
+        config.folder / f"ptu-{station.name}",
+        faults=config.ptu_faults,
+        faults_per_minute=config.ptu_faults_per_minute if config.ptu_faults else 0.0,
+        seed=config.seed + number,
+    )
     camera = RenderedCamera(world, station, seed=config.seed, number=number)
     return _Station(name=station.name, camera=camera, server=server, arcsec=arcsec)
 
@@ -294,10 +311,9 @@ def _deliver(
         slots[number % _SLOTS] = picture.kept((0, 0, w, h)).pixels
         truth = station.camera.truth(t_s, *angles, silhouette=False)
         u, v = (math.nan, math.nan) if truth.pixel_px is None else (float(x) for x in truth.pixel_px)
-        told = PictureTold(t_s=t_s, pan_rad=angles[0], tilt_rad=angles[1], u_px=u, v_px=v, visible=bool(truth.visible))
         stop.wait(max(t_s + config.delivery_s - time.monotonic(), 0.0))
         try:
-            pipe.send((number % _SLOTS, number, round(t_s * 1e9), told))
+            pipe.send((number % _SLOTS, number, round(t_s * 1e9), t_s, u, v))
         except OSError:
             return
         number += 1

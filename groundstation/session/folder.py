@@ -11,6 +11,7 @@ from groundstation.errors import GroundstationError, RecordingError, SessionErro
 from groundstation.messages import InitialState
 from groundstation.recording.contents import RecordingHeader
 from groundstation.rig import ClockModel, Rig, Station, load_rig, parse_clock
+from groundstation.session.dgps_options import DgpsOptions, parse_dgps
 from groundstation.session.media import Medium, check_medium, find_media
 from groundstation.session.tables import CsvTable
 from groundstation.text_file import TextFolder
@@ -18,7 +19,7 @@ from groundstation.toml_table import Table, load_toml, quoted
 
 # what [clocks] may name besides the stations
 CLOCKED_TABLES = ("frames", "detections", "ptu", "dgps", "truth")
-_TABLES = ("clocks", "target", "initial", "origin", "phase")
+_TABLES = ("clocks", "target", "initial", "origin", "phase", "dgps")
 _MAX_PHASES = 10_000
 
 
@@ -76,6 +77,7 @@ class Session:
     date, licence, notes : the file's own words, empty where it has none.
     initial, origin : None where the file does not give them.
     clocks : the [clocks] table, by station or table name.
+    dgps : how a log of positions is read, where there is one instead of dgps.csv.
     media : each station's pictures; empty for a session of detections only.
     left_out : stations of the folder's own rig that the rig in use does not have; their rows are passed over.
     recorded : of a recording, how it was made; None for a folder.
@@ -93,6 +95,7 @@ class Session:
     origin: GeoOrigin | None
     phases: tuple[Phase, ...]
     clocks: dict[str, ClockModel]
+    dgps: DgpsOptions
     media: dict[str, Medium]
     left_out: frozenset[str]
     recorded: Recorded | None = None
@@ -161,6 +164,7 @@ def read_session(
         origin=_origin(top.table("origin"), frame) if isinstance(top.values.get("origin"), dict) else None,
         phases=_phases(top),
         clocks=clocks,
+        dgps=parse_dgps(top.table("dgps")),
         media=media,
         left_out=left_out,
     )

@@ -1,22 +1,25 @@
 """The two references of a session: DGPS fixes in their own clock, and a simulated session's exact truth."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import SessionError
+from groundstation.logs.gps_time import utc_text
 from groundstation.messages import DgpsFix
 from groundstation.rig import ClockModel
 from groundstation.session.folder import Session
 from groundstation.session.tables import CsvTable, Row
+from groundstation.text_file import TextFile
 
-UNREAD_REFERENCES = ("dgps.nmea", "dgps.pos", "dgps.ulg", "dgps.bin")
+# instead of dgps.csv: a log as the receiver or the autopilot wrote it
+LOG_NAMES = ("dgps.nmea", "dgps.pos", "dgps.ulg", "dgps.bin", "dgps.tlog", "dgps.ubx")
 _DGPS_COLUMNS = ("t_s", "x_m", "y_m", "z_m")
 _SIGMA_COLUMNS = ("sigma_x_m", "sigma_y_m", "sigma_z_m")
-_WANTED_DGPS = "dgps.csv with t_s, x_m, y_m, z_m and optionally sigma_x_m, sigma_y_m, sigma_z_m, status"
 _MAX_REFERENCE_ROWS = 2_000_000
 
 
@@ -38,26 +41,75 @@ def _raise(fault: SessionError) -> NoReturn:
     raise fault
 
 
-def load_dgps(session: Session, on_fault: Callable[[SessionError], None] = _raise) -> tuple[DgpsFix, ...]:
-    """Read dgps.csv, in the DGPS clock; empty if the session has no reference.
+def _pass_over(_: str) -> None:
+    """Take a note that nobody asked for."""
 
-    A fault is given to ``on_fault``, which raises it by default; where it does not, the rows before count.
+
+def load_dgps(
+    session: Session,
+    on_fault: Callable[[SessionError], None] = _raise,
+    on_note: Callable[[str], None] = _pass_over,
+) -> tuple[DgpsFix, ...]:
+    """Read dgps.csv or a log (dgps.nmea, dgps.pos, …), in the DGPS clock; empty if the session has no reference.
+
+    A fault is given to ``on_fault``, which raises it by default; where it does not, the rows before count. What a log
+    has that cannot be used, and what was taken for granted, is given to ``on_note``, one line for each reason.
+    Raises `MissingExtraError` where a log needs a library that is not installed.
     """
     fixes: list[DgpsFix] = []
     try:
-        _read_dgps(session, fixes)
+        _read_dgps(session, fixes, on_note)
     except SessionError as fault:
         on_fault(fault)
     return tuple(fixes)
 
 
-def _read_dgps(session: Session, fixes: list[DgpsFix]) -> None:
+def _read_dgps(session: Session, fixes: list[DgpsFix], on_note: Callable[[str], None]) -> None:
     path = session.folder / "dgps.csv"
     if not path.is_file():
-        for name in UNREAD_REFERENCES:
-            if (session.folder / name).is_file():
-                raise SessionError(name, got="a format that is not read yet", wanted=_WANTED_DGPS)
+        logs = [name for name in LOG_NAMES if (session.folder / name).is_file()]
+        if len(logs) > 1:
+            raise SessionError(str(session.folder), got=" and ".join(logs), wanted="one log of positions")
+        if logs:
+            _read_log(session, session.folder / logs[0], fixes, on_note)
         return
+    # the readers of logs use this package's tables
+    from groundstation.logs.positions_table import has_positions
+
+    header = CsvTable(path, [])
+    if "x_m" not in header.columns and has_positions(header.columns):
+        _read_log(session, path, fixes, on_note)
+    else:
+        _read_table(session, path, fixes)
+
+
+def _read_log(session: Session, path: TextFile, fixes: list[DgpsFix], on_note: Callable[[str], None]) -> None:
+    """Add the fixes of a log of latitudes and longitudes, in the session's frame."""
+    from groundstation.logs.placement import midnight_before, place_log
+    from groundstation.logs.read import read_log
+
+    if not isinstance(path, Path):
+        raise SessionError(str(path), got="a log inside a recording", wanted="dgps.csv there, or the log in a folder")
+    origin = session.origin
+    if origin is None:
+        wanted = "[origin] in session.toml, where the session's frame lies on Earth"
+        raise SessionError(path.name, got="latitudes and longitudes without an origin", wanted=wanted)
+    log = read_log(path, session.dgps.reading)
+    epoch = session.dgps.epoch_gps_s
+    if epoch is None:
+        epoch = midnight_before(log)
+        on_note(f"{path.name}: t_s counts from {utc_text(epoch)}; epoch_utc in [dgps] would change that")
+    for line in log.remarks:
+        on_note(line)
+    clock = session.clocks.get("dgps", ClockModel())
+    place = (origin.lat_deg, origin.lon_deg, origin.height_m)
+    fixes.extend(
+        replace(fix, t_s=clock.session_from_device(fix.t_s))
+        for fix in place_log(log, place, origin.y_axis_azimuth_deg, epoch)
+    )
+
+
+def _read_table(session: Session, path: TextFile, fixes: list[DgpsFix]) -> None:
     table = CsvTable(path, _DGPS_COLUMNS)
     clock = session.clocks.get("dgps", ClockModel())
     given = [c for c in _SIGMA_COLUMNS if c in table.columns]

@@ -21,12 +21,14 @@ _MISSING = float("nan")
 class FrameTable:
     """frames.csv: ``index`` (n,), ``line`` (n,), and per station session times (n,), NaN inside where missing.
 
-    ``fault`` is what ended the reading early, if anything did; the rows before it are usable.
+    ``numbers`` (n,) are the frames' numbers in each station's own video, −1 where it has none. ``fault`` is what
+    ended the reading early, if anything did; the rows before it are usable.
     """
 
     index: NDArray[np.int64]
     line: NDArray[np.int64]
     stamps_s: dict[str, FloatArray]
+    numbers: dict[str, NDArray[np.int64]]
     fault: SessionError | None
 
     def epoch_times(self) -> FloatArray:
@@ -45,6 +47,7 @@ class FrameTable:
             index=self.index[chosen],
             line=self.line[chosen],
             stamps_s={n: s[chosen] for n, s in self.stamps_s.items()},
+            numbers={n: s[chosen] for n, s in self.numbers.items()},
             fault=self.fault,
         )
 
@@ -60,6 +63,9 @@ def read_frames(session: Session) -> FrameTable:
     # arrays of machine numbers: hours of frames stay small
     index, lines = array("q"), array("q")
     stamps = {n: array("d") for n in names}
+    numbers = {n: array("q") for n in names}
+    numbered = [n for n in names if f"{n}_index" in table.columns]
+    last = dict.fromkeys(names, -1)
     newest: dict[str, float | None] = dict.fromkeys(names)
     fault = None
     try:
@@ -69,6 +75,13 @@ def read_frames(session: Session) -> FrameTable:
             for n, t in own.items():
                 if t is not None:
                     table.check_later(row, f"{n}_t_s", t, newest[n])
+            of_row = dict.fromkeys(names, number)
+            for n in numbered:
+                of_row[n] = -1
+                if own[n] is not None:
+                    of_row[n] = last[n] = _whole(table, row, f"{n}_index", last[n])
+            for n in names:
+                numbers[n].append(of_row[n])
             for n, t in own.items():
                 newest[n] = t if t is not None else newest[n]
                 stamps[n].append(_MISSING if t is None else clocks[n].session_from_device(t))
@@ -80,16 +93,21 @@ def read_frames(session: Session) -> FrameTable:
         index=np.array(index, dtype=np.int64),
         line=np.array(lines, dtype=np.int64),
         stamps_s={n: np.array(s, dtype=np.float64) for n, s in stamps.items()},
+        numbers={n: np.array(k, dtype=np.int64)[: len(index)] for n, k in numbers.items()},
         fault=fault,
     )
 
 
 def _index(table: CsvTable, row: Row, before: int | None) -> int:
-    """Return a row's frame number, which must be greater than that of the row before."""
-    number = table.number(row, "index")
-    least = 0 if before is None else before + 1
-    if not least <= number <= _MAX_FRAMES or number != int(number):
-        wanted = "a whole number from 0" if before is None else f"a whole number above {before}"
-        got = f"index = {quoted(row.text['index'].strip())}"
+    """Return a row's number, which must be greater than that of the row before."""
+    return _whole(table, row, "index", -1 if before is None else before)
+
+
+def _whole(table: CsvTable, row: Row, column: str, before: int) -> int:
+    """Return a whole number greater than the one before."""
+    number = table.number(row, column)
+    if not before < number <= _MAX_FRAMES or number != int(number):
+        wanted = "a whole number from 0" if before < 0 else f"a whole number above {before}"
+        got = f"{column} = {quoted(row.text[column].strip())}"
         raise table.fault(row.line, got=got, wanted=wanted if number < _MAX_FRAMES else f"at most {_MAX_FRAMES}")
     return int(number)

@@ -43,7 +43,7 @@ class ReplaySource:
         self._readings: PtuReadings
         self._fault: SessionError | None = None
         self._whole = False
-        self._listed = 0
+        self._listed: dict[str, int] = {}
         self._readers: dict[str, PictureReader] = {}
         self._table: FrameTable | None = None
         self._labels: dict[str, FloatArray] = {}
@@ -102,7 +102,7 @@ class ReplaySource:
         self._check_range("frames.csv", times[timed])
         everything = table.fault is None and not np.isfinite(self._from) and not np.isfinite(self._to)
         self._whole = everything and bool(timed[-1])
-        self._listed = int(table.index[-1]) + 1
+        self._listed = {n: int(numbers.max()) + 1 for n, numbers in table.numbers.items()}
         chosen = timed & (times >= self._from) & (times <= self._to)
         self._table = table = table.rows(chosen)
         times = times[chosen]
@@ -130,14 +130,15 @@ class ReplaySource:
         """Start one decoder for each station."""
         for station in self._session.rig.stations:
             there = np.isfinite(table.stamps_s[station.name])
+            numbers = table.numbers[station.name]
             reader = PictureReader(
                 self._session.media[station.name],
-                table.index[there],
+                numbers[there],
                 table.line[there],
                 station.lens.image_size_px,
-                listed=self._listed,
+                listed=self._listed[station.name],
                 # a last frame without a stamp may or may not be in the video
-                whole=self._whole and bool(there[-1]),
+                whole=self._whole and bool(there[-1] or numbers[-1] < 0),
             )
             self._readers[station.name] = opened.enter_context(reader)
 

@@ -4,10 +4,13 @@ import math
 import sys
 import time
 
-from ptu_drivers import open_ptu
+from ptu_drivers import UnitSettings, open_ptu
 
 url, motion, end = sys.argv[1:]
-unit = open_ptu(url)
+# only silence is for the watchdog; a busy machine is not what is tested
+unit = open_ptu(url, settings=UnitSettings() if end == "silence" else UnitSettings(watchdog_s=60.0))
+print("open", flush=True)
+sys.stdin.readline()
 
 
 def work() -> None:

@@ -55,7 +55,7 @@ def children(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
             command = [sys.executable, str(CHILD), server.url, motion, str(end)]
             pipe = subprocess.PIPE
             child = subprocess.Popen(
-                command, cwd=ROOT, env={"PYTHONPATH": str(ROOT)}, stdout=pipe, stderr=pipe, text=True
+                command, cwd=ROOT, env={"PYTHONPATH": str(ROOT)}, stdin=pipe, stdout=pipe, stderr=pipe, text=True
             )
             running[f"{motion} {end}"] = (server, child)
         yield running
@@ -67,21 +67,26 @@ def children(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 @pytest.mark.parametrize(("motion", "end"), WAYS)
 def test_it_is_halted(motion: str, end: str | signal.Signals, children: Running) -> None:
     server, child = children[f"{motion} {end}"]
+    assert child.stdin is not None
     assert child.stdout is not None
+    assert child.stdout.readline() == "open\n", child.communicate()[1]
+    child.stdin.write("go\n")
+    child.stdin.flush()
     assert child.stdout.readline() == "moving\n", child.communicate()[1]
     if isinstance(end, signal.Signals):
         assert moves(server)
         child.send_signal(end)
     if end != "silence":
-        child.communicate(timeout=20)
+        child.communicate(timeout=120)
         expected = {"exception": 1, "with": 0, "return": 0, signal.SIGINT: -2, signal.SIGTERM: 143, signal.SIGHUP: 129}
         assert child.returncode in (expected[end], 130 if end == signal.SIGINT else expected[end])
     # braking takes 0.3 s, the watchdog waits for 0.5 s
-    deadline = time.monotonic() + 5.0
+    deadline = time.monotonic() + 30.0
     while moves(server) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not moves(server)
     axis = server.line.unit.flir.axes["P"]
+    # it was halted on its way, and did not just arrive
     assert axis.motor(time.monotonic()) < axis.high - 1000
 
 
@@ -94,7 +99,7 @@ def test_sockets_and_what_is_no_line(tmp_path: Path) -> None:
             server.line.gone = True
             assert not isinstance(unit.read(), Reading)
             server.line.gone = False
-            deadline = time.monotonic() + 5.0
+            deadline = time.monotonic() + 30.0
             while not isinstance(unit.read(), Reading):
                 assert time.monotonic() < deadline
             assert unit.health().reconnects >= 1
@@ -113,11 +118,11 @@ def test_a_pty_that_is_pulled_out_and_comes_back(tmp_path: Path) -> None:
         with open_ptu(server.url) as unit:
             assert isinstance(unit.read(), Reading)
             server.line.gone = True
-            deadline = time.monotonic() + 3.0
+            deadline = time.monotonic() + 30.0
             while not (lost := unit.health().state == "line lost") and time.monotonic() < deadline:
                 unit.read()
             assert lost
             server.line.gone = False
-            deadline = time.monotonic() + 5.0
+            deadline = time.monotonic() + 30.0
             while not isinstance(unit.read(), Reading):
                 assert time.monotonic() < deadline

@@ -122,9 +122,3 @@ def test_clocks_of_the_references(tmp_path: Path) -> None:
     truth = load_truth(session)
     assert truth is not None
     assert truth.t_s.tolist() == [0.5, 1.5]
-
-
-@pytest.mark.parametrize("name", ["dgps.nmea", "dgps.pos", "dgps.ulg", "dgps.bin"])
-def test_a_format_that_is_not_read_is_named(session: Session, name: str) -> None:
-    (session.folder / name).write_bytes(b"x")
-    assert complaint(SessionError, lambda: load_dgps(session)).startswith(f"{name}: got a format that is not read yet")

@@ -1,0 +1,1 @@
+"""What a laboratory brings home, turned into a session folder: videos, a table of angles, a log of positions."""

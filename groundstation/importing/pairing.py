@@ -1,0 +1,40 @@
+"""Which frames of free-running cameras make a pair: those nearest in time, each once, none left out."""
+
+import csv
+import io
+from collections.abc import Mapping
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+
+# of the shorter frame interval: farther apart, a frame is nearer to the other camera's next one
+_SHARE = 0.5
+
+
+def frames_csv(stamps_s: Mapping[str, FloatArray]) -> str:
+    """Return frames.csv for stations' stamps (n,) in s: each frame in one row, with its number in its own video."""
+    names = list(stamps_s)
+    tolerance = _SHARE * min(float(np.median(np.diff(t))) for t in stamps_s.values())
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["index", *(f"{n}_t_s" for n in names), *(f"{n}_index" for n in names)])
+    place = dict.fromkeys(names, 0)
+    row = 0
+    while True:
+        waiting = {n: float(stamps_s[n][place[n]]) for n in names if place[n] < len(stamps_s[n])}
+        if not waiting:
+            return out.getvalue()
+        first = min(waiting.values())
+        taken = {n: t for n, t in waiting.items() if t - first <= tolerance}
+        times = [f"{taken[n]:.6f}" if n in taken else "" for n in names]
+        writer.writerow([row, *times, *(place[n] if n in taken else "" for n in names)])
+        for n in taken:
+            place[n] += 1
+        row += 1
+
+
+def paired(stamps_s: Mapping[str, FloatArray]) -> int:
+    """Return how many rows of `frames_csv` hold a frame of every station."""
+    rows = csv.DictReader(io.StringIO(frames_csv(stamps_s)))
+    return sum(all(row[f"{n}_t_s"] for n in stamps_s) for row in rows)

@@ -1,0 +1,147 @@
+"""The whole of a station in operation, with a range that is not there: flown, recorded, ended softly, replayed."""
+
+import errno
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from groundstation.cli import main
+from groundstation.geometry.camera import Lens
+from groundstation.live.command import GuardedSink
+from groundstation.messages import StepReport
+from groundstation.rig import Rig
+from groundstation.rig_toml import rig_to_toml
+from groundstation.simulation.cases import standard_rig
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def small_rig() -> Rig:
+    """The standard rig with pictures of a quarter of the size: rendering has to be quick here, not good."""
+    rig = standard_rig(sigma_rad=float(np.radians(0.005)))
+    lens = Lens(
+        image_size_px=(320, 240),
+        focal_px=np.array([1667.0, 1667.0]),
+        principal_point_px=np.array([159.5, 119.5]),
+        distortion=np.zeros(5),
+    )
+    return replace(rig, stations=tuple(replace(s, lens=lens) for s in rig.stations))
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, int]:
+    """Operate until two dozen pairs are answered, then press Ctrl-C; returns folder, what was said, exit code."""
+    folder = tmp_path_factory.mktemp("live")
+    (folder / "small.toml").write_text(rig_to_toml(small_rig()), encoding="utf-8")
+    out = folder / "out"
+    command = [sys.executable, "-m", "groundstation", "live", "--simulate", "--rig", str(folder / "small.toml")]
+    child = subprocess.Popen(
+        [*command, "--out", str(out), "--rate", "5"],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        deadline = time.monotonic() + 240.0
+        while time.monotonic() < deadline and child.poll() is None:
+            table = out / "track.csv"
+            if table.is_file() and table.read_text(encoding="utf-8").count("\n") > 24:
+                break
+            time.sleep(0.2)
+        child.send_signal(signal.SIGINT)
+        said, _ = child.communicate(timeout=120)
+    finally:
+        child.kill()
+    return out, said, child.returncode
+
+
+def test_ctrl_c_ends_it_softly(flown: tuple[Path, str, int]) -> None:
+    out, said, code = flown
+    assert code == 0, said
+    assert "Traceback" not in said
+    assert "delay from a pair's first frame to its answer" in said
+    for name in ("track.csv", "triangulation.csv", "detections.csv", "flight.mcap", "rig.toml"):
+        assert (out / name).is_file(), said
+    rows = (out / "track.csv").read_text(encoding="utf-8").splitlines()
+    assert len(rows) > 24
+    # both cameras, looked at by both pipelines' thread
+    assert {line.split(",")[1] for line in (out / "detections.csv").read_text().splitlines()[1:]} == {"left", "right"}
+
+
+def test_its_recording_gives_the_same_track_bit_for_bit(flown: tuple[Path, str, int], tmp_path: Path) -> None:
+    out, _, _ = flown
+    assert main(["replay", str(out / "flight.mcap"), "--out", str(tmp_path / "again"), "--no-rerun"]) == 0
+    assert (tmp_path / "again" / "track.csv").read_bytes() == (out / "track.csv").read_bytes()
+    assert (tmp_path / "again" / "triangulation.csv").read_bytes() == (out / "triangulation.csv").read_bytes()
+
+
+def test_a_folder_that_is_in_use_is_refused(flown: tuple[Path, str, int], capsys: pytest.CaptureFixture[str]) -> None:
+    out, _, _ = flown
+    assert main(["live", "--simulate", "--out", str(out)]) == 1
+    assert "wanted a new or empty folder" in capsys.readouterr().err
+
+
+def test_without_a_station_file_it_says_what_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["live"]) == 2
+    assert "--simulate" in capsys.readouterr().err
+    assert main(["live", "nowhere.toml", "--out", "x"]) == 1
+    assert "nowhere.toml: got no such file" in capsys.readouterr().err
+    assert main(["check", "nowhere.toml"]) == 1
+    assert "nowhere.toml: got no such file" in capsys.readouterr().out
+
+
+def test_check_says_what_is_wrong_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "rig.toml").write_text(rig_to_toml(small_rig()), encoding="utf-8")
+    (tmp_path / "station.toml").write_text(
+        f"""format = "groundstation-station/1"
+[[station]]
+name = "left"
+camera = "file:{ROOT}/recordings/landing-1/left.mp4"
+ptu = "{tmp_path}/nothing"
+[[station]]
+name = "right"
+camera = "file:{tmp_path}/none.mp4"
+ptu = "{tmp_path}/nothing"
+""",
+        encoding="utf-8",
+    )
+    assert main(["check", str(tmp_path / "station.toml"), "--for", "0.5"]) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "ok     station file, rig and tuning: left, right"
+    assert said[1].startswith("WRONG  rig: left, right without a covariance")
+    assert any("left camera: got pictures of 1280 × 960 px; wanted 320 × 240 px as in the rig" in line for line in said)
+    assert any(line.startswith("WRONG  left: PTU:") and "nothing" in line for line in said)
+    assert any(line.startswith("WRONG  right camera:") and "none.mp4" in line for line in said)
+
+
+class FullDisk:
+    """A sink whose disk takes one report."""
+
+    def __init__(self) -> None:
+        self.taken = 0
+
+    def write(self, report: StepReport) -> None:
+        self.taken += 1
+        if self.taken > 1:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    def close(self) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_full_disk_ends_the_tables_and_nothing_else() -> None:
+    disk, faults = FullDisk(), list[str]()
+    sink = GuardedSink(disk, faults)
+    for _ in range(5):
+        sink.write(StepReport())
+    assert disk.taken == 2
+    assert faults == ["track files end here: No space left on device"]
+    sink.close()
+    assert faults[1:] == ["track files are not whole: No space left on device"]
