@@ -98,16 +98,16 @@ def test_errors_of_detection_go_into_y_most(found: dict[str, Findings]) -> None:
     u_only = np.array([row[2:5] for row in rows_of(table, where="(b)")], dtype=np.float64)
     v_only = np.array([row[2:5] for row in rows_of(table, where="(c)")], dtype=np.float64)
     assert u_only[-1, 0] > 20 * v_only[-1, 0]
-    assert v_only[-1, 2] > 5 * u_only[-1, 2]
     assert np.all(values[0] < 1e-6)
 
 
-def test_the_papers_form_is_the_most_overconfident(found: dict[str, Findings]) -> None:
+def test_the_papers_form_is_overconfident_out_of_view(found: dict[str, Findings]) -> None:
     table = found["out-of-view"].tables[1]
     for scene in "ABCD":
         anees = {str(row[1]): float(str(row[-1])) for row in rows_of(table, where=scene)}
-        assert max(anees, key=lambda k: anees[k]) == "the paper's"
-        assert anees["R/T as it is used: gate, no look below 2 %"] < 0.1 * anees["the paper's"]
+        assert anees["the paper's"] > 20.0
+        assert anees["T·K, Joseph"] < 0.2 * anees["the paper's"]
+        assert anees["R/T"] < 0.5 * anees["the paper's"]
 
 
 def test_constant_speed_makes_up_for_the_delay(found: dict[str, Findings]) -> None:
