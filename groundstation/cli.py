@@ -296,6 +296,5 @@ _COMMANDS = {
     "check": run_check,
     "onboard": run_onboard,
     "ptu": run_ptu,
-    "onboard": run_onboard,
     "config": _config,
 }

@@ -1,11 +1,11 @@
 """The part of the command line for the aircraft's own camera: `groundstation onboard WHAT …`."""
 
 import argparse
-import importlib.util
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from groundstation.cli_onboard_pose import add_pose
 from groundstation.progress import ProgressLine
 
 _EDGES = """Find and track the runway's edges in the video of an aircraft's nose camera."""
@@ -43,8 +43,7 @@ def add_onboard(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     edges.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the results go; made if missing")
     edges.add_argument("--no-rerun", action="store_true", help="do not write edges.rrd")
     edges.set_defaults(run_onboard=_run_edges)
-    if importlib.util.find_spec("groundstation.cli_onboard_pose") is not None:
-        importlib.import_module("groundstation.cli_onboard_pose").add_pose(kinds)
+    add_pose(kinds)
 
 
 def run_onboard(options: argparse.Namespace) -> int:
@@ -68,27 +67,3 @@ def _run_edges(options: argparse.Namespace) -> int:
     if result.fault is not None:
         print(f"groundstation: fault in the video: {result.fault}", file=sys.stderr)
     return 0 if result.fault is None else 1
-
-
-from collections.abc import Callable
-
-from groundstation.cli_onboard_pose import add_pose, run_pose
-
-
-def add_onboard(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add `onboard` and its kinds."""
-    onboard = commands.add_parser(
-        "onboard",
-        help="the aircraft's own camera: where it is relative to the runway",
-        description="The aircraft's own camera: where it is relative to the runway.",
-    )
-    kinds = onboard.add_subparsers(dest="onboard", metavar="WHAT", required=True)
-    add_pose(kinds)
-
-
-def run_onboard(options: argparse.Namespace) -> int:
-    """Run one kind; returns the exit code."""
-    return _KINDS[options.onboard](options)
-
-
-_KINDS: dict[str, Callable[[argparse.Namespace], int]] = {"pose": run_pose}

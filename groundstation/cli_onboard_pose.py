@@ -47,6 +47,7 @@ def add_pose(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
         metavar="PX",
         help="noise of a corner, 1 sigma (default 0.29: whole pixels)",
     )
+    pose.set_defaults(run_onboard=run_pose)
 
 
 def _sigma(text: str) -> float:

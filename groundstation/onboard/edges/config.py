@@ -60,7 +60,7 @@ class TrackerConfig:
     start_turn_rad: float = math.radians(4.0)
     start_shift_m: float = 15.0
     start_width: float = 1.5
-    edge_sigma_m: float = 0.5
+    edge_sigma_m: float = 1.0
     gate: float = 25.0
     coast_frames: int = 10
     line_noise: float = 0.01

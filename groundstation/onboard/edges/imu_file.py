@@ -76,7 +76,7 @@ def load_imu(path: Path, camera: NoseCamera) -> PoseLog:
     attitude[:, 2] -= camera.heading_rad
     positions = table[:, 4:]
     if where is _EARTH and camera.place is not None:
-        positions = np.array([threshold_position(*row, camera.place) for row in positions])
+        positions = np.array([threshold_position(lat, lon, alt, camera.place) for lat, lon, alt in positions])
     if np.any(positions[:, 2] <= 0.0):
         raise ImuFileError(str(path), got="a height at or below the threshold's", wanted="heights above it")
     return PoseLog(table[:, 0], positions, attitude, camera.mount)

@@ -62,7 +62,8 @@ def _updated(state: LineState, h: FloatArray, innovation: FloatArray, noise: Flo
     """Return the constrained update with a linear(ised) measurement matrix (m, 4) and noise (m, m), Joseph's form."""
     p = state.covariance
     s = h @ p @ h.T + noise
-    gain = constrained_gain(np.linalg.solve(s, h @ p).T, innovation, s, state.mean)
+    optimum = np.asarray(np.linalg.solve(s, h @ p).T, np.float64)
+    gain = constrained_gain(optimum, innovation, s, state.mean)
     mean = state.mean + gain @ innovation
     # with an innovation of nothing the mean was of length 1 already, to rounding
     mean[[A, B]] /= np.hypot(mean[A], mean[B])

@@ -11,6 +11,7 @@ camera (the sign of n towards the ground), averaged over the points as in step 7
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import cv2
 import numpy as np
@@ -83,13 +84,15 @@ def ground_features(image: ImageArray, pose: CameraPose, kappa: FloatArray, conf
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     horizon = horizon_rows(pose, kappa, grey.shape[1]) + _BELOW_HORIZON_PX
     mask = (np.arange(grey.shape[0])[:, None] > horizon[None, :]).astype(np.uint8)
-    corners = cv2.goodFeaturesToTrack(
+    # OpenCV's own types know neither that there may be no corners nor SIFT
+    corners: Any = cv2.goodFeaturesToTrack(
         grey, config.corners, config.quality, config.apart_px, mask=mask, useHarrisDetector=True, k=0.04
     )
     if corners is None:
         return Features(pixels=np.empty((0, 2)), descriptors=np.empty((0, 128), np.float32))
     points = [cv2.KeyPoint(float(u), float(v), config.patch_px) for u, v in corners[:, 0]]
-    points, descriptors = cv2.SIFT_create(contrastThreshold=0.0).compute(grey, points)
+    sift: Any = getattr(cv2, "SIFT_create")(contrastThreshold=0.0)  # noqa: B009
+    points, descriptors = sift.compute(grey, points)
     pixels = np.array([point.pt for point in points], dtype=np.float64).reshape(-1, 2)
     return Features(pixels=pixels, descriptors=np.asarray(descriptors))
 
@@ -114,7 +117,7 @@ def recover_motion(
     if homography is None or int(inliers.sum()) < config.least_inliers:
         return NoMotion.NO_HOMOGRAPHY
     good = inliers.ravel() > 0
-    motion = decompose(homography, first_px[good], pose, kappa)
+    motion = decompose(np.asarray(homography, np.float64), first_px[good], pose, kappa)
     if config.refine:
         return refined_motion(first_px[good], second_px[good], motion, pose, kappa, config.tolerance_px)
     return motion
@@ -188,7 +191,7 @@ def decompose(homography: FloatArray, used_px: FloatArray, pose: CameraPose, kap
             best, most = (rotation, translation.ravel(), n), upright
     if best is None:
         return NoMotion.NO_SOLUTION
-    rotation, translation, n = best
+    rotation, translation, n = (np.asarray(part, np.float64) for part in best)
     distance = _distance(used_px, n, pose, kappa)
     # X₂ = R X₁ + (t/d)·d
     return Motion(

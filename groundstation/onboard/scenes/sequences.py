@@ -150,7 +150,7 @@ class Renderer:
         )  # fmt: skip
         if light.lamp_power > 0.0:
             self._light_lamps(linear, pose, light)
-        linear = cv2.GaussianBlur(linear, (0, 0), light.blur_px)
+        linear = np.asarray(cv2.GaussianBlur(linear, (0, 0), light.blur_px), np.float64)
         generator = np.random.default_rng([self.sequence.seed, noise_seed])
         return _exposed(linear, light, generator)
 
