@@ -21,10 +21,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from detection_study.looks import look_once
-from detection_study.plots import draw_cost
-from detection_study.scenes import scenes, sessions_from
-from detection_study.tables import Cell, Table
 from numpy.typing import NDArray
 from skimage.segmentation import chan_vese as skimage_chan_vese
 
@@ -32,6 +28,10 @@ from groundstation.detection import chan_vese
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import Detector
 from groundstation.detection.roi import place_roi
+from groundstation.experiments.detection_plots import draw_cost
+from groundstation.experiments.looks import look_once
+from groundstation.experiments.scenes import scenes
+from groundstation.experiments.tables import Cell, Table
 from groundstation.messages import Roi
 from groundstation.session import Session, load_session
 from groundstation.warm_up import warm_up
@@ -252,7 +252,7 @@ def main() -> None:
     warm_up()
     u, inside = disc((40, 30), 8.0)
     grid(u, chan_vese.start(u, inside), 2)  # compiled before it is timed
-    session = load_session(sessions_from([options.session] if options.session else [])[0])
+    session = load_session(options.session or ROOT / "recordings" / "landing-1")
     costs, curves = cost()
     made_up = {"made-up disc, 14 px radius": disc((250, 100), 14.0)}
     tables = [compare(real_starts(session) | made_up), costs, detector_times(session)]

@@ -8,56 +8,36 @@
 
 For each session with exact truth (truth.csv and masks.npz), default the bundled landing, the tables are printed, and
 written with the pictures into DIR/SESSION, default out/paper-detection. Predictions are the truth with seeded noise
-(detection_study/scenes.py), so all but the times repeats to the last digit.
+(groundstation/experiments/scenes.py), so all but the times repeats to the last digit.
 One thread; times are its processor time. Ten minutes for the bundled landing.
 """
 
 import argparse
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
-from detection_study import findings, plots
-from detection_study.looks import Outcome, watch
-from detection_study.scenes import scenes, sessions_from
-from detection_study.tables import Table
 
-from groundstation.detection.config import DetectionConfig, SegmentationMethod, SnakeConfig
+from groundstation.experiments import detection_plots as plots
+from groundstation.experiments import detection_tables as findings
+from groundstation.experiments.detection_set_up import (
+    FULL,
+    METHODS,
+    OURS,
+    PAPER_METHODS,
+    PAPER_ROI,
+    PAPERS_CHOICE,
+    SEED,
+    SWEEP,
+)
+from groundstation.experiments.looks import Outcome, watch
+from groundstation.experiments.scenes import scenes
+from groundstation.experiments.tables import Table
 from groundstation.session import load_session
 from groundstation.warm_up import warm_up
 
-SEED = 7
 EVERY = "look at every N-th pair only: for a first impression, since the detectors then see a slower video"
 ROOT = Path(__file__).resolve().parent.parent
-DEFAULT = DetectionConfig()
-PAPERS_CHOICE, FULL = "250×100", "full frame"
-# the paper's text names the smallest and the chosen size; the others keep their shape of 5:2
-SIZES = ((150, 60), (200, 80), (250, 100), (300, 120), (400, 160), (600, 240))
-SWEEP = {
-    **{f"{w}×{h}": replace(DEFAULT, roi_basic_px=(w, h)) for w, h in SIZES},
-    f"{PAPERS_CHOICE}, 0 sigma": replace(DEFAULT, roi_sigmas=0.0),
-    FULL: replace(DEFAULT, roi_basic_px=(100_000, 100_000)),
-}
-OURS = "Chan-Vese, narrow band (default)"
-METHODS = {
-    OURS: DEFAULT,
-    "Chan-Vese, full grid": replace(DEFAULT, segmentation=SegmentationMethod.CHAN_VESE_FULL),
-    # each snake with the smoothing that suits it best: wide for the plain one, or its force ends a pixel off
-    "snake": replace(DEFAULT, segmentation=SegmentationMethod.SNAKE, snake=SnakeConfig(sigma_px=2.0)),
-    "GVF snake": replace(DEFAULT, segmentation=SegmentationMethod.GVF_SNAKE),
-    "scikit-image chan_vese": replace(DEFAULT, segmentation=SegmentationMethod.SKIMAGE_CHAN_VESE),
-    "scikit-image morphological": replace(DEFAULT, segmentation=SegmentationMethod.SKIMAGE_MORPHOLOGICAL),
-}
-PAPER_ROI = {
-    PAPERS_CHOICE: "the choice: deviation below 1.00 px on average in u and in v, about 20 ms",
-    FULL: "157 ms mean, 212 ms worst",
-}
-PAPER_METHODS = {
-    OURS: "segments several regions and picks the right one; slightly slower than the snake",
-    "snake": "fastest, by little; loses a wing seen apart; errors grow near the ground",
-    "GVF snake": "errors grow near the ground",
-}
 
 
 def study(folder: Path, out: Path, every: int) -> list[Table]:
@@ -99,7 +79,7 @@ def main() -> None:
     options = parser.parse_args()
     cv2.setNumThreads(1)
     warm_up()
-    for folder in sessions_from(options.sessions):
+    for folder in options.sessions or [ROOT / "recordings" / "landing-1"]:
         out = options.out / folder.name
         print(f"# {folder.name}\n")
         for table in study(folder, out, options.every):

@@ -16,6 +16,7 @@ from groundstation.cli_live import add_live, run_check, run_live
 from groundstation.cli_onboard import add_onboard, run_onboard
 from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
+from groundstation.cli_reproduce import add_reproduce, run_reproduce
 from groundstation.cli_simulate import add_simulate, run_simulate
 from groundstation.cli_view import add_view, run_view
 from groundstation.errors import GroundstationError
@@ -108,6 +109,7 @@ def build_parser() -> argparse.ArgumentParser:
     add_simulate(commands)
     add_view(commands)
     add_evaluate(commands)
+    add_reproduce(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
     config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
@@ -295,6 +297,7 @@ _COMMANDS = {
     "simulate": run_simulate,
     "view": run_view,
     "evaluate": run_evaluate,
+    "reproduce": run_reproduce,
     "cameras": run_cameras,
     "live": run_live,
     "check": run_check,

@@ -178,9 +178,9 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         view.close()
         written.append("session.rrd")
     write_summary(request.out / "summary.json", evaluation)
-    write_report(request.out / "report.html", evaluation, config.evaluation)
     written += [path.name for path in write_reference_tums(request.out, evaluation)]
-    written += ["summary.json", "report.html"]
+    written += ["summary.json"]
+    written += [path.name for path in write_report(request.out / "report.html", evaluation, config.evaluation)]
     paths = [request.out / name for name in written] + ([] if request.record is None else [request.record])
     identity = None if check is None else check.result()
     return ReplayResult(evaluation=evaluation, files=tuple(paths), fault=outcome.fault, identity=identity)

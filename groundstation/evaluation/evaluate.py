@@ -32,7 +32,8 @@ class Evaluation:
     """What an evaluation found: ``summary`` for summary.json, the rest for pictures.
 
     ``comparisons`` has an entry "truth", "dgps", both or none. ``epochs`` and ``cameras`` are the collector's
-    tables, ``events`` its log: time in s, level, text.
+    tables, ``smoothed`` the same epochs smoothed over the flight if asked for, ``events`` its log: time in s,
+    level, text.
     """
 
     summary: dict[str, Any]
@@ -45,6 +46,7 @@ class Evaluation:
     truth: ReferenceSeries | None
     bounds: BoundSeries
     events: tuple[tuple[float, str, str], ...]
+    smoothed: NDArray[Any] | None = None
 
 
 def evaluate_run(
@@ -108,6 +110,7 @@ def evaluate_run(
         truth=exact,
         bounds=bounds,
         events=tuple(collector.events),
+        smoothed=after,
     )
 
 

@@ -162,13 +162,13 @@ def _calibration_lines(calibration: dict[str, Any]) -> list[str]:
         taught = "" if until_s is None else f" from DGPS until {until_s:.2f} s (with which it is not compared)"
         lines.append(f"learnt{taught}:")
     for error in learnt:
-        unit, scale = _unit(error["name"])
+        unit, scale = shown_unit(error["name"])
         value, sigma, prior = (scale * error[key] for key in ("value", "sigma", "prior_sigma"))
         lines.append(f"  {error['name']:<34}{value:>+10.4f} ± {sigma:.4f} {unit}   (before: 0 ± {prior:.4f})")
     return lines
 
 
-def _unit(name: str) -> tuple[str, float]:
+def shown_unit(name: str) -> tuple[str, float]:
     """Return the unit to print a carried error in, and what to multiply its value by."""
     for part, unit, scale in _UNITS:
         if part in name:

@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from detection_study import findings, plots
-from detection_study.looks import Outcome, watch
-from detection_study.scenes import Scene, scenes
 
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import warm_up
 from groundstation.errors import SessionError
+from groundstation.experiments import detection_plots as plots
+from groundstation.experiments import detection_tables as findings
+from groundstation.experiments.looks import Outcome, watch
+from groundstation.experiments.scenes import Scene, scenes
 from groundstation.messages import Roi
 from groundstation.session import load_session
 

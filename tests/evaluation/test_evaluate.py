@@ -113,7 +113,7 @@ def test_page_is_self_contained_and_names_are_escaped(evaluation: Evaluation, tm
     assert "<script" not in page
     assert not re.search(r"(src|href)\s*=\s*['\"](https?:)?//", page)
     pictures = re.findall(r"<svg.*?</svg>", page, re.DOTALL)
-    assert len(pictures) == 6
+    assert len(pictures) == 8
     for picture in pictures:
         ET.fromstring(picture)
 

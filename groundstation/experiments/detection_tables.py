@@ -1,14 +1,14 @@
-"""From outcomes to the study's tables."""
+"""The paper's detection experiments: from outcomes to tables."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from detection_study.looks import Outcome
-from detection_study.tables import Cell, Table
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.correlation import correlated_chi_square, lag_one
+from groundstation.experiments.looks import Outcome
+from groundstation.experiments.tables import Cell, Table
 
 PHASES = ("sky", "mixed", "ground")
 WIDTHS_PX = (15, 30, 60, 100, 200)
@@ -88,6 +88,7 @@ def roi_table(sweep: Mapping[str, Sequence[Outcome]], full: str, paper: Mapping[
             ),
         ),
         rows=rows,
+        timed=range(1, 7),
         notes=(
             f"{count} frames. Times are processor time of one thread. Deviation: of the target point from that found "
             "in the full frame, where both found one; of sound: where moreover neither is wrong, that is more than "
@@ -132,6 +133,7 @@ def method_table(methods: Mapping[str, Sequence[Outcome]], paper: Mapping[str, s
             *("mean IoU", "IoU < 0.3 in % of frames", "paper"),
         ),
         rows=rows,
+        timed=range(3, 7),
         notes=(
             "All from the same start contour (an ellipse of the expected span at the prediction), in the same ROI, "
             "with the same rule for stopping and the same choice among regions. IoU is 0 where nothing was found; "

@@ -7,7 +7,7 @@ and velocity.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from io import BytesIO
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class Silhouettes:
         path = session.folder / "masks.npz"
         if not path.is_file():
             raise SessionError(session.name, got="no masks.npz", wanted="a rendered session with true silhouettes")
-        self._arrays = np.load(path)
+        self._arrays = np.load(BytesIO(path.read_bytes()))
         self._numbers = read_frames(session).index
 
     def find(self, station: str, epoch: int) -> Silhouette | None:
@@ -149,9 +149,3 @@ def _hint(
         SpanModel(session.target.span_m * float(np.exp(SPAN_SIGMA_RATIO * draw[2]))),
         float(position[2]),
     )
-
-
-def sessions_from(folders: list[Path]) -> list[Path]:
-    """Return the folders given, or the bundled landing."""
-    root = Path(__file__).resolve().parents[2]
-    return folders or [root / "recordings" / "landing-1"]

@@ -1,4 +1,4 @@
-"""Tables of a study: printed and written as Markdown, written as CSV."""
+"""Tables of an experiment: printed and written as Markdown, written as CSV."""
 
 import csv
 from collections.abc import Sequence
@@ -10,18 +10,27 @@ Cell = str | float | int | None
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """One table: ``name`` is its file's, ``notes`` are the paragraphs below it; None is an empty cell."""
+    """One table.
+
+    Attributes
+    ----------
+    name : its file's.
+    columns, rows : None is an empty cell.
+    notes : the paragraphs below it.
+    timed : the numbers, from 0, of the columns that hold times: they differ from run to run.
+    """
 
     name: str
     title: str
     columns: Sequence[str]
     rows: Sequence[Sequence[Cell]]
     notes: Sequence[str] = ()
+    timed: Sequence[int] = ()
 
     def markdown(self) -> str:
         """Return the title, the table and its notes."""
         lines = [f"## {self.title}", "", _line(self.columns), "|" + "---|" * len(self.columns)]
-        lines += [_line([_shown(cell) for cell in row]) for row in self.rows]
+        lines += [_line([shown(cell) for cell in row]) for row in self.rows]
         for note in self.notes:
             lines += ["", note]
         return "\n".join(lines) + "\n"
@@ -38,7 +47,8 @@ def _line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def _shown(cell: Cell) -> str:
+def shown(cell: Cell) -> str:
+    """Return a cell as it is printed."""
     if cell is None:
         return "–"
     if isinstance(cell, float):

@@ -2,20 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from detection_study.findings import WIDTHS_PX, of_phase
-from detection_study.looks import Outcome
+from groundstation.experiments.detection_tables import WIDTHS_PX, of_phase
+from groundstation.experiments.looks import Outcome
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-_SHADES = {"mixed": "#F0E442", "ground": "#8C6D46"}
+SHADES = {"mixed": "#F0E442", "ground": "#8C6D46"}
 
 
-def _axes(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
+def blank(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
+    """Return an empty figure of this size in inches, and its panels, row by row."""
     figure = Figure(figsize=size, layout="constrained")
     axes = [figure.add_subplot(rows, columns, k + 1) for k in range(rows * columns)]
     for ax in axes:
@@ -25,14 +27,15 @@ def _axes(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, l
     return figure, axes
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
+    """Write the figure as PNG."""
     # without the date and the version, equal data give equal files
     figure.savefig(path, dpi=130, metadata={"Software": None})
 
 
 def draw_roi_sweep(sweep: Mapping[str, Sequence[Outcome]], full: str, path: Path) -> None:
     """Draw time and deviation against the basic size."""
-    figure, (times, off) = _axes(1, 2, (9.0, 3.6))
+    figure, (times, off) = blank(1, 2, (9.0, 3.6))
     names = list(sweep)
     for k, (label, of) in enumerate((("detector", "elapsed_s"), ("segmentation", "segment_s"))):
         values = [1e3 * np.array([getattr(o, of) for o in sweep[n]]) for n in names]
@@ -55,27 +58,27 @@ def draw_roi_sweep(sweep: Mapping[str, Sequence[Outcome]], full: str, path: Path
         ax.set_xticks(range(len(ticks)), ticks, rotation=40, ha="right")
         ax.set_xlabel("basic size of the ROI, px")
         ax.legend(frameon=False, fontsize=8)
-    _save(figure, path)
+    save(figure, path)
 
 
 def draw_methods(methods: Mapping[str, Sequence[Outcome]], path: Path) -> None:
     """Draw overlap and the point's error over time, one camera, and the time of each method."""
-    figure, (overlap, error, times) = _axes(3, 1, (9.0, 9.0))
+    figure, (overlap, error, times) = blank(3, 1, (9.0, 9.0))
     for k, (name, every) in enumerate(methods.items()):
         first = min(o.station for o in every)
         shown = [o for o in every if o.station == first]
         t = np.array([o.t_s for o in shown])
-        style = {"color": COLOURS[k % len(COLOURS)], "linewidth": 1.1, "label": name}
+        style: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "linewidth": 1.1, "label": name}
         overlap.plot(t, [o.overlap for o in shown], **style)
         error.semilogy(t, [max(float(np.hypot(*o.error_px)), 0.02) if o.found else np.nan for o in shown], **style)
         values = [1e3 * o.segment_s for o in every]
         times.plot(np.sort(values), np.linspace(0, 100, len(values)), **style)
     any_method = next(iter(methods.values()))
     for ax in (overlap, error):
-        for phase, shade in _SHADES.items():
-            t = [o.t_s for o in of_phase(any_method, phase)]
-            if t:
-                ax.axvspan(min(t), max(t), color=shade, alpha=0.15, lw=0)
+        for phase, shade in SHADES.items():
+            shaded = [o.t_s for o in of_phase(any_method, phase)]
+            if shaded:
+                ax.axvspan(min(shaded), max(shaded), color=shade, alpha=0.15, lw=0)
         ax.set_xlabel("time, s (tinted: mixed background, then ground)")
     overlap.set_ylabel("IoU with truth (0: missed)")
     error.set_ylabel("point from nose, px")
@@ -84,12 +87,12 @@ def draw_methods(methods: Mapping[str, Sequence[Outcome]], path: Path) -> None:
     times.set_ylabel("% of frames at most")
     overlap.legend(frameon=False, fontsize=8, ncols=3, loc="upper left")
     overlap.set_ylim(0, 1.2)
-    _save(figure, path)
+    save(figure, path)
 
 
 def draw_accuracy(outcomes: Sequence[Outcome], path: Path) -> None:
     """Draw every error against the silhouette's width, and the mean normalised square by class of width."""
-    figure, axes = _axes(1, 3, (11.0, 3.6))
+    figure, axes = blank(1, 3, (11.0, 3.6))
     found = [o for o in outcomes if o.found]
     width = np.array([o.width_px for o in found])
     for axis, label in enumerate("uv"):
@@ -111,12 +114,12 @@ def draw_accuracy(outcomes: Sequence[Outcome], path: Path) -> None:
     axes[2].set_ylabel("NIS per dof (line: mean of the class)")
     for ax in axes:
         ax.set_xlabel("width of the silhouette, px")
-    _save(figure, path)
+    save(figure, path)
 
 
 def draw_cost(curves: Mapping[str, tuple[Sequence[float], Sequence[float]]], path: Path) -> None:
     """Draw the time of one segmentation against each quantity, both axes logarithmic."""
-    figure, axes = _axes(1, len(curves), (4.5 * len(curves), 3.4))
+    figure, axes = blank(1, len(curves), (4.5 * len(curves), 3.4))
     for k, (ax, (name, (amount, ms))) in enumerate(zip(axes, curves.items(), strict=True)):
         exponent, offset = np.polyfit(np.log(amount), np.log(ms), 1)
         ax.loglog(amount, ms, MARKERS[k], color=COLOURS[k])
@@ -125,4 +128,4 @@ def draw_cost(curves: Mapping[str, tuple[Sequence[float], Sequence[float]]], pat
         ax.set_xlabel(name)
         ax.set_ylabel("ms per segmentation")
         ax.legend(frameon=False, fontsize=8)
-    _save(figure, path)
+    save(figure, path)

@@ -1,1 +1,0 @@
-"""Looking at a recorded session with several detectors side by side, against the exact truth."""

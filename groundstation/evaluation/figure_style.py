@@ -1,0 +1,109 @@
+"""What the report's figures share: palette, style, tints of the phases, and a figure as SVG or PNG."""
+
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from groundstation.arrays import FloatArray
+from groundstation.evaluation.metrics import PhaseLike
+from groundstation.evaluation.series import BoolArray
+
+# Okabe and Ito's palette, told apart with any colour vision; markers and line styles tell the series apart besides
+EKF, TRIANGULATION, DGPS, TRUTH, BOUND, SMOOTHED = "#0072B2", "#E69F00", "#009E73", "#000000", "#CC79A7", "#D55E00"
+_PHASE_SHADES = {"sky": "#56B4E9", "mixed": "#F0E442", "ground": "#8C6D46"}
+_PHASE_ALPHA = 0.13
+# narrow, so that the text is still readable where a phone shows the figure 360 px wide
+_WIDTH_IN = 4.7
+_PNG_DPI = 200
+MAX_POINTS = 1000
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "groundstation",
+    "font.family": ["sans-serif"],
+    "font.size": 10.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.4,
+    "legend.frameon": False,
+    "legend.fontsize": 9.5,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """One figure of the report.
+
+    Attributes
+    ----------
+    name : of its files, without ending.
+    title : above it.
+    caption : says what to see in it.
+    alt : what it shows, for those who do not see it.
+    draw : fills an empty figure.
+    height_in : of the figure, in inches.
+    """
+
+    name: str
+    title: str
+    caption: str
+    alt: str
+    draw: Callable[[Figure], None]
+    height_in: float
+
+    def svg(self) -> str:
+        """Return the figure as an SVG element that says what it shows; the same each time."""
+        buffer = io.StringIO()
+        self._save(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        text = buffer.getvalue()
+        label = escape(f"{self.title}. {self.alt}", quote=True)
+        return text[text.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
+
+    def png(self) -> bytes:
+        """Return the figure as a PNG file."""
+        buffer = io.BytesIO()
+        self._save(buffer, format="png", dpi=_PNG_DPI, metadata={"Software": None})
+        return buffer.getvalue()
+
+    def _save(self, buffer: io.StringIO | io.BytesIO, **options: Any) -> None:
+        with mpl.rc_context(_STYLE):
+            figure = Figure(figsize=(_WIDTH_IN, self.height_in), layout="constrained")
+            self.draw(figure)
+            figure.savefig(buffer, **options)
+
+
+def stride(n: int) -> int:
+    """Return the step that leaves at most `MAX_POINTS` of ``n``."""
+    return max(1, -(-n // MAX_POINTS))
+
+
+def gapped(values: FloatArray, known: BoolArray) -> FloatArray:
+    """Return values with NaN where unknown, so that the line is not drawn across."""
+    return np.where(known, values, np.nan)
+
+
+def legend_above(ax: Axes, columns: int) -> None:
+    """Put the legend above the axes, where it hides nothing."""
+    ax.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, columnspacing=1.0, handletextpad=0.4, markerscale=2
+    )
+
+
+def shade_phases(ax: Axes, phases: Sequence[PhaseLike], label: bool) -> None:
+    """Tint the background of each phase; each kind enters the legend once."""
+    seen: set[str] = set()
+    for phase in phases:
+        name = phase.background if label and phase.background not in seen else None
+        seen.add(phase.background)
+        shade = _PHASE_SHADES.get(phase.background, "#999999")
+        ax.axvspan(phase.from_s, phase.to_s, color=shade, alpha=_PHASE_ALPHA, lw=0, label=name)

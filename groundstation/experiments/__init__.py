@@ -1,0 +1,1 @@
+"""The papers' experiments on our recordings: `groundstation reproduce`."""

@@ -1,0 +1,73 @@
+"""reproduce.html: all experiments on one self-contained page, ours beside the paper's."""
+
+import base64
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+from groundstation.evaluation.page_tables import Column, page_table, plain
+from groundstation.evaluation.report import html_page
+from groundstation.experiments.experiment import Experiment, Findings, PaperFigure
+from groundstation.experiments.tables import Table, shown
+
+_TIME_MARK = " †"
+_STYLE = (
+    "<style>.wide{overflow-x:auto}figure{margin:1rem 0}figure img{max-width:100%;height:auto}"
+    "nav li{margin:.15rem 0}.wide table{font-size:.84rem}.wide th,.wide td{padding:.2rem .4rem}"
+    ".wide td.text{min-width:7rem}"
+    "@media print{.wide{overflow:visible}.wide table{font-size:6.5pt}}</style>"
+)
+
+
+def paper_page(title: str, found: Sequence[tuple[Experiment, Findings]], folder: Path, notes: Sequence[str]) -> str:
+    """Return the page; its pictures, already drawn into ``folder``, become part of it."""
+    parts = [
+        _STYLE,
+        f"<header><p class='soft'>Groundstation · the papers' experiments</p><h1>{escape(title)}</h1></header><main>",
+        *(f"<p>{escape(note)}</p>" for note in notes),
+        f"<p>Columns marked{_TIME_MARK} are processor times: they differ from run to run. All else repeats.</p>",
+        "<nav><ol>",
+        *(
+            f"<li><a href='#{e.name}'>{escape(e.title)}</a> <span class='soft'>{escape(e.numbers)}</span></li>"
+            for e, _ in found
+        ),
+        "</ol></nav>",
+        *(_section(experiment, findings, folder) for experiment, findings in found),
+        "</main>",
+    ]
+    return html_page(escape(title), "\n".join(parts))
+
+
+def _section(experiment: Experiment, findings: Findings, folder: Path) -> str:
+    differences = "".join(f"<li>{escape(text)}</li>" for text in findings.differences)
+    listed = f"<h3>Differences in set-up</h3><ul>{differences}</ul>" if differences else ""
+    return (
+        f"<section id='{experiment.name}'><h2>{escape(experiment.title)}</h2>"
+        f"<p class='soft'>{escape(experiment.paper.value)}: {escape(experiment.numbers)}</p>"
+        + "".join(_table(table) for table in findings.tables)
+        + "".join(_figure(figure, folder) for figure in findings.figures)
+        + f"{listed}</section>"
+    )
+
+
+def _table(table: Table) -> str:
+    columns = [
+        Column(name + (_TIME_MARK if k in table.timed else ""), text=_is_text(table, k))
+        for k, name in enumerate(table.columns)
+    ]
+    rows = [("", [plain(shown(cell)) if cell not in (None, "") else "" for cell in row]) for row in table.rows]
+    notes = "".join(f"<p class='soft'>{escape(note)}</p>" for note in table.notes)
+    return f"<h3>{escape(table.title)}</h3><div class=wide>{page_table(columns, rows)}</div>{notes}"
+
+
+def _is_text(table: Table, column: int) -> bool:
+    return any(isinstance(row[column], str) for row in table.rows)
+
+
+def _figure(figure: PaperFigure, folder: Path) -> str:
+    data = base64.b64encode((folder / f"{figure.name}.png").read_bytes()).decode()
+    alt = escape(f"{figure.title}. {figure.caption}", quote=True)
+    return (
+        f'<figure><h3>{escape(figure.title)}</h3><img alt="{alt}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{escape(figure.caption)}</figcaption></figure>"
+    )

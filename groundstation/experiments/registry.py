@@ -1,0 +1,82 @@
+"""Every experiment of the papers that our recordings allow, in the papers' order. A new one is one line here."""
+
+from groundstation.experiments import canny, detectors, leaving, localisation, online, sensitivity
+from groundstation.experiments.experiment import Experiment, Paper
+
+EXPERIMENTS: tuple[Experiment, ...] = (
+    Experiment(
+        name="detectors",
+        paper=Paper.GROUND,
+        numbers="figures 7 and 9, table 2",
+        title="Chan-Vese against snake and GVF snake",
+        run=detectors.methods,
+    ),
+    Experiment(
+        name="trajectories",
+        paper=Paper.GROUND,
+        numbers="figure 8",
+        title="Trajectories by GVF, snake and Chan-Vese through one triangulation",
+        run=detectors.trajectories,
+    ),
+    Experiment(
+        name="roi",
+        paper=Paper.GROUND,
+        numbers="figure 10, table 1",
+        title="The size of the region of interest",
+        run=detectors.roi_sweep,
+    ),
+    Experiment(
+        name="accuracy",
+        paper=Paper.GROUND,
+        numbers="section 5.1",
+        title="The detector by size and background",
+        run=detectors.accuracy_by_phase,
+    ),
+    Experiment(
+        name="ekf",
+        paper=Paper.GROUND,
+        numbers="figure 11, table 3",
+        title="EKF against triangulation",
+        run=localisation.ekf_against_triangulation,
+    ),
+    Experiment(
+        name="sensitivity",
+        paper=Paper.GROUND,
+        numbers="figure 12",
+        title="What 0 to 50 px of detection error do",
+        run=sensitivity.sensitivity,
+    ),
+    Experiment(
+        name="out-of-view",
+        paper=Paper.GROUND,
+        numbers="figure 13",
+        title="Predictions out of the field of view",
+        run=leaving.leaving,
+    ),
+    Experiment(
+        name="failure",
+        paper=Paper.GROUND,
+        numbers="table 4",
+        title="A stretch in which detection fails",
+        run=localisation.failure_stretch,
+    ),
+    Experiment(
+        name="online",
+        paper=Paper.GROUND,
+        numbers="figure 14, table 5",
+        title="On line, 110 ms late",
+        run=online.online,
+    ),
+    Experiment(
+        name="canny",
+        paper=Paper.EDGES,
+        numbers="figure 1",
+        title="Canny's sensitivity to its σ",
+        run=canny.canny,
+    ),
+)
+
+
+def named(name: str) -> Experiment:
+    """Return the experiment of this name; raises `KeyError`."""
+    return {e.name: e for e in EXPERIMENTS}[name]

@@ -1,0 +1,93 @@
+"""Doing experiments one after the other and writing what they found: a page, a CSV per table, a PNG per figure."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from groundstation.errors import InputError
+from groundstation.evaluation.summary import versions
+from groundstation.experiments.experiment import Experiment, Findings
+from groundstation.experiments.page import paper_page
+from groundstation.experiments.recorded import Recorded
+from groundstation.experiments.registry import EXPERIMENTS, named
+from groundstation.warm_up import warm_up
+
+BUNDLED = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
+_PAGE = "reproduce.html"
+_SHOWN_VERSIONS = ("groundstation", "numpy", "scipy", "opencv-python-headless")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReproduceRequest:
+    """What the user asked for; ``only`` empty does all, ``session`` None takes the bundled landing."""
+
+    out: Path
+    only: tuple[str, ...] = ()
+    session: Path | None = None
+    from_s: float | None = None
+    to_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reproduced:
+    """What came of it: the experiments with their findings and their wall time in s, and the files written."""
+
+    found: tuple[tuple[Experiment, Findings], ...]
+    elapsed_s: tuple[float, ...]
+    files: tuple[Path, ...]
+
+
+def reproduce(request: ReproduceRequest, say: Callable[[str], None] = lambda words: None) -> Reproduced:
+    """Do the experiments and write page, tables and figures; ``say`` is told what is being done.
+
+    Raises `InputError` where the session cannot be used, or a file cannot be written.
+    """
+    chosen = [named(name) for name in dict.fromkeys(request.only)] or list(EXPERIMENTS)
+    folder = request.session or BUNDLED
+    if request.session is None and not folder.is_dir():
+        raise InputError(str(folder), got="no bundled recording", wanted="one, or --session")
+    recorded = Recorded(folder, request.from_s, request.to_s, say)
+    _make(request.out)
+    warm_up()
+    found, elapsed, files = [], [], []
+    for experiment in chosen:
+        say(experiment.title)
+        began = time.perf_counter()
+        findings = experiment.run(recorded)
+        files += _write(request.out, findings)
+        found.append((experiment, findings))
+        elapsed.append(time.perf_counter() - began)
+    page = request.out / _PAGE
+    title = f"The papers' experiments on {recorded.session.name}"
+    page.write_text(paper_page(title, found, request.out, _notes(request)), encoding="utf-8")
+    return Reproduced(found=tuple(found), elapsed_s=tuple(elapsed), files=(page, *files))
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
+
+
+def _write(folder: Path, findings: Findings) -> list[Path]:
+    """Write the tables as CSV and the figures as PNG; returns the files."""
+    files = []
+    for table in findings.tables:
+        table.write_csv(folder)
+        files.append(folder / f"{table.name}.csv")
+    for figure in findings.figures:
+        files.append(folder / f"{figure.name}.png")
+        figure.draw(files[-1])
+    return files
+
+
+def _notes(request: ReproduceRequest) -> Sequence[str]:
+    """Say what part was looked at, and with which versions."""
+    notes = []
+    if request.from_s is not None or request.to_s is not None:
+        limits = [f"{word} {v:g} s" for word, v in (("from", request.from_s), ("to", request.to_s)) if v is not None]
+        notes.append(f"Only a part of the recording: {' '.join(limits)}.")
+    known = versions()
+    return [*notes, "Versions: " + ", ".join(f"{name} {known[name]}" for name in _SHOWN_VERSIONS) + "."]

@@ -1,0 +1,172 @@
+"""The report's page as a document: well-formed, alone, readable without pictures, and no table wider than a phone."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from groundstation.evaluation.collector import ResultCollector
+from groundstation.evaluation.config import EvaluationConfig
+from groundstation.evaluation.evaluate import Evaluation, evaluate_run
+from groundstation.evaluation.page_tables import MAX_UNSTACKED, Column, axes_cell, page_table
+from groundstation.evaluation.report import PAGE_CSS, write_report
+from groundstation.evaluation.run_description import RunDescription
+from groundstation.messages import CarriedError, DgpsFix
+from groundstation.rig import Rig
+from tests.evaluation.synthetic import PSD, Path3D, Phase
+
+VOID = {"meta", "br", "link", "img", "input", "hr"}
+
+
+class Document(HTMLParser):
+    """Collects elements with their attributes; raises on tags that do not nest."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.found: list[tuple[str, dict[str, str | None]]] = []
+        self.tables: list[dict[str, Any]] = []
+        self.feed(page)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        self.found.append((tag, values))
+        if tag == "table":
+            self.tables.append({"stack": "stack" in (values.get("class") or ""), "rows": []})
+        if tag == "tr":
+            self.tables[-1]["rows"].append([])
+        if tag == "td":
+            self.tables[-1]["rows"][-1].append(values)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def evaluation(
+    landing_run: ResultCollector, landing_truth: Path3D, landing_fixes: list[DgpsFix], rig: Rig
+) -> Evaluation:
+    """A run with phases, both references, a smoothed track and carried errors."""
+    run = RunDescription(
+        name="a flight",
+        phases=(Phase(from_s=0.5, to_s=26.2, background="sky"), Phase(from_s=26.3, to_s=40.0, background="ground")),
+        acceleration_psd_m2_s3=PSD,
+        carried_errors=(
+            CarriedError(name="left.ptu_clock.offset", value=0.002, sigma=0.001, prior_sigma=0.01, estimated=True),
+            CarriedError(name="right.ptu_clock.offset", value=0.0, sigma=0.01, prior_sigma=0.01, estimated=False),
+        ),
+        learnt_until_s=12.5,
+    )
+    return evaluate_run(
+        landing_run,
+        run,
+        rig=rig,
+        config=EvaluationConfig(),
+        dgps=landing_fixes,
+        truth=landing_truth,
+        smoothed=landing_run,
+    )
+
+
+@pytest.fixture(scope="module")
+def written(evaluation: Evaluation, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report")
+    assert write_report(folder / "report.html", evaluation, EvaluationConfig()) == (
+        folder / "report.html",
+        folder / "figures",
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(written: Path) -> str:
+    return (written / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_page_is_well_formed_and_small(page: str) -> None:
+    document = Document(page)
+    assert [tag for tag, _ in document.found].count("h1") == 1
+    assert len(page.encode()) < 5_000_000
+
+
+def test_it_loads_nothing(page: str) -> None:
+    """Expected: no reference that leaves the page; names of XML dialects are none, nothing fetches them."""
+    for tag, attributes in Document(page).found:
+        assert tag not in ("script", "link", "iframe", "img"), tag
+        for name, value in attributes.items():
+            if name in ("src", "href", "xlink:href", "action", "poster", "data"):
+                assert value is not None
+                assert value.startswith("#"), (tag, name, value)
+    assert not re.search(r"@import|url\((?!#|'#|\"#)", page)
+
+
+def test_every_picture_says_what_it_shows(page: str) -> None:
+    pictures = [attributes for tag, attributes in Document(page).found if tag == "svg"]
+    assert len(pictures) == 8
+    for attributes in pictures:
+        assert attributes.get("role") == "img"
+        assert len(attributes.get("aria-label") or "") > 40
+    assert len({a["aria-label"] for a in pictures}) == len(pictures)
+
+
+def test_every_table_fits_a_phone(page: str) -> None:
+    """Expected: more than three columns become cards, in which each cell but the first names its column."""
+    tables = Document(page).tables
+    assert sum(t["stack"] for t in tables) >= 4
+    for table in tables:
+        for row in table["rows"]:
+            if not table["stack"]:
+                assert len(row) <= MAX_UNSTACKED
+            else:
+                assert all(cell.get("data-label") for cell in row[1:])
+
+
+def test_the_style_knows_phone_and_paper() -> None:
+    assert "@media(max-width:760px)" in PAGE_CSS
+    assert "@media print" in PAGE_CSS
+    assert PAGE_CSS.count("{") == PAGE_CSS.count("}")
+
+
+def test_figures_lie_beside_the_page(written: Path) -> None:
+    names = {p.name for p in (written / "figures").iterdir()}
+    stems = {"projection_xy", "projection_yz", "errors_truth", "errors_dgps", "bounds", "nees", "nis", "latency"}
+    assert names == {f"{stem}.{kind}" for stem in stems for kind in ("png", "svg")}
+    for path in (written / "figures").glob("*.svg"):
+        assert ElementTree.parse(path).getroot().tag.endswith("svg")
+    for path in (written / "figures").glob("*.png"):
+        assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_was_learnt_is_said(page: str) -> None:
+    assert "+2.0000 ± 1.0000 ms" in page
+    assert "not estimated" in page
+    assert "taught until 12.50 s" in page
+    assert "Until 12.5 s of the DGPS clock the filter was told the DGPS; the comparison" in page
+    assert "Smoothed over the whole flight" in page
+
+
+def test_bounds_stand_beside_errors(page: str, evaluation: Evaluation) -> None:
+    bound = evaluation.summary["accuracy"]["truth"]["total"]["bound"]["track_sigma_m"]
+    assert axes_cell(bound, ".3f") in page
+
+
+def test_a_table_of_three_columns_stays_one() -> None:
+    short = page_table((Column("a"), Column("b"), Column("c")), [("", ["1", "2", ""])])
+    assert "stack" not in short
+    assert "–" in short
+
+
+def test_axes_without_numbers_are_empty() -> None:
+    assert axes_cell(None, ".1f") == axes_cell((None, None, None), ".1f") == ""
+    assert "–" in axes_cell((1.0, None, float(np.pi)), ".1f")
