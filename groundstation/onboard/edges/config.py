@@ -32,8 +32,9 @@ class TrackerConfig:
     lasting_turn_rad, lasting_rise_m : process noise of these per frame.
     turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
     start_turn_rad, start_shift_m, start_width : how far off a first pair may be: direction, place, factor in width.
-    edge_sigma_m : what the seen edge and the pavement's may lie apart, for paint, lamps and shoulders; it does not
-        average out, and is added to what is reported (crossings only).
+    edge_sigma_m, edge_sigma_px : what the seen edge and the pavement's may lie apart, for paint, lamps and shoulders,
+        alike along an edge, and for blur and haze at either end; it does not average out, and is added to what is
+        reported (crossings only).
     gate : largest normalised innovation squared of an accepted measurement, 4 degrees of freedom.
     coast_frames : how long the lines are predicted alone before they are sought anew.
     line_noise, process_noise : the paper's U and Q, per element (lines only).
@@ -60,7 +61,8 @@ class TrackerConfig:
     start_turn_rad: float = math.radians(4.0)
     start_shift_m: float = 15.0
     start_width: float = 1.5
-    edge_sigma_m: float = 1.0
+    edge_sigma_m: float = 0.7
+    edge_sigma_px: float = 1.2
     gate: float = 25.0
     coast_frames: int = 10
     line_noise: float = 0.01

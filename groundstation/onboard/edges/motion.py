@@ -11,7 +11,6 @@ camera (the sign of n towards the ground), averaged over the points as in step 7
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
 
 import cv2
 import numpy as np
@@ -84,15 +83,14 @@ def ground_features(image: ImageArray, pose: CameraPose, kappa: FloatArray, conf
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     horizon = horizon_rows(pose, kappa, grey.shape[1]) + _BELOW_HORIZON_PX
     mask = (np.arange(grey.shape[0])[:, None] > horizon[None, :]).astype(np.uint8)
-    # OpenCV's own types know neither that there may be no corners nor SIFT
-    corners: Any = cv2.goodFeaturesToTrack(
+    corners: FloatArray | None = cv2.goodFeaturesToTrack(  # type: ignore[assignment]
         grey, config.corners, config.quality, config.apart_px, mask=mask, useHarrisDetector=True, k=0.04
     )
     if corners is None:
         return Features(pixels=np.empty((0, 2)), descriptors=np.empty((0, 128), np.float32))
     points = [cv2.KeyPoint(float(u), float(v), config.patch_px) for u, v in corners[:, 0]]
-    sift: Any = getattr(cv2, "SIFT_create")(contrastThreshold=0.0)  # noqa: B009
-    points, descriptors = sift.compute(grey, points)
+    sift = cv2.SIFT.create(contrastThreshold=0.0)
+    points, descriptors = sift.compute(grey, points)  # type: ignore[assignment]
     pixels = np.array([point.pt for point in points], dtype=np.float64).reshape(-1, 2)
     return Features(pixels=pixels, descriptors=np.asarray(descriptors))
 
@@ -181,8 +179,9 @@ def decompose(homography: FloatArray, used_px: FloatArray, pose: CameraPose, kap
     rays = np.column_stack([used_px, np.ones(len(used_px))]) @ np.linalg.inv(kappa).T
     down = -pose.threshold_from_camera[2]
     best, most = None, -np.inf
-    for rotation, translation, normal in zip(rotations, translations, normals, strict=True):
-        n = normal.ravel()
+    for r, t, normal in zip(rotations, translations, normals, strict=True):
+        rotation, translation = np.asarray(r, np.float64), np.asarray(t, np.float64)
+        n = np.asarray(normal, np.float64).ravel()
         # n·X = d > 0 for points in front
         if np.mean(rays @ n > 0.0) < 0.99:
             continue
@@ -191,11 +190,13 @@ def decompose(homography: FloatArray, used_px: FloatArray, pose: CameraPose, kap
             best, most = (rotation, translation.ravel(), n), upright
     if best is None:
         return NoMotion.NO_SOLUTION
-    rotation, translation, n = (np.asarray(part, np.float64) for part in best)
+    rotation, translation, n = best
     distance = _distance(used_px, n, pose, kappa)
     # X₂ = R X₁ + (t/d)·d
     return Motion(
-        first_from_second=rotation.T, second_in_first_m=-rotation.T @ translation * distance, inliers=len(used_px)
+        first_from_second=rotation.T,
+        second_in_first_m=np.asarray(-rotation.T @ translation * distance),
+        inliers=len(used_px),
     )
 
 

@@ -206,6 +206,7 @@ class EdgeTracker:
         """Return what the definition of an edge leaves open, (4, 4) px²: alike at both ends of a line."""
         px_per_m = np.abs(crossings[2:] - crossings[:2]) / max(abs(float(mean[C] - mean[D])), 1.0)
         own = np.outer(px_per_m, px_per_m) * self._config.edge_sigma_m**2
+        own += self._config.edge_sigma_px**2 * np.eye(2)
         return np.block([[own, np.zeros((2, 2))], [np.zeros((2, 2)), own]])
 
     def _coast(self, predicted: LineState, look: _Look | None, miss: EdgeMiss, nis: float) -> EdgeReport:
