@@ -4,13 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/landing-1
 
-.PHONY: demo test lint fuzz peers cameras figures study clean
+.PHONY: demo test docs lint fuzz peers cameras figures study clean
 
 $(VENV)/installed: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
 	@$(PYTHON) -c 'import venv, ensurepip' || { echo "On Debian and Ubuntu: apt install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,ptu,logs]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,docs,logs,ptu]'
 	@touch $@
 
 ## demo: replay the bundled landing and print its accuracy
@@ -20,6 +20,11 @@ demo: $(VENV)/installed
 ## test: everything that must hold, under ten minutes on two cores
 test: $(VENV)/installed lint
 	$(BIN)/python -m pytest
+
+## docs: these pages as a site, out/docs/index.html; no network, neither now nor when it is read
+docs: $(VENV)/installed
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going docs out/docs
+	@echo "wrote out/docs/index.html"
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

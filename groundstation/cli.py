@@ -13,6 +13,7 @@ from groundstation.cli_cameras import add_cameras, run_cameras
 from groundstation.cli_evaluate import add_evaluate, run_evaluate
 from groundstation.cli_import import add_import, run_import
 from groundstation.cli_live import add_live, run_check, run_live
+from groundstation.cli_onboard import add_onboard, run_onboard
 from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
 from groundstation.cli_simulate import add_simulate, run_simulate
@@ -55,7 +56,7 @@ _QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 1 the input stopped it, 2 wrong usage, 130 interrupted."""
-    parser = _parser()
+    parser = build_parser()
     options = parser.parse_args(arguments)
     if options.command is None:
         parser.print_help(sys.stderr)
@@ -85,7 +86,8 @@ def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str])
         environment.setdefault(name, value)
 
 
-def _parser() -> argparse.ArgumentParser:
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line; the documentation prints its help."""
     parser = argparse.ArgumentParser(
         prog="groundstation",
         description="Where is the approaching aircraft, in 3-D, from two cameras on pan-tilt units; without GNSS.",
@@ -101,6 +103,7 @@ def _parser() -> argparse.ArgumentParser:
     add_convert(commands)
     add_cameras(commands)
     add_live(commands)
+    add_onboard(commands)
     add_ptu(commands)
     add_simulate(commands)
     add_view(commands)
@@ -295,6 +298,7 @@ _COMMANDS = {
     "cameras": run_cameras,
     "live": run_live,
     "check": run_check,
+    "onboard": run_onboard,
     "ptu": run_ptu,
     "config": _config,
 }

@@ -55,6 +55,12 @@ def add_landmark_kinds(kinds: "argparse._SubParsersAction[argparse.ArgumentParse
     )
     check.add_argument("--report", type=Path, metavar="DIR", help="write report.html there")
     check.add_argument(
+        "--runway",
+        metavar="NAMES",
+        help="these landmarks, four or more with commas, are the runway's corners, all seen in one look: compare each "
+        "camera's pose by them with the rig's, too",
+    )
+    check.add_argument(
         "--alarm-deg",
         type=float,
         default=0.01,
@@ -117,6 +123,15 @@ def run_calibrate_check(options: argparse.Namespace) -> int:
         )
     )
     print(done.text)
+    good = done.good
+    if options.runway is not None:
+        from groundstation.cli_calibrate_runway import check_runway
+
+        # with --out, what has moved has just been put right
+        rig = options.rig if options.out is None else options.out
+        text, agree = check_runway(options.sightings, options.landmarks, rig, options.runway.split(","))
+        print(text)
+        good = good and agree
     for path in done.written:
         print(f"wrote {path}")
-    return 0 if done.good else 1
+    return 0 if good else 1

@@ -41,7 +41,7 @@ from ptu_drivers.simulated_server import SimulatedServer
 from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
 
 _SLOTS = 8
-_READY_S = 120.0
+_READY_S = 600.0
 _ARCSEC = 3600.0
 _PATTERN = BayerPattern.RG
 # before it begins, the aircraft is on its way from so far

@@ -1,0 +1,111 @@
+"""The file of `--camera`: a lens, how it sits in the aircraft, roughly what runway it will see, where it starts."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from groundstation.errors import InputError
+from groundstation.geometry.camera import Lens
+from groundstation.onboard.edges.pose import Attitude, CameraPose, RunwayPlace, nose_pose
+from groundstation.onboard.edges.search_band import RunwayGuess, position_by_height
+from groundstation.toml_table import Table, load_toml
+
+_KEYS = frozenset(
+    {"image_size_px", "focal_px", "principal_point_px", "distortion", "mount_deg", "runway", "start"},
+)
+_RUNWAY_KEYS = frozenset({"width_m", "length_m", "heading_deg", "lat_deg", "lon_deg", "alt_m"})
+_START_KEYS = frozenset({"height_m", "distance_m", "lateral_m", "roll_deg", "pitch_deg", "yaw_deg"})
+
+
+class CameraFileError(InputError):
+    """A camera file is not usable."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoseCamera:
+    """What a camera file says.
+
+    Attributes
+    ----------
+    lens, mount : the camera, and how it is turned in the aircraft.
+    guess : the runway's width and length, roughly.
+    heading_rad : which way one lands, clockwise from north; 0 where yaw is told from the landing direction.
+    place : the threshold on Earth, None where the file does not say.
+    start : pose at the first frame, None where the file does not say.
+    """
+
+    lens: Lens
+    mount: Attitude
+    guess: RunwayGuess
+    heading_rad: float
+    place: RunwayPlace | None
+    start: CameraPose | None
+
+
+def load_nose_camera(path: Path) -> NoseCamera:
+    """Read a camera file; raises `CameraFileError`."""
+    table = Table(load_toml(path, CameraFileError), str(path), CameraFileError)
+    table.refuse_unknown(_KEYS)
+    roll, pitch, yaw = np.radians(table.vector("mount_deg", 3, (0.0, 0.0, 0.0)))
+    mount = Attitude(roll_rad=float(roll), pitch_rad=float(pitch), yaw_rad=float(yaw))
+    runway = table.table("runway")
+    runway.refuse_unknown(_RUNWAY_KEYS)
+    usual = RunwayGuess()
+    guess = RunwayGuess(
+        width_m=runway.number("width_m", usual.width_m, minimum=1.0, maximum=200.0),
+        length_m=runway.number("length_m", usual.length_m, minimum=20.0, maximum=10_000.0),
+    )
+    heading = math.radians(runway.number("heading_deg", 0.0))
+    return NoseCamera(
+        lens=_lens(table),
+        mount=mount,
+        guess=guess,
+        heading_rad=heading,
+        place=_place(runway, heading),
+        start=_start(table, guess, heading, mount) if "start" in table else None,
+    )
+
+
+def _lens(table: Table) -> Lens:
+    size = table.vector("image_size_px", 2)
+    if np.any(size < 16) or np.any(size != np.round(size)) or np.any(size > 65536):
+        raise table.fail("image_size_px", str(size.tolist()), "two whole numbers of pixels from 16 to 65536")
+    focal = table.vector("focal_px", 2)
+    if np.any(focal <= 0):
+        raise table.fail("focal_px", str(focal.tolist()), "two numbers > 0")
+    return Lens(
+        image_size_px=(int(size[0]), int(size[1])),
+        focal_px=focal,
+        principal_point_px=table.vector("principal_point_px", 2),
+        distortion=table.vector("distortion", 5, (0.0,) * 5),
+    )
+
+
+def _place(runway: Table, heading_rad: float) -> RunwayPlace | None:
+    given = [key for key in ("lat_deg", "lon_deg", "alt_m") if key in runway]
+    if not given:
+        return None
+    return RunwayPlace(
+        lat_deg=runway.number("lat_deg", minimum=-90.0, maximum=90.0),
+        lon_deg=runway.number("lon_deg", minimum=-180.0, maximum=360.0),
+        alt_m=runway.number("alt_m"),
+        heading_rad=heading_rad,
+    )
+
+
+def _start(table: Table, guess: RunwayGuess, heading_rad: float, mount: Attitude) -> CameraPose:
+    start = table.table("start")
+    start.refuse_unknown(_START_KEYS)
+    position = position_by_height(start.number("height_m", above=0.0), guess)
+    if "distance_m" in start:
+        position[1] = start.number("distance_m")
+    position[0] = start.number("lateral_m", 0.0)
+    yaw_rad = math.radians(start.number("yaw_deg", math.degrees(heading_rad))) - heading_rad
+    attitude = Attitude(
+        roll_rad=math.radians(start.number("roll_deg", 0.0)),
+        pitch_rad=math.radians(start.number("pitch_deg", 0.0)),
+        yaw_rad=yaw_rad,
+    )
+    return nose_pose(position, attitude, mount)

@@ -1,0 +1,79 @@
+"""Tuning of the edge tracker, with its defaults and with the paper's numbers."""
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+
+from groundstation.onboard.edges.descent import DescentConfig, Energy
+from groundstation.onboard.edges.detection import DetectionConfig
+from groundstation.onboard.edges.search_band import RunwayGuess
+from groundstation.onboard.edges.strip import StripConfig
+
+
+class Measurement(Enum):
+    """What the filter is told of a picture: the paper's six numbers, or crossings with their own covariance."""
+
+    LINES = "lines"
+    CROSSINGS = "crossings"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackerConfig:
+    """Tuning of the tracker.
+
+    Attributes
+    ----------
+    measurement : what the filter is told.
+    use_strip : search about the prediction before going down, and settle to a fraction of a pixel after it.
+    paint_m : bright marks narrower than this are taken away first, painted lines and lamps; 0 for none.
+    band_m, least_band_px, most_band_px : width of the neighbourhoods on the ground, and its limits in the picture.
+    attitude_sigma_rad, position_sigma_m : what a pose may be wrong by, anew in each frame (crossings only).
+    lasting_attitude_rad, lasting_height_m : and for good: roll and pitch, and height; estimated (crossings only).
+    lasting_turn_rad, lasting_rise_m : process noise of these per frame.
+    turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
+    start_turn_rad, start_shift_m, start_width : how far off a first pair may be: direction, place, factor in width.
+    edge_sigma_m : what the seen edge and the pavement's may lie apart, for paint, lamps and shoulders; it does not
+        average out, and is added to what is reported (crossings only).
+    gate : largest normalised innovation squared of an accepted measurement, 4 degrees of freedom.
+    coast_frames : how long the lines are predicted alone before they are sought anew.
+    line_noise, process_noise : the paper's U and Q, per element (lines only).
+    """
+
+    measurement: Measurement = Measurement.CROSSINGS
+    use_strip: bool = True
+    guess: RunwayGuess = field(default_factory=RunwayGuess)
+    descent: DescentConfig = field(default_factory=DescentConfig)
+    strip: StripConfig = field(default_factory=StripConfig)
+    detection: DetectionConfig = field(default_factory=DetectionConfig)
+    paint_m: float = 1.2
+    band_m: float = 2.5
+    least_band_px: float = 2.5
+    most_band_px: float = 40.0
+    attitude_sigma_rad: float = math.radians(0.25)
+    position_sigma_m: tuple[float, float, float] = (0.15, 0.15, 0.15)
+    lasting_attitude_rad: float = math.radians(0.7)
+    lasting_height_m: float = 1.5
+    lasting_turn_rad: float = math.radians(0.02)
+    lasting_rise_m: float = 0.02
+    turn_sigma_rad: float = math.radians(0.05)
+    shift_sigma_m: float = 0.05
+    start_turn_rad: float = math.radians(4.0)
+    start_shift_m: float = 15.0
+    start_width: float = 1.5
+    edge_sigma_m: float = 1.0
+    gate: float = 25.0
+    coast_frames: int = 10
+    line_noise: float = 0.01
+    process_noise: float = 0.01
+
+
+def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> TrackerConfig:
+    """Return the paper's tracker: gradient descent from the prediction, U and Q as printed, everything accepted."""
+    return TrackerConfig(
+        measurement=Measurement.LINES,
+        use_strip=False,
+        paint_m=0.0,
+        guess=guess,
+        descent=DescentConfig(energy=energy, adaptive_gamma=False),
+        gate=math.inf,
+    )

@@ -1,0 +1,198 @@
+"""Algorithm 1: the runway's edges in one picture, without a first guess of where they are.
+
+1. The response of each column: colours right and left of it, over the intersection of the regions of all angles.
+2. The N highest local maxima of the squared difference (the paper's minima of −½(u − v)²).
+3. For each, the best angle on a coarse grid, then on a fine one.
+4. The energy of every pair, and the lowest one that could be a runway.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.onboard.edges.energy import spatially_variant
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectionConfig:
+    """Tuning of Algorithm 1.
+
+    Attributes
+    ----------
+    candidates : N.
+    half_angle_rad : half the range of angles off the vertical (the paper's θ of step 1a).
+    angles : of the coarse grid; the fine one has as many between two of them.
+    reach_m, least_reach_px : width of the regions beside a line.
+    apart_m : least distance of two candidates.
+    """
+
+    candidates: int = 5
+    half_angle_rad: float = math.radians(45.0)
+    angles: int = 5
+    reach_m: float = 6.0
+    least_reach_px: float = 5.0
+    apart_m: float = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Detected:
+    """A pair of edges: crossings (4,) px with the rows, its energy; response (w,) and candidates (n, 2) u, angle."""
+
+    crossings_px: FloatArray
+    energy: float
+    response: FloatArray
+    candidates: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoPair:
+    """No pair of candidates could be the runway; the response (w,) and the candidates (n, 2) that there were."""
+
+    response: FloatArray
+    candidates: FloatArray
+
+
+@njit(cache=True, nogil=True)
+def response(image: ImageArray, rows: FloatArray, reach: float, half_angle: float, out: FloatArray) -> None:
+    """Fill ``out`` (w,) with −½ |u − v|² of the intersection masks about the middle row; 0 at the borders."""
+    h, w = image.shape[:2]
+    first, last = max(math.ceil(rows[0]), 0), min(math.floor(rows[1]), h - 1)
+    middle, slope = 0.5 * (rows[0] + rows[1]), math.tan(half_angle)
+    right, left = np.zeros((w, 3)), np.zeros((w, 3))
+    count = 0.0
+    prefix = np.zeros((w + 1, 3))
+    for row in range(first, last + 1):
+        # where the regions of all angles overlap in this row: from |dy| tan θ to reach − |dy| tan θ
+        start = round(abs(row - middle) * slope)
+        end = round(reach) - start
+        if end <= start:
+            continue
+        for j in range(w):
+            for c in range(3):
+                prefix[j + 1, c] = prefix[j, c] + image[row, j, c]
+        count += end - start
+        for j in range(w):
+            if j - end < 0 or j + end >= w:
+                continue
+            for c in range(3):
+                right[j, c] += prefix[j + end + 1, c] - prefix[j + start + 1, c]
+                left[j, c] += prefix[j - start, c] - prefix[j - end, c]
+    out[:] = 0.0
+    if count > 0.0:
+        for j in range(w):
+            for c in range(3):
+                out[j] -= 0.5 * ((right[j, c] - left[j, c]) / count / 255.0) ** 2
+
+
+@njit(cache=True, nogil=True)
+def line_energies(
+    image: ImageArray, rows: FloatArray, columns: FloatArray, slopes: FloatArray, reaches: FloatArray, out: FloatArray
+) -> None:
+    """Fill ``out`` (n, m) with Eq. 4 of lines through the middle row at ``columns`` (n,), slopes (m,) px per row.
+
+    ``reaches`` (2,) are the regions' widths at the upper and the lower row, px along the row.
+    """
+    h, w = image.shape[:2]
+    middle, height = 0.5 * (rows[0] + rows[1]), rows[1] - rows[0]
+    u, v = np.empty(3), np.empty(3)
+    for i in range(columns.size):
+        for k in range(slopes.size):
+            total, places = 0.0, 0
+            for row in range(max(math.ceil(rows[0]), 0), min(math.floor(rows[1]), h - 1) + 1):
+                place = round(columns[i] + slopes[k] * (row - middle))
+                reach = max(round(reaches[0] + (reaches[1] - reaches[0]) * (row - rows[0]) / height), 1)
+                places += 1
+                if place - reach < 0 or place + reach >= w:
+                    continue
+                u[:] = 0.0
+                v[:] = 0.0
+                for j in range(1, reach + 1):
+                    for c in range(3):
+                        u[c] += image[row, place + j, c]
+                        v[c] += image[row, place - j, c]
+                for c in range(3):
+                    total += ((u[c] - v[c]) / (255.0 * reach)) ** 2
+            out[i, k] = -0.5 * total / max(places, 1)
+
+
+def detect(
+    image: ImageArray,
+    rows_px: FloatArray,
+    px_per_m: FloatArray,
+    config: DetectionConfig,
+    plausible: Callable[[FloatArray], float],
+) -> Detected | NoPair:
+    """Run Algorithm 1 between two rows.
+
+    Parameters
+    ----------
+    px_per_m : (2,) pixels per metre across the runway at the upper and the lower row.
+    plausible : weight of a pair's energy by its crossings (4,): 0 for what cannot be a runway, 1 for no objection.
+    """
+    reaches = np.maximum(config.reach_m * px_per_m, config.least_reach_px)
+    profile = np.empty(image.shape[1])
+    half_height = 0.5 * float(rows_px[1] - rows_px[0])
+    response(image, rows_px, float(reaches.mean()), config.half_angle_rad, profile)
+    apart = max(config.apart_m * float(px_per_m.mean()), 3.0)
+    columns = lowest_minima(profile, config.candidates, apart)
+    candidates = _angles(image, rows_px, columns, reaches, config)
+    best, lowest = None, 0.0
+    grad, widths, normals = np.empty(4), np.empty((2, 2)), np.zeros(2)
+    for a in candidates:
+        for b in candidates:
+            if a[0] >= b[0]:
+                continue
+            slopes = np.tan(np.array([a[1], b[1]]))
+            ends = np.array([a[0], b[0]])[:, None] + slopes[:, None] * np.array([-half_height, half_height])
+            if np.any(ends[1] - ends[0] < 2.0):
+                continue
+            weight = plausible(ends.ravel())
+            if weight <= 0.0:
+                continue
+            widths[:] = reaches / np.hypot(1.0, slopes)[:, None]
+            energy = weight * float(spatially_variant(image, ends.ravel(), rows_px, widths, normals, (24, 6), grad))
+            if energy < lowest:
+                best, lowest = ends.ravel(), energy
+    if best is None:
+        return NoPair(response=profile, candidates=candidates)
+    return Detected(crossings_px=best, energy=lowest, response=profile, candidates=candidates)
+
+
+def lowest_minima(profile: FloatArray, count: int, apart: float) -> FloatArray:
+    """Return where the ``count`` lowest local minima of a profile (w,) are, no two closer than ``apart``."""
+    inner = profile[1:-1]
+    places = 1 + np.flatnonzero((inner < 0.0) & (inner <= profile[:-2]) & (inner <= profile[2:]))
+    chosen: list[int] = []
+    for place in places[np.argsort(profile[places], kind="stable")]:
+        if all(abs(place - other) >= apart for other in chosen):
+            chosen.append(int(place))
+        if len(chosen) == count:
+            break
+    return np.array(chosen, dtype=np.float64)
+
+
+def _angles(
+    image: ImageArray, rows: FloatArray, columns: FloatArray, reaches: FloatArray, config: DetectionConfig
+) -> FloatArray:
+    """Return each column (n,) with its best angle off the vertical, (n, 2): coarse grid first, then a fine one."""
+    if columns.size == 0:
+        return np.empty((0, 2))
+    coarse = np.linspace(-config.half_angle_rad, config.half_angle_rad, config.angles)
+    energies = np.empty((columns.size, coarse.size))
+    line_energies(image, rows, columns, np.tan(coarse), reaches, energies)
+    found = []
+    spacing = coarse[1] - coarse[0]
+    for column, angle in zip(columns, coarse[energies.argmin(axis=1)], strict=True):
+        fine = angle + spacing * np.linspace(-1.0, 1.0, 4 * config.angles + 1)
+        fine = fine[np.abs(fine) <= config.half_angle_rad + 1e-9]
+        # the column is that of the middle row only to within the masks' width
+        shifts = column + np.arange(-3.0, 4.0)
+        own = np.empty((shifts.size, fine.size))
+        line_energies(image, rows, shifts, np.tan(fine), reaches, own)
+        i, k = np.unravel_index(own.argmin(), own.shape)
+        found.append((shifts[i], fine[k]))
+    return np.array(found)

@@ -1,0 +1,129 @@
+"""The runway as two parallel lines on the ground, and as two lines of the picture.
+
+State x = (a, b, c, d): a·x + b·y + c = 0 and a·x + b·y + d = 0 on the ground, a² + b² = 1, a ≥ 0 (Eqs. 12, 13, 20).
+In the picture the edges are given by their `crossings` with an upper and a lower row: u of line 1 (c) at both, u of
+line 2 (d) at both. The paper's distances from the rectangle's corners are d₁ = u₁, d₂ = u₂, d₃ = L₁ − u₃,
+d₄ = L₁ − u₄. During an approach line 1 is the left one.
+"""
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels, pixel_from_ground
+
+STATE = ("a", "b", "c", "d")
+A, B, C, D = range(4)
+# what the tracker's own state carries besides: the pose's lasting errors, rad, rad and m
+ROLL, PITCH, UP = range(4, 7)
+_LINES = ((A, B, C), (A, B, D))
+
+
+def line_map(pose: CameraPose, kappa: FloatArray) -> FloatArray:
+    """Return E = (κ[r₁ r₂ t])⁻ᵀ, (3, 3): a line of the ground to the line of the picture, Eqs. 30 and B15."""
+    return np.asarray(np.linalg.inv(pixel_from_ground(pose, kappa)).T)
+
+
+def measurement_matrix(pose: CameraPose, kappa: FloatArray) -> FloatArray:
+    """Return C_k (6, 4), Eqs. 34 and B19: both lines of the picture from the state (Eq. 32's second as in B17)."""
+    e = line_map(pose, kappa)
+    matrix = np.zeros((6, 4))
+    matrix[:3, [A, B, C]] = e
+    matrix[3:, [A, B, D]] = e
+    return matrix
+
+
+def normalised_lines(lines: FloatArray) -> FloatArray:
+    """Return two lines of the picture (6,), each with a normal of length 1 that points to the right."""
+    pair = np.reshape(lines, (2, 3))
+    lengths = np.hypot(pair[:, 0], pair[:, 1]) * np.where(pair[:, 0] < 0.0, -1.0, 1.0)
+    return np.asarray((pair / lengths[:, None]).ravel())
+
+
+def lines_from_crossings(crossings_px: FloatArray, rows_px: FloatArray) -> FloatArray:
+    """Return both lines of the picture (6,), normalised, from crossings (4,) with the rows (2,)."""
+    (v0, v1), lines = rows_px, []
+    for u0, u1 in np.reshape(crossings_px, (2, 2)):
+        lines += [v1 - v0, u0 - u1, u1 * v0 - u0 * v1]
+    return normalised_lines(np.array(lines))
+
+
+def crossings_from_lines(lines: FloatArray, rows_px: FloatArray) -> FloatArray:
+    """Return the crossings (4,) of two lines of the picture (6,) with the rows (2,)."""
+    pair = np.reshape(lines, (2, 3))
+    return np.asarray((-(pair[:, 1:2] * rows_px + pair[:, 2:3]) / pair[:, 0:1]).ravel())
+
+
+def crossings_at(crossings_px: FloatArray, rows_px: FloatArray, wanted_px: FloatArray) -> FloatArray:
+    """Return crossings (4,) with rows (2,) moved along their lines to other rows (2,)."""
+    pair = np.reshape(crossings_px, (2, 2))
+    slope = (pair[:, 1:] - pair[:, :1]) / (rows_px[1] - rows_px[0])
+    return np.asarray((pair[:, :1] + slope * (wanted_px - rows_px[0])).ravel())
+
+
+def project_lines(state: FloatArray, e: FloatArray, rows_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the crossings (4,) of a state (4,) with the rows (2,), and their derivative by the state (4, 4)."""
+    crossings, jacobian = np.empty(4), np.zeros((4, 4))
+    for line, own in enumerate(_LINES):
+        l0, l1, l2 = e @ state[list(own)]
+        for end, v in enumerate(rows_px):
+            k = 2 * line + end
+            crossings[k] = -(l1 * v + l2) / l0
+            jacobian[k, list(own)] = np.array([-crossings[k] / l0, -v / l0, -1.0 / l0]) @ e
+    return crossings, jacobian
+
+
+def pose_jacobian(crossings_px: FloatArray, rows_px: FloatArray, pose: CameraPose, kappa: FloatArray) -> FloatArray:
+    """Return how crossings move with the pose, (4, 6): rotation vector (3,) and shift (3,), camera frame.
+
+    The camera turns by θ (threshold_from_camera → threshold_from_camera · exp[θ]×) and moves by its own axes.
+    """
+    slopes = np.repeat((crossings_px[1::2] - crossings_px[0::2]) / (rows_px[1] - rows_px[0]), 2)
+    pixels = np.column_stack([crossings_px, np.tile(rows_px, 2)])
+    ray = np.column_stack([pixels, np.ones(4)]) @ np.linalg.inv(kappa).T
+    x, y, one, zero = ray[:, 0], ray[:, 1], np.ones(4), np.zeros(4)
+    # a point that stands still moves in the camera by −θ × X − shift
+    turn_x = np.stack([x * y, -(1.0 + x * x), y], axis=1)
+    turn_y = np.stack([1.0 + y * y, -x * y, -x], axis=1)
+    down = ray @ pose.threshold_from_camera[2]
+    nearness = -down / pose.camera_threshold_m[2]
+    move_x = np.stack([-one, zero, x], axis=1) * nearness[:, None]
+    move_y = np.stack([zero, -one, y], axis=1) * nearness[:, None]
+    du = kappa[0, 0] * np.hstack([turn_x, move_x]) + kappa[0, 1] * np.hstack([turn_y, move_y])
+    dv = kappa[1, 1] * np.hstack([turn_y, move_y])
+    return np.asarray(du - slopes[:, None] * dv)
+
+
+def bias_jacobian(jacobian: FloatArray, pose: CameraPose) -> FloatArray:
+    """Return how crossings move with (ROLL, PITCH, UP), (4, 3), from `pose_jacobian`'s (4, 6)."""
+    up = jacobian[:, 3:] @ pose.threshold_from_camera[2]
+    return np.stack([jacobian[:, 2], jacobian[:, 0], up], axis=1)
+
+
+def state_from_crossings(
+    crossings_px: FloatArray, rows_px: FloatArray, pose: CameraPose, kappa: FloatArray
+) -> FloatArray:
+    """Return the state (4,) of two lines of the picture; where they are not parallel, their mean direction.
+
+    Each line then goes through the middle of its piece on the ground. NaN where a row is above the horizon.
+    """
+    pixels = np.column_stack([crossings_px, np.tile(rows_px, 2)])
+    ground = ground_from_pixels(pose, kappa, pixels).reshape(2, 2, 2)
+    along = ground[:, 1] - ground[:, 0]
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    mean = along.sum(axis=0) / np.linalg.norm(along.sum(axis=0))
+    normal = np.array([mean[1], -mean[0]])
+    normal = normal if normal[0] >= 0.0 else -normal
+    # the lower end sees the ground more finely, and weighs more
+    places = 0.3 * ground[:, 0] + 0.7 * ground[:, 1]
+    return np.array([*normal, *(-places @ normal)])
+
+
+def shifted(state: FloatArray, outwards_m: float) -> FloatArray:
+    """Return the state with both lines moved away from each other; a negative number moves them together."""
+    sign = 1.0 if state[C] >= state[D] else -1.0
+    return state + sign * outwards_m * np.array([0.0, 0.0, 1.0, -1.0])
+
+
+def angle_between(state: FloatArray) -> float:
+    """Return the angle of the lines off the y axis, rad."""
+    return float(np.arctan2(state[B], state[A]))

@@ -1,0 +1,247 @@
+"""The camera's motion from two pictures of flat ground: Algorithm 2.
+
+Harris corners with SIFT descriptors, matched by Lowe's ratio, a homography by RANSAC, its decomposition into rotation,
+translation over distance and normal, the solution that leaves every point in front of the camera, and the scale from
+the height over the ground. Poses are then composed.
+
+The camera's second frame is seen from the first: X₁ = R₁₂ X₂ + t₁₂, and H̃ = R₂₁ + t₂₁ n ᵀ / d maps pixels of the first
+picture to the second (Eq. 37 as printed maps the other way). d is the distance of the ground along n from the first
+camera (the sign of n towards the ground), averaged over the points as in step 7; "−R₁t₁" there is −R₁ᵀt₁.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.geometry.rotation import rotation_from_vector
+from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels
+
+_BELOW_HORIZON_PX = 6.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionConfig:
+    """Tuning of Algorithm 2.
+
+    Attributes
+    ----------
+    corners, quality, apart_px : Harris corners at most, least strength as a share of the best one's, distance.
+    patch_px, ratio : size of a descriptor's key point; Lowe's ratio.
+    tolerance_px, least_inliers : RANSAC's.
+    refine : fit rotation and translation anew to the matches, the ground being known from the first pose.
+    seed : of RANSAC.
+    """
+
+    corners: int = 600
+    quality: float = 0.002
+    apart_px: float = 5.0
+    patch_px: float = 12.0
+    ratio: float = 0.8
+    tolerance_px: float = 1.0
+    least_inliers: int = 20
+    refine: bool = True
+    seed: int = 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Motion:
+    """The second camera in the first one's frame: rotation (3, 3), translation (3,) m; and how many points agreed."""
+
+    first_from_second: FloatArray
+    second_in_first_m: FloatArray
+    inliers: int
+
+
+class NoMotion(Enum):
+    """Why two pictures give no motion."""
+
+    FEW_MATCHES = "too few points of the ground match"
+    NO_HOMOGRAPHY = "the matches agree on no homography"
+    NO_SOLUTION = "no decomposition leaves the points in front of the camera"
+
+
+def horizon_rows(pose: CameraPose, kappa: FloatArray, width: int) -> FloatArray:
+    """Return the horizon's row for each column (width,)."""
+    line = np.linalg.inv(kappa).T @ pose.threshold_from_camera[2]
+    return np.asarray(-(line[0] * np.arange(width) + line[2]) / line[1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Features:
+    """Corners of a picture (n, 2) px with their descriptors (n, 128)."""
+
+    pixels: FloatArray
+    descriptors: FloatArray
+
+
+def ground_features(image: ImageArray, pose: CameraPose, kappa: FloatArray, config: MotionConfig) -> Features:
+    """Return Harris corners below the horizon with SIFT descriptors."""
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    horizon = horizon_rows(pose, kappa, grey.shape[1]) + _BELOW_HORIZON_PX
+    mask = (np.arange(grey.shape[0])[:, None] > horizon[None, :]).astype(np.uint8)
+    # OpenCV's own types know neither that there may be no corners nor SIFT
+    corners: Any = cv2.goodFeaturesToTrack(
+        grey, config.corners, config.quality, config.apart_px, mask=mask, useHarrisDetector=True, k=0.04
+    )
+    if corners is None:
+        return Features(pixels=np.empty((0, 2)), descriptors=np.empty((0, 128), np.float32))
+    points = [cv2.KeyPoint(float(u), float(v), config.patch_px) for u, v in corners[:, 0]]
+    sift: Any = getattr(cv2, "SIFT_create")(contrastThreshold=0.0)  # noqa: B009
+    points, descriptors = sift.compute(grey, points)
+    pixels = np.array([point.pt for point in points], dtype=np.float64).reshape(-1, 2)
+    return Features(pixels=pixels, descriptors=np.asarray(descriptors))
+
+
+def matched(first: Features, second: Features, ratio: float) -> tuple[FloatArray, FloatArray]:
+    """Return pixels (n, 2) of both pictures whose best match is better than ``ratio`` times the second best."""
+    if len(first.pixels) < 2 or len(second.pixels) < 2:
+        return np.empty((0, 2)), np.empty((0, 2))
+    pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(first.descriptors, second.descriptors, k=2)
+    good = [p[0] for p in pairs if len(p) == 2 and p[0].distance < ratio * p[1].distance]
+    return first.pixels[[m.queryIdx for m in good]], second.pixels[[m.trainIdx for m in good]]
+
+
+def recover_motion(
+    first_px: FloatArray, second_px: FloatArray, pose: CameraPose, kappa: FloatArray, config: MotionConfig
+) -> Motion | NoMotion:
+    """Return the motion between two pictures from matched pixels (n, 2) of both; ``pose`` is the first one's."""
+    if len(first_px) < config.least_inliers:
+        return NoMotion.FEW_MATCHES
+    cv2.setRNGSeed(config.seed)
+    homography, inliers = cv2.findHomography(first_px, second_px, cv2.RANSAC, config.tolerance_px)
+    if homography is None or int(inliers.sum()) < config.least_inliers:
+        return NoMotion.NO_HOMOGRAPHY
+    good = inliers.ravel() > 0
+    motion = decompose(np.asarray(homography, np.float64), first_px[good], pose, kappa)
+    if config.refine:
+        return refined_motion(first_px[good], second_px[good], motion, pose, kappa, config.tolerance_px)
+    return motion
+
+
+def refined_motion(
+    first_px: FloatArray,
+    second_px: FloatArray,
+    start: Motion | NoMotion,
+    pose: CameraPose,
+    kappa: FloatArray,
+    scale_px: float,
+) -> Motion | NoMotion:
+    """Return the motion whose second picture fits best, its points on the ground of the first pose; not in the paper.
+
+    A homography has eight numbers where six are unknown; the decomposition spends the two on a normal and a distance
+    that the pose knows better. Robust least squares (soft L1 at ``scale_px``) from the ``start``, or from rest.
+    """
+    ground = ground_from_pixels(pose, kappa, first_px)
+    seen = np.isfinite(ground).all(axis=1)
+    points = (np.column_stack([ground, np.zeros(len(ground))]) - pose.camera_threshold_m)[seen] @ (
+        pose.threshold_from_camera
+    )
+    wanted = second_px[seen]
+    if len(points) < 6:
+        return NoMotion.FEW_MATCHES
+    first = np.zeros(6)
+    if isinstance(start, Motion):
+        first[:3] = cv2.Rodrigues(start.first_from_second.T)[0].ravel()
+        first[3:] = start.second_in_first_m
+
+    def residuals(x: FloatArray) -> FloatArray:
+        second = (points - x[3:]) @ rotation_from_vector(x[:3]).T
+        depth = np.maximum(second[:, 2], 0.1)
+        u = kappa[0, 0] * second[:, 0] / depth + kappa[0, 2]
+        v = kappa[1, 1] * second[:, 1] / depth + kappa[1, 2]
+        return np.concatenate([u - wanted[:, 0], v - wanted[:, 1]])
+
+    best = least_squares(residuals, first, loss="soft_l1", f_scale=scale_px, x_scale=np.array([0.01] * 3 + [1.0] * 3))
+    if not isinstance(start, Motion) or best.cost > least_squares_cost(residuals(np.zeros(6)), scale_px):
+        again = least_squares(
+            residuals, np.zeros(6), loss="soft_l1", f_scale=scale_px, x_scale=np.array([0.01] * 3 + [1.0] * 3)
+        )
+        best = again if again.cost < best.cost else best
+    return Motion(
+        first_from_second=rotation_from_vector(best.x[:3]).T, second_in_first_m=best.x[3:], inliers=int(seen.sum())
+    )
+
+
+def least_squares_cost(residuals: FloatArray, scale: float) -> float:
+    """Return scipy's cost of residuals (n,) under soft L1."""
+    return float(scale**2 * np.sum(np.sqrt(1.0 + (residuals / scale) ** 2) - 1.0))
+
+
+def decompose(homography: FloatArray, used_px: FloatArray, pose: CameraPose, kappa: FloatArray) -> Motion | NoMotion:
+    """Return the motion behind a homography (3, 3) of pixels: of its four, the one with points in front of the camera.
+
+    Where two remain, the one whose normal is nearer to the vertical of the pose. ``used_px`` (n, 2), first picture.
+    """
+    _, rotations, translations, normals = cv2.decomposeHomographyMat(homography, kappa)
+    rays = np.column_stack([used_px, np.ones(len(used_px))]) @ np.linalg.inv(kappa).T
+    down = -pose.threshold_from_camera[2]
+    best, most = None, -np.inf
+    for rotation, translation, normal in zip(rotations, translations, normals, strict=True):
+        n = normal.ravel()
+        # n·X = d > 0 for points in front
+        if np.mean(rays @ n > 0.0) < 0.99:
+            continue
+        upright = float(n @ down)
+        if upright > most:
+            best, most = (rotation, translation.ravel(), n), upright
+    if best is None:
+        return NoMotion.NO_SOLUTION
+    rotation, translation, n = (np.asarray(part, np.float64) for part in best)
+    distance = _distance(used_px, n, pose, kappa)
+    # X₂ = R X₁ + (t/d)·d
+    return Motion(
+        first_from_second=rotation.T, second_in_first_m=-rotation.T @ translation * distance, inliers=len(used_px)
+    )
+
+
+def _distance(pixels: FloatArray, normal: FloatArray, pose: CameraPose, kappa: FloatArray) -> float:
+    """Return d, steps 6 and 7: points back on the ground, into the camera's frame, and their mean along n."""
+    ground = ground_from_pixels(pose, kappa, pixels)
+    seen = np.isfinite(ground).all(axis=1)
+    points = np.column_stack([ground[seen], np.zeros(int(seen.sum()))])
+    camera = (points - pose.camera_threshold_m) @ pose.threshold_from_camera
+    # far points know the normal's error best and the distance worst
+    return float(np.median(camera @ normal))
+
+
+def composed(pose: CameraPose, motion: Motion) -> CameraPose:
+    """Return the second camera's pose from the first one's, Eq. 39."""
+    return CameraPose(
+        threshold_from_camera=pose.threshold_from_camera @ motion.first_from_second,
+        camera_threshold_m=pose.threshold_from_camera @ motion.second_in_first_m + pose.camera_threshold_m,
+    )
+
+
+class VisualOdometry:
+    """Poses from pictures alone, from a first pose on; where a picture gives no motion the last motion goes on."""
+
+    def __init__(self, kappa: FloatArray, start: CameraPose, config: MotionConfig | None = None) -> None:
+        self._kappa = kappa
+        self._config = config or MotionConfig()
+        self._features: Features | None = None
+        self._last: Motion | None = None
+        self.pose = start
+        self.failures: list[NoMotion] = []
+
+    def step(self, image: ImageArray) -> CameraPose:
+        """Take the next picture (h, w, 3) and return its pose; the first one has the pose that it was started with."""
+        if self._features is None:
+            self._features = ground_features(image, self.pose, self._kappa, self._config)
+            return self.pose
+        features = ground_features(image, self.pose, self._kappa, self._config)
+        first, second = matched(self._features, features, self._config.ratio)
+        motion = recover_motion(first, second, self.pose, self._kappa, self._config)
+        if isinstance(motion, NoMotion):
+            self.failures.append(motion)
+            motion_used = self._last
+        else:
+            motion_used = self._last = motion
+        if motion_used is not None:
+            self.pose = composed(self.pose, motion_used)
+        self._features = features
+        return self.pose

@@ -1,0 +1,58 @@
+"""What the edge tracker says of a frame."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from groundstation.arrays import FloatArray
+from groundstation.onboard.edges.kalman import LineState
+
+
+class EdgeStatus(Enum):
+    """What a frame's edges are."""
+
+    TRACKING = "tracking"
+    COASTING = "coasting"
+    SEARCHING = "searching"
+
+
+class EdgeMiss(Enum):
+    """Why a frame gave no measurement."""
+
+    NONE = "none"
+    NO_BAND = "no_band"
+    NO_PAIR = "no_pair"
+    FAINT = "faint"
+    GATED = "gated"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Edges:
+    """Both edges in a frame and on the ground.
+
+    Attributes
+    ----------
+    state : (a, b, c, d) with covariance, threshold frame of the pose that was given; after them, where these are
+        estimated, the pose's lasting errors of roll, pitch and height.
+    rows_px : upper and lower row (2,) between which they were looked at.
+    crossings_px, covariance_px2 : of the estimate with these rows, (4,) and (4, 4).
+    predicted_px : before the picture was looked at, (4,).
+    measured_px : what the picture alone says (4,), None where it says nothing that was accepted.
+    nis : normalised innovation squared of what was measured, NaN where nothing was.
+    """
+
+    state: LineState
+    rows_px: FloatArray
+    crossings_px: FloatArray
+    covariance_px2: FloatArray
+    predicted_px: FloatArray
+    measured_px: FloatArray | None
+    nis: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EdgeReport:
+    """What came of a frame; ``edges`` is None while searching and where no rows hold runway."""
+
+    status: EdgeStatus
+    miss: EdgeMiss
+    edges: Edges | None

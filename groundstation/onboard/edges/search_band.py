@@ -1,0 +1,117 @@
+"""Which rows of the picture hold runway, by altitude and attitude: the rectangle that everything else works in.
+
+The paper sweeps between two lines "related to the elevation of the UAV" and keeps their distance in a table. Here
+they follow from the pose: the rows of the ground between two distances, cut where the picture ends.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.onboard.edges.pose import CameraPose, pixels_from_points
+
+_BORDER_PX = 2.0
+
+
+class NoBand(Enum):
+    """Why there are no rows to look at."""
+
+    BEHIND = "the runway is not in front of the camera"
+    TOO_FLAT = "the runway is seen too flat"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunwayGuess:
+    """What is known of a runway beforehand, roughly: m.
+
+    Attributes
+    ----------
+    width_m, length_m : width only bounds what may be a pair of edges; the band ends before the far end.
+    margin_m : kept off both ends, for what the position may be wrong by.
+    margin_px, margin_share : kept off in the picture too, for what the attitude may be wrong by: px, but at most a
+        share of the rows.
+    slope_rad : glide path on which an aircraft is taken to be of which only the height is known.
+    """
+
+    width_m: float = 20.0
+    length_m: float = 500.0
+    margin_m: float = 6.0
+    margin_px: float = 6.0
+    margin_share: float = 0.15
+    slope_rad: float = math.radians(4.0)
+
+
+def band_rows(
+    pose: CameraPose,
+    kappa: FloatArray,
+    image_size_px: tuple[int, int],
+    guess: RunwayGuess,
+    *,
+    least_rows: float = 8.0,
+    middle_m: float = 0.0,
+    width_m: float | None = None,
+) -> FloatArray | NoBand:
+    """Return the upper and the lower row (2,) between which both edges run, or why there are none.
+
+    ``middle_m`` and ``width_m`` say where across the runway the edges are taken to be, as far as it is known.
+    Near the threshold the lower row is that of the picture, or that below which an edge leaves it sideways.
+    """
+    w, h = image_size_px
+    half = 0.5 * (guess.width_m if width_m is None else width_m)
+    ahead = pose.threshold_from_camera[:, 2]
+    start = min(-guess.margin_m, float(pose.camera_threshold_m[1]) - 2.0)
+    end = -guess.length_m + guess.margin_m
+    if ahead[1] > -0.5 or start < end:
+        return NoBand.BEHIND
+    # a number of cross lines, dense near the camera, each at both edges
+    ys = float(pose.camera_threshold_m[1]) - np.geomspace(
+        pose.camera_threshold_m[1] - start, pose.camera_threshold_m[1] - end, 40
+    )
+    seen = []
+    for x in (middle_m + half, middle_m - half):
+        pixels = pixels_from_points(pose, kappa, np.column_stack([np.full(40, x), ys, np.zeros(40)]))
+        with np.errstate(invalid="ignore"):
+            good = (pixels[:, 0] >= _BORDER_PX) & (pixels[:, 0] <= w - 1 - _BORDER_PX)
+            good &= (pixels[:, 1] >= _BORDER_PX) & (pixels[:, 1] <= h - 1 - _BORDER_PX)
+        if not good.any():
+            return NoBand.BEHIND
+        seen.append(pixels[good, 1])
+    rows = np.array([max(s.min() for s in seen), min(s.max() for s in seen)])
+    margin = min(guess.margin_px, guess.margin_share * float(rows[1] - rows[0]))
+    rows += [margin, -margin]
+    return rows if rows[1] - rows[0] >= least_rows else NoBand.TOO_FLAT
+
+
+def position_by_height(height_m: float, guess: RunwayGuess) -> FloatArray:
+    """Return where an aircraft of which only the height is known is taken to be, threshold frame (3,) m."""
+    return np.array([0.0, height_m / math.tan(guess.slope_rad), height_m])
+
+
+def across_direction(e: FloatArray) -> FloatArray:
+    """Return the image's direction (2,) of a line across the runway far ahead, to the right: that of the horizon.
+
+    ``e`` is the line map E; the horizon is the image of the ground's line at infinity.
+    """
+    l0, l1, _ = e[:, 2]
+    direction = np.array([-l1, l0]) / math.hypot(l0, l1)
+    return np.asarray(-direction if direction[0] < 0.0 else direction)
+
+
+def band_widths(
+    crossings_px: FloatArray,
+    shifted_px: FloatArray,
+    rows_px: FloatArray,
+    least_px: float,
+    across: FloatArray | None = None,
+) -> FloatArray:
+    """Return ℓ (2, 2): how far lines shifted on the ground appear from the edges (Section III.B).
+
+    At least ``least_px``; along ``across`` (2,), or the normals where it is None; line 1 and 2, at both rows.
+    """
+    pair, other = crossings_px.reshape(2, 2), shifted_px.reshape(2, 2)
+    slope = (pair[:, 1:] - pair[:, :1]) / (rows_px[1] - rows_px[0])
+    stretch = np.hypot(1.0, slope) if across is None else np.abs(across[0] - slope * across[1])
+    return np.maximum(np.abs(other - pair) / stretch, least_px)

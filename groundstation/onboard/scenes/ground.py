@@ -1,0 +1,132 @@
+"""What lies on the ground of a rendered approach: a runway with its markings, taxiways, roads, fields."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+
+Colour = tuple[float, float, float]
+# columns of a painted patch: centre, unit vector of its length, half width, half length, colour, opacity, mottle,
+# and of dashes along the length: period (0 for none), share painted
+PATCH = ("cx", "cy", "ax", "ay", "half_width", "half_length", "r", "g", "b", "opacity", "mottle", "period", "share")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surfaces:
+    """Reflectances (red, green, blue; 0 to 1) of an airfield."""
+
+    ground: Colour = (0.27, 0.33, 0.16)
+    ground_other: Colour = (0.38, 0.36, 0.20)
+    runway: Colour = (0.30, 0.30, 0.31)
+    runway_end: Colour = (0.48, 0.47, 0.44)
+    paint: Colour = (0.85, 0.85, 0.82)
+    taxiway: Colour = (0.34, 0.34, 0.34)
+    road: Colour = (0.33, 0.31, 0.30)
+    rubber: Colour = (0.10, 0.10, 0.10)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Airfield:
+    """An airfield in the threshold frame; lengths in m.
+
+    Attributes
+    ----------
+    width_m, length_m : the runway, edge to edge and end to end; it lies at y from 0 to −length.
+    end_m : length of the lighter slabs at both ends; 0 for none.
+    edge_stripe_m : width of the painted edge lines, 0.5 m inside the edges; 0 for none.
+    bars : painted bars on each half of a threshold.
+    roads : (x, y, direction in rad from the y axis, width) of long straight roads.
+    taxiway_side : +1 or −1: on which side of the runway taxiway and apron lie; 0 for none.
+    field_m : size of the fields' patchwork, 0 for none.
+    """
+
+    width_m: float = 18.0
+    length_m: float = 500.0
+    end_m: float = 50.0
+    edge_stripe_m: float = 0.45
+    bars: int = 4
+    roads: tuple[tuple[float, float, float, float], ...] = ()
+    taxiway_side: int = 1
+    field_m: float = 90.0
+    surfaces: Surfaces = Surfaces()
+
+
+def patches(field: Airfield, generator: np.random.Generator) -> FloatArray:
+    """Return the painted patches (n, 13), columns as in `PATCH`, in the order of painting."""
+    s, half = field.surfaces, 0.5 * field.width_m
+    middle = -0.5 * field.length_m
+    rows: list[FloatArray] = []
+    for x, y, turn, width in field.roads:
+        rows.append(_patch(x, y, width, 4000.0, s.road, turn=turn, mottle=0.10))
+        rows.append(_patch(x, y, 0.2, 4000.0, s.paint, turn=turn, opacity=0.7, dashes=(9.0, 0.4)))
+    if field.taxiway_side:
+        rows += _taxiways(field)
+    rows.append(_patch(0.0, middle, field.width_m, field.length_m, s.runway, mottle=0.12))
+    rows += _repairs(field, generator)
+    if field.end_m > 0.0:
+        for y in (-0.5 * field.end_m, -field.length_m + 0.5 * field.end_m):
+            rows.append(_patch(0.0, y, field.width_m, field.end_m, s.runway_end, mottle=0.08))
+    for x in (-0.17 * field.width_m, 0.17 * field.width_m):
+        rows.append(_patch(x, -75.0, 0.22 * field.width_m, 90.0, s.rubber, opacity=0.3, mottle=0.3))
+    rows.append(_patch(0.0, middle, 0.4, field.length_m - 60.0, s.paint, opacity=0.9, dashes=(20.0, 0.6)))
+    if field.edge_stripe_m > 0.0:
+        x = half - 0.5 - 0.5 * field.edge_stripe_m
+        rows += [_patch(k * x, middle, field.edge_stripe_m, field.length_m, s.paint, opacity=0.9) for k in (-1, 1)]
+    pitch = (half - 1.5) / max(field.bars, 1)
+    for k in range(field.bars):
+        for sign in (-1.0, 1.0):
+            for y in (-12.0, -field.length_m + 12.0):
+                rows.append(_patch(sign * (0.8 + (k + 0.5) * pitch), y, 0.55 * pitch, 14.0, s.paint, opacity=0.9))
+    return np.array(rows)
+
+
+def _repairs(field: Airfield, generator: np.random.Generator) -> list[FloatArray]:
+    """Return stretches of newer and older asphalt: means that vary along the runway."""
+    rows, y = [], -field.end_m
+    while y > -field.length_m + field.end_m:
+        length = float(generator.uniform(25.0, 70.0))
+        tone = tuple(float(np.clip(c * generator.uniform(0.72, 1.35), 0, 1)) for c in field.surfaces.runway)
+        rows.append(_patch(0.0, y - 0.5 * length, field.width_m, length, tone, mottle=0.12))  # type: ignore[arg-type]
+        y -= length
+    return rows
+
+
+def _taxiways(field: Airfield) -> list[FloatArray]:
+    """Return a parallel taxiway, two links to the runway and an apron."""
+    s, side = field.surfaces, float(field.taxiway_side)
+    away = side * (0.5 * field.width_m + 32.0)
+    rows = [_patch(away, -0.45 * field.length_m, 9.0, 0.9 * field.length_m, s.taxiway, mottle=0.1)]
+    for y in (-0.06 * field.length_m, -0.55 * field.length_m):
+        rows.append(_patch(0.5 * away, y, 9.0, abs(away), s.taxiway, turn=0.5 * np.pi, mottle=0.1))
+    rows.append(_patch(away + side * 30.0, -0.6 * field.length_m, 45.0, 80.0, s.taxiway, mottle=0.1))
+    rows.append(_patch(away, -0.45 * field.length_m, 0.2, 0.9 * field.length_m, (0.75, 0.6, 0.15)))
+    return rows
+
+
+def _patch(
+    x: float,
+    y: float,
+    width: float,
+    length: float,
+    colour: Colour,
+    *,
+    turn: float = 0.0,
+    opacity: float = 1.0,
+    mottle: float = 0.0,
+    dashes: tuple[float, float] = (0.0, 1.0),
+) -> FloatArray:
+    """Return one patch; ``turn`` rad of its length from the y axis."""
+    axis = (-np.sin(turn), np.cos(turn))
+    return np.array([x, y, *axis, 0.5 * width, 0.5 * length, *colour, opacity, mottle, *dashes])
+
+
+def edge_lamps(field: Airfield, spacing_m: float = 30.0) -> FloatArray:
+    """Return the runway's lamps (n, 6): place in m, colour; white along the edges, green and red at the ends."""
+    half = 0.5 * field.width_m + 1.0
+    ys = np.arange(0.0, -field.length_m - 1.0, -spacing_m)
+    lamps = [(x, y, 0.3, 1.0, 0.93, 0.75) for y in ys for x in (-half, half)]
+    for x in np.linspace(-half, half, 7):
+        lamps.append((float(x), 1.0, 0.3, 0.2, 1.0, 0.4))
+        lamps.append((float(x), -field.length_m - 1.0, 0.3, 1.0, 0.15, 0.1))
+    return np.array(lamps)

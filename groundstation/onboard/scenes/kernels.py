@@ -1,0 +1,209 @@
+"""Rays of a picture to colours of the ground, compiled; each texture is averaged over the pixel's footprint."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from groundstation.arrays import FloatArray
+
+_OCTAVES = 7
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _lattice(i: int, j: int, seed: int) -> float:
+    """Return a number in −1 … 1 that belongs to a corner of the lattice."""
+    h = (i * 374761393 + j * 668265263 + seed * 974634777) & 0xFFFFFFFF
+    h = ((h ^ (h >> 13)) * 1274126177) & 0xFFFFFFFF
+    return ((h ^ (h >> 16)) & 0xFFFF) / 32767.5 - 1.0
+
+
+@njit(cache=True, nogil=True)
+def value_noise(x: float, y: float, seed: int) -> float:
+    """Return smooth noise in −1 … 1 with a lattice of 1."""
+    i, j = math.floor(x), math.floor(y)
+    fx, fy = x - i, y - j
+    sx, sy = fx * fx * (3.0 - 2.0 * fx), fy * fy * (3.0 - 2.0 * fy)
+    a, b = _lattice(i, j, seed), _lattice(i + 1, j, seed)
+    c, d = _lattice(i, j + 1, seed), _lattice(i + 1, j + 1, seed)
+    return (a + sx * (b - a)) * (1.0 - sy) + (c + sx * (d - c)) * sy
+
+
+@njit(cache=True, nogil=True)
+def _texture(x: float, y: float, fx: float, fy: float, first: float, octaves: int, seed: int) -> float:
+    """Return octaves of noise from wavelength ``first`` m down, each faded by the footprint (fx, fy) m."""
+    total, amplitude, wave = 0.0, 0.5, first
+    for k in range(octaves):
+        blur = (fx * fx + fy * fy) / (wave * wave)
+        if blur > 4.0:
+            break
+        total += amplitude * math.exp(-1.2 * blur) * value_noise(x / wave, y / wave, seed + k)
+        amplitude *= 0.72
+        wave *= 0.42
+    return total
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _covered(x: float, f: float, half: float) -> float:
+    """Return which share of [x − f/2, x + f/2] lies in [−half, half]."""
+    low, high = max(x - 0.5 * f, -half), min(x + 0.5 * f, half)
+    return max(high - low, 0.0) / f
+
+
+@njit(cache=True, nogil=True)
+def _tufts(x: float, y: float, fx: float, fy: float, cell: float, seed: int) -> float:
+    """Return what bushes and stones, one in most cells of ``cell`` m, change of the reflectance, as a share."""
+    i, j = math.floor(x / cell), math.floor(y / cell)
+    radius = cell * (0.06 + 0.05 * (_lattice(i, j, seed) + 1.0))
+    cx = cell * (i + 0.5 + 0.25 * _lattice(i, j, seed + 1))
+    cy = cell * (j + 0.5 + 0.25 * _lattice(i, j, seed + 2))
+    tone = _lattice(i, j, seed + 3)
+    dx, dy = x - cx, y - cy
+    if max(fx, fy) > radius:
+        # too small to have a shape: a box of the same area, so that its share of the footprint is simple
+        inside = _covered(dx, fx, 0.89 * radius) * _covered(dy, fy, 0.89 * radius)
+    else:
+        away = math.sqrt(dx * dx + dy * dy) + 1e-9
+        ragged = radius * (1.0 + 0.35 * value_noise(x / radius * 1.7, y / radius * 1.7, seed + 4))
+        width = (abs(dx) * fx + abs(dy) * fy) / away + 0.3 * radius
+        inside = min(max((ragged - away) / width + 0.5, 0.0), 1.0)
+    return inside * (tone - 0.4) * 0.5
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _dashed(y: float, period: float, share: float) -> float:
+    """Return the length painted between 0 and y."""
+    whole = math.floor(y / period)
+    return (whole * share + min(y / period - whole, share)) * period
+
+
+@njit(cache=True, nogil=True)
+def _ground_colour(
+    x: float,
+    y: float,
+    jac: FloatArray,
+    patches: FloatArray,
+    base: FloatArray,
+    field_m: float,
+    seed: int,
+    out: FloatArray,
+) -> None:
+    """Fill the reflectance (3,) of a footprint; ``jac`` (4,) holds ∂x/∂u, ∂y/∂u, ∂x/∂v, ∂y/∂v in m per px."""
+    fx, fy = abs(jac[0]) + abs(jac[2]), abs(jac[1]) + abs(jac[3])
+    grain = _texture(x, y, fx, fy, 24.0, _OCTAVES, seed)
+    fx, fy = fx + 1e-6, fy + 1e-6
+    grain += _tufts(x, y, fx, fy, 5.0, seed + 51) / 0.45 + _tufts(x, y, fx, fy, 19.0, seed + 61) / 0.45
+    mix = 0.5
+    if field_m > 0.0:
+        mix = min(max(0.5 + 1.4 * value_noise(x / field_m, y / (1.6 * field_m), seed + 91), 0.0), 1.0)
+    for c in range(3):
+        out[c] = (base[0, c] * (1.0 - mix) + base[1, c] * mix) * (1.0 + 0.45 * grain)
+    for k in range(patches.shape[0]):
+        p = patches[k]
+        dx, dy = x - p[0], y - p[1]
+        along = dx * p[2] + dy * p[3]
+        across = dx * p[3] - dy * p[2]
+        f_along = abs(jac[0] * p[2] + jac[1] * p[3]) + abs(jac[2] * p[2] + jac[3] * p[3]) + 1e-6
+        f_across = abs(jac[0] * p[3] - jac[1] * p[2]) + abs(jac[2] * p[3] - jac[3] * p[2]) + 1e-6
+        if abs(along) > p[5] + 0.5 * f_along or abs(across) > p[4] + 0.5 * f_across:
+            continue
+        alpha = p[9] * _covered(across, f_across, p[4]) * _covered(along, f_along, p[5])
+        if p[11] > 0.0:
+            alpha *= (
+                _dashed(along + 0.5 * f_along, p[11], p[12]) - _dashed(along - 0.5 * f_along, p[11], p[12])
+            ) / f_along
+        shade = 1.0
+        if p[10] > 0.0:
+            shade += p[10] * 2.0 * _texture(x + 311.0, y - 77.0, fx, fy, 6.0, 4, seed + 17)
+        for c in range(3):
+            out[c] += alpha * (p[6 + c] * shade - out[c])
+
+
+@njit(cache=True, nogil=True)
+def render_ground(
+    rays: FloatArray,
+    rotation: FloatArray,
+    camera: FloatArray,
+    patches: FloatArray,
+    base: FloatArray,
+    light: FloatArray,
+    field_m: float,
+    seed: int,
+    out: FloatArray,
+) -> None:
+    """Fill ``out`` (h, w, 3) with linear colours.
+
+    ``rays`` (h, w, 2) normalised camera rays; ``rotation`` threshold_from_camera; ``light`` (14,): colour of the light
+    (3), of the haze (3), of the zenith (3), visibility m, share of cloud shadow, height of the skyline rad, fall of
+    the light across the picture, brightness of the aircraft's own lamp.
+    """
+    h, w = out.shape[:2]
+    jac, colour = np.empty(4), np.empty(3)
+    near, point = np.empty(3), np.empty((3, 2))
+    for i in range(h):
+        for j in range(w):
+            rx, ry = rays[i, j, 0], rays[i, j, 1]
+            for c in range(3):
+                near[c] = rotation[c, 0] * rx + rotation[c, 1] * ry + rotation[c, 2]
+            size = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
+            rise = near[2] / size
+            azimuth = math.atan2(near[0], near[1])
+            skyline = light[11] * max(0.6 + value_noise(azimuth * 14.0, 3.3, seed + 5), 0.0)
+            if rise > -0.002 and rise < skyline:
+                for c in range(3):
+                    out[i, j, c] = 0.75 * light[3 + c] + 0.25 * light[c] * base[0, c]
+                continue
+            if rise >= -0.002:
+                up = min(max(rise, 0.0) * 3.0, 1.0)
+                for c in range(3):
+                    out[i, j, c] = light[3 + c] * (1.0 - up) + light[6 + c] * up
+                continue
+            # a pixel's footprint by finite differences: this ray and its neighbours to the right and below
+            i1, j1 = (i + 1 if i + 1 < h else i - 1), (j + 1 if j + 1 < w else j - 1)
+            bad = False
+            for k in range(3):
+                ax = rx if k == 0 else (rays[i, j1, 0] if k == 1 else rays[i1, j, 0])
+                ay = ry if k == 0 else (rays[i, j1, 1] if k == 1 else rays[i1, j, 1])
+                dz = rotation[2, 0] * ax + rotation[2, 1] * ay + rotation[2, 2]
+                if dz > -1e-4:
+                    bad = True
+                    break
+                reach = -camera[2] / dz
+                point[k, 0] = camera[0] + reach * (rotation[0, 0] * ax + rotation[0, 1] * ay + rotation[0, 2])
+                point[k, 1] = camera[1] + reach * (rotation[1, 0] * ax + rotation[1, 1] * ay + rotation[1, 2])
+            if bad:
+                for c in range(3):
+                    out[i, j, c] = light[3 + c]
+                continue
+            x, y = point[0]
+            jac[0], jac[1] = point[1, 0] - x, point[1, 1] - y
+            jac[2], jac[3] = point[2, 0] - x, point[2, 1] - y
+            _ground_colour(x, y, jac, patches, base, field_m, seed, colour)
+            distance = math.sqrt((x - camera[0]) ** 2 + (y - camera[1]) ** 2 + camera[2] ** 2)
+            cloud = 1.0 - light[10] * min(max(0.5 + 1.6 * value_noise(x / 160.0, y / 210.0, seed + 33), 0.0), 1.0)
+            own = light[13] * (60.0 / max(distance, 20.0)) ** 2
+            clear = math.exp(-distance / light[9])
+            fall = 1.0 + light[12] * (j / w - 0.5)
+            for c in range(3):
+                lit = colour[c] * (light[c] * cloud * fall + own)
+                out[i, j, c] = lit * clear + light[3 + c] * (1.0 - clear)
+
+
+@njit(cache=True, nogil=True)
+def add_lamps(
+    out: FloatArray, pixels: FloatArray, distances: FloatArray, colours: FloatArray, power: float, spread_px: float
+) -> None:
+    """Add the points of light (n, 2) px, distances (n,) m, colours (n, 3) to a picture (h, w, 3)."""
+    h, w = out.shape[:2]
+    reach = int(4.0 * spread_px) + 1
+    for k in range(pixels.shape[0]):
+        u, v = pixels[k]
+        if not (-reach < u < w + reach and -reach < v < h + reach):
+            continue
+        strength = power / (distances[k] * distances[k])
+        for i in range(max(int(v) - reach, 0), min(int(v) + reach + 1, h)):
+            for j in range(max(int(u) - reach, 0), min(int(u) + reach + 1, w)):
+                away = ((j - u) ** 2 + (i - v) ** 2) / (2.0 * spread_px * spread_px)
+                glow = strength * math.exp(-away) / (6.283185 * spread_px * spread_px)
+                for c in range(3):
+                    out[i, j, c] += glow * colours[k, c]

@@ -1,0 +1,123 @@
+"""Small inputs under the names that the documentation's commands use."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from landmark_study.simulated import look as look_at_landmarks
+from landmark_study.simulated import morning, write_landmarks, write_sightings
+
+from calibration.boards import parse_board
+from calibration.lens_fit import camera_matrix
+from groundstation.rig import Rig
+from groundstation.rig_toml import rig_to_toml
+from groundstation.simulation import simulate
+from groundstation.sinks.session_folder import write_session_folder
+from tests.calibration.boards_seen import Pose, a_lens, a_pose, render
+from tests.calibration.flights import approach, unknown
+from tests.calibration.mounts import look, marks_around, plain_station, spoiled
+from tests.calibration.swings import Recorder, Swing, small_station, write_session
+from tests.docs.pages import ROOT
+from tests.simulation.small_site import small_rig
+
+_BOARD = "charuco:7x5:0.04:0.03"
+
+
+def prepare(folder: Path, name: str) -> None:
+    """Write the inputs ``name``, the folder of a `run in`, below ``folder``; '.' is what every page has."""
+    _MAKERS[name](folder / name, np.random.default_rng(7))
+
+
+def _always(folder: Path, rng: np.random.Generator) -> None:
+    (folder / "recordings").symlink_to(ROOT / "recordings")
+    (folder / "docs").symlink_to(ROOT / "docs")
+    (folder / "small.toml").write_text(rig_to_toml(small_rig()))
+
+
+def _lens(folder: Path, rng: np.random.Generator) -> None:
+    board, lens = parse_board(_BOARD), a_lens((480, 360), focal_px=520.0)
+    (folder / "shots").mkdir(parents=True)
+    for k in range(10):
+        cv2.imwrite(str(folder / "shots" / f"{k:02d}.png"), render(rng, board, lens, a_pose(rng, board, lens)))
+
+
+def _mount(folder: Path, rng: np.random.Generator) -> None:
+    station = plain_station()
+    true = spoiled(station, rng)
+    marks = marks_around(true, rng)
+    seen = look(true, marks, rng, 80)
+    rows = ["station,landmark,pan_deg,tilt_deg,u_px,v_px,pan_from,tilt_from"]
+    for k in range(len(seen)):
+        row = [*np.degrees(seen.reading_rad[k]), *seen.pixel_px[k], *seen.sense[k]]
+        rows.append(f"left,{marks[seen.mark[k]].name}," + ",".join(f"{v:.6g}" for v in row))
+    places = ["landmark,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m,kind"]
+    for mark in marks:
+        values = [*mark.place_m, *mark.sigma]
+        kind = "direction" if "direction" in mark.kind.value else "point"
+        places.append(f"{mark.name}," + ",".join(f"{v:.9f}" for v in values) + f",{kind}")
+    folder.mkdir()
+    (folder / "sightings.csv").write_text("\n".join(rows) + "\n")
+    (folder / "landmarks.csv").write_text("\n".join(places) + "\n")
+    (folder / "rig.toml").write_text(rig_to_toml(Rig(stations=(station,))))
+
+
+def _board(folder: Path, rng: np.random.Generator) -> None:
+    """A head whose readings are off by nothing but noise, before a board that stands still, its front towards it."""
+    board, lens = parse_board(_BOARD), replace(a_lens(focal_px=3000.0), distortion=np.zeros(5))
+    station = replace(plain_station(), lens=lens, ptu_sigma_rad=np.radians(0.002), ptu_resolution_rad=0.0)
+    geometry, corners = station.geometry(), board.corners_m
+    # the board's x is the runway's, its y goes down
+    runway_from_board = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    away_m, above_m = 4.0, 0.8
+    middle = station.ptu_position_m + np.array([0.0, away_m, above_m])
+    places = middle + (corners - corners.mean(axis=0)) @ runway_from_board.T
+    (folder / "shots").mkdir(parents=True)
+    rows = ["file,station,pan_deg,tilt_deg,pan_from,tilt_from"]
+    for k in range(16):
+        angles = np.array([0.0, np.arctan2(above_m, away_m)]) + np.radians(rng.uniform(-1.2, 1.2, 2))
+        seen = [geometry.project(place, *angles) for place in places]
+        pixels = np.array([projection.pixel for projection in seen if projection is not None])
+        # the same view once more, as the pose that the picture is drawn by
+        solved, rotation, translation = cv2.solvePnP(corners, pixels, camera_matrix(lens), lens.distortion)
+        assert solved
+        pose = Pose(rotation=rotation.ravel(), translation_m=translation.ravel())
+        cv2.imwrite(str(folder / "shots" / f"{k:02d}.png"), render(rng, board, lens, pose))
+        reading = np.degrees(angles) + 0.002 * rng.normal(size=2)
+        sense = rng.choice([-1, 1], 2)
+        rows.append(f"{k:02d}.png,left,{reading[0]:.6f},{reading[1]:.6f},{sense[0]},{sense[1]}")
+    (folder / "shots" / "pictures.csv").write_text("\n".join(rows) + "\n")
+    (folder / "rig.toml").write_text(rig_to_toml(Rig(stations=(station,))))
+
+
+def _clocks(folder: Path, rng: np.random.Generator) -> None:
+    how = Recorder(seconds=3.0, frame_hz=15.0, offset_s=0.040)
+    write_session(folder / "swing", [small_station()], Swing(pan_deg=3.0, pan_hz=0.5), how, rng)
+
+
+def _strip(folder: Path, rng: np.random.Generator) -> None:
+    day = morning(rng)
+    folder.mkdir()
+    (folder / "lenses.toml").write_text(rig_to_toml(day.believed))
+    write_landmarks(folder / "landmarks.csv", day.table)
+    for name in ("sightings.csv", "today.csv"):
+        write_sightings(folder / name, look_at_landmarks(day.true, day.stands, rng, 10))
+
+
+def _flight(folder: Path, rng: np.random.Generator) -> None:
+    scenario = approach(3, {})
+    scenario = replace(scenario, rig=unknown(scenario.rig, "orientation"))
+    folder.mkdir()
+    write_session_folder(folder / "session", simulate(scenario), name="simulated")
+
+
+_MAKERS: dict[str, Callable[[Path, np.random.Generator], None]] = {
+    ".": _always,
+    "lens": _lens,
+    "mount": _mount,
+    "board": _board,
+    "clocks": _clocks,
+    "strip": _strip,
+    "flight": _flight,
+}

@@ -1,0 +1,40 @@
+"""Every link and every anchor of the documentation leads somewhere, and its pictures are small."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.docs.pages import PAGES, ROOT, anchors, links, text_of
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    wrong = []
+    for link in links(page):
+        if link.startswith("https://"):
+            continue
+        name, _, anchor = link.partition("#")
+        target = (page.parent / name).resolve() if name else page
+        if not target.exists() or (anchor and (target.suffix != ".md" or anchor not in anchors(target))):
+            wrong.append(link)
+    assert wrong == []
+
+
+def test_the_checker_sees_what_is_wrong(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# One `two.md` (3)\n\n## Twice\n\n## Twice\n\n[a](b.md#c) `[no](link)` ![p](d.png)\n")
+    assert list(links(page)) == ["b.md#c", "d.png"]
+    assert anchors(page) == {"one-twomd-3", "twice", "twice-1"}
+
+
+def test_every_page_is_in_the_site() -> None:
+    listed = re.findall(r"^([a-z-]+)$", text_of(ROOT / "docs" / "index.md"), re.MULTILINE)
+    assert {f"{name}.md" for name in listed} | {"index.md"} == {p.name for p in (ROOT / "docs").glob("*.md")}
+
+
+def test_pictures_are_small_and_used() -> None:
+    shown = {Path(link).name for page in PAGES for link in links(page)}
+    for picture in (ROOT / "docs" / "images").iterdir():
+        assert picture.stat().st_size <= 300_000, picture.name
+        assert picture.name in shown

@@ -1,0 +1,89 @@
+"""The tracker on short rendered approaches and on pictures that show nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from groundstation.onboard.edges.config import TrackerConfig, paper_config
+from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
+from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix
+from groundstation.onboard.edges.report import EdgeMiss, EdgeStatus
+from groundstation.onboard.edges.search_band import RunwayGuess
+from groundstation.onboard.edges.tracker import EdgeTracker
+from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Renderer
+from tests.onboard.edges.seen import KAPPA, RUNWAY, SIZE, approach, painted_runway
+
+NOSE_KAPPA = intrinsic_matrix(NOSE_LENS)
+GUESS = RunwayGuess(width_m=20.0, length_m=500.0)
+
+
+def rendered(index: int, frames: int) -> tuple[list[NoseFrame], float]:
+    sequence = SEQUENCES[index]
+    short = replace(sequence, seed=sequence.seed + 7, approach=replace(sequence.approach, frames=frames))
+    return list(Renderer(short).frames()), sequence.airfield.width_m
+
+
+def errors(frames: list[NoseFrame], width_m: float, config: TrackerConfig) -> np.ndarray:
+    tracker = EdgeTracker(NOSE_KAPPA, NOSE_LENS.image_size_px, config)
+    found = []
+    for frame in frames:
+        edges = tracker.step(frame.image, frame.said).edges
+        assert edges is not None
+        lines = np.array([1.0, 0.0, -0.5 * width_m, 0.5 * width_m])
+        truth, _ = project_lines(lines, line_map(frame.truth, NOSE_KAPPA), edges.rows_px)
+        found.append(crossings_at(edges.crossings_px, edges.rows_px, edges.rows_px) - truth)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("index", [0, 1, 2], ids=["day", "haze and sand", "dusk and turbulence"])
+def test_edges_are_found_and_kept_to_three_pixels(index: int) -> None:
+    frames, width = rendered(index, 10)
+    assert np.sqrt(np.mean(errors(frames, width, TrackerConfig(guess=GUESS)) ** 2)) < 3.0
+
+
+def test_the_papers_tracker_follows_by_day() -> None:
+    frames, width = rendered(0, 8)
+    assert np.sqrt(np.mean(errors(frames, width, paper_config(GUESS)) ** 2)) < 12.0
+
+
+def test_the_same_pictures_give_the_same_edges() -> None:
+    frames, width = rendered(0, 4)
+    np.testing.assert_array_equal(*(errors(frames, width, TrackerConfig(guess=GUESS)) for _ in range(2)))
+
+
+def test_without_a_picture_it_coasts_gives_up_and_finds_the_runway_again() -> None:
+    pose = approach()
+    tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=replace(GUESS, width_m=18.0), coast_frames=3))
+    good, black = painted_runway(pose), np.zeros((480, 640, 3), np.uint8)
+    assert tracker.step(black, pose).miss is EdgeMiss.NO_PAIR
+    assert tracker.step(good, pose).status is EdgeStatus.TRACKING
+    reports = [tracker.step(black, pose) for _ in range(5)]
+    assert [r.status for r in reports[:3]] == [EdgeStatus.COASTING] * 3
+    assert all(r.miss is EdgeMiss.FAINT for r in reports[:3])
+    sigmas = [r.edges.covariance_px2.trace() for r in reports[:3] if r.edges is not None]
+    assert sigmas[0] < sigmas[1] < sigmas[2]
+    assert reports[4].status is EdgeStatus.SEARCHING
+    assert reports[4].edges is None
+    assert tracker.step(good, pose).status is EdgeStatus.TRACKING
+
+
+def test_a_lasting_error_of_pitch_and_roll_is_found() -> None:
+    """A pose that is off by 0.6° in pitch and 1° in roll: the lines stay on the edges, the errors are estimated."""
+    tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=replace(GUESS, width_m=18.0)))
+    reports = []
+    for k in range(25):
+        truth = approach(y=150.0 - 2.0 * k, z=15.0 - 0.14 * k)
+        said = approach(y=150.0 - 2.0 * k, z=15.0 - 0.14 * k, roll=0.03 + 0.0175, pitch=-0.03 + 0.0105)
+        reports.append((truth, tracker.step(painted_runway(truth, seed=k), said)))
+    truth, last = reports[-1]
+    assert last.edges is not None
+    wanted, _ = project_lines(RUNWAY, line_map(truth, KAPPA), last.edges.rows_px)
+    assert np.abs(last.edges.crossings_px - wanted).max() < 1.0
+    assert abs(np.degrees(last.edges.state.mean[5]) + 0.6) < 0.2
+
+
+def test_a_runway_behind_is_no_band() -> None:
+    tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig())
+    away: CameraPose = approach(yaw=3.0)
+    assert tracker.step(np.zeros((480, 640, 3), np.uint8), away).miss is EdgeMiss.NO_BAND

@@ -1,0 +1,62 @@
+"""`groundstation calibrate check --runway`: the runway's corners seen by a station."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from groundstation.cli import main
+from groundstation.rig import Rig, Station
+from groundstation.rig_toml import rig_to_toml
+from tests.onboard.pose.test_station_check import CORNERS, PAN, TILT, pixels, station, turned
+
+NAMES = ("near left", "far left", "far right", "near right")
+
+
+def write(folder: Path, said: Station, true: Station, rng: np.random.Generator) -> list[str]:
+    (folder / "rig.toml").write_text(rig_to_toml(Rig(stations=(said,))))
+    rows = ["landmark,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m"]
+    rows += [f"{name},{x},{y},{z},0.005,0.005,0.005" for name, (x, y, z) in zip(NAMES, CORNERS, strict=True)]
+    (folder / "landmarks.csv").write_text("\n".join(rows) + "\n")
+    rows = ["station,landmark,pan_deg,tilt_deg,u_px,v_px,sigma_px"]
+    exact = pixels(true, PAN, TILT)
+    for k, name in enumerate(NAMES):
+        for _ in range(20):
+            pan, tilt = np.degrees(np.array([PAN, TILT]) + said.ptu_sigma_rad * rng.standard_normal(2))
+            u, v = exact[k] + 0.2 * rng.standard_normal(2)
+            rows.append(f"left,{name},{pan:.6f},{tilt:.6f},{u:.4f},{v:.4f},0.2")
+    (folder / "today.csv").write_text("\n".join(rows) + "\n")
+    words = ["calibrate", "check", str(folder / "today.csv"), "--landmarks", str(folder / "landmarks.csv")]
+    return [*words, "--rig", str(folder / "rig.toml"), "--runway", ",".join(NAMES)]
+
+
+def test_a_station_as_calibrated_agrees(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = main(write(tmp_path, station(), station(), rng))
+    printed = capsys.readouterr()
+    assert "left: agrees" in printed.out, printed
+    assert code == 0
+
+
+def test_a_turned_station_does_not(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = station()
+    code = main(write(tmp_path, said, turned(said, np.radians([0.0, 0.0, 0.3])), rng))
+    printed = capsys.readouterr()
+    assert "left: does not agree" in printed.out, printed
+    assert code == 1
+
+
+@pytest.mark.parametrize(
+    ("names", "wanted"), [("near left,far left", "four or more"), ("a,b,c,d", "no surveyed point 'a'")]
+)
+def test_names_that_will_not_do_are_refused(
+    names: str, wanted: str, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = write(tmp_path, station(), station(), rng)
+    assert main([*words[:-1], names]) == 1
+    said = capsys.readouterr().err
+    assert wanted in said
+    assert said.count("\n") == 1

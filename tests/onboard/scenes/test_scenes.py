@@ -1,0 +1,91 @@
+"""Rendered approaches: exact where it can be computed, the same for the same seed, smooth where they should be."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from groundstation.onboard.edges.lines import line_map, project_lines
+from groundstation.onboard.edges.pose import Attitude, intrinsic_matrix, nose_pose
+from groundstation.onboard.scenes.flight import Approach, fly, smooth_noise
+from groundstation.onboard.scenes.ground import Airfield
+from groundstation.onboard.scenes.light import Light
+from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, Renderer, Sequence
+
+PLAIN = Light(
+    cloud_shadow=0.0, noise=0.0, shot_noise=0.0, visibility_m=1e9, skyline_rad=0.0, haze=(1.0, 1.0, 1.0), blur_px=0.3
+)
+
+
+def test_there_are_enough_sequences_frames_and_lights() -> None:
+    assert len(SEQUENCES) >= 4
+    assert all(s.approach.frames >= 50 for s in SEQUENCES)
+    assert len({s.light.sun for s in SEQUENCES}) >= 3
+    assert len({s.seed for s in SEQUENCES}) == len(SEQUENCES)
+
+
+def test_a_frame_is_the_same_each_time_and_another_with_another_seed() -> None:
+    sequence = SEQUENCES[3]
+    first, again = (Renderer(sequence).frame(5) for _ in range(2))
+    np.testing.assert_array_equal(first.image, again.image)
+    np.testing.assert_array_equal(first.said.camera_threshold_m, again.said.camera_threshold_m)
+    assert np.any(Renderer(replace(sequence, seed=9)).frame(5).image != first.image)
+
+
+def test_the_pavement_ends_where_the_pose_says() -> None:
+    """Half-way between ground and pavement, to a tenth of a pixel, for a plain airfield seen from a tilted camera."""
+    field = Airfield(taxiway_side=0, edge_stripe_m=0.0, bars=0, end_m=0.0, field_m=0.0)
+    renderer = Renderer(Sequence(name="plain", seed=1, airfield=field, light=PLAIN, approach=Approach(frames=2)))
+    attitude = Attitude(roll_rad=0.05, pitch_rad=-0.04, yaw_rad=0.03)
+    pose = nose_pose(np.array([2.0, 60.0, 9.0]), attitude)
+    # a white runway on black ground
+    renderer._patches = renderer._patches[:1].copy()
+    renderer._patches[0, 6:11] = (1.0, 1.0, 1.0, 1.0, 0.0)
+    black = replace(field, surfaces=replace(field.surfaces, ground=(0, 0, 0), ground_other=(0, 0, 0)))
+    renderer.sequence = replace(renderer.sequence, airfield=black)
+    picture = renderer.picture(pose)[:, :, 1].astype(float)
+    rows = np.array([262.0, 280.0])
+    crossings, _ = project_lines(np.array([1.0, 0.0, -9.0, 9.0]), line_map(pose, intrinsic_matrix(NOSE_LENS)), rows)
+    for u, v in zip(crossings, np.tile(rows, 2), strict=True):
+        window = picture[int(v), int(u) - 12 : int(u) + 13]
+        linear = (window / 255.0) ** 2.2
+        linear = linear / np.sqrt(1.0 - 0.25 * linear**2)
+        lit = (linear / linear.max()).sum()
+        rising = window[-1] > window[0]
+        edge = int(u) + 12 + 0.5 - lit if rising else int(u) - 12 - 0.5 + lit
+        assert abs(edge - u) < 0.15
+
+
+def test_gusts_are_smooth_and_as_strong_as_asked(rng: np.random.Generator) -> None:
+    t = np.arange(0.0, 400.0, 0.1)
+    noise = smooth_noise(rng, t, (0.02, 0.5), 0.5)
+    # about 400 independent stretches of a second
+    np.testing.assert_allclose(noise.std(axis=0), [0.02, 0.5], rtol=0.15)
+    slope = np.diff(noise[:, 0]) / 0.1
+    assert np.abs(np.diff(slope)).max() < 0.25
+
+
+def test_an_approach_comes_down_its_slope(rng: np.random.Generator) -> None:
+    approach = Approach(gust_rad=(0.0, 0.0, 0.0), drift_m=(0.0, 0.0, 0.0))
+    flown = fly(approach, rng)
+    steps = np.diff(flown.position_threshold_m, axis=0)
+    np.testing.assert_allclose(steps[:, 1], -2.2, atol=1e-9)
+    np.testing.assert_allclose(steps[:, 2] / steps[:, 1], math.tan(approach.slope_rad), rtol=1e-9)
+
+
+@pytest.mark.parametrize("index", range(len(SEQUENCES)))
+def test_the_runway_stands_out_in_every_sequence(index: int) -> None:
+    sequence = SEQUENCES[index]
+    frame = Renderer(sequence).frame(0)
+    kappa = intrinsic_matrix(NOSE_LENS)
+    half = 0.5 * sequence.airfield.width_m
+    y = -0.25 * sequence.airfield.length_m
+    from groundstation.onboard.edges.pose import pixels_from_points
+
+    places = np.array([[0.3 * half, y, 0.0], [half + 5.0, y, 0.0]])
+    colours = [
+        frame.image[int(v) - 1 : int(v) + 2, int(u) - 1 : int(u) + 2].mean(axis=(0, 1))
+        for u, v in pixels_from_points(frame.truth, kappa, places)
+    ]
+    assert np.abs(colours[0] - colours[1]).max() > 4.0

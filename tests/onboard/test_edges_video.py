@@ -1,0 +1,170 @@
+"""`groundstation onboard edges` as a user meets it, on a few rendered frames."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from groundstation.cli import main
+from groundstation.onboard.edges.camera_file import CameraFileError, load_nose_camera
+from groundstation.onboard.edges.edges_file import EDGE_COLUMNS
+from groundstation.onboard.edges.flat_picture import FlatPicture
+from groundstation.onboard.edges.imu_file import ImuFileError, load_imu
+from groundstation.onboard.scenes.sequences import SEQUENCES, Renderer
+from tests.complaints import complaint
+
+LENS = """image_size_px = [640, 480]
+focal_px = [620.0, 620.0]
+principal_point_px = [319.5, 239.5]
+"""
+START = "[start]\nheight_m = 21.9\n"
+FRAMES = 5
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a video, its camera file and its IMU table."""
+    folder = tmp_path_factory.mktemp("flight")
+    sequence = SEQUENCES[0]
+    renderer = Renderer(replace(sequence, approach=replace(sequence.approach, frames=FRAMES)))
+    writer = cv2.VideoWriter(str(folder / "nose.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 10.0, (640, 480))
+    rows = ["t_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg"]
+    for frame in renderer.frames():
+        writer.write(frame.image)
+        said = renderer.said
+        numbers = [*said.position_threshold_m[frame.index], *np.degrees(said.attitude_rad[frame.index])]
+        rows.append(",".join(f"{v:.6f}" for v in (frame.t_s, *numbers)))
+    writer.release()
+    (folder / "imu.csv").write_text("\n".join(rows) + "\n")
+    x, y, z = renderer.said.position_threshold_m[0]
+    roll, pitch, yaw = np.degrees(renderer.said.attitude_rad[0])
+    start = f"[start]\nheight_m = {z}\ndistance_m = {y}\nlateral_m = {x}\n"
+    start += f"roll_deg = {roll}\npitch_deg = {pitch}\nyaw_deg = {yaw}\n"
+    (folder / "nose.toml").write_text(LENS + start)
+    return folder
+
+
+def run(flight: Path, out: Path, *options: str) -> int:
+    return main(
+        [
+            "onboard",
+            "edges",
+            str(flight / "nose.avi"),
+            "--camera",
+            str(flight / "nose.toml"),
+            "--out",
+            str(out),
+            *options,
+        ]
+    )
+
+
+def test_a_video_with_an_imu_gives_a_table_a_video_and_a_recording(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(flight, tmp_path / "out", "--imu", str(flight / "imu.csv")) == 0
+    assert f"{FRAMES} frames: tracking {FRAMES}" in capsys.readouterr().out
+    with (tmp_path / "out" / "edges.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == EDGE_COLUMNS
+    assert [row["status"] for row in rows] == ["tracking"] * FRAMES
+    assert all(float(row["far_left_u_px"]) < float(row["far_right_u_px"]) for row in rows)
+    assert abs(float(rows[-1]["d_m"]) - float(rows[-1]["c_m"]) - 18.0) < 4.0
+    assert 0.0 < float(rows[-1]["sigma_near_left_px"]) < 5.0
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"edges.csv", "edges.mp4", "edges.rrd"}
+
+
+def test_without_an_imu_the_motion_comes_from_the_pictures(flight: Path, tmp_path: Path) -> None:
+    assert run(flight, tmp_path / "out", "--no-rerun") == 0
+    assert (tmp_path / "out" / "edges.csv").read_text().count("tracking") == FRAMES
+    assert not (tmp_path / "out" / "edges.rrd").exists()
+
+
+def test_frames_outside_the_imu_table_have_no_pose(flight: Path, tmp_path: Path) -> None:
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join((flight / "imu.csv").read_text().splitlines()[:4]) + "\n")
+    assert run(flight, tmp_path / "out", "--no-rerun", "--imu", str(short)) == 0
+    assert (tmp_path / "out" / "edges.csv").read_text().count("no_pose") == FRAMES - 3
+
+
+def test_bad_input_is_one_line_and_exit_code_1(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cases = {
+        LENS: "wanted a [start] table, or --imu",
+        LENS.replace("640", "320") + START: "got pictures of 640×480 px",
+        LENS + "zoom = 3\n": "an unknown key",
+        LENS.replace("[620.0, 620.0]", "[0.0, 620.0]") + START: "focal_px",
+        "image_size_px = [640": "not TOML",
+    }
+    for text, words in cases.items():
+        camera = tmp_path / "camera.toml"
+        camera.write_text(text)
+        code = main(
+            ["onboard", "edges", str(flight / "nose.avi"), "--camera", str(camera), "--out", str(tmp_path / "out")]
+        )
+        said = capsys.readouterr().err
+        assert code == 1
+        assert words in said
+        assert said.count("\n") == 1
+    assert main(["onboard", "edges", "no.mp4", "--camera", str(flight / "nose.toml"), "--out", str(tmp_path)]) == 1
+
+
+def test_help_says_how(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["onboard", "edges", "--help"])
+    said = capsys.readouterr().out
+    for words in ("VIDEO", "--camera FILE", "--imu FILE", "--out DIR", "example", "exit code"):
+        assert words in said
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "an empty file"),
+        ("t_s,roll_deg\n0,1\n", "no column"),
+        ("t_s,roll_deg,pitch_deg,yaw_deg,x_m,y_m,z_m\n0,0,0,0,0,100,9\n0,0,0,0,0,99,9\n", "times that do not grow"),
+        ("t_s,roll_deg,pitch_deg,yaw_deg,x_m,y_m,z_m\n0,0,0,0,0,100,9\n1,0,nan,0,0,99,9\n", "line 3: pitch_deg"),
+        ("t_s,roll_deg,pitch_deg,yaw_deg,x_m,y_m,z_m\n0,0,0,0,0,100,9\n1,0,0,0,0,99,-1\n", "below"),
+        ("t_s,roll_deg,pitch_deg,yaw_deg,lat_deg,lon_deg,alt_m\n0,0,0,0,1,1,9\n1,0,0,0,1,1,9\n", "[runway]"),
+    ],
+)
+def test_a_bad_imu_table_says_what_is_wrong(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "nose.toml").write_text(LENS)
+    (tmp_path / "imu.csv").write_text(text)
+    camera = load_nose_camera(tmp_path / "nose.toml")
+    assert words in complaint(ImuFileError, lambda: load_imu(tmp_path / "imu.csv", camera))
+
+
+def test_places_on_earth_become_poses_over_the_threshold(tmp_path: Path) -> None:
+    runway = "[runway]\nlat_deg = 30.0\nlon_deg = -97.0\nalt_m = 200.0\nheading_deg = 90.0\n"
+    (tmp_path / "nose.toml").write_text(LENS + runway)
+    west = -97.0 - 300.0 / (111_320.0 * np.cos(np.radians(30.0)))
+    rows = [f"{t},0,0,9{2 * t},30.0,{west},220" for t in (0, 1)]
+    (tmp_path / "imu.csv").write_text(
+        "t_s,roll_deg,pitch_deg,yaw_deg,lat_deg,lon_deg,alt_m\n" + "\n".join(rows).replace("1,", "0.4,", 0) + "\n"
+    )
+    log = load_imu(tmp_path / "imu.csv", load_nose_camera(tmp_path / "nose.toml"))
+    pose = log.pose(0.0)
+    assert pose is not None
+    np.testing.assert_allclose(pose.camera_threshold_m, [0.0, 300.0, 20.0], atol=0.6)
+    np.testing.assert_allclose(pose.threshold_from_camera[:, 2], [0.0, -1.0, 0.0], atol=1e-9)
+    assert log.pose(0.5) is None  # a gap of a second
+    assert log.pose(7.0) is None
+    (tmp_path / "nose.toml").write_text(LENS + "[runway]\nlat_deg = 30.0\n")
+    assert "lon_deg" in complaint(CameraFileError, lambda: load_nose_camera(tmp_path / "nose.toml"))
+
+
+def test_a_bent_lens_is_straightened_and_its_pixels_go_back(tmp_path: Path) -> None:
+    (tmp_path / "nose.toml").write_text(LENS + "distortion = [-0.2, 0.05, 0.001, -0.001, 0.0]\n")
+    lens = load_nose_camera(tmp_path / "nose.toml").lens
+    flat = FlatPicture(lens)
+    picture = np.zeros((480, 640, 3), np.uint8)
+    picture[100:104, 90:94] = 255
+    straight = flat.flat(picture)
+    v, u = (float(axis.mean()) for axis in np.nonzero(straight[:, :, 0] > 100))
+    assert np.hypot(u - 91.5, v - 101.5) > 5.0
+    np.testing.assert_allclose(flat.original(np.array([[u, v]]))[0], [91.5, 101.5], atol=0.6)
