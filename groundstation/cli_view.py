@@ -95,7 +95,7 @@ def run_view(options: argparse.Namespace) -> int:
 
 def _show(recording: Path, *, web: bool) -> None:
     """Show it and wait for the end of the viewer or of the user's patience."""
-    from groundstation.sinks.rerun_viewer import has_display, open_viewer, serve_recording, video_notice
+    from groundstation.sinks.rerun_viewer import has_display, open_viewer, serve_recording, stop_viewer, video_notice
 
     if web:
         address, process = serve_recording(recording, os.environ)
@@ -116,6 +116,4 @@ def _show(recording: Path, *, web: bool) -> None:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        if process.poll() is None:
-            process.terminate()
-            process.wait(10.0)
+        stop_viewer(process)

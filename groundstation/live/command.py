@@ -244,13 +244,13 @@ def _screen(
 ) -> None:
     """Open the operator's screen."""
     from groundstation.sinks.rerun_live import LiveView
-    from groundstation.sinks.rerun_viewer import open_live_stream, open_web_stream
+    from groundstation.sinks.rerun_viewer import open_live_stream, open_web_stream, stop_viewer
 
     if request.screen == "desktop":
         stream = open_live_stream("groundstation", os.environ)
     else:
         stream, address, process = open_web_stream("groundstation", os.environ)
-        opened.callback(process.terminate)
+        opened.callback(stop_viewer, process)
         say(f"operator's screen: {address}")
     view = LiveView(stream, rig, file.name)
     opened.callback(view.close)

@@ -1,6 +1,9 @@
 """Opening a recording in Rerun's viewer, as a program of its own."""
 
+import contextlib
+import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -13,6 +16,7 @@ from groundstation.errors import GroundstationError
 
 # a viewer that cannot start says so within this time
 STARTUP_S = 2.0
+_END_S = 10.0
 # what a viewer that comes late may still see
 _SERVER_MEMORY = "256MB"
 
@@ -123,6 +127,13 @@ def open_web_stream(
 
 def _web_address(port: int, web_port: int) -> str:
     return f"http://127.0.0.1:{web_port}/?url=rerun%2Bhttp://127.0.0.1:{port}/proxy"
+
+
+def stop_viewer(process: subprocess.Popen[bytes]) -> None:
+    """End a viewer or server: Rerun's Python program is a shell around the one that works, and both have to go."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGTERM)
+    process.wait(_END_S)
 
 
 def _free_port() -> int:

@@ -13,12 +13,14 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
+from groundstation.cli import main
 from groundstation.compared_runs import SourceKind, kind_of, planned_runs
 from groundstation.errors import InputError
 from groundstation.messages import Kinematics, StepReport, TrackEstimate, TrackStatus, TriangulationStatus
 from groundstation.sinks.rerun_merge import Align, read_track
 from groundstation.sinks.rerun_tree import RANGE_COLOURS, range_colour
 from groundstation.sinks.rerun_view import RerunSink
+from groundstation.sinks.rerun_viewer import web_viewer_command
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.view import ViewRequest, names_line, prepare_view
 from tests.sinks.rerun_synthetic import Landing
@@ -220,3 +222,21 @@ def test_runs_have_names_of_their_own(tmp_path: Path) -> None:
     assert [r.name for r in named] == ["soft", "soft-2"]
     assert all(r.config == config for r in named)
     assert replace(named[0], name="soft-2") == named[1]
+
+
+def test_view_without_a_display_says_so_before_it_replays(
+    two: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert main(["view", str(two[0])]) == 1
+    assert "no display: --web" in capsys.readouterr().err
+    saved = tmp_path / "kept" / "one.rrd"
+    assert main(["view", str(two[0]), "--save", str(saved)]) == 0
+    assert saved.read_bytes() == (two[0] / "session.rrd").read_bytes()
+
+
+def test_a_browser_is_served_from_this_machine_alone() -> None:
+    command = web_viewer_command(Path("a.rrd"), 1, 2)
+    assert command[command.index("--bind") + 1] == "127.0.0.1"

@@ -1,14 +1,20 @@
 """Opening the viewer: what is said when it cannot be shown."""
 
+import os
+import socket
 import sys
+import time
 from pathlib import Path
 
 import pytest
+import rerun as rr
 
 from groundstation.sinks import rerun_viewer
 from groundstation.sinks.rerun_viewer import (
     ViewerError,
     open_viewer,
+    serve_recording,
+    stop_viewer,
     video_notice,
     viewer_command,
     viewer_environment,
@@ -53,3 +59,27 @@ def test_a_missing_video_decoder_is_told(tmp_path: Path) -> None:
     decoder.write_text("")
     decoder.chmod(0o755)
     assert video_notice({"PATH": str(tmp_path)}) == ""
+
+
+def test_a_server_that_is_stopped_leaves_nothing_behind(tmp_path: Path) -> None:
+    path = tmp_path / "a.rrd"
+    stream = rr.RecordingStream("a", send_properties=False)
+    stream.save(path)
+    stream.log("a", rr.Points3D([[0.0, 0.0, 0.0]]))
+    stream.flush()
+    stream.disconnect()
+    address, process = serve_recording(path, os.environ)
+    port = int(address.split("/?")[0].rsplit(":", 1)[1])
+    deadline = time.monotonic() + 60.0
+    while not _answers(port) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert _answers(port)
+    stop_viewer(process)
+    while _answers(port) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert not _answers(port)
+
+
+def _answers(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
