@@ -68,8 +68,7 @@ def evaluate_run(
     reference = None
     comparisons: dict[str, Comparison] = {}
     later: dict[str, Comparison] = {}
-    after = None if smoothed is None else smoothed.epochs()
-    exact = None
+    after, exact = None if smoothed is None else smoothed.epochs(), None
     if truth is not None and len(truth.t_s):
         exact = ReferenceSeries(
             t_s=truth.t_s, position_m=truth.position_runway_m, sigma_m=np.zeros_like(truth.position_runway_m)
