@@ -59,10 +59,7 @@ def evaluate_run(
     truth: TruthLike | None = None,
     smoothed: ResultCollector | None = None,
 ) -> Evaluation:
-    """Compare a run with what references there are, and with what is physically possible.
-
-    ``smoothed`` has the same epochs as ``collector``, smoothed; it is compared beside.
-    """
+    """Compare a run, and ``smoothed``, its epochs smoothed, with the references there are and with what is possible."""
     epochs, cameras = collector.epochs(), collector.cameras()
     track, triangulated = track_series(epochs), triangulated_series(epochs)
     reference = None

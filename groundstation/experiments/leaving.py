@@ -71,8 +71,8 @@ def leaving(recorded: Recorded) -> Findings:
             "All forms are consistent but the paper's for right detections of a target about the border "
             "(docs/results.md, out of view). A wrong one makes R/T overconfident, too, and the gate sees it only where "
             "it is further off than the prediction is uncertain, here by some 20 px; T·K suffers least. Our detector "
-            "gives no such pixel: a silhouette cut by the border is a miss of its own, and below 2 % in view it does not "
-            "look.",
+            "gives no such pixel: a silhouette cut by the border is a miss of its own, and below 2 % in view it does "
+            "not look.",
         ),
     )
     figure = PaperFigure(
