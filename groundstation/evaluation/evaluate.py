@@ -59,17 +59,13 @@ def evaluate_run(
     truth: TruthLike | None = None,
     smoothed: ResultCollector | None = None,
 ) -> Evaluation:
-    """Compare a run with what references there are, and with what is physically possible.
-
-    ``smoothed`` has the same epochs as ``collector``, smoothed; it is compared beside.
-    """
+    """Compare a run, and ``smoothed``, its epochs smoothed, with the references there are and with what is possible."""
     epochs, cameras = collector.epochs(), collector.cameras()
     track, triangulated = track_series(epochs), triangulated_series(epochs)
     reference = None
     comparisons: dict[str, Comparison] = {}
     later: dict[str, Comparison] = {}
-    after = None if smoothed is None else smoothed.epochs()
-    exact = None
+    after, exact = None if smoothed is None else smoothed.epochs(), None
     if truth is not None and len(truth.t_s):
         exact = ReferenceSeries(
             t_s=truth.t_s, position_m=truth.position_runway_m, sigma_m=np.zeros_like(truth.position_runway_m)
