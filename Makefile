@@ -19,7 +19,7 @@ demo: $(VENV)/installed
 
 ## test: everything that must hold, under ten minutes on two cores
 test: $(VENV)/installed lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses=2 --dist=loadfile
 
 ## docs: these pages as a site, out/docs/index.html; no network, neither now nor when it is read
 docs: $(VENV)/installed

@@ -167,11 +167,27 @@ class FlirUnit(PanTiltUnit):
                 self._command("CV")
             self._turning = dict(wanted)
             self._moving = True
-            for axis, rate in counts.items():
-                self._command(f"{LETTER[axis]}S{rate}")
             self._commanded_s = self._transport.now()
+            # before anything turns: one axis may turn though the other one's command fails
             if self._threaded and self._watchdog is None:
                 self._watchdog = Watchdog(self._watch, _WATCH_S)
+            try:
+                for axis, rate in counts.items():
+                    self._command(f"{LETTER[axis]}S{rate}")
+            except RefusedError:
+                self._stop_turning()
+                raise
+            self._commanded_s = self._transport.now()
+
+    def _stop_turning(self) -> None:
+        """Stop both axes after a command that only one of them may have taken; what fails is left to the watchdog."""
+        try:
+            for letter in LETTER.values():
+                self._command(f"{letter}S0")
+        except PtuError:
+            return
+        self._turning = dict.fromkeys(Axis, 0.0)
+        self._moving = False
 
     def _leave_rates(self) -> None:
         """Come to rest, and back to control by position."""

@@ -167,9 +167,10 @@ class PolledUnit(PanTiltUnit):
             self._rate_command_s = self._line.now()
             self._rates = asked
             rates = {axis: self._axis(axis).sign * value for axis, value in asked.items()}
-            self._command("turn", lambda: self._send_rates(rates))
+            # before anything turns: a command that fails may still have been taken
             if self._watches and self._watchdog is None:
                 self._watchdog = Watchdog(self._watch, min(_LOOK_S, self._settings.watchdog_s / 4 or _LOOK_S))
+            self._command("turn", lambda: self._send_rates(rates))
             if self._line.now() - self._health.last_reading_s > _LOOK_S:
                 self.read()
 
@@ -338,7 +339,14 @@ class PolledUnit(PanTiltUnit):
     def _watch(self) -> None:
         """Look after motion by rate: that commands come, that limits are kept."""
         with self._lock:
-            if self._closed or self._rates is None or not any(self._rates.values()):
+            if self._closed:
+                return
+            if self._halt_owed:
+                # a halt that was not acknowledged is tried until it is, whether or not anybody reads
+                self._try_again()
+                self._try_halt()
+                return
+            if self._rates is None or not any(self._rates.values()):
                 return
             self._try_again()
             self._check_watchdog()

@@ -10,8 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from ptu_drivers import LineError, ProtocolError, Reading, open_ptu
-from ptu_drivers.simulated_flir import FlirModel
+from ptu_drivers import LineError, ProtocolError, Reading, RefusedError, UnitSettings, open_ptu
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.health import DoubtReason, HealthCounter
+from ptu_drivers.messages import Axis, AxisDescription, Capability, UnitDescription
+from ptu_drivers.polled_unit import PolledUnit
+from ptu_drivers.simulated_flir import FlirModel, Said
 from ptu_drivers.simulated_line import VirtualLine
 from ptu_drivers.simulated_server import SimulatedServer
 from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
@@ -126,3 +130,102 @@ def test_a_pty_that_is_pulled_out_and_comes_back(tmp_path: Path) -> None:
             deadline = time.monotonic() + 30.0
             while not isinstance(unit.read(), Reading):
                 assert time.monotonic() < deadline
+
+
+def test_an_axis_whose_neighbour_refused_does_not_turn_on(tmp_path: Path) -> None:
+    with ExitStack() as stack:
+        server = serve(stack, tmp_path / "unit")
+        flir = server.line.unit.flir
+        carry_out = flir.execute
+
+        def refusing(command: str, t_s: float) -> Said:
+            refused = command.upper().startswith("TS") and command.upper() not in ("TS", "TS0")
+            return carry_out("NONSENSE" if refused else command, t_s)
+
+        flir.execute = refusing  # type: ignore[method-assign]
+        with open_ptu(server.url) as unit:
+            with pytest.raises(RefusedError):
+                unit.move_at(pan_rad_s=0.3, tilt_rad_s=0.3)
+            deadline = time.monotonic() + 30.0
+            while moves(server) and time.monotonic() < deadline:
+                time.sleep(0.05)
+            assert not moves(server)
+            # and it obeys again
+            unit.move_at(pan_rad_s=0.3, tilt_rad_s=0.0)
+
+
+class DeafLine:
+    """A line in real time that can be opened at any time."""
+
+    url = "deaf"
+
+    def now(self) -> float:
+        return time.monotonic()
+
+    def wait(self, duration_s: float) -> None:
+        time.sleep(max(duration_s, 0.0))
+
+    def reopen(self) -> None:
+        return None
+
+    def close(self) -> None:
+        return None
+
+
+class DeafUnit(PolledUnit):
+    """A unit that turns, and hears nothing while it is deaf."""
+
+    deaf = False
+    turning = False
+
+    def _heard(self) -> None:
+        if self.deaf:
+            raise Doubtful(DoubtReason.TIMEOUT, "nothing")
+
+    def _ask(self) -> Reading:
+        self._heard()
+        raise Doubtful(DoubtReason.GARBAGE, "no angles in this test")
+
+    def _resynchronise(self) -> None:
+        self._heard()
+
+    def _set_up(self) -> None:
+        self._heard()
+
+    def _send_position(self, targets: dict[Axis, float], rate_rad_s: float | None) -> None:
+        self._heard()
+
+    def _send_rates(self, rates: dict[Axis, float]) -> None:
+        self._heard()
+        self.turning = True
+
+    def _send_halt(self) -> None:
+        self._heard()
+        self.turning = False
+
+
+def test_a_halt_that_was_not_heard_is_tried_until_it_is() -> None:
+    axis = AxisDescription(quantum_rad=1e-4, low_rad=-1.0, high_rad=1.0, max_rate_rad_s=1.0)
+    about = UnitDescription(
+        protocol="test",
+        url="deaf",
+        model="",
+        firmware="",
+        serial="",
+        pan=axis,
+        tilt=axis,
+        capabilities=frozenset({Capability.VELOCITY}),
+        reply_timeout_s=0.05,
+    )
+    unit = DeafUnit(DeafLine(), UnitSettings(watchdog_s=0.2), about, HealthCounter(), watch=True)
+    unit.move_at(pan_rad_s=0.1, tilt_rad_s=0.0)
+    unit.deaf = True
+    # nobody reads, nobody commands: the watchdog halts, is not heard, and must not give up
+    time.sleep(1.0)
+    assert unit.turning
+    unit.deaf = False
+    deadline = time.monotonic() + 30.0
+    while unit.turning and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not unit.turning
+    unit.close()
