@@ -92,12 +92,12 @@ def test_config_prints_a_file_to_start_from(tmp_path: Path, capsys: pytest.Captu
 def test_a_replay_writes_everything_and_says_where(session: Path, capfd: pytest.CaptureFixture[str]) -> None:
     out = session.parent / "new" / "out"
     assert main(["replay", str(session), "--out", str(out)]) == 0
-    assert {p.name for p in out.iterdir()} == {*TABLES, "session.rrd"}
+    assert {p.name for p in out.iterdir()} == {*TABLES, "session.rrd", "figures"}
     assert rows(out) == rows(out, "triangulation.csv") == 12
     shown = capfd.readouterr()
     assert shown.out.splitlines()[0] == "tiny: 12 epochs, 1.1 s, stations left, right"
     assert [line for line in shown.out.splitlines() if line.startswith("wrote")] == [
-        f"wrote {out / name}" for name in (*TABLES[:4], "session.rrd", *TABLES[4:])
+        f"wrote {out / name}" for name in (*TABLES[:4], "session.rrd", *TABLES[4:], "figures")
     ]
     assert "replay: 100%" in shown.err
 
@@ -112,7 +112,7 @@ def stopped(session: Path, capfd: pytest.CaptureFixture[str], message: str, at_r
     ours = [line for line in lines if line and not line.startswith("replay: ")]
     assert len(ours) == 1, ours
     assert ours[0].startswith(f"groundstation: fault in the recording: {message}")
-    assert {p.name for p in out.iterdir()} == set(TABLES)
+    assert {p.name for p in out.iterdir()} == {*TABLES, "figures"}
     assert rows(out) == at_row
     assert message in (out / "report.html").read_text()
 
