@@ -38,6 +38,7 @@ class LensFit:
     ----------
     lens : the lens.
     covariance : (9, 9) of `lens_model.PARAMETERS`, px and the distortion's units; zero in the rows of what was held.
+    white_sigma : (9,) one sigma of each if every corner's error were new; ``covariance`` adds what a view's share.
     opencv_sigma : (9,) the standard deviations that OpenCV states.
     residual : for each view (n, 2), found minus predicted, px.
     rotation, translation_m : for each view (3,), board to camera: Rodrigues vector, m.
@@ -48,6 +49,7 @@ class LensFit:
 
     lens: Lens
     covariance: FloatArray
+    white_sigma: FloatArray
     opencv_sigma: FloatArray
     residual: tuple[FloatArray, ...]
     rotation: tuple[FloatArray, ...]
@@ -247,12 +249,14 @@ def _with_covariance(
     inverse = np.linalg.inv(normal.matrix) / np.outer(normal.scale, normal.scale)
     covariance = np.zeros((9, 9))
     covariance[np.ix_(columns, columns)] = 0.5 * variance * (inverse + inverse.T)
+    white_sigma = np.sqrt(np.diag(covariance))
     lasting = np.ones(9)
     lasting[columns] = _lasting_factor(lines, columns, normal, variance)
     covariance = covariance * np.outer(lasting, lasting)
     return LensFit(
         lens=solution.lens,
         covariance=covariance,
+        white_sigma=white_sigma,
         opencv_sigma=opencv_sigma,
         residual=tuple(line.residual.reshape(-1, 2) for line in lines),
         rotation=solution.rotation,

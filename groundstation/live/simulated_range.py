@@ -12,7 +12,7 @@ import threading
 import time
 from array import array
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from multiprocessing.shared_memory import SharedMemory
@@ -201,7 +201,6 @@ class _Station:
     camera: RenderedCamera
     server: SimulatedServer
     arcsec: float
-    frames: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def angles(self, t_s: float) -> tuple[float, float, float, float]:
         """Return pan, tilt and their rates, rad and rad/s, at an instant of the past."""

@@ -86,6 +86,7 @@ def test_plain_opencv_finds_the_same(rng: np.random.Generator) -> None:
     assert np.all(np.abs(parameters(fit.lens) - plain) < 0.02 * fit.sigma)
     assert fit.rms_px == pytest.approx(rms, rel=1e-5)
     # OpenCV takes every corner's error as new; what a view's have in common only ever adds
+    assert fit.white_sigma == pytest.approx(fit.opencv_sigma, rel=0.01)
     assert np.all(fit.sigma > 0.99 * fit.opencv_sigma)
     assert np.all(fit.sigma < 1.8 * fit.opencv_sigma)
 

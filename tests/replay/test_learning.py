@@ -85,6 +85,8 @@ def test_what_was_learnt_is_what_was_wrong(taught: Path) -> None:
     # made 0.300 s late, its antenna on the nose: on a straight glide at 13 m/s a clock and an antenna look alike
     clock, antenna = found["dgps_clock.offset"]["value"], found["dgps_antenna.x"]["value"]
     assert abs((clock + 0.3) * 13.0 + antenna) < 1.5
+    # the clock alone is 3.3 of its sigmas off in this draw
+    assert abs(clock + 0.3) < 4.0 * found["dgps_clock.offset"]["sigma"]
 
 
 def test_a_rig_that_admits_nothing_is_not_taught(tmp_path: Path) -> None:
