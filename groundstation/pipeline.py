@@ -36,7 +36,7 @@ from groundstation.messages import (
 )
 from groundstation.rig import Rig
 from groundstation.station_health import StationHealth
-from groundstation.synchronise import LateReading, Ready, ReadyFrame, Synchroniser
+from groundstation.synchronise import LateReading, LateReference, Ready, ReadyFrame, Synchroniser
 from groundstation.target_keeper import TargetKeeper
 
 
@@ -100,7 +100,7 @@ class Pipeline:
             stopwatch=stopwatch,
             keep_images=keep_images,
         )
-        self._refused_references = 0
+        self._refused_references = self._fused_late_references = 0
         self.taught_until_s: float | None = None
         self._out_cameras: list[CameraReport] = []
         self._out_estimates: list[TrackEstimate] = []
@@ -113,7 +113,7 @@ class Pipeline:
             "late_ptu": late.ptu - fused["fused_late_ptu"],
             "late_frames": late.frames - fused["fused_late_frames"],
             "ptu_spikes": self._encoders.spikes,
-            "references_refused": self._refused_references + late.references,
+            "references_refused": self._refused_references + late.references - self._fused_late_references,
             "stations_lost": health.lost,
             "stations_doubted": health.watch.doubts,
             "stations_excluded": health.watch.exclusions,
@@ -179,6 +179,8 @@ class Pipeline:
                 self._late_reading(item.sample)
             elif isinstance(item, ReferenceFix):
                 self._learn(item)
+            elif isinstance(item, LateReference):
+                self._learn_late(item.fix)
             elif isinstance(item, Epoch):
                 with self._window.decision():
                     self._answer(item)
@@ -248,9 +250,22 @@ class Pipeline:
         self._ekf.predict_to(fix.t_s)
         with self._window.decision():
             self._keeper.start_if_due(fix.t_s)
-            if not self._ekf.has_target:
-                return
-            innovation = self._ekf.update_reference(fix.position_runway_m, np.diag(fix.sigma_m**2))
+            self._fuse(fix, 0.0)
+
+    def _learn_late(self, fix: ReferenceFix) -> None:
+        """Go back to a reference position's time, which a receiver tells only later, and come forward again."""
+        if not self._window.reaches(fix.t_s):
+            return
+        self._fused_late_references += 1
+        with self._window.late_decision(fix.t_s):
+            self._ekf.predict_to(fix.t_s)
+            self._fuse(fix, fix.t_s - (self._ekf.time_s or fix.t_s))
+
+    def _fuse(self, fix: ReferenceFix, ahead_s: float) -> None:
+        """Let a reference position, stamped ``ahead_s`` after the filter's time, correct a target that there is."""
+        if not self._ekf.has_target:
+            return
+        innovation = self._ekf.update_reference(fix.position_runway_m, np.diag(fix.sigma_m**2), ahead_s)
         self._refused_references += not innovation.accepted
         if innovation.accepted and self._ekf.learns:
             self.taught_until_s = fix.t_s

@@ -88,7 +88,14 @@ class LateReading:
     sample: PtuSample
 
 
-Ready = PtuSample | LateReading | ReadyFrame | ReferenceFix | Epoch
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LateReference:
+    """A reference position behind what has been passed on already."""
+
+    fix: ReferenceFix
+
+
+Ready = PtuSample | LateReading | LateReference | ReadyFrame | ReferenceFix | Epoch
 
 
 @dataclass(slots=True)
@@ -130,7 +137,9 @@ class Synchroniser:
 
     def push(self, event: Event) -> Iterator[Ready]:
         """Take one event and yield, in time order, all whose time has come."""
-        self._newest_s = max(self._newest_s, event.t_s)
+        if not isinstance(event, ReferenceFix):
+            # a receiver has a clock of its own: that it is ahead does not make the cameras late
+            self._newest_s = max(self._newest_s, event.t_s)
         if not isinstance(event, (Epoch, ReferenceFix)):
             reading = isinstance(event, PtuSample)
             stream = ("ptu" if reading else "camera", event.station)
@@ -188,6 +197,7 @@ class Synchroniser:
             yield LateReading(sample=event)
         elif isinstance(event, ReferenceFix):
             self.late.references += 1
+            yield LateReference(fix=event)
         elif not isinstance(event, Epoch):
             self.late.frames += 1
             angles = self.angles_at(event.station, event.t_s)

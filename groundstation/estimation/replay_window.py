@@ -143,6 +143,15 @@ class ReplayWindow:
             yield
         self._again(where + 1)
 
+    @contextmanager
+    def late_decision(self, t_s: float) -> Iterator[None]:
+        """As `late_frame`, for what was to be decided at ``t_s``: to learn from a reference position."""
+        where = bisect_left(self._entries, self._place(t_s, _Rank.DECISION, None), key=self._place_of)
+        self._go_back(where)
+        with self._noting(where, t_s, _Rank.DECISION, None):
+            yield
+        self._again(where + 1)
+
     def late_reading(self, sample: PtuSample, release: Callable[[PtuSample], bool]) -> None:
         """Put a reading in its place.
 

@@ -16,6 +16,7 @@ from groundstation.live.camera_worker import said
 from groundstation.live.core import in_operation
 from groundstation.live.devices import DeviceError, camera_of, check_against_rig
 from groundstation.live.head_process import Heads
+from groundstation.live.memory import settle_memory
 from groundstation.live.operation import EventSink, Operation, OperationResult, StatusSink
 from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, score, simulated_set_up
 from groundstation.live.simulated_range import RangeConfig, SimulatedRange
@@ -67,6 +68,7 @@ def live(
 
     Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin.
     """
+    settle_memory()
     out = _folder(request)
     flight = Landings(request.seconds or 1e9)
     file = _file(request, out)

@@ -9,13 +9,18 @@ from groundstation.config import config_from_mapping
 from groundstation.errors import ConfigError
 from groundstation.pointing import PointingConfig
 from groundstation.search_pattern import SearchConfig
+from groundstation.session.folder import GeoOrigin, parse_origin
 from groundstation.toml_table import Table, load_toml, quoted
 
 STATION_FORMAT = "groundstation-station/1"
 MAX_STATIONS = 16
 _TOP = frozenset(
-    {"format", "name", "rig", "config", "rate_hz", "target", "record", "pointing", "search", "station", "view", "live"}
+    {
+        *("format", "name", "rig", "config", "rate_hz", "target", "record", "pointing", "search", "station", "view"),
+        *("live", "reference", "origin"),
+    }
 )
+_REFERENCE = frozenset({"url", "baud", "clock_offset_s", "clock_sigma_s", "geoid_separation_m", "learn"})
 _STATION = frozenset(
     {"name", "camera", "camera_settings", "ptu", "ptu_protocol", "ptu_settings", "ptu_options", "park_deg"}
 )
@@ -67,6 +72,28 @@ class StationDevices:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceDevice:
+    """A reference receiver on the aircraft, whose positions (NMEA) come to the station by a radio link.
+
+    Attributes
+    ----------
+    url : a serial port, ``socket://host:port``, or ``udp://:port`` to listen at.
+    baud : of a serial port.
+    clock_offset_s : how far its clock is ahead of this machine's; None finds out, if they are seconds apart.
+    clock_sigma_s : and how well that is known; None is the tuning's.
+    geoid_separation_m : ellipsoid height of sea level, for a receiver that does not tell.
+    learn : whether the filter learns from it, or it is kept for comparison only.
+    """
+
+    url: str
+    baud: int = 115200
+    clock_offset_s: float | None = None
+    clock_sigma_s: float | None = None
+    geoid_separation_m: float | None = None
+    learn: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StationFile:
     """A whole set-up.
 
@@ -76,6 +103,8 @@ class StationFile:
     rate_hz : pairs a second.
     span_m : the target's, None if unknown.
     record : where flights are recorded, None for nowhere.
+    reference : the reference receiver, if there is one; then ``origin`` is where the runway frame lies on Earth.
+    antenna_in_body_m : its antenna from the nose: forward, right, down; None if unknown.
     """
 
     path: Path
@@ -88,6 +117,9 @@ class StationFile:
     pointing: PointingConfig
     search: SearchConfig
     stations: tuple[StationDevices, ...]
+    reference: ReferenceDevice | None = None
+    origin: GeoOrigin | None = None
+    antenna_in_body_m: tuple[float, float, float] | None = None
 
 
 def load_station(path: Path) -> StationFile:
@@ -96,7 +128,7 @@ def load_station(path: Path) -> StationFile:
     top.refuse_unknown(_TOP)
     top.choice("format", [STATION_FORMAT])
     target, record = top.table("target"), top.table("record")
-    target.refuse_unknown({"span_m"})
+    target.refuse_unknown({"span_m", "antenna_in_body_m"})
     record.refuse_unknown({"folder"})
     listed = top.values.get("station", [])
     if not isinstance(listed, list) or not 2 <= len(listed) <= MAX_STATIONS:
@@ -106,6 +138,10 @@ def load_station(path: Path) -> StationFile:
     if len(set(names)) < len(names):
         raise top.fail("station", "two of one name", "names that differ, those of the rig file")
     here = path.parent
+    reference = _reference(top.table("reference")) if "reference" in top else None
+    if reference is not None and "origin" not in top:
+        raise top.fail("origin", "nothing", "a table [origin]: where the runway frame lies on Earth, for [reference]")
+    antenna = target.vector("antenna_in_body_m", 3) if "antenna_in_body_m" in target else None
     return StationFile(
         path=path,
         name=top.text("name", path.stem),
@@ -117,6 +153,28 @@ def load_station(path: Path) -> StationFile:
         pointing=config_from_mapping(PointingConfig, top.table("pointing").values, f"{path}: pointing"),
         search=config_from_mapping(SearchConfig, top.table("search").values, f"{path}: search"),
         stations=stations,
+        reference=reference,
+        origin=parse_origin(top.table("origin"), "runway") if "origin" in top else None,
+        antenna_in_body_m=None if antenna is None else (float(antenna[0]), float(antenna[1]), float(antenna[2])),
+    )
+
+
+def _reference(table: Table) -> ReferenceDevice:
+    table.refuse_unknown(_REFERENCE)
+
+    def known(key: str, **bounds: float) -> float | None:
+        return table.number(key, **bounds) if key in table else None
+
+    learn = table.values.get("learn", True)
+    if not isinstance(learn, bool):
+        raise table.fail("learn", quoted(learn), "true or false")
+    return ReferenceDevice(
+        url=table.text("url"),
+        baud=int(table.number("baud", 115200.0, minimum=300.0, maximum=4e6)),
+        clock_offset_s=known("clock_offset_s", minimum=-1e6, maximum=1e6),
+        clock_sigma_s=known("clock_sigma_s", above=0.0, maximum=10.0),
+        geoid_separation_m=known("geoid_separation_m", minimum=-200.0, maximum=200.0),
+        learn=learn,
     )
 
 

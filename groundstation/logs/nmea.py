@@ -41,7 +41,7 @@ _MAX_GST = 2_000_000
 
 
 @dataclass(slots=True)
-class _Fix:
+class GgaFix:
     """A GGA that waits for its date: how many dates of RMC and of ZDA stood before it, its second, the rest."""
 
     dates_before: tuple[int, int]
@@ -53,10 +53,10 @@ class _Fix:
 
 
 @dataclass(slots=True)
-class _Gathered:
+class Gathered:
     """What the lines held: dates as day and second of it, sigmas by second of the day."""
 
-    fixes: list[_Fix] = field(default_factory=list)
+    fixes: list[GgaFix] = field(default_factory=list)
     dates: list[tuple[int, float]] = field(default_factory=list)
     zda_dates: list[tuple[int, float]] = field(default_factory=list)
     sigmas: dict[tuple[int, float], tuple[float, float, float]] = field(default_factory=dict)
@@ -66,31 +66,42 @@ class _Gathered:
 
 def read_nmea(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
     """Read a log of NMEA sentences. Raises `LogError` where positions have no date or heights no reference."""
-    parse = _parser()
-    heights = Heights(path, options)
-    found = _Gathered()
+    sentences = NmeaSentences(Heights(path, options), remarks)
+    found = sentences.found
     for number, line, _ in text_lines(path, remarks):
-        where = f"line {number}"
+        sentences.take(line, f"line {number}")
+        if len(found.fixes) % 10_000 == 0:
+            check_count(path, found.fixes)
+    _say(found, remarks, options.geoid_separation_m is not None)
+    return dated(path.name, found, options, remarks)
+
+
+class NmeaSentences:
+    """Sorts lines into what is ``found``, and counts in the remarks what is no sentence that can be used."""
+
+    def __init__(self, heights: Heights, remarks: Remarks) -> None:
+        self.found = Gathered()
+        self._heights, self._remarks = heights, remarks
+        self._parse = _parser()
+
+    def take(self, line: str, where: str) -> None:
+        """Take one line. Raises `LogError` for a position whose height has no reference."""
         # binary messages may stand before a sentence in the same line
         start = line.rfind("$")
         sentence = line[max(start, 0) :]
         if start < 0 or not _SENTENCE.fullmatch(sentence):
-            _count_other(line, sentence, remarks, where)
-            continue
+            _count_other(line, sentence, self._remarks, where)
+            return
         if reduce(lambda a, b: a ^ b, sentence[1 : sentence.rindex("*")].encode(), 0) != int(
             sentence.split("*")[-1], 16
         ):
-            remarks.count("sentence with a wrong checksum", where)
-            continue
-        message = parse(sentence.strip())
+            self._remarks.count("sentence with a wrong checksum", where)
+            return
+        message = self._parse(sentence.strip())
         if message is None:
-            remarks.count("sentence that pynmeagps does not understand", where)
-            continue
-        _take(message, sentence.split("*")[0].split(","), found, heights, remarks, where)
-        if len(found.fixes) % 10_000 == 0:
-            check_count(path, found.fixes)
-    _say(found, remarks, options.geoid_separation_m is not None)
-    return _dated(path, found, options, remarks)
+            self._remarks.count("sentence that pynmeagps does not understand", where)
+            return
+        _take(message, sentence.split("*")[0].split(","), self.found, self._heights, self._remarks, where)
 
 
 def _parser() -> Any:
@@ -122,7 +133,7 @@ def _count_other(line: str, sentence: str, remarks: Remarks, where: str) -> None
         remarks.count("line that is no NMEA sentence", where)
 
 
-def _take(message: Any, cells: list[str], found: _Gathered, heights: Heights, remarks: Remarks, where: str) -> None:
+def _take(message: Any, cells: list[str], found: Gathered, heights: Heights, remarks: Remarks, where: str) -> None:
     """Sort one decoded sentence in."""
     kind = cells[0][3:]
     second = _second(cells[1]) if len(cells) > 1 else None
@@ -147,7 +158,7 @@ def _take(message: Any, cells: list[str], found: _Gathered, heights: Heights, re
 
 
 def _take_gga(
-    message: Any, cells: list[str], second: float, found: _Gathered, heights: Heights, remarks: Remarks, where: str
+    message: Any, cells: list[str], second: float, found: Gathered, heights: Heights, remarks: Remarks, where: str
 ) -> None:
     if message.quality in (0, 6) or message.quality not in _QUALITY:
         words = {0: "GGA without a fix", 6: "GGA of dead reckoning"}
@@ -163,7 +174,7 @@ def _take_gga(
     found.decimals = max(found.decimals, len(cells[2].partition(".")[2]))
     height = heights.ellipsoid(float(message.alt), separation)
     found.fixes.append(
-        _Fix(
+        GgaFix(
             dates_before=(len(found.dates), len(found.zda_dates)),
             second=second,
             lat_deg=float(message.lat),
@@ -174,7 +185,7 @@ def _take_gga(
     )
 
 
-def _say(found: _Gathered, remarks: Remarks, given: bool) -> None:
+def _say(found: Gathered, remarks: Remarks, given: bool) -> None:
     """Note what the user should know of the whole log."""
     if found.fixes and found.decimals < _FINE_DECIMALS:
         step = _DEGREE_M / 60 * 10.0**-found.decimals
@@ -183,7 +194,7 @@ def _say(found: _Gathered, remarks: Remarks, given: bool) -> None:
         remarks.note("the geoid separation is 0 m in every sentence: its heights are taken as ellipsoid heights")
 
 
-def _dated(path: Path, found: _Gathered, options: LogOptions, remarks: Remarks) -> list[LogFix]:
+def dated(name: str, found: Gathered, options: LogOptions, remarks: Remarks) -> list[LogFix]:
     """Give each position its date: that of the RMC (or ZDA) next to it, or counted on from the user's."""
     if not found.fixes:
         return []
@@ -191,7 +202,7 @@ def _dated(path: Path, found: _Gathered, options: LogOptions, remarks: Remarks) 
     which, dates = (0, found.dates) if found.dates else (1, found.zda_dates)
     if not dates and options.date is None:
         wanted = "the UTC date of its first position: date in [dgps] of session.toml, or --date"
-        raise LogError(path.name, got="positions without a date (no RMC or ZDA)", wanted=wanted)
+        raise LogError(name, got="positions without a date (no RMC or ZDA)", wanted=wanted)
     fixes = []
     day, before = 0, 0.0
     if not dates and options.date is not None:

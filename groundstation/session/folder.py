@@ -161,7 +161,7 @@ def read_session(
         notes=top.text("notes", ""),
         target=_target(top.table("target")),
         initial=_initial(top.table("initial")) if "initial" in top else None,
-        origin=_origin(top.table("origin"), frame) if isinstance(top.values.get("origin"), dict) else None,
+        origin=parse_origin(top.table("origin"), frame) if isinstance(top.values.get("origin"), dict) else None,
         phases=_phases(top),
         clocks=clocks,
         dgps=parse_dgps(top.table("dgps")),
@@ -262,7 +262,8 @@ def _sigmas(table: Table, key: str) -> FloatArray:
     return np.full(3, table.number(key, above=0.0))
 
 
-def _origin(table: Table, frame: str) -> GeoOrigin:
+def parse_origin(table: Table, frame: str) -> GeoOrigin:
+    """Parse [origin]; raises the table's error."""
     table.refuse_unknown({"lat_deg", "lon_deg", "height_m", "y_axis_azimuth_deg"})
     return GeoOrigin(
         lat_deg=table.number("lat_deg", minimum=-90.0, maximum=90.0),

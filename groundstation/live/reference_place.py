@@ -1,0 +1,169 @@
+"""A receiver's positions as the filter takes them: in the runway frame, of the nose, at session time."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.errors import LogError
+from groundstation.logs.fixes import DEFAULT_SIGMA_M, LogFix
+from groundstation.logs.gps_time import gps_from_civil
+from groundstation.logs.placement import place_log
+from groundstation.logs.read import GnssLog
+from groundstation.messages import DgpsFix, ReferenceFix
+from groundstation.session.folder import GeoOrigin
+
+# a radio link takes its time; what seems older, or is of the future, has another clock
+_OLDEST_S, _EARLIEST_S = 2.0, -0.5
+_AGREEING = 5
+_USUAL_DELIVERY_S = 0.1
+# the direction of flight is that of so long, and not known of what hardly moves
+_HEADING_S, _MIN_HEADING_SPEED_M_S = 0.5, 2.0
+
+
+class Refusal(StrEnum):
+    """Why a position is not used."""
+
+    FAR = "far from the origin"
+    CLOCK = "stamped by another clock"
+    REPEATED = "repeated"
+    BACKWARDS = "not newer than the last"
+    NO_HEADING = "without a direction of flight yet"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Placed:
+    """A position of the antenna as the table keeps it, and of the nose as the filter takes it, or why it does not."""
+
+    antenna: DgpsFix | None
+    nose: ReferenceFix | None
+    refusal: Refusal | None
+
+
+class ReferenceClock:
+    """A receiver's UTC as session time.
+
+    Parameters
+    ----------
+    gps_zero_s : the session's time zero as GPS time, by this machine's clock.
+    offset_s : how far the receiver's clock is ahead of this machine's. None supposes that both are right, until its
+        positions agree that they are not; then the offset is taken from when they come.
+    """
+
+    def __init__(self, gps_zero_s: float, offset_s: float | None) -> None:
+        self.offset_s = 0.0 if offset_s is None else offset_s
+        self._gps_zero_s = gps_zero_s
+        self._given = offset_s is not None
+        self._strange: deque[float] = deque(maxlen=_AGREEING)
+        self.adopted = 0
+
+    def session_s(self, fix: LogFix, arrived_s: float) -> float | None:
+        """Return when a position was true, session time, that came at ``arrived_s``; None if that cannot be."""
+        raw_s = gps_from_civil(fix.day, fix.second, fix.scale) - self._gps_zero_s
+        age_s = arrived_s - (raw_s - self.offset_s)
+        if _EARLIEST_S <= age_s <= _OLDEST_S:
+            self._strange.clear()
+            return raw_s - self.offset_s
+        self._strange.append(raw_s - arrived_s)
+        agree = len(self._strange) == _AGREEING and max(self._strange) - min(self._strange) < _OLDEST_S
+        if self._given or not agree:
+            return None
+        self.offset_s = max(self._strange) + _USUAL_DELIVERY_S
+        self.adopted += 1
+        self._strange.clear()
+        return raw_s - self.offset_s
+
+
+class ReferencePlace:
+    """Places one position after the other.
+
+    Parameters
+    ----------
+    origin : of the runway frame.
+    clock : of the receiver.
+    antenna_in_body_m : (3,) from the nose: forward, right, down; None takes the position for the nose's.
+    later_s : what the rig says that its clock is late, besides.
+    """
+
+    def __init__(
+        self, origin: GeoOrigin, clock: ReferenceClock, antenna_in_body_m: FloatArray | None, later_s: float = 0.0
+    ) -> None:
+        self.clock = clock
+        self._place = (origin.lat_deg, origin.lon_deg, origin.height_m)
+        self._azimuth_deg = origin.y_axis_azimuth_deg
+        self._antenna = None if antenna_in_body_m is None or not np.any(antenna_in_body_m) else antenna_in_body_m
+        self._later_s = later_s
+        self._newest_s = -math.inf
+        self._last_m: FloatArray | None = None
+        self._track: deque[tuple[float, FloatArray]] = deque()
+
+    def place(self, fix: LogFix, arrived_s: float) -> Placed:
+        """Return a position that came at session time ``arrived_s`` in its place."""
+        t_s = self.clock.session_s(fix, arrived_s)
+        if t_s is None:
+            return _refused(Refusal.CLOCK)
+        try:
+            antenna = place_log(_log_of(fix), self._place, self._azimuth_deg, 0.0)[0]
+        except LogError:
+            return _refused(Refusal.FAR)
+        antenna = DgpsFix(
+            t_s=t_s, position_runway_m=antenna.position_runway_m, sigma_m=antenna.sigma_m, status=antenna.status
+        )
+        if t_s <= self._newest_s:
+            return _refused(Refusal.BACKWARDS)
+        self._newest_s = t_s
+        place_m = antenna.position_runway_m
+        repeated = self._last_m is not None and bool(np.all(place_m == self._last_m))
+        self._last_m = place_m
+        if repeated:
+            return Placed(antenna=antenna, nose=None, refusal=Refusal.REPEATED)
+        nose_m = self._nose(t_s, place_m)
+        if nose_m is None:
+            return Placed(antenna=antenna, nose=None, refusal=Refusal.NO_HEADING)
+        sigma_m = np.asarray(antenna.sigma_m, dtype=np.float64)
+        nose = ReferenceFix(t_s=t_s - self._later_s, position_runway_m=nose_m, sigma_m=sigma_m)
+        return Placed(antenna=antenna, nose=nose, refusal=None)
+
+    def _nose(self, t_s: float, place_m: FloatArray) -> FloatArray | None:
+        """Return nose = antenna − R_runway_from_body · antenna_in_body, forward along the last half second's track."""
+        if self._antenna is None:
+            return place_m
+        self._track.append((t_s, place_m))
+        while len(self._track) > 2 and self._track[1][0] <= t_s - _HEADING_S:
+            self._track.popleft()
+        before_s, before_m = self._track[0]
+        took_s = t_s - before_s
+        way_m = place_m - before_m
+        length_m = float(np.linalg.norm(way_m))
+        if took_s <= 0.0 or length_m < _MIN_HEADING_SPEED_M_S * took_s or took_s > 4.0 * _HEADING_S:
+            return None
+        forward = way_m / length_m
+        right = np.cross(forward, np.array([0.0, 0.0, 1.0]))
+        across = float(np.linalg.norm(right))
+        if across < 1e-6:
+            return None
+        right /= across
+        axes = np.column_stack([forward, right, np.cross(forward, right)])
+        return np.asarray(place_m - axes @ self._antenna)
+
+
+def _refused(why: Refusal) -> Placed:
+    return Placed(antenna=None, nose=None, refusal=why)
+
+
+def _log_of(fix: LogFix) -> GnssLog:
+    """Return one position as a log of one."""
+    return GnssLog(
+        name="DGPS",
+        gps_s=np.zeros(1),
+        lat_deg=np.array([fix.lat_deg]),
+        lon_deg=np.array([fix.lon_deg]),
+        height_m=np.array([fix.height_m]),
+        sigma_enu_m=np.array([fix.sigma_enu_m or DEFAULT_SIGMA_M[fix.quality]]),
+        covariance_en_m2=np.array([fix.covariance_en_m2]),
+        quality=(fix.quality,),
+        remarks=(),
+    )
