@@ -56,6 +56,7 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         metavar="NAME",
         help="with --simulate: strikes each PTU's line six times a minute; may be repeated",
     )
+    live.add_argument("--dgps", action="store_true", help="with --simulate: a reference receiver on the aircraft")
     live.add_argument("--no-record", action="store_true", help="keep the track, not the pictures")
     screen = live.add_mutually_exclusive_group()
     screen.add_argument("--view", action="store_true", help="the operator's screen in the desktop viewer")
@@ -85,6 +86,7 @@ def _seconds(text: str) -> float:
 def run_live(options: argparse.Namespace) -> int:
     """Operate until the time is over or somebody says so."""
     from groundstation.live.command import LiveRequest, live
+    from groundstation.live.simulated_receiver import ReceiverModel
     from ptu_drivers.simulated_faults import FAULTS
 
     if options.station is None and not options.simulate:
@@ -107,6 +109,7 @@ def run_live(options: argparse.Namespace) -> int:
         record=not options.no_record,
         seed=options.seed,
         ptu_faults=tuple(options.ptu_fault),
+        receiver=ReceiverModel() if options.dgps else None,
     )
     stop = threading.Event()
     before: dict[signal.Signals, Any] = {}

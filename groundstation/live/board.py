@@ -16,6 +16,8 @@ _WORDS = {
     TrackStatus.COASTING: "coasting: predicted, not seen by two cameras",
     TrackStatus.LOST: "lost: searching where it must be",
 }
+# a receiver that has given no position for so long is gone
+GONE_S = 2.0
 # over so long, rates and delays are taken
 _OVER_S = 5.0
 # all delays of a day, in bins; the last one holds what is longer
@@ -37,6 +39,23 @@ class DeviceState:
             return f"{self.name} nothing yet" + (f", {self.note}" if self.note else "")
         quiet = f", silent for {self.age_s:.1f} s" if self.age_s > 1.0 else ""
         return f"{self.name} {self.rate_hz:.0f} Hz{quiet}" + (f", {self.note}" if self.note else "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceState(DeviceState):
+    """How the reference receiver does: how many ``fixes`` it gave, and when the newest came, session time, s."""
+
+    fixes: int = 0
+    newest_s: float = -math.inf
+
+    def words(self) -> str:
+        """Return it in a few words."""
+        rest = f", {self.note}" if self.note else ""
+        if not self.fixes:
+            return f"DGPS: no position yet{rest}"
+        if self.age_s > GONE_S:
+            return f"DGPS: gone since {self.newest_s:.1f} s, after {self.fixes} fixes{rest}"
+        return f"DGPS: {self.fixes} fixes, {self.age_s:.1f} s old{rest}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,13 +5,14 @@ import shutil
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from groundstation.config import load_config
 from groundstation.errors import GroundstationError
+from groundstation.live.check_line import CheckLine, well, wrong
+from groundstation.live.check_reference import check_reference
 from groundstation.live.devices import camera_of, check_against_rig, open_head
 from groundstation.live.station_file import HeadDevice, StationDevices, StationFile, load_station
 from groundstation.rig import Rig, load_rig
@@ -28,22 +29,6 @@ _TURN_S = 3.0
 _SLOW_S = 0.05
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckLine:
-    """One device: whether it is well, and the line that says so."""
-
-    good: bool
-    text: str
-
-
-def _well(text: str) -> CheckLine:
-    return CheckLine(good=True, text=text)
-
-
-def _wrong(text: str) -> CheckLine:
-    return CheckLine(good=False, text=text)
-
-
 def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckLine]:
     """Test everything that a station file names, one after the other; looks at each for ``seconds``."""
     try:
@@ -52,11 +37,13 @@ def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckLi
         check_against_rig(file, rig)
         load_config(file.config)
     except GroundstationError as fault:
-        yield _wrong(str(fault))
+        yield wrong(str(fault))
         return
-    yield _well(f"station file, rig and tuning: {', '.join(rig.names)}")
+    yield well(f"station file, rig and tuning: {', '.join(rig.names)}")
     yield _known(rig)
     yield _disk(file)
+    if file.reference is not None and file.origin is not None:
+        yield check_reference(file.reference, file.origin, seconds)
     for station in file.stations:
         yield _camera(station, file.rate_hz, rig, seconds)
         if station.head is not None:
@@ -67,25 +54,25 @@ def _known(rig: Rig) -> CheckLine:
     try:
         rig.require_known()
     except GroundstationError as fault:
-        return _wrong(str(fault))
+        return wrong(str(fault))
     sure = [s.name for s in rig.stations if not len(s.covariance) and not rig.shared_covariance.names]
     if sure:
         text = f"rig: {', '.join(sure)} without a covariance: the track will call itself better than it is"
-        return _wrong(text)
-    return _well("rig: calibrated, with covariance")
+        return wrong(text)
+    return well("rig: calibrated, with covariance")
 
 
 def _disk(file: StationFile) -> CheckLine:
     if file.record is None:
-        return _well("disk: no [record] folder; live will ask for --out")
+        return well("disk: no [record] folder; live will ask for --out")
     place = file.record
     while not place.exists():
         place = place.parent
     free = shutil.disk_usage(place).free
     text = f"disk: {free / 1e9:.0f} GB free below {file.record}"
     if free < _ENOUGH_BYTES:
-        return _wrong(f"{text}: less than an hour of tracking")
-    return _well(text)
+        return wrong(f"{text}: less than an hour of tracking")
+    return well(text)
 
 
 def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float) -> CheckLine:
@@ -102,7 +89,7 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float) -
                     stamps.append(frame.t_s)
             counts, clock = camera.counts, camera.clock_state
     except (CameraError, GroundstationError) as fault:
-        return _wrong(f"{name}: {fault}")
+        return wrong(f"{name}: {fault}")
     if len(stamps) < 2:
         why = told[-1].text if told else "nothing came"
         return CheckLine(
@@ -112,20 +99,20 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float) -
     if frames[-1] != wanted:
         got = f"{frames[-1][0]} × {frames[-1][1]} px"
         text = f"{name}: got pictures of {got}; wanted {wanted[0]} × {wanted[1]} px as in the rig"
-        return _wrong(text)
+        return wrong(text)
     rate = (len(stamps) - 1) / (stamps[-1] - stamps[0])
     text = f"{name}: {rate:.1f} Hz, {wanted[0]} × {wanted[1]} px"
     if rate < _LEAST_RATE_SHARE * rate_hz:
-        return _wrong(f"{text}; wanted {rate_hz:g} Hz: exposure, trigger or bus?")
+        return wrong(f"{text}; wanted {rate_hz:g} Hz: exposure, trigger or bus?")
     if counts.incomplete:
         text += f"; {counts.incomplete} incomplete of {counts.frames + counts.incomplete}: cable, packet size?"
-        return _wrong(text)
+        return wrong(text)
     said = (
         "host time only: its stamps are as good as the bus"
         if clock is None
         else f"clock ± {1e3 * clock.sigma_s:.2f} ms"
     )
-    return _well(f"{text}, {said}")
+    return well(f"{text}, {said}")
 
 
 def _head(name: str, head: HeadDevice, seconds: float, *, move: bool) -> Iterator[CheckLine]:
@@ -134,7 +121,7 @@ def _head(name: str, head: HeadDevice, seconds: float, *, move: bool) -> Iterato
         try:
             unit = stack.enter_context(open_head(name, head, time.monotonic))
         except GroundstationError as fault:
-            yield _wrong(str(fault))
+            yield wrong(str(fault))
             return
         yield _asked(name, unit, seconds)
         if move:
@@ -153,7 +140,7 @@ def _asked(name: str, unit: PanTiltUnit, seconds: float) -> CheckLine:
             trips.append(reading.answered_s - reading.sent_s)
             newest = reading
     if newest is None:
-        return _wrong(f"{name} PTU: {about.model or about.protocol} gives no angles")
+        return wrong(f"{name} PTU: {about.model or about.protocol} gives no angles")
     rate = len(trips) / seconds
     slow = float(np.percentile(trips, 95))
     pan, tilt = (math.degrees(axis.angle_rad) for axis in (newest.pan, newest.tilt))
@@ -164,24 +151,24 @@ def _asked(name: str, unit: PanTiltUnit, seconds: float) -> CheckLine:
     if doubts > 0.01 * len(trips):
         return CheckLine(good=False, text=f"{text}; {doubts} answers not believed: cable, baud, another program?")
     if slow > _SLOW_S:
-        return _wrong(f"{text}: slow; raise the baud in ptu_settings?")
-    return _well(text)
+        return wrong(f"{text}: slow; raise the baud in ptu_settings?")
+    return well(text)
 
 
 def _turned(name: str, unit: PanTiltUnit) -> CheckLine:
     """Turn pan and tilt by half a degree and back."""
     begin = unit.read()
     if isinstance(begin, NoReading):
-        return _wrong(f"{name} PTU: not turned: no angles")
+        return wrong(f"{name} PTU: not turned: no angles")
     pan, tilt = begin.pan.angle_rad, begin.tilt.angle_rad
     try:
         there = _went(unit, pan + _TURN_RAD, tilt + _TURN_RAD)
         back = _went(unit, pan, tilt)
     except PtuError as fault:
-        return _wrong(f"{name} PTU: not turned: {fault}")
+        return wrong(f"{name} PTU: not turned: {fault}")
     if there is None or back is None:
         return CheckLine(good=False, text=f"{name} PTU: told to turn by 0.5°, not there in {_TURN_S:.0f} s")
-    return _well(f"{name} PTU: turned by 0.5° and back, there in {there:.2f} s")
+    return well(f"{name} PTU: turned by 0.5° and back, there in {there:.2f} s")
 
 
 def _went(unit: PanTiltUnit, pan_rad: float, tilt_rad: float) -> float | None:

@@ -1,5 +1,6 @@
 """What `groundstation live` does: open everything, operate until told to stop, and say how it went."""
 
+import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -9,7 +10,7 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from groundstation.config import Config, load_config
+from groundstation.config import load_config
 from groundstation.errors import InputError
 from groundstation.live.board import LiveStatus
 from groundstation.live.camera_worker import said
@@ -17,11 +18,15 @@ from groundstation.live.core import in_operation
 from groundstation.live.devices import DeviceError, camera_of, check_against_rig
 from groundstation.live.head_process import Heads
 from groundstation.live.memory import settle_memory
-from groundstation.live.operation import EventSink, Operation, OperationResult, StatusSink
+from groundstation.live.operation import Operation, OperationResult, StatusSink
+from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
+from groundstation.live.reference_set_up import Reference, reference_tuning
 from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, score, simulated_set_up
 from groundstation.live.simulated_range import RangeConfig, SimulatedRange
+from groundstation.live.simulated_receiver import ReceiverModel
 from groundstation.live.station_file import StationFile, load_station
 from groundstation.messages import StepReport
+from groundstation.recording.contents import RecordingHeader
 from groundstation.rig import Rig, load_rig
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
@@ -37,7 +42,8 @@ class LiveRequest:
     """What the user asked for.
 
     ``station`` None only with ``simulate``. ``out`` None is a folder of its own below the station file's [record]
-    folder. ``seconds`` None goes on until ``stop`` says so. ``screen`` is "desktop", "browser" or "none".
+    folder. ``seconds`` None goes on until ``stop`` says so. ``screen`` is "desktop", "browser" or "none". With
+    ``simulate``, ``receiver`` is a reference receiver on the aircraft.
     """
 
     station: Path | None
@@ -50,6 +56,7 @@ class LiveRequest:
     record: bool = True
     seed: int = 0
     ptu_faults: tuple[str, ...] = ()
+    receiver: ReceiverModel | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,29 +81,19 @@ def live(
     file = _file(request, out)
     rig = load_rig(file.rig)
     check_against_rig(file, rig)
-    config = in_operation(load_config(file.config), file.rate_hz)
+    config = in_operation(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
+    header = live_header(file, config)
+    known = live_reference(header, rig, config)
     keeper = EstimateKeeper()
     with ExitStack() as opened:
         say("compiling, once")
         warm_up()
-        simulated = None
-        if request.simulate:
-            say("building the simulated range")
-            hardware = RangeConfig(
-                rig=file.rig,
-                folder=out,
-                flight=flight,
-                frame_rate_hz=file.rate_hz,
-                seed=request.seed,
-                ptu_faults=request.ptu_faults,
-            )
-            simulated = opened.enter_context(SimulatedRange(hardware))
+        simulated = _range(request, file, flight, out, opened, say) if request.simulate else None
         faults: list[str] = []
         tables = GuardedSink(TrackFilesSink(out), faults)
         opened.callback(tables.close)
         sinks: list[Sink] = [tables, keeper]
-        recorders: list[EventSink] = []
-        words = _record(request, file, rig, config, out, opened, sinks, recorders)
+        recorder = _recorder(request, out, rig, header, opened, sinks)
         operators: list[StatusSink] = [_Teller(tell)]
         if request.screen != "none":
             _screen(request, rig, file, opened, sinks, operators, say)
@@ -105,28 +102,52 @@ def live(
             rig,
             config,
             sinks=sinks,
-            recorders=recorders,
+            recorders=[] if recorder is None else [recorder],
             operators=operators,
-            recorder_words=lambda: ", ".join(w for w in (words(), *faults) if w),
+            recorder_words=lambda: ", ".join(w for w in (_recording(recorder), *faults) if w),
             keep_images=request.screen != "none",
+            reference_errors=known.errors if header.taught else None,
         )
+        start_s = operation.start_s
+        reference = Reference(file, known, operation.inbox, start_s=start_s, folder=out, faults=faults)
+        opened.callback(reference.close)
         say("opening the PTUs")
-        heads = opened.enter_context(
-            Heads({s.name: s.head for s in file.stations if s.head is not None}, operation.start_s)
-        )
+        heads = opened.enter_context(Heads({s.name: s.head for s in file.stations if s.head is not None}, start_s))
         say("opening the cameras")
         cameras = opened.enter_context(_cameras(file, operation, simulated))
-        host_begin_s = time.monotonic() + _BEGIN_AFTER_S
+        begin_s = time.monotonic() + _BEGIN_AFTER_S
         if simulated is not None:
-            simulated.begin(host_begin_s)
-        end_s = None if request.seconds is None else host_begin_s + request.seconds
-        result = operation.run(cameras, heads, lambda: stop() or (end_s is not None and time.monotonic() >= end_s))
+            simulated.begin(begin_s)
+        end_s = math.inf if request.seconds is None else begin_s + request.seconds
+        result = operation.run(cameras, heads, lambda: stop() or time.monotonic() >= end_s, reference.worker)
+        reference.close(recorder)
         found = None
         if simulated is not None:
-            begin_s = host_begin_s - operation.start_s
-            found = score(flight, begin_s, keeper.rows(), simulated.truth, rig, host_begin_s)
+            found = score(flight, begin_s - start_s, keeper.rows(), simulated.truth, rig, begin_s)
     files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
     return LiveResult(operation=result, files=files, score=found)
+
+
+def _range(
+    request: LiveRequest,
+    file: StationFile,
+    flight: Landings,
+    out: Path,
+    opened: ExitStack,
+    say: Callable[[str], None],
+) -> SimulatedRange:
+    """Start the simulated range."""
+    say("building the simulated range")
+    hardware = RangeConfig(
+        rig=file.rig,
+        folder=out,
+        flight=flight,
+        frame_rate_hz=file.rate_hz,
+        seed=request.seed,
+        ptu_faults=request.ptu_faults,
+        receiver=request.receiver,
+    )
+    return opened.enter_context(SimulatedRange(hardware))
 
 
 class GuardedSink:
@@ -186,7 +207,8 @@ def _file(request: LiveRequest, out: Path) -> StationFile:
         return load_station(request.station)
     if not request.simulate:
         raise InputError("STATION", got="none", wanted="a station file, or --simulate")
-    return simulated_set_up(out, request.rate_hz, None if request.rig is None else load_rig(request.rig))
+    rig = None if request.rig is None else load_rig(request.rig)
+    return simulated_set_up(out, request.rate_hz, rig, dgps=request.receiver is not None)
 
 
 @contextmanager
@@ -214,25 +236,19 @@ def _cameras(
         yield cameras
 
 
-def _record(
-    request: LiveRequest,
-    file: StationFile,
-    rig: Rig,
-    config: Config,
-    out: Path,
-    opened: ExitStack,
-    sinks: list[Sink],
-    recorders: list[EventSink],
-) -> Callable[[], str]:
-    """Open the recorder, if there is to be one; returns what it has to say of itself."""
+def _recorder(
+    request: LiveRequest, out: Path, rig: Rig, header: RecordingHeader, opened: ExitStack, sinks: list[Sink]
+) -> LiveRecorder | None:
+    """Open the recorder, if there is to be one."""
     if not request.record:
-        return lambda: "not recording"
-    from groundstation.live.record import open_recorder
-
-    recorder = opened.enter_context(open_recorder(out / "flight.mcap", file, rig, config))
+        return None
+    recorder = opened.enter_context(open_recorder(out / "flight.mcap", rig, header))
     sinks.append(recorder)
-    recorders.append(recorder)
-    return recorder.words
+    return recorder
+
+
+def _recording(recorder: LiveRecorder | None) -> str:
+    return "not recording" if recorder is None else recorder.words()
 
 
 def _screen(

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from groundstation.config import Config
+from groundstation.estimation.parameters import ParameterPrior
 from groundstation.hand_over import quick_hand_over
 from groundstation.live.board import Board, DeviceState, LiveStatus
 from groundstation.live.camera_worker import CameraWorker
@@ -20,6 +21,7 @@ from groundstation.live.core import LiveCore, Taken
 from groundstation.live.head_process import Heads, HeadState
 from groundstation.live.inbox import Inbox, Item, Said, Shot
 from groundstation.live.pairing import Pairing, Shedding
+from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.station_file import StationFile
 from groundstation.messages import Event, Frame, TrackStatus
 from groundstation.pipeline import Pipeline
@@ -84,6 +86,7 @@ class Operation:
     clock : monotonic, s; the devices stamp with the same one.
     recorder_words : what the recorder has to say of itself, for the status.
     keep_images : whether reports carry the pictures, for a screen.
+    reference_errors : what is not known of a reference receiver that the filter learns from; None without one.
     """
 
     def __init__(
@@ -98,12 +101,15 @@ class Operation:
         clock: Callable[[], float] = time.monotonic,
         recorder_words: Callable[[], str] = lambda: "",
         keep_images: bool = False,
+        reference_errors: ParameterPrior | None = None,
     ) -> None:
         self._file, self._rig, self._config = file, rig, config
         self._sinks, self._recorders, self._operators = sinks, recorders, operators
         self._clock = clock
         self._recorder_words = recorder_words
         self._keep_images = keep_images
+        self._reference_errors = reference_errors
+        self._reference: ReferenceWorker | None = None
         self.start_s = clock()
         self.inbox = Inbox()
         self._board = Board()
@@ -120,10 +126,16 @@ class Operation:
         """Put a line into the log; from any thread."""
         self.inbox.put(Said(t_s=self.now_s, level=level, text=text))
 
-    def run(self, cameras: Mapping[str, LiveCamera], heads: Heads, until: Callable[[], bool]) -> OperationResult:
+    def run(
+        self,
+        cameras: Mapping[str, LiveCamera],
+        heads: Heads,
+        until: Callable[[], bool],
+        reference: ReferenceWorker | None = None,
+    ) -> OperationResult:
         """Operate until ``until`` says so, then park the heads, and let everything that waits be answered.
 
-        The devices are opened already, and closed by whoever opened them.
+        The devices are opened already, and closed by whoever opened them; ``reference`` opens its line itself.
         """
         warm_up()
         workers = [CameraWorker(n, c, self.inbox, -self.start_s) for n, c in cameras.items()]
@@ -134,6 +146,10 @@ class Operation:
                 stack.callback(worker.stop)
                 worker.start()
             heads.start(self.inbox)
+            self._reference = reference
+            if reference is not None:
+                stack.callback(reference.stop)
+                reference.start()
             began_s = self.now_s
             while not until():
                 self._turn(core, heads, workers, self.inbox.get(_WAIT_S))
@@ -202,6 +218,9 @@ class Operation:
         states = [self._camera_state(c, now_s) for c in cameras] + [
             self._head_state(n, h, now_s) for n, h in heads.states.items()
         ]
+        if self._reference is not None:
+            rate_hz = self._board.rate("DGPS", self._reference.fixes, now_s)
+            states.append(self._reference.state(now_s, rate_hz))
         dropped = self._dropped()
         status = self._board.status(now_s, core.status, tuple(states), dropped, self._recorder_words())
         for operator in self._operators:
@@ -233,6 +252,7 @@ class Operation:
             span_m=self._file.span_m,
             stopwatch=self._clock,
             keep_images=self._keep_images,
+            reference_errors=self._reference_errors,
         )
 
     def _core(self, heads: Heads) -> LiveCore:

@@ -11,7 +11,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.live.simulated_range import Told
-from groundstation.live.station_file import HeadDevice, StationDevices, StationFile
+from groundstation.live.simulated_receiver import SIMULATED_ORIGIN
+from groundstation.live.station_file import HeadDevice, ReferenceDevice, StationDevices, StationFile
 from groundstation.messages import StepReport
 from groundstation.pointing import PointingConfig
 from groundstation.rig import Rig
@@ -72,8 +73,11 @@ class Landings:
         return np.asarray(_LEVEL_M + _ROUNDED_M * np.logaddexp(0.0, above / _ROUNDED_M))
 
 
-def simulated_set_up(folder: Path, rate_hz: float, rig: Rig | None) -> StationFile:
-    """Write the rig file of a simulated set-up and return its station file; the PTUs' URLs are links in ``folder``."""
+def simulated_set_up(folder: Path, rate_hz: float, rig: Rig | None, *, dgps: bool = False) -> StationFile:
+    """Write the rig file of a simulated set-up and return its station file; the devices' URLs are links in ``folder``.
+
+    ``dgps`` adds a reference receiver on the aircraft's nose.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     rig = standard_rig(sigma_rad=_PTU_SIGMA_RAD) if rig is None else rig
     path = folder / "rig.toml"
@@ -97,6 +101,9 @@ def simulated_set_up(folder: Path, rate_hz: float, rig: Rig | None) -> StationFi
             )
             for s in rig.stations
         ),
+        reference=ReferenceDevice(url=str(folder / "dgps")) if dgps else None,
+        origin=SIMULATED_ORIGIN if dgps else None,
+        antenna_in_body_m=(0.0, 0.0, 0.0) if dgps else None,
     )
 
 

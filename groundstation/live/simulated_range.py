@@ -23,6 +23,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.hand_over import quick_hand_over
+from groundstation.live.simulated_receiver import ReceiverModel, SimulatedReceiver
 from groundstation.picture import BayerPattern
 from groundstation.rig import Rig, load_rig
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -63,6 +64,7 @@ class RangeConfig:
     delivery_s : from mid-exposure to the picture's arrival; longer where rendering takes longer.
     baud : of the PTUs' lines.
     ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated_faults.FAULTS`, and how often one strikes a PTU.
+    receiver : the reference receiver on the aircraft's nose, at the link ``dgps``; None for none.
     """
 
     rig: Path
@@ -73,6 +75,7 @@ class RangeConfig:
     baud: int = 115200
     ptu_faults: tuple[str, ...] = ()
     ptu_faults_per_minute: float = 6.0
+    receiver: ReceiverModel | None = None
     seed: int = 0
 
 
@@ -233,6 +236,11 @@ def serve_range(
         for s in stations
     ]
     threads += [threading.Thread(target=s.server.run, daemon=True) for s in stations]
+    if config.receiver is not None:
+        receiver = SimulatedReceiver(
+            config.folder / "dgps", config.receiver, flight, lambda: flight.start_s, config.seed
+        )
+        threads.append(threading.Thread(target=receiver.run, args=(stop,), daemon=True))
     for thread in threads:
         thread.start()
     control.send("ready")

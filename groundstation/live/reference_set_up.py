@@ -1,0 +1,67 @@
+"""The reference receiver of a station file, set up: its clock, its place, where its positions go."""
+
+import dataclasses
+import time
+from pathlib import Path
+
+from groundstation.config import Config
+from groundstation.live.inbox import Inbox
+from groundstation.live.reference_place import ReferenceClock, ReferencePlace
+from groundstation.live.reference_table import DgpsTable
+from groundstation.live.reference_worker import ReferenceWorker
+from groundstation.live.station_file import ReferenceDevice, StationFile
+from groundstation.logs.gps_time import TimeScale, civil_from_unix, gps_from_civil
+from groundstation.reference_knowledge import ReferenceKnowledge
+from groundstation.sinks.recorder import Recorder
+
+DGPS_TABLE = "dgps.csv"
+
+
+def reference_tuning(config: Config, device: ReferenceDevice | None) -> Config:
+    """Return the tuning with what the station file says of how well the receiver's clock is known."""
+    if device is None or device.clock_sigma_s is None:
+        return config
+    estimation = dataclasses.replace(config.estimation, reference_clock_sigma_s=device.clock_sigma_s)
+    return dataclasses.replace(config, estimation=estimation)
+
+
+def gps_time_of(monotonic_s: float) -> float:
+    """Return the GPS time of an instant of the host's monotonic clock, by its wall clock as it is now."""
+    unix_s = time.time() - (time.monotonic() - monotonic_s)
+    return gps_from_civil(*civil_from_unix(unix_s), TimeScale.UTC)
+
+
+class Reference:
+    """The worker of a station's reference receiver, if it has one, and its table.
+
+    Parameters
+    ----------
+    known : of its antenna and clock, as a replay will know it.
+    start_s : the session's time zero on the host's monotonic clock.
+    folder : where ``dgps.csv`` is written. faults : is told if the disk refuses it.
+    """
+
+    def __init__(
+        self,
+        file: StationFile,
+        known: ReferenceKnowledge,
+        inbox: Inbox,
+        *,
+        start_s: float,
+        folder: Path,
+        faults: list[str],
+    ) -> None:
+        self.worker: ReferenceWorker | None = None
+        self._table = DgpsTable(folder / DGPS_TABLE, faults)
+        device, origin = file.reference, file.origin
+        if device is None or origin is None:
+            return
+        clock = ReferenceClock(gps_time_of(start_s), device.clock_offset_s)
+        place = ReferencePlace(origin, clock, known.antenna_in_body_m, known.offset_s)
+        self.worker = ReferenceWorker(device, place, inbox, self._table, start_s=start_s)
+
+    def close(self, recorder: Recorder | None = None) -> None:
+        """Close the table and add it to the recording; twice does no harm."""
+        content = self._table.close()
+        if content is not None and recorder is not None:
+            recorder.attach(DGPS_TABLE, content)

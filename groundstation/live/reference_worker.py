@@ -1,0 +1,163 @@
+"""The reference receiver in a thread of its own: sentences in, positions into the inbox and into a table.
+
+A line that is gone is opened again, over and over; that no position comes is said once, and that one comes again.
+"""
+
+import math
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Protocol
+
+from groundstation.errors import GroundstationError, LogError
+from groundstation.live.board import GONE_S, ReferenceState
+from groundstation.live.head_worker import Outlet
+from groundstation.live.inbox import Said
+from groundstation.live.reference_line import ReferenceLine, open_reference_line
+from groundstation.live.reference_place import ReferencePlace
+from groundstation.live.station_file import ReferenceDevice
+from groundstation.logs.fixes import LogFix, LogOptions
+from groundstation.logs.nmea_stream import NmeaStream
+from groundstation.messages import DgpsFix
+
+# so long after the last byte nothing more of the same moment comes
+_QUIET_S = 0.04
+_AGAIN_S = 1.0
+
+
+class FixTable(Protocol):
+    """Takes each position of the antenna."""
+
+    def write(self, fix: DgpsFix) -> None:
+        """Take one; never raises."""
+
+
+class ReferenceWorker:
+    """Listens to one receiver.
+
+    Parameters
+    ----------
+    place : puts a position into the runway frame and onto the session's clock.
+    inbox : takes the positions for the filter, if it is to learn, and what is to be said.
+    table : takes all of them, None for nowhere.
+    start_s : the session's time zero on ``clock``.
+    clock, utc : the host's, monotonic and Unix time.
+    connect : opens the line.
+    """
+
+    def __init__(
+        self,
+        device: ReferenceDevice,
+        place: ReferencePlace,
+        inbox: Outlet,
+        table: FixTable | None,
+        *,
+        start_s: float,
+        clock: Callable[[], float] = time.monotonic,
+        utc: Callable[[], float] = time.time,
+        connect: Callable[[str, int], ReferenceLine] = open_reference_line,
+    ) -> None:
+        self.fixes = 0
+        self.refused: Counter[str] = Counter()
+        self.quality = ""
+        self.newest_s = -math.inf
+        self._device, self._place, self._inbox, self._table = device, place, inbox, table
+        self._start_s, self._clock, self._utc, self._connect = start_s, clock, utc, connect
+        self._stream = NmeaStream("DGPS", LogOptions(geoid_separation_m=device.geoid_separation_m))
+        self._stop = threading.Event()
+        self._trouble = ""
+        self._gone = False
+        self._listening_since_s = self._now_s()
+        self._adopted = 0
+        self._thread = threading.Thread(target=self._work, name="dgps", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=2.0)
+
+    def state(self, now_s: float, rate_hz: float) -> ReferenceState:
+        """Return how it does at session time ``now_s``."""
+        refused = ", ".join(f"{n} {why}" for why, n in self.refused.items() if n)
+        note = ", ".join(part for part in (self.quality, refused, "" if self._device.learn else "not learnt") if part)
+        age_s = now_s - self.newest_s
+        return ReferenceState(
+            name="DGPS", rate_hz=rate_hz, age_s=age_s, note=note, fixes=self.fixes, newest_s=self.newest_s
+        )
+
+    # ------------------------------------------------------------------------------------ the thread
+    def _now_s(self) -> float:
+        return self._clock() - self._start_s
+
+    def _work(self) -> None:
+        while not self._stop.is_set():
+            line = None
+            try:
+                line = self._connect(self._device.url, self._device.baud)
+                self._listen(line)
+            except GroundstationError as fault:
+                self._say_trouble(str(fault))
+            except Exception as fault:  # noqa: BLE001 - the station goes on without a reference
+                self._say_trouble(f"{type(fault).__name__}: {fault}")
+            finally:
+                if line is not None:
+                    line.close()
+            self._watch()
+            self._stop.wait(_AGAIN_S)
+
+    def _listen(self, line: ReferenceLine) -> None:
+        while not self._stop.is_set():
+            data = line.read(_QUIET_S)
+            try:
+                found = self._stream.feed(data, self._utc()) if data else self._stream.quiet(self._utc())
+            except LogError as fault:
+                self._say_trouble(str(fault))
+                continue
+            for fix in found:
+                self._take(fix)
+            self._watch()
+
+    def _take(self, fix: LogFix) -> None:
+        arrived_s = self._now_s()
+        placed = self._place.place(fix, arrived_s)
+        if self._place.clock.adopted != self._adopted:
+            self._adopted = self._place.clock.adopted
+            offset_s = self._place.clock.offset_s
+            text = f"its clock is {offset_s:+.1f} s off this machine's; taken from when its positions come"
+            self._say("warning", f"{text}: set one of them, or clock_offset_s")
+        if placed.antenna is not None and self._table is not None:
+            self._table.write(placed.antenna)
+        if placed.refusal is not None:
+            self.refused[placed.refusal.value] += 1
+        if placed.nose is None:
+            return
+        self.fixes += 1
+        self.newest_s = arrived_s
+        self.quality = fix.quality.value
+        self._trouble = ""
+        if self._gone:
+            self._gone = False
+            self._say("info", "there again")
+        if self._device.learn:
+            self._inbox.put(placed.nose)
+
+    def _watch(self) -> None:
+        """Say it once if no position has come for long."""
+        since_s = max(self.newest_s, self._listening_since_s)
+        if not self._gone and self._now_s() - since_s > GONE_S:
+            self._gone = True
+            self._say("warning", f"gone: no position that can be used since {since_s:.1f} s")
+
+    def _say_trouble(self, text: str) -> None:
+        if text != self._trouble:
+            self._trouble = text
+            self._say("warning", f"{text}; it is tried again")
+
+    def _say(self, level: str, text: str) -> None:
+        self._inbox.put(Said(t_s=self._now_s(), level=level, text=f"DGPS: {text}"))
