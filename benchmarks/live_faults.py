@@ -9,6 +9,7 @@ fault, the share of answers that were lost, and the ANEES of all answers with a 
 
 import argparse
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +24,14 @@ ROOT = Path(__file__).resolve().parent.parent
 FLIGHT = Glide(start_y_m=380.0, end_y_m=160.0, speed_m_s=20.0, aim_y_m=60.0)
 SETTLED_S = 2.0
 HARDWARE = RehearsalConfig(homing_s=3.0)
+OF_NO_STATION = (FaultKind.PROCESS_KILLED, FaultKind.DGPS_GONE, FaultKind.DGPS_FROZEN)
 
 
 def drawn(random: np.random.Generator, kind: FaultKind) -> Fault:
     """Return a fault of a kind at a drawn time, of a drawn station."""
     begin = float(random.uniform(2.0, 5.0))
     length = float(random.uniform(0.2, 2.0))
-    station = "" if kind is FaultKind.PROCESS_KILLED else str(random.choice(["left", "right"]))
+    station = "" if kind in OF_NO_STATION else str(random.choice(["left", "right"]))
     if kind is FaultKind.PTU_POWER_CYCLED:
         length = HARDWARE.homing_s
     return Fault(kind=kind, station=station, from_s=begin, to_s=begin + length)
@@ -52,7 +54,10 @@ def main() -> None:
         faults = [drawn(random, first)]
         if number % 2:
             faults.append(drawn(random, second))
-        result = Rehearsal(rig, Config(), FLIGHT, faults=faults, hardware=HARDWARE, seed=options.seed + number).run()
+        # a receiver that fails has to be there before
+        learns = any(f.kind in (FaultKind.DGPS_GONE, FaultKind.DGPS_FROZEN) for f in faults)
+        hardware = replace(HARDWARE, dgps_rate_hz=5.0 if learns else 0.0)
+        result = Rehearsal(rig, Config(), FLIGHT, faults=faults, hardware=hardware, seed=options.seed + number).run()
         end_s = max(f.to_s for f in faults) + SETTLED_S
         for name in {f.kind.value for f in faults} | {"two at once" if number % 2 else "alone", "all"}:
             back[name].append(result.share(TrackStatus.TRACKING, end_s, end_s + 1.0) >= 0.9)

@@ -59,10 +59,11 @@ class _UdpLine:
         if match is None or not 0 < int(match[2]) < 65_536:
             raise DeviceError(f"{url}: got no address; wanted udp://:PORT, or udp://ADDRESS:PORT of this machine")
         self._url = url
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             self._socket.bind((match[1], int(match[2])))
         except OSError as fault:
+            self._socket.close()
             raise DeviceError(f"{url}: got {fault.strerror or fault}; wanted a port to listen at") from fault
 
     def read(self, timeout_s: float) -> bytes:

@@ -16,10 +16,11 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.config import Config
+from groundstation.estimation.parameters import DGPS_CLOCK, ParameterPrior
 from groundstation.geometry.aim import aim_at
 from groundstation.live.core import LiveCore, Taken, in_operation
 from groundstation.live.pairing import Pairing
-from groundstation.messages import PixelMeasurement, PtuSample, TrackEstimate, TrackStatus
+from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, TrackEstimate, TrackStatus
 from groundstation.pipeline import Pipeline
 from groundstation.pointing import AxisLimits, HeadLimits, HeadPilot, PointingConfig
 from groundstation.rig import Rig, Station
@@ -39,12 +40,14 @@ class FaultKind(StrEnum):
     PTU_SILENT = "PTU silent"
     PTU_POWER_CYCLED = "PTU power-cycled"
     PTU_SPIKES = "PTU spikes"
+    DGPS_GONE = "DGPS gone"
+    DGPS_FROZEN = "DGPS frozen"
     PROCESS_KILLED = "process killed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """A fault of one station (or of the process) from ``from_s`` to ``to_s``."""
+    """A fault of one station (or, without a name, of the process or the receiver) from ``from_s`` to ``to_s``."""
 
     kind: FaultKind
     station: str
@@ -61,7 +64,8 @@ class RehearsalConfig:
     """The simulated hardware: rates in Hz, delays in s, noise in px, what the heads can do in deg.
 
     ``ptu_sigma_deg`` and the step are those of the rig. ``late_s`` and ``step_s`` are what a late camera and a stepped
-    clock are off.
+    clock are off. ``dgps_rate_hz`` 0 has no reference receiver; else the filter learns from one, whose clock is
+    ``dgps_clock_s`` ahead.
     """
 
     frame_rate_hz: float = 30.0
@@ -78,6 +82,10 @@ class RehearsalConfig:
     step_s: float = 0.2
     spike_deg: float = 3.0
     homing_s: float = 8.0
+    dgps_rate_hz: float = 0.0
+    dgps_delay_s: float = 0.12
+    dgps_sigma_m: float = 0.02
+    dgps_clock_s: float = 0.05
 
 
 @dataclass(slots=True)
@@ -166,6 +174,9 @@ class Rehearsal:
         self._rig, self._config, self._flight, self._faults = rig, config, flight, tuple(faults)
         self._hardware = RehearsalConfig() if hardware is None else hardware
         self._random = np.random.default_rng(seed)
+        # a stream of its own: with or without a receiver, the rest of the day is the same
+        self._receiver_random = np.random.default_rng([seed, 1])
+        self._last_fix_m: FloatArray | None = None
         self._geometries = {s.name: s.geometry() for s in rig.stations}
         self._frozen: dict[str, tuple[float, float]] = {}
         self._repeated: set[str] = set()
@@ -203,6 +214,9 @@ class Rehearsal:
             phase_s = float(self._random.uniform(0.0, 1.0 / h.ptu_rate_hz))
             for t in np.arange(start_s + phase_s, end_s, 1.0 / h.ptu_rate_hz):
                 self._at(float(t), partial(self._ask, station))
+        if h.dgps_rate_hz > 0.0:
+            for t in np.arange(start_s + 0.013, end_s, 1.0 / h.dgps_rate_hz):
+                self._at(float(t), self._measure)
         for t in np.arange(start_s, end_s, _TICK_S):
             self._at(float(t), self._tick)
         for fault in self._faults:
@@ -264,6 +278,18 @@ class Rehearsal:
         sample = PtuSample(t_s=t_s, station=name, pan_rad=float(shown[0]), tilt_rad=float(shown[1]))
         self._at(t_s + h.ptu_delay_s, partial(self._deliver, sample))
 
+    def _measure(self, t_s: float) -> None:
+        """Let the reference receiver measure; whoever listens to it takes a position that repeats for none."""
+        h = self._hardware
+        place = self._position(t_s) + self._receiver_random.normal(0.0, h.dgps_sigma_m, 3)
+        if self._is(FaultKind.DGPS_FROZEN, "", t_s) and self._last_fix_m is not None:
+            place = self._last_fix_m
+        repeated, self._last_fix_m = place is self._last_fix_m, place
+        if repeated or self._is(FaultKind.DGPS_GONE, "", t_s):
+            return
+        fix = ReferenceFix(t_s=t_s + h.dgps_clock_s, position_runway_m=place, sigma_m=np.full(3, h.dgps_sigma_m))
+        self._at(t_s + h.dgps_delay_s, partial(self._deliver, fix))
+
     def _homing(self, name: str, t_s: float) -> bool:
         """Return whether a head was power-cycled and has not homed: it neither answers nor obeys."""
         return any(
@@ -278,7 +304,7 @@ class Rehearsal:
         head.home(t_s + self._hardware.homing_s)
 
     # ------------------------------------------------------------------------------------- the station
-    def _deliver(self, item: PixelMeasurement | PtuSample, now_s: float) -> None:
+    def _deliver(self, item: PixelMeasurement | PtuSample | ReferenceFix, now_s: float) -> None:
         if not any(f.now(now_s) for f in self._dead):
             self._done(self._core.take(item, now_s))
 
@@ -315,8 +341,10 @@ class Rehearsal:
             acceleration_rad_s2=math.radians(h.head_acceleration_deg_s2),
         )
         limits = HeadLimits(pan=axis, tilt=axis)
+        config = in_operation(self._config, h.frame_rate_hz)
+        clock = ParameterPrior.independent([f"{DGPS_CLOCK}.offset"], [config.estimation.reference_clock_sigma_s])
         return LiveCore(
-            Pipeline(self._rig, in_operation(self._config, h.frame_rate_hz)),
+            Pipeline(self._rig, config, reference_errors=clock if h.dgps_rate_hz > 0.0 else None),
             Pairing(self._rig.names, 1.0 / h.frame_rate_hz),
             {n: HeadPilot(g, limits, PointingConfig(latency_s=h.head_latency_s)) for n, g in self._geometries.items()},
             SearchPattern(self._geometries, SearchConfig()),

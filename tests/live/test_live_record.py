@@ -1,12 +1,18 @@
 """A live recording says how its run was set up, as a replay needs it."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from groundstation.config import Config, load_config
-from groundstation.live.record import open_recorder
+from groundstation.live.record import live_header, live_reference, open_recorder
+from groundstation.live.reference_set_up import reference_tuning
 from groundstation.live.simulated_day import simulated_set_up
+from groundstation.live.station_file import ReferenceDevice
 from groundstation.messages import Epoch
 from groundstation.recorded_run import tuning
+from groundstation.reference_knowledge import reference_knowledge
 from groundstation.rig import load_rig
 from groundstation.rig_toml import rig_to_toml
 from groundstation.session import load_session
@@ -16,7 +22,7 @@ def test_what_a_replay_needs_is_in_it(tmp_path: Path) -> None:
     file = simulated_set_up(tmp_path, 30.0, None)
     rig, config = load_rig(file.rig), load_config(file.config)
     path = tmp_path / "flight.mcap"
-    with open_recorder(path, file, rig, config) as recorder:
+    with open_recorder(path, rig, live_header(file, config)) as recorder:
         recorder.take(Epoch(t_s=1.0, epoch=0, stations=rig.names))
         assert recorder.words().startswith("recording")
     assert recorder.words().startswith("closed")
@@ -26,3 +32,26 @@ def test_what_a_replay_needs_is_in_it(tmp_path: Path) -> None:
     assert tuning(session, None) == config == Config()
     assert session.recorded is not None
     assert (session.recorded.epochs, session.recorded.header.initial) == (1, None)
+
+
+def test_what_is_known_of_the_receiver_is_what_a_replay_knows(tmp_path: Path) -> None:
+    file = replace(
+        simulated_set_up(tmp_path, 30.0, None, dgps=True),
+        antenna_in_body_m=(-0.8, 0.1, -0.15),
+        reference=ReferenceDevice(url="udp://:5000", clock_sigma_s=0.02),
+    )
+    rig, config = load_rig(file.rig), reference_tuning(load_config(None), file.reference)
+    header = live_header(file, config)
+    known = live_reference(header, rig, config)
+    path = tmp_path / "flight.mcap"
+    with open_recorder(path, rig, header) as recorder:
+        recorder.take(Epoch(t_s=1.0, epoch=0, stations=rig.names))
+    session = load_session(path)
+    assert session.recorded is not None
+    assert session.recorded.header.taught
+    again = reference_knowledge(session, tuning(session, None).estimation)
+    assert (again.errors.names, again.offset_s) == (known.errors.names, known.offset_s)
+    np.testing.assert_array_equal(again.errors.covariance, known.errors.covariance)
+    np.testing.assert_array_equal(known.errors.covariance, [[0.02**2]])
+    np.testing.assert_array_equal(again.antenna_in_body_m, [-0.8, 0.1, -0.15])
+    assert session.origin == file.origin

@@ -14,10 +14,12 @@ import pytest
 from groundstation.cli import main
 from groundstation.geometry.camera import Lens
 from groundstation.live.command import GuardedSink
-from groundstation.messages import StepReport
+from groundstation.messages import ReferenceFix, StepReport
 from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
+from groundstation.session import load_dgps, load_session
 from groundstation.simulation.cases import standard_rig
+from groundstation.sources.session_source import session_source
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -42,7 +44,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, int]:
     out = folder / "out"
     command = [sys.executable, "-m", "groundstation", "live", "--simulate", "--rig", str(folder / "small.toml")]
     child = subprocess.Popen(
-        [*command, "--out", str(out), "--rate", "5"],
+        [*command, "--dgps", "--out", str(out), "--rate", "5"],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -51,8 +53,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, int]:
     try:
         deadline = time.monotonic() + 240.0
         while time.monotonic() < deadline and child.poll() is None:
-            table = out / "track.csv"
-            if table.is_file() and table.read_text(encoding="utf-8").count("\n") > 24:
+            tables = [out / "track.csv", out / "dgps.csv"]
+            if all(t.is_file() for t in tables) and tables[0].read_text(encoding="utf-8").count("\n") > 24:
                 break
             time.sleep(0.2)
         child.send_signal(signal.SIGINT)
@@ -67,7 +69,7 @@ def test_ctrl_c_ends_it_softly(flown: tuple[Path, str, int]) -> None:
     assert code == 0, said
     assert "Traceback" not in said
     assert "delay from a pair's first frame to its answer" in said
-    for name in ("track.csv", "triangulation.csv", "detections.csv", "flight.mcap", "rig.toml"):
+    for name in ("track.csv", "triangulation.csv", "detections.csv", "flight.mcap", "rig.toml", "dgps.csv"):
         assert (out / name).is_file(), said
     rows = (out / "track.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) > 24
@@ -80,6 +82,21 @@ def test_its_recording_gives_the_same_track_bit_for_bit(flown: tuple[Path, str, 
     assert main(["replay", str(out / "flight.mcap"), "--out", str(tmp_path / "again"), "--no-rerun"]) == 0
     assert (tmp_path / "again" / "track.csv").read_bytes() == (out / "track.csv").read_bytes()
     assert (tmp_path / "again" / "triangulation.csv").read_bytes() == (out / "triangulation.csv").read_bytes()
+
+
+def test_the_reference_receiver_is_in_it(flown: tuple[Path, str, int]) -> None:
+    out, said, _ = flown
+    rows = (out / "dgps.csv").read_text(encoding="utf-8").splitlines()
+    session = load_session(out / "flight.mcap")
+    fixes = load_dgps(session)
+    assert len(fixes) == len(rows) - 1 > 0, said
+    with session_source(session, None, None, lambda line: None) as source:
+        learnt = [e for e in source if isinstance(e, ReferenceFix)]
+    # the last may have come while the heads were parked
+    assert 0 <= len(fixes) - len(learnt) <= 2
+    assert learnt[0].t_s == pytest.approx(fixes[0].t_s, abs=1e-6)
+    # one approach after the other, from 560 m on
+    assert 0.0 < learnt[0].position_runway_m[1] <= 562.0
 
 
 def test_a_folder_that_is_in_use_is_refused(flown: tuple[Path, str, int], capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from groundstation.config import Config
-from groundstation.live.rehearsal import Fault, FaultKind, Rehearsal, Rehearsed
+from groundstation.live.rehearsal import Fault, FaultKind, Rehearsal, RehearsalConfig, Rehearsed
 from groundstation.messages import TrackStatus
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.trajectory import Trajectory
@@ -13,6 +13,10 @@ from tests.stereo_rig import make_rig, with_angle_noise
 # 20 m/s from 300 m on
 FLIGHT = Glide(start_y_m=300.0, end_y_m=180.0, speed_m_s=20.0, aim_y_m=60.0)
 FAULT_FROM_S, FAULT_TO_S = 2.5, 3.5
+OF_THEIR_OWN = (
+    *(FaultKind.PROCESS_KILLED, FaultKind.PTU_POWER_CYCLED),
+    *(FaultKind.DGPS_GONE, FaultKind.DGPS_FROZEN),
+)
 
 
 def rehearsed(*faults: Fault, seed: int = 1, flight: Trajectory = FLIGHT) -> Rehearsed:
@@ -42,9 +46,7 @@ def test_the_same_seed_gives_the_same_day() -> None:
             np.testing.assert_array_equal(a.kinematics.covariance, b.kinematics.covariance)
 
 
-@pytest.mark.parametrize(
-    "kind", [k for k in FaultKind if k not in (FaultKind.PROCESS_KILLED, FaultKind.PTU_POWER_CYCLED)]
-)
+@pytest.mark.parametrize("kind", [k for k in FaultKind if k not in OF_THEIR_OWN])
 def test_a_fault_is_outlived_with_an_honest_covariance(kind: FaultKind) -> None:
     result = rehearsed(fault(kind))
     # it goes on while the fault is there, and a second later it tracks as if nothing had been
@@ -52,6 +54,21 @@ def test_a_fault_is_outlived_with_an_honest_covariance(kind: FaultKind) -> None:
     assert result.share(TrackStatus.TRACKING, FAULT_TO_S + 1.0, 6.0) >= 0.98
     assert result.squared_errors(1.0).mean() / 3.0 < 1.5
     assert np.mean(result.inside) >= 0.98
+
+
+@pytest.mark.parametrize("kind", [FaultKind.DGPS_GONE, FaultKind.DGPS_FROZEN])
+def test_a_receiver_teaches_while_it_is_there_and_is_not_missed(kind: FaultKind) -> None:
+    rig = with_angle_noise(make_rig(), np.radians(0.01))
+    hardware = RehearsalConfig(dgps_rate_hz=5.0)
+    lost = Fault(kind=kind, station="", from_s=FAULT_FROM_S, to_s=FAULT_TO_S)
+    result = Rehearsal(rig, Config(), FLIGHT, faults=[lost], hardware=hardware, seed=1).run()
+    assert result.share(TrackStatus.TRACKING, 1.0, 6.0) >= 0.99
+    assert result.squared_errors(1.0).mean() / 3.0 < 1.5
+    untaught = rehearsed().estimates[-1].kinematics
+    knows = result.estimates[-1].kinematics
+    assert untaught is not None
+    assert knows is not None
+    assert knows.covariance[1, 1] < untaught.covariance[1, 1]
 
 
 def test_a_head_that_homes_is_out_of_it_and_comes_back() -> None:

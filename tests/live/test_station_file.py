@@ -7,7 +7,7 @@ import pytest
 
 from groundstation.errors import ConfigError
 from groundstation.live.devices import camera_of, check_against_rig, head_settings
-from groundstation.live.station_file import load_station
+from groundstation.live.station_file import ReferenceDevice, load_station
 from groundstation.rig import load_rig
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "station-example.toml"
@@ -18,6 +18,16 @@ rig = "rig.toml"
 rate_hz = 25
 [target]
 span_m = 2.3
+antenna_in_body_m = [-0.8, 0, -0.1]
+[origin]
+lat_deg = 47.1
+lon_deg = 8.6
+height_m = 480
+y_axis_azimuth_deg = 35
+[reference]
+url = "udp://:5000"
+clock_sigma_s = 0.02
+learn = false
 [record]
 folder = "flights"
 [pointing]
@@ -53,6 +63,10 @@ def test_everything_that_it_says(tmp_path: Path) -> None:
     assert file.record == tmp_path / "flights"
     assert file.pointing.gain_per_s == 3.0
     assert file.search.azimuth_deg == (-8.0, 4.5)
+    assert file.antenna_in_body_m == (-0.8, 0.0, -0.1)
+    assert file.origin is not None
+    assert (file.origin.lat_deg, file.origin.y_axis_azimuth_deg) == (47.1, 35.0)
+    assert file.reference == ReferenceDevice(url="udp://:5000", clock_sigma_s=0.02, learn=False)
     left, right = file.stations
     assert left.head is not None
     assert right.head is not None
@@ -85,6 +99,12 @@ def test_the_example_of_the_docs_is_one() -> None:
         ("azimuth_deg = [-8, 4.5]", "azimuth_deg = [4.5, -8]", "azimuth_deg"),
         ("park_deg = [0, 20]", "park_deg = [0]", "park_deg: got [0]"),
         ('camera = "opencv:0"', "", "camera: got nothing"),
+        ("learn = false", "learn = 0", "reference: learn: got 0"),
+        ('url = "udp://:5000"', "", "reference: url: got nothing"),
+        ("clock_sigma_s = 0.02", "clock_sigma_s = 0", "clock_sigma_s: got 0"),
+        ("clock_sigma_s = 0.02", "clock = 1", "clock: got an unknown key"),
+        ("[origin]", "[view]", "origin: got nothing; wanted a table [origin]"),
+        ("lat_deg = 47.1", "lat_deg = 97.1", "origin: lat_deg: got 97.1"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from groundstation.config import Config
+from groundstation.estimation.parameters import DGPS_CLOCK, ParameterPrior
 from groundstation.estimation.recorded_ekf import RecordedEkf
 from groundstation.messages import (
     CameraReport,
@@ -19,12 +20,13 @@ from groundstation.messages import (
     MissReason,
     PixelMeasurement,
     PtuSample,
+    ReferenceFix,
     TrackStatus,
 )
 from groundstation.pipeline import Pipeline
 from groundstation.session import load_session
 from groundstation.sources.replay import ReplaySource
-from groundstation.synchronise import SynchroniseConfig
+from groundstation.synchronise import AnglesAt, ReadyFrame, SynchroniseConfig, Synchroniser
 from tests.stereo_rig import flight_events, glide, make_rig
 
 RECORDING = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
@@ -130,6 +132,54 @@ def test_the_look_is_where_the_target_was_expected_then() -> None:
     assert looked.predicted_px is not None
     assert expected.predicted_px is not None
     np.testing.assert_allclose(looked.predicted_px, expected.predicted_px, atol=1e-6)
+
+
+def taught(events: list[Event], late_s: float, **estimation: object) -> Pipeline:
+    """Fly with a position of a receiver each fifth of a second, whose clock is 30 ms ahead, told ``late_s`` later."""
+    generator = np.random.default_rng(7)
+    fixes = [
+        ReferenceFix(
+            t_s=t + 0.03, position_runway_m=glide(t) + generator.normal(0.0, 0.02, 3), sigma_m=np.full(3, 0.02)
+        )
+        for t in np.arange(0.511, 5.9, 0.2)
+    ]
+    arrivals = [(e.t_s, e) for e in events] + [(fix.t_s + late_s, fix) for fix in fixes]
+    clock = ParameterPrior.independent([f"{DGPS_CLOCK}.offset"], [0.5])
+    config = tuning(hold_s=0.02, **estimation)
+    pipeline = Pipeline(make_rig(), config, span_m=2.3, initial=START, reference_errors=clock)
+    for _, event in sorted(arrivals, key=lambda a: a[0]):
+        pipeline.step(event)
+    pipeline.finish()
+    return pipeline
+
+
+def test_positions_of_a_receiver_come_late_and_teach_as_much() -> None:
+    """Each comes 0.15 s after its time, the cameras wait 20 ms: state and covariance are those of positions at once."""
+    events = spoiled(6)
+    ordered, late = taught(events, 0.0), taught(events, 0.15)
+    assert late.counts["references_refused"] == ordered.counts["references_refused"] == 0
+    sigma = np.sqrt(np.diag(ordered._ekf.covariance))
+    np.testing.assert_allclose(late._ekf.state / sigma, ordered._ekf.state / sigma, rtol=0, atol=1e-6)
+    scale = np.outer(sigma, sigma)
+    np.testing.assert_allclose(late._ekf.covariance / scale, ordered._ekf.covariance / scale, rtol=0, atol=1e-6)
+    (clock,) = [e for e in late.carried_errors if e.name.startswith(DGPS_CLOCK)]
+    assert clock.sigma < 0.05
+    refused = taught(events, 0.3, late_horizon_s=0.1)
+    assert refused.counts["references_refused"] == len(np.arange(0.511, 5.9, 0.2))
+    assert refused.taught_until_s is None
+
+
+def test_a_receiver_whose_clock_is_ahead_hurries_nothing() -> None:
+    """Stamps of two seconds from now: no frame is passed on before the reading that it waits for."""
+    readings = [PtuSample(t_s=t, station="left", pan_rad=t, tilt_rad=0.0) for t in (0.0, 0.1)]
+    frame = PixelMeasurement(t_s=0.05, station="left", epoch=0, u_px=1.0, v_px=1.0)
+    fix = ReferenceFix(t_s=2.05, position_runway_m=np.zeros(3), sigma_m=np.ones(3))
+    synchroniser = Synchroniser(["left"], SynchroniseConfig(hold_s=0.15), cameras=["left"])
+    passed = [item for event in (readings[0], frame, fix, readings[1]) for item in synchroniser.push(event)]
+    (ready,) = [item for item in passed if isinstance(item, ReadyFrame)]
+    assert isinstance(ready.angles, AnglesAt)
+    assert ready.angles.pan_rad == pytest.approx(0.05)
+    assert list(synchroniser.finish())[-1] is fix
 
 
 def test_beyond_the_horizon_it_is_refused_and_counted() -> None:
