@@ -1,18 +1,28 @@
 """How likely it is that what is tracked is still there, by what the cameras see and do not see.
 
-As in integrated probabilistic data association (Mušicki, Evans & Stanković 1994), without its clutter model: a look
+As in integrated probabilistic data association (Mušicki, Evans & Stanković 1994): a look
 that finds nothing multiplies the odds by 1 − P_D p_v, with p_v the predicted mass inside the image and P_D how often
-this camera has found the target lately; an accepted pixel multiplies them by a constant. Misses have causes that last
+this camera has found the target lately; an accepted pixel z with innovation covariance S multiplies them by
+1 − P_D + P_D N(z; ẑ, S) / λ, at most by a constant: where the prediction is vague, clutter of density λ lies in its
+gate as easily as the target, and says little. Misses have causes that last
 (a bird, a dark hill), so looks of one camera within a memory τ count as one: a look Δt after the one before has the
 power Δt/τ. What was not looked at says nothing.
 """
+
+import math
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
 
 _FIRST_DETECTION = 0.8
 _LEAST_DETECTION, _MOST_DETECTION = 0.3, 0.95
 # P_D follows what happens over many seconds, and only where the target was surely in the image
 _DETECTION_MEMORY_S = 15.0
 _SURELY = 0.9
-_HIT_FACTOR = 20.0
+_MOST_HIT_FACTOR = 20.0
+# false candidates that a look accepts, about one in a window of 180 × 180 px
+_CLUTTER_PER_PX2 = 3e-5
 _MOST_ODDS = 999.0
 _FIRST_ODDS = 19.0
 
@@ -44,10 +54,14 @@ class Existence:
         """Return P_D of one camera, from its recent successes."""
         return min(max(self._detection.get(station, _FIRST_DETECTION), _LEAST_DETECTION), _MOST_DETECTION)
 
-    def hit(self, station: str, t_s: float) -> None:
-        """Note a pixel that the filter has accepted."""
+    def hit(self, station: str, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray) -> None:
+        """Note a pixel that the filter has accepted, with its innovation (2,) and that one's covariance (2, 2)."""
         self._learn(station, t_s, 1.0, 1.0)
-        self._odds = min(self._odds * _HIT_FACTOR, _MOST_ODDS)
+        P_D = self.detection_probability(station)
+        nis = float(residual_px @ np.linalg.solve(covariance_px2, residual_px))
+        density = math.exp(-0.5 * nis) / (2.0 * math.pi * math.sqrt(float(np.linalg.det(covariance_px2))))
+        factor = min(1.0 - P_D + P_D * density / _CLUTTER_PER_PX2, _MOST_HIT_FACTOR)
+        self._odds = min(self._odds * factor, _MOST_ODDS)
 
     def miss(self, station: str, t_s: float, in_view: float) -> float:
         """Note a look that found nothing, the target being in the image with probability ``in_view``.

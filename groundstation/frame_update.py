@@ -244,11 +244,11 @@ class FrameUpdate:
         if innovation is not None:
             self._health.watch.judged(record.station, record.t_s, innovation.residual, innovation.covariance)
         accepted = innovation is not None and innovation.accepted
-        if accepted:
+        if innovation is not None and accepted:
             status = DetectionStatus.CUT if found.cut else DetectionStatus.OK
             self._keeper.life.saw(record.t_s)
             if isinstance(record, Frame):
-                self._keeper.life.existence.hit(record.station, record.t_s)
+                self._keeper.life.existence.hit(record.station, record.t_s, innovation.residual, innovation.covariance)
                 if not found.cut:
                     camera.accepted(found)
                     self._use_width(camera, found, record.t_s)

@@ -7,7 +7,8 @@ time without any accepted pixel.
 
 A target that was found by searching has to prove itself. It is *acquiring*, without an estimate, until it has had
 a fix and its velocity has settled; it is dropped as false if a few fixes do not come soon, or if it does not move
-away from where it was found.
+away from where it was found. So is one that has proved itself and then stands still for long: an aeroplane that has
+stopped needs no guidance, and what the cameras cling to after it has gone is ground.
 """
 
 from collections.abc import Iterable
@@ -37,6 +38,8 @@ class TrackLife:
         self._fixes = 0
         self._settled = False
         self._found_at: FloatArray | None = None
+        # where a target that proved itself has last been seen to move away from, and when
+        self._passed: tuple[float, FloatArray] | None = None
 
     @property
     def started_s(self) -> float:
@@ -47,15 +50,16 @@ class TrackLife:
         """Note that a target was begun at ``t_s``; ``found_at_m`` (3,) where searching found it, None if given."""
         self._newest_pixel_s = self._started_s = self._newest_fix_s = t_s
         self._found_at = found_at_m
+        self._passed = None
         self._settled = found_at_m is None
         self._fixes = 0
         self.existence.start()
 
     def is_false(self, t_s: float, ekf: StationEkf) -> bool:
-        """Return whether a found target has failed to prove itself in the time it was given."""
-        if self._found_at is None:
-            return False
+        """Return whether a found target has failed to prove itself in the time it was given, or stands still since."""
         c = self._config
+        if self._found_at is None:
+            return self._stands(t_s, ekf)
         if self._fixes < c.proof_fixes and t_s - self._started_s > c.proof_s:
             return True
         where = ekf.layout.position
@@ -63,8 +67,20 @@ class TrackLife:
         significant = float(moved @ np.linalg.solve(ekf.covariance[where, where], moved)) > _MOVED_SQUARE
         if significant and float(np.linalg.norm(moved)) > c.false_target_m and self._fixes >= c.proof_fixes:
             self._found_at = None
+            self._passed = (t_s, ekf.state[where].copy())
             return False
         return t_s - self._started_s > c.false_target_s
+
+    def _stands(self, t_s: float, ekf: StationEkf) -> bool:
+        """Return whether a target that has proved itself has for long stayed in one place; never a given one."""
+        if self._passed is None:
+            return False
+        since_s, place_m = self._passed
+        here_m = ekf.state[ekf.layout.position]
+        if float(np.linalg.norm(here_m - place_m)) > self._config.false_target_m:
+            self._passed = (t_s, here_m.copy())
+            return False
+        return t_s - since_s > self._config.standing_s
 
     def saw(self, t_s: float) -> None:
         """Note that a pixel was accepted."""

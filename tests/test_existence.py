@@ -9,6 +9,8 @@ from groundstation.track_life import TrackLife
 from tests.test_track_life import started
 
 STATIONS = ("left", "right")
+# an innovation of a target that is well known
+SHARP = (np.zeros(2), np.eye(2))
 
 
 def seen(existence: Existence, from_s: float = 0.0, to_s: float = 5.0, share: float = 1.0) -> None:
@@ -16,7 +18,7 @@ def seen(existence: Existence, from_s: float = 0.0, to_s: float = 5.0, share: fl
     for t in np.arange(from_s, to_s, 0.04):
         for name in STATIONS:
             if rng.random() < share:
-                existence.hit(name, t)
+                existence.hit(name, t, *SHARP)
             else:
                 existence.miss(name, t, 1.0)
 
@@ -35,12 +37,31 @@ def test_one_look_is_bayes() -> None:
     """A look a whole memory after the last: odds × (1 − P_D p_v)."""
     existence = Existence(1.0)
     existence.start()
-    existence.hit("left", 0.0)
+    existence.hit("left", 0.0, *SHARP)
     before = existence.probability / (1.0 - existence.probability)
     share = existence.miss("left", 1.0, 0.5)
     after = existence.probability / (1.0 - existence.probability)
     assert 0.75 < share < 0.95
     assert after / before == pytest.approx(1.0 - 0.5 * share)
+
+
+def odds_after_a_hit(residual_px: float, sigma_px: float) -> float:
+    existence = Existence(1.0)
+    existence.start()
+    before = existence.probability / (1.0 - existence.probability)
+    existence.hit("left", 0.0, np.array([residual_px, 0.0]), sigma_px**2 * np.eye(2))
+    return existence.probability / (1.0 - existence.probability) / before
+
+
+def test_a_pixel_says_the_less_the_less_was_known_of_where_it_would_be() -> None:
+    """Where clutter is as likely in the gate as the target, a pixel is no news; far out it speaks against."""
+    assert odds_after_a_hit(0.0, 1.0) == odds_after_a_hit(3.0, 1.5) == pytest.approx(20.0)
+    # density of the target 1 / (2π σ²) = λ = 3·10⁻⁵
+    even = (1.0 / (2.0 * np.pi * 3e-5)) ** 0.5
+    assert odds_after_a_hit(0.0, even) == pytest.approx(1.0, abs=0.01)
+    assert odds_after_a_hit(0.0, 30.0) > 3.0
+    assert odds_after_a_hit(0.0, 200.0) < 0.5
+    assert odds_after_a_hit(3.0 * even, even) < 0.3
 
 
 def test_where_it_would_have_been_seen_belief_falls_in_seconds() -> None:
@@ -65,7 +86,7 @@ def test_frame_rate_does_not_matter() -> None:
     for step in (0.02, 0.1):
         existence = Existence(1.0)
         existence.start()
-        existence.hit("left", 0.0)
+        existence.hit("left", 0.0, *SHARP)
         for t in np.arange(step, 1.0 + step / 2, step):
             existence.miss("left", float(t), 0.5)
         out.append(existence.probability)
@@ -78,7 +99,7 @@ def test_a_gap_is_survived() -> None:
     seen(existence)
     assert time_to(existence, 0.5, 1.0, 5.0) is not None
     for k in range(3):
-        existence.hit("left", 6.5 + 0.04 * k)
+        existence.hit("left", 6.5 + 0.04 * k, *SHARP)
     assert existence.probability > 0.9
 
 
@@ -105,6 +126,6 @@ def test_a_picture_that_comes_late_does_not_make_the_next_look_longer() -> None:
         existence.start()
         seen(existence)
         if late:
-            existence.hit("left", 4.6)
+            existence.hit("left", 4.6, *SHARP)
         shares.append(existence.miss("left", 5.05, 1.0))
     assert shares[1] == pytest.approx(shares[0], rel=0.05)

@@ -52,6 +52,34 @@ def test_what_has_moved_away_is_believed_for_good() -> None:
     assert not life.is_false(60.0, ekf)
 
 
+def test_what_has_moved_and_then_stands_still_is_dropped() -> None:
+    """As ground that the cameras cling to once the aircraft has gone: within 8 m of one place for 5 s."""
+    life, ekf = started(found=True)
+    for k in range(5):
+        life.fixed(k * 0.1)
+    move(ekf, -15.0)
+    assert not life.is_false(2.0, ekf)
+    for t_s in np.arange(2.1, 6.9, 0.1):
+        life.fixed(float(t_s))
+        move(ekf, 0.5 * (-1.0) ** round(10 * t_s))
+        assert not life.is_false(float(t_s), ekf)
+    assert life.is_false(7.2, ekf)
+
+
+def test_the_slowest_approach_does_not_stand_still() -> None:
+    life, ekf = started(found=True)
+    for k in range(600):
+        life.fixed(k * 0.1)
+        move(ekf, -0.3)
+        assert not life.is_false(k * 0.1, ekf)
+
+
+def test_a_given_target_may_stand_still() -> None:
+    life, ekf = started(found=False)
+    move(ekf, -15.0)
+    assert not any(life.is_false(float(t_s), ekf) for t_s in np.arange(0.0, 60.0, 0.5))
+
+
 def test_a_given_target_needs_no_proof() -> None:
     life, ekf = started(found=False)
     assert not life.is_false(100.0, ekf)

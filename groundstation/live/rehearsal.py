@@ -19,6 +19,7 @@ from groundstation.config import Config
 from groundstation.estimation.parameters import DGPS_CLOCK, ParameterPrior
 from groundstation.geometry.aim import aim_at
 from groundstation.live.core import LiveCore, Taken, in_operation
+from groundstation.live.inbox import Item
 from groundstation.live.pairing import Pairing
 from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, TrackEstimate, TrackStatus
 from groundstation.pipeline import Pipeline
@@ -122,7 +123,7 @@ class _Head:
 
     def __init__(self, angles: FloatArray, config: RehearsalConfig) -> None:
         self.angles = angles
-        self._rates = np.zeros(2)
+        self.rates = np.zeros(2)
         self._wanted = np.zeros(2)
         self._waiting: deque[tuple[float, FloatArray]] = deque()
         self._latency_s = config.head_latency_s
@@ -140,14 +141,14 @@ class _Head:
             while self._waiting and self._waiting[0][0] <= self._at_s:
                 self._wanted = self._waiting.popleft()[1]
             step = self._steepest * dt
-            self._rates = self._rates + np.clip(self._wanted - self._rates, -step, step)
-            self.angles = self.angles + self._rates * dt
+            self.rates = self.rates + np.clip(self._wanted - self.rates, -step, step)
+            self.angles = self.angles + self.rates * dt
             self._at_s += dt
 
     def home(self, until_s: float) -> None:
         """Forget all commands, turn to zero, and stand there until then."""
         self._waiting.clear()
-        self._wanted, self._rates, self.angles = np.zeros(2), np.zeros(2), np.zeros(2)
+        self._wanted, self.rates, self.angles = np.zeros(2), np.zeros(2), np.zeros(2)
         self._at_s = max(self._at_s, until_s)
 
 
@@ -159,6 +160,7 @@ class Rehearsal:
     rig : as the pipeline knows it; the simulated hardware is exactly that.
     flight : the target point.
     faults : what goes wrong, and when.
+    span_m : the target's, as a station file would tell; None if unknown.
     """
 
     def __init__(
@@ -170,8 +172,10 @@ class Rehearsal:
         faults: Sequence[Fault] = (),
         hardware: RehearsalConfig | None = None,
         seed: int = 0,
+        span_m: float | None = None,
     ) -> None:
         self._rig, self._config, self._flight, self._faults = rig, config, flight, tuple(faults)
+        self._span_m = span_m
         self._hardware = RehearsalConfig() if hardware is None else hardware
         self._random = np.random.default_rng(seed)
         # a stream of its own: with or without a receiver, the rest of the day is the same
@@ -238,14 +242,19 @@ class Rehearsal:
 
     # ------------------------------------------------------------------------------------ the hardware
     def _expose(self, name: str, t_s: float) -> None:
-        """Take a picture: the target's pixel, if it is inside."""
-        head, geometry, h = self._heads[name], self._geometries[name], self._hardware
+        """Take a picture."""
+        head, geometry = self._heads[name], self._geometries[name]
         head.run_to(t_s)
         projected = geometry.project(self._position(t_s), *(float(a) for a in head.angles))
         size = np.array(geometry.image_size_px)
         pixel = np.full(2, -1.0) if projected is None else projected.pixel
         self._result.inside.append(bool(np.all(np.abs(pixel - 0.5 * size) <= 0.25 * size)))
         self._result.at_s.append(t_s)
+        self._look(name, t_s, pixel, size)
+
+    def _look(self, name: str, t_s: float, pixel: FloatArray, size: FloatArray) -> None:
+        """Let a camera see the target's ``pixel`` (2,), if it is inside its picture of ``size``, and tell of it."""
+        h = self._hardware
         noise = self._random.normal(0.0, h.pixel_sigma_px, 2)
         missed = self._random.random() < h.miss_share
         delay_s = h.frame_delay_s + abs(float(self._random.normal(0.0, h.frame_jitter_s)))
@@ -304,7 +313,7 @@ class Rehearsal:
         head.home(t_s + self._hardware.homing_s)
 
     # ------------------------------------------------------------------------------------- the station
-    def _deliver(self, item: PixelMeasurement | PtuSample | ReferenceFix, now_s: float) -> None:
+    def _deliver(self, item: Item | PixelMeasurement, now_s: float) -> None:
         if not any(f.now(now_s) for f in self._dead):
             self._done(self._core.take(item, now_s))
 
@@ -344,7 +353,7 @@ class Rehearsal:
         config = in_operation(self._config, h.frame_rate_hz)
         clock = ParameterPrior.independent([f"{DGPS_CLOCK}.offset"], [config.estimation.reference_clock_sigma_s])
         return LiveCore(
-            Pipeline(self._rig, config, reference_errors=clock if h.dgps_rate_hz > 0.0 else None),
+            Pipeline(self._rig, config, span_m=self._span_m, reference_errors=clock if h.dgps_rate_hz > 0.0 else None),
             Pairing(self._rig.names, 1.0 / h.frame_rate_hz),
             {n: HeadPilot(g, limits, PointingConfig(latency_s=h.head_latency_s)) for n, g in self._geometries.items()},
             SearchPattern(self._geometries, SearchConfig()),

@@ -95,8 +95,8 @@ def test_the_reference_receiver_is_in_it(flown: tuple[Path, str, int]) -> None:
     # the last may have come while the heads were parked
     assert 0 <= len(fixes) - len(learnt) <= 2
     assert learnt[0].t_s == pytest.approx(fixes[0].t_s, abs=1e-6)
-    # one approach after the other, from 560 m on
-    assert 0.0 < learnt[0].position_runway_m[1] <= 562.0
+    # it is on its way to where its approach begins, at 560 m
+    assert 0.0 < learnt[0].position_runway_m[1] < 800.0
 
 
 def test_a_folder_that_is_in_use_is_refused(flown: tuple[Path, str, int], capsys: pytest.CaptureFixture[str]) -> None:
