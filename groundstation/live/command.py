@@ -61,11 +61,15 @@ class LiveRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveResult:
-    """How it went: the operation's figures, what was written, and with a simulated range the truth's verdict."""
+    """How it went: the operation's figures, what was written, and with a simulated range the truth's verdict.
+
+    ``begin_s`` is the simulated flight's time zero, session time.
+    """
 
     operation: OperationResult
     files: tuple[Path, ...]
     score: DayScore | None
+    begin_s: float = 0.0
 
 
 def live(
@@ -125,7 +129,7 @@ def live(
         if simulated is not None:
             found = score(flight, begin_s - start_s, keeper.rows(), simulated.truth, rig, begin_s)
     files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
-    return LiveResult(operation=result, files=files, score=found)
+    return LiveResult(operation=result, files=files, score=found, begin_s=begin_s - start_s)
 
 
 def _range(

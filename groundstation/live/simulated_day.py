@@ -27,7 +27,6 @@ _START_M, _END_M = 560.0, -500.0
 _APPROACH_ENDS_M = 90.0
 _GLIDE_RAD = math.radians(3.5)
 _LEVEL_FROM_M, _LEVEL_M, _ROUNDED_M = 110.0, 5.0, 1.0
-_PTU_SIGMA_RAD = math.radians(0.005)
 _BINS_M = (90.0, 100.0, 250.0, 400.0, 600.0)
 
 
@@ -79,7 +78,8 @@ def simulated_set_up(folder: Path, rate_hz: float, rig: Rig | None, *, dgps: boo
     ``dgps`` adds a reference receiver on the aircraft's nose.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    rig = standard_rig(sigma_rad=_PTU_SIGMA_RAD) if rig is None else rig
+    # the simulated units have the steps of their encoders, and no other error
+    rig = standard_rig() if rig is None else rig
     path = folder / "rig.toml"
     path.write_text(rig_to_toml(rig), encoding="utf-8")
     return StationFile(
