@@ -11,6 +11,7 @@ away from where it was found. So is one that has proved itself and then stands s
 stopped needs no guidance, and what the cameras cling to after it has gone is ground.
 """
 
+from collections import deque
 from collections.abc import Iterable
 
 import numpy as np
@@ -23,6 +24,7 @@ from groundstation.messages import TrackEvent, TrackStatus
 
 # five sigmas
 _MOVED_SQUARE = 25.0
+_PASSED_EVERY_S = 0.25
 
 
 class TrackLife:
@@ -38,8 +40,8 @@ class TrackLife:
         self._fixes = 0
         self._settled = False
         self._found_at: FloatArray | None = None
-        # where a target that proved itself has last been seen to move away from, and when
-        self._passed: tuple[float, FloatArray] | None = None
+        # where a target that proved itself has lately been, and when
+        self._passed: deque[tuple[float, FloatArray]] | None = None
 
     @property
     def started_s(self) -> float:
@@ -67,20 +69,24 @@ class TrackLife:
         significant = float(moved @ np.linalg.solve(ekf.covariance[where, where], moved)) > _MOVED_SQUARE
         if significant and float(np.linalg.norm(moved)) > c.false_target_m and self._fixes >= c.proof_fixes:
             self._found_at = None
-            self._passed = (t_s, ekf.state[where].copy())
+            self._passed = deque()
             return False
         return t_s - self._started_s > c.false_target_s
 
     def _stands(self, t_s: float, ekf: StationEkf) -> bool:
-        """Return whether a target that has proved itself has for long stayed in one place; never a given one."""
+        """Return whether a target that has proved itself has for long got nowhere; never a given one.
+
+        What cameras cling to may wander among what the ground shows: what counts is how far it comes in the time.
+        """
         if self._passed is None:
             return False
-        since_s, place_m = self._passed
-        here_m = ekf.state[ekf.layout.position]
-        if float(np.linalg.norm(here_m - place_m)) > self._config.false_target_m:
-            self._passed = (t_s, here_m.copy())
-            return False
-        return t_s - since_s > self._config.standing_s
+        c, passed, here_m = self._config, self._passed, ekf.state[ekf.layout.position]
+        while passed and passed[0][0] < t_s - c.standing_s - _PASSED_EVERY_S:
+            passed.popleft()
+        if not passed or t_s >= passed[-1][0] + _PASSED_EVERY_S:
+            passed.append((t_s, here_m.copy()))
+        then_s, there_m = passed[0]
+        return t_s - then_s >= c.standing_s and float(np.linalg.norm(here_m - there_m)) < c.standing_m
 
     def saw(self, t_s: float) -> None:
         """Note that a pixel was accepted."""

@@ -81,8 +81,8 @@ class EstimationConfig:
     proof_fixes, proof_s : a target found by searching needs so many fixes within so long, or it is dropped.
     settled_velocity_sigma_m_s : and is reported once its velocity is known so well in every direction.
     false_target_s, false_target_m : a target found by searching must move so far in so long, or it is dropped.
-    standing_s : and one that has moved is dropped once it has stayed within ``false_target_m`` for so long; for a
-        multirotor, which may hover, an hour.
+    standing_s, standing_m : and one that has is dropped once it has not come so far in so long; for a multirotor, which
+        may hover, in an hour.
     predictor : which curve predicts the region of interest's centre.
     residual_gate_sigma : rays that miss each other by more sigmas make no baseline point.
     labelled_sigma_px : noise of a pixel that someone else has found.
@@ -124,6 +124,7 @@ class EstimationConfig:
     false_target_s: float = 4.0
     false_target_m: float = 8.0
     standing_s: float = 5.0
+    standing_m: float = 20.0
     predictor: Predictor = Predictor.HERMITE
     residual_gate_sigma: float = 5.0
     labelled_sigma_px: float = 1.0
