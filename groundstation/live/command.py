@@ -25,6 +25,7 @@ from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings,
 from groundstation.live.simulated_range import RangeConfig, SimulatedRange
 from groundstation.live.simulated_receiver import ReceiverModel
 from groundstation.live.station_file import StationFile, load_station
+from groundstation.live.timed_faults import TimedFault
 from groundstation.messages import StepReport
 from groundstation.recording.contents import RecordingHeader
 from groundstation.rig import Rig, load_rig
@@ -43,7 +44,7 @@ class LiveRequest:
 
     ``station`` None only with ``simulate``. ``out`` None is a folder of its own below the station file's [record]
     folder. ``seconds`` None goes on until ``stop`` says so. ``screen`` is "desktop", "browser" or "none". With
-    ``simulate``, ``receiver`` is a reference receiver on the aircraft.
+    ``simulate``, ``receiver`` is a reference receiver on the aircraft and ``timetable`` says what fails when.
     """
 
     station: Path | None
@@ -57,6 +58,7 @@ class LiveRequest:
     seed: int = 0
     ptu_faults: tuple[str, ...] = ()
     receiver: ReceiverModel | None = None
+    timetable: tuple[TimedFault, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,6 +152,7 @@ def _range(
         seed=request.seed,
         ptu_faults=request.ptu_faults,
         receiver=request.receiver,
+        timetable=request.timetable,
     )
     return opened.enter_context(SimulatedRange(hardware))
 

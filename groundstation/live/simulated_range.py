@@ -21,9 +21,10 @@ from types import TracebackType
 
 import numpy as np
 
-from groundstation.arrays import FloatArray
+from groundstation.arrays import FloatArray, ImageArray
 from groundstation.hand_over import quick_hand_over
 from groundstation.live.simulated_receiver import ReceiverModel, SimulatedReceiver
+from groundstation.live.timed_faults import CAMERA_FROZEN, CAMERA_LOST, TimedFault, is_there, strike
 from groundstation.picture import BayerPattern
 from groundstation.rig import Rig, load_rig
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -65,6 +66,7 @@ class RangeConfig:
     baud : of the PTUs' lines.
     ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated_faults.FAULTS`, and how often one strikes a PTU.
     receiver : the reference receiver on the aircraft's nose, at the link ``dgps``; None for none.
+    timetable : what goes wrong at stated times of the flight.
     """
 
     rig: Path
@@ -76,6 +78,7 @@ class RangeConfig:
     ptu_faults: tuple[str, ...] = ()
     ptu_faults_per_minute: float = 6.0
     receiver: ReceiverModel | None = None
+    timetable: tuple[TimedFault, ...] = ()
     seed: int = 0
 
 
@@ -232,7 +235,7 @@ def serve_range(
         station.camera.picture(time.monotonic(), 0.0, 0.0)
     first_s = time.monotonic() + 0.5
     threads = [
-        threading.Thread(target=_deliver, args=(s, memories[s.name], pipes[s.name], config, first_s, stop), daemon=True)
+        threading.Thread(target=_deliver, args=(s, memories[s.name], pipes[s.name], config, flight, first_s, stop))
         for s in stations
     ]
     threads += [threading.Thread(target=s.server.run, daemon=True) for s in stations]
@@ -242,11 +245,14 @@ def serve_range(
         )
         threads.append(threading.Thread(target=receiver.run, args=(stop,), daemon=True))
     for thread in threads:
+        thread.daemon = True
         thread.start()
     control.send("ready")
     with quick_hand_over(), contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
         while (told := control.recv()) != "stop":
             flight.start_s = float(told)
+            for number, s in enumerate(stations):
+                strike(s.server, config.timetable, s.name, flight.start_s, config.seed + number)
     stop.set()
     for station in stations:
         station.server.stop()
@@ -297,6 +303,7 @@ def _deliver(
     memory: SharedMemory,
     pipe: Connection,
     config: RangeConfig,
+    flight: _Later,
     first_s: float,
     stop: threading.Event,
 ) -> None:
@@ -304,6 +311,7 @@ def _deliver(
     w, h = station.camera.station.lens.image_size_px
     slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
     period_s, number = 1.0 / config.frame_rate_hz, 0
+    frozen: ImageArray | None = None
     while not stop.is_set():
         t_s = first_s + number * period_s
         wait_s = t_s - time.monotonic()
@@ -313,9 +321,17 @@ def _deliver(
             # the machine is too slow for this rate: the camera drops frames, as a real one does on a busy bus
             number += math.ceil(-wait_s / period_s)
             continue
+        since_s = t_s - flight.start_s
+        if is_there(config.timetable, CAMERA_LOST, station.name, since_s):
+            number += 1
+            continue
+        frozen = frozen if is_there(config.timetable, CAMERA_FROZEN, station.name, since_s) else None
         angles = station.angles(t_s)
         picture = station.camera.picture(t_s, *angles)
-        slots[number % _SLOTS] = picture.kept((0, 0, w, h)).pixels
+        shown = picture.kept((0, 0, w, h)).pixels if frozen is None else frozen
+        if is_there(config.timetable, CAMERA_FROZEN, station.name, since_s):
+            frozen = shown
+        slots[number % _SLOTS] = shown
         truth = station.camera.truth(t_s, *angles, silhouette=False)
         u, v = (math.nan, math.nan) if truth.pixel_px is None else (float(x) for x in truth.pixel_px)
         stop.wait(max(t_s + config.delivery_s - time.monotonic(), 0.0))

@@ -1,0 +1,51 @@
+"""What goes wrong on a simulated range at stated times of its flight: a camera's frames, a PTU's line."""
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from ptu_drivers.simulated_faults import FAULTS
+from ptu_drivers.simulated_line import VirtualLine
+from ptu_drivers.simulated_server import SimulatedServer
+
+CAMERA_LOST, CAMERA_FROZEN, PTU_SILENT = "camera lost", "camera frozen", "PTU silent"
+_ONCE = ("power cycle", "unplugged", "echo off", "verbose")
+_AGAIN_S = 0.25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimedFault:
+    """``what`` happens to a station's devices between two times of the flight, s.
+
+    Of cameras "camera lost" and "camera frozen"; of PTUs "PTU silent", or a name of `ptu_drivers.simulated_faults`,
+    which strikes over and over (what has a length of its own: once).
+    """
+
+    what: str
+    station: str
+    from_s: float
+    to_s: float
+
+
+def is_there(faults: Sequence[TimedFault], what: str, station: str, since_s: float) -> bool:
+    """Return whether a fault is there, so long after the flight began."""
+    return any(f.what == what and f.station == station and f.from_s <= since_s < f.to_s for f in faults)
+
+
+def strike(server: SimulatedServer, faults: Sequence[TimedFault], station: str, start_s: float, seed: int) -> None:
+    """Put a station's PTU faults in line, for a flight that begins at ``start_s`` of the server's clock."""
+    line, rnd = server.line, random.Random(seed)
+    with server.lock:
+        for fault in (f for f in faults if f.station == station):
+            if fault.what == PTU_SILENT:
+                line.at(start_s + fault.from_s, lambda: setattr(line, "dead", True))
+                line.at(start_s + fault.to_s, lambda: setattr(line, "dead", False))
+            elif fault.what in FAULTS:
+                times = 1 if fault.what in _ONCE else max(1, int((fault.to_s - fault.from_s) / _AGAIN_S))
+                for k in range(times):
+                    line.at(start_s + fault.from_s + k * _AGAIN_S, partial(_do, fault.what, line, rnd))
+
+
+def _do(what: str, line: VirtualLine, rnd: random.Random) -> None:
+    FAULTS[what](line, rnd)
