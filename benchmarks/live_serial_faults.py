@@ -9,6 +9,7 @@ of the station's process group, what is left then is recovered.
 """
 
 import argparse
+import contextlib
 import json
 import math
 import multiprocessing as mp
@@ -24,6 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
+from groundstation.errors import RecordingError
 from groundstation.geometry.camera import Lens
 from groundstation.live.command import LiveRequest, live
 from groundstation.live.simulated_receiver import ReceiverModel
@@ -109,9 +111,15 @@ def fly(case: Case, folder: Path, rate_hz: float) -> None:
 
 
 def recorded_until(path: Path) -> float:
-    """Return the stamp of the last event of a recording, session time."""
-    with session_source(load_session(path), None, None, lambda line: None) as source:
-        return max((e.t_s for e in source), default=-math.inf)
+    """Return the stamp of the last event of a recording, session time; what was cut short counts so far."""
+    newest_s = -math.inf
+    with (
+        contextlib.suppress(RecordingError),
+        session_source(load_session(path), None, None, lambda line: None) as source,
+    ):
+        for event in source:
+            newest_s = max(newest_s, event.t_s)
+    return newest_s
 
 
 def run(case: Case, rate_hz: float) -> str:
