@@ -117,6 +117,20 @@ def test_constant_speed_makes_up_for_the_delay(found: dict[str, Findings]) -> No
         assert made_up < 0.6 * late
 
 
+def test_a_filmed_take_off_takes_the_simulated_ones_place(
+    recorded: Recorded, found: dict[str, Findings], landing_1: Path
+) -> None:
+    """Expected: the landing's rows stay to the last digit; the second flight's are those of its pictures."""
+    filmed = Recorded(landing_1, FROM_S, TO_S, take_off=recorded)
+    filmed.__dict__["collected"] = recorded.collected
+    findings = named("online").run(filmed)
+    (before,), (after,) = found["online"].tables, findings.tables
+    assert after.rows[:3] == before.rows[:3]
+    assert [row[1:8] for row in after.rows[3:]] == [row[1:8] for row in after.rows[:3]]
+    assert not any("simulated" in words for words in findings.differences)
+    assert any("simulated" in words for words in found["online"].differences)
+
+
 def test_only_the_stretch_is_spoilt(recorded: Recorded) -> None:
     before = recorded.detected
     after, (from_s, to_s) = failing(before)
@@ -169,6 +183,7 @@ def test_one_by_command(landing_1: Path, tmp_path: Path, capsys: pytest.CaptureF
     [
         (["--only", "nothing"], "one of detectors"),
         (["--session", "nowhere"], "no such folder"),
+        (["--take-off", "nowhere"], "no such folder"),
         (["--from", "500"], "truth from"),
     ],
 )
