@@ -164,7 +164,7 @@ def _log_frames(stream: rr.RecordingStream, station: Station) -> None:
         tree.base(name),
         rr.Transform3D(
             translation=station.ptu_position_m,
-            quaternion=station.runway_from_base_wxyz[tree.XYZW],
+            quaternion=rr.Quaternion(xyzw=station.runway_from_base_wxyz[tree.XYZW]),
             parent_frame=tree.RUNWAY_FRAME,
             child_frame=tree.frame(name, "base"),
         ),
@@ -175,7 +175,7 @@ def _log_frames(stream: rr.RecordingStream, station: Station) -> None:
         tree.camera(name),
         rr.Transform3D(
             translation=station.camera_in_head_m,
-            quaternion=station.head_from_camera_wxyz[tree.XYZW],
+            quaternion=rr.Quaternion(xyzw=station.head_from_camera_wxyz[tree.XYZW]),
             parent_frame=tree.frame(name, "head"),
             child_frame=tree.frame(name, "camera"),
         ),
