@@ -37,6 +37,8 @@ from groundstation.simulation.cases import standard_rig
 from groundstation.sources.session_source import session_source
 
 FROM_S, TO_S, END_S = 8.0, 10.0, 14.0
+# a receiver is gone after two seconds
+DGPS_LONGER_S = 1.0
 DISK_BYTES = 3_000_000
 # half of it may pass between two lines of the status
 STATUS_S = 0.5
@@ -97,7 +99,7 @@ def fly(case: Case, folder: Path, rate_hz: float) -> None:
         simulate=True,
         rig=folder / "small.toml",
         rate_hz=rate_hz,
-        receiver=ReceiverModel(gone_s=((FROM_S, TO_S),) if case.dgps_gone else ()) if case.dgps_gone else None,
+        receiver=ReceiverModel(gone_s=((FROM_S, TO_S + DGPS_LONGER_S),)) if case.dgps_gone else None,
         timetable=tuple(TimedFault(what=w, station=s, from_s=FROM_S, to_s=TO_S) for w, s in case.faults),
     )
     result = live(
@@ -137,7 +139,9 @@ def run(case: Case, rate_hz: float) -> str:
             return f"{case.name:26s} did not end"
         lines = (folder / "told.jsonl").read_text(encoding="utf-8").splitlines()
         told = [json.loads(line) for line in lines if line.endswith("]")]
-        last_s = told[-1][0]
+        # a disk that is full takes nothing more, and it is said: what came before is to be there
+        ended = [t_s for t_s, _, _, said in told if any("not recording" in w for w in said)]
+        last_s = ended[0] if case.disk_full and ended else told[-1][0]
         lost_s = max(last_s - recorded_until(folder / "live" / "flight.mcap"), 0.0)
         if case.killed:
             return f"{case.name:26s} {'—':>24s} {'—':>7s} {'—':>6s} {lost_s:6.2f}"
