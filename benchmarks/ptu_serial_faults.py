@@ -81,7 +81,7 @@ def pelco(seed: int) -> Bench:
         homing_s=draw.uniform(0.0, 5.0),
     )
     sim = SpoiltPelco(model, seed=seed)
-    line = VirtualLine(sim, model.baud, seed=seed)  # type: ignore[arg-type]
+    line = VirtualLine(sim, model.baud, seed=seed)
     options = PelcoOptions(max_rate_deg_s=60.0, max_acceleration_deg_s2=120.0)
     unit = connect_pelco(line, UnitSettings(), options, model.framing, watch=False)
     return Bench(unit, sim, line, math.radians(60.0))
@@ -91,7 +91,7 @@ def dynamixel(seed: int) -> Bench:
     """Return a pair of servos, echo and speed by the seed."""
     draw = random.Random(seed)
     sim = SimulatedDynamixel(baud=draw.choice((57600, 115200)), echo=draw.random() < 0.3, seed=seed)
-    line = VirtualLine(sim, sim.baud, seed=seed)  # type: ignore[arg-type]
+    line = VirtualLine(sim, sim.baud, seed=seed)
     unit = connect_dynamixel(line, UnitSettings(), DynamixelOptions(), watch=False)
     return Bench(unit, sim, line, unit.describe().pan.max_rate_rad_s)
 

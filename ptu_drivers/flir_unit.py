@@ -3,8 +3,9 @@
 import threading
 from contextlib import suppress
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError, NoAnswerError, PtuError, RefusedError
-from ptu_drivers.flir_line import LONGEST_ANSWER_CHARACTERS, Doubt, FlirLine
+from ptu_drivers.flir_line import LONGEST_ANSWER_CHARACTERS, FlirLine
 from ptu_drivers.flir_motion import Converter
 from ptu_drivers.flir_poll import Poller, Query
 from ptu_drivers.flir_probe import LETTER, UnitFacts
@@ -100,7 +101,7 @@ class FlirUnit(PanTiltUnit):
         try:
             reading = self._poller.poll(deadline_s)
             self._guard(reading, deadline_s)
-        except Doubt as doubt:
+        except Doubtful as doubt:
             self._recovery.doubt(doubt.reason)
             return doubt.reason
         except LineError:
@@ -247,8 +248,8 @@ class FlirUnit(PanTiltUnit):
                 answered = self._line.begin("R")
                 while not answered(self._transport.now() + self._limit_s):
                     if self._transport.now() - began > self._settings.homing_timeout_s:
-                        raise Doubt(DoubtReason.TIMEOUT, "nothing")
-            except Doubt as doubt:
+                        raise Doubtful(DoubtReason.TIMEOUT, "nothing")
+            except Doubtful as doubt:
                 self._recovery.doubt(doubt.reason)
                 raise NoAnswerError("R", waited_s=self._transport.now() - began, got=doubt.got) from doubt
             except LineError:
@@ -286,7 +287,7 @@ class FlirUnit(PanTiltUnit):
         try:
             for command in ("PS0", "TS0"):
                 self._line.ask(command, deadline_s=deadline_s)
-        except Doubt as doubt:
+        except Doubtful as doubt:
             self._recovery.doubt(doubt.reason)
             self._recovery.halt_pending = True
             return doubt.reason
@@ -317,7 +318,7 @@ class FlirUnit(PanTiltUnit):
         began = self._transport.now()
         try:
             answer = self._line.ask(command).answer
-        except Doubt as doubt:
+        except Doubtful as doubt:
             self._recovery.doubt(doubt.reason)
             self._recovery.halt_pending = True
             raise NoAnswerError(command, waited_s=self._transport.now() - began, got=doubt.got) from doubt
