@@ -70,7 +70,7 @@ def _add_line(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("url", metavar="URL", help="the line, see below")
     parser.add_argument("--protocol", choices=tuple(PROTOCOLS), default="flir", help="what it speaks (flir)")
     parser.add_argument(
-        "--baud", type=int, default=0, metavar="N", help="speed of the line; FLIR units are raised to it"
+        "--baud", type=_baud, default=0, metavar="N", help="speed of the line; FLIR units are raised to it"
     )
     parser.add_argument("--patience", type=_positive, default=5.0, metavar="S", help="how long to look for it, s (5)")
     parser.add_argument(
@@ -136,7 +136,10 @@ def _open(options: argparse.Namespace):  # type: ignore[no-untyped-def] # the ty
 
     settings = UnitSettings(pan=soft(options.pan_limits), tilt=soft(options.tilt_limits), baud=options.baud)
     own = {"patience_s": options.patience} if options.protocol == "flir" else {}
-    return open_ptu(options.url, options.protocol, settings, **own, **dict(options.option))
+    unit = open_ptu(options.url, options.protocol, settings, **{**own, **dict(options.option)})
+    if options.baud and unit.describe().details["baud"] != str(options.baud):
+        print(f"groundstation: {options.url}: baud {unit.describe().details['baud']}", file=sys.stderr)
+    return unit
 
 
 def _probe(options: argparse.Namespace) -> int:
@@ -176,8 +179,8 @@ def _monitor(options: argparse.Namespace) -> int:
 
 def _jog(options: argparse.Namespace) -> int:
     """Turn it, and print how that went; 1 if it missed its target."""
-    from ptu_drivers import Axis, Capability, NoReading
-    from ptu_drivers.monitor import Moved, format_moved, move
+    from ptu_drivers import Axis, Capability
+    from ptu_drivers.monitor import Moved, first_reading, format_moved, move
 
     wanted = {axis: math.radians(v) for axis, v in zip(Axis, (options.pan, options.tilt), strict=True) if v is not None}
     if not wanted:
@@ -185,9 +188,7 @@ def _jog(options: argparse.Namespace) -> int:
     reports: list[Moved] = []
     with _open(options) as unit:
         said = unit.describe()
-        start = unit.read()
-        while isinstance(start, NoReading):
-            start = unit.read()
+        start = first_reading(unit, time.monotonic, time.sleep, options.patience)
         at = {Axis.PAN: start.pan.angle_rad, Axis.TILT: start.tilt.angle_rad}
         if options.by:
             wanted = {axis: at[axis] + value for axis, value in wanted.items()}
@@ -289,6 +290,12 @@ def _positive(text: str) -> float:
     if value <= 0:
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0")
     return value
+
+
+def _baud(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a speed in bit/s, as 9600")
+    return int(text)
 
 
 def _range(text: str) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
+from ptu_drivers.own_options import made_of
 from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.settings import UnitSettings
 
@@ -186,11 +187,7 @@ def open_alpaca(
     url: str, settings: UnitSettings, clock: Callable[[], float] = time.monotonic, **options: Any
 ) -> PanTiltUnit:
     """Open a mount at `http://host:port`; `options` are the fields of `AlpacaOptions`."""
-    try:
-        chosen = AlpacaOptions(**options)
-    except TypeError as wrong:
-        wanted = ", ".join(AlpacaOptions.__dataclass_fields__)
-        raise ProtocolError("Alpaca options", got=", ".join(options), wanted=wanted) from wrong
+    chosen = made_of(AlpacaOptions, "Alpaca", options)
     line = HttpConnection(url, clock)
     line.reopen()
     return connect_alpaca(line, settings, chosen)

@@ -16,6 +16,7 @@ from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import SerialTransport, Transport
 
 BAUDS = (9600, 115200, 57600, 38400, 19200)
+SETTABLE_BAUDS = (600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 _TRIES = 3
 
 
@@ -38,6 +39,8 @@ def open_flir(
     ------
     LineError, ProtocolError, MissingExtraError.
     """
+    if settings.baud and settings.baud not in SETTABLE_BAUDS:
+        raise ProtocolError("baud", got=str(settings.baud), wanted=", ".join(map(str, SETTABLE_BAUDS)))
     if query != "auto" and query not in tuple(Query):
         raise ProtocolError("query", got=query, wanted="auto, " + ", ".join(Query))
     transport = SerialTransport(url, BAUDS[0], clock)
@@ -102,7 +105,7 @@ def _find(line: FlirLine, settings: UnitSettings, patience_s: float) -> None:
             try:
                 line.greet(transport.now() + line.longest_s() + DRAINING_S)
             except Doubtful as doubt:
-                got = doubt.got
+                got = "silence" if doubt.reason is DoubtReason.TIMEOUT else doubt.got
             else:
                 return
             if transport.now() >= end:

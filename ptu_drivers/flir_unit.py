@@ -62,7 +62,8 @@ class FlirUnit(PanTiltUnit):
         can = {Capability.POSITION, Capability.VELOCITY, Capability.SPEED, Capability.HOMING}
         can |= {Capability.COMBINED_QUERY} if facts.combined else set()
         can |= {Capability.DEVICE_CLOCK} if facts.clock_hz else set()
-        baud = self._transport.baud()
+        baud, asked = self._transport.baud(), settings.baud
+        kept = f"{baud}; the unit did not follow to {asked}" if asked and baud != asked else str(baud)
         return UnitDescription(
             protocol="flir",
             url=self._transport.url,
@@ -73,7 +74,7 @@ class FlirUnit(PanTiltUnit):
             tilt=facts.tilt.describe(settings.tilt),
             capabilities=frozenset(can),
             reply_timeout_s=self._limit_s,
-            details={**facts.details, "baud": str(baud) if baud else "network"},
+            details={**facts.details, "baud": kept if baud else "network"},
         )
 
     def describe(self) -> UnitDescription:
