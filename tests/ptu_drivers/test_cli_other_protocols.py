@@ -9,12 +9,13 @@ from groundstation.cli import main
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.simulated_others import OTHERS, simulated_line
 from ptu_drivers.simulated_server import SimulatedServer
+from tests.peers import peer_module
 
 
 @pytest.mark.parametrize("protocol", OTHERS)
 def test_probe_and_jog(protocol: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     if protocol == "dynamixel":
-        pytest.importorskip("dynamixel_sdk", reason="extra `dynamixel` is not installed")
+        peer_module("dynamixel-sdk", "dynamixel_sdk")
     line = simulated_line(protocol, start_s=time.monotonic(), network=False)
     with SimulatedServer(line, tmp_path / "unit"):
         assert main(["ptu", "probe", str(tmp_path / "unit"), "--protocol", protocol, "--seconds", "0.3"]) == 0

@@ -18,9 +18,10 @@ from ptu_drivers.messages import AngleSource, Axis, NoReading, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings
 from ptu_drivers.simulated_dynamixel import ServoModel, SimulatedDynamixel
 from ptu_drivers.simulated_line import VirtualLine
+from tests.peers import peer_module
 from tests.ptu_drivers.served import served, transcript
 
-dynamixel_sdk = pytest.importorskip("dynamixel_sdk", reason="extra `dynamixel` is not installed")
+dynamixel_sdk = peer_module("dynamixel-sdk", "dynamixel_sdk")
 
 # the SDK's ping, a read of the model number, torque on, a goal of 2148, and a sync read of both positions there
 TRANSCRIPT = """\

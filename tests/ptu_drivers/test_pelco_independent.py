@@ -8,9 +8,10 @@ import pytest
 from ptu_drivers import open_ptu
 from ptu_drivers.messages import Axis, Reading
 from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
+from tests.peers import peer_module
 from tests.ptu_drivers.served import served, transcript
 
-ptz_control_lib = pytest.importorskip("ptz_control_lib", reason="pyptzcontroller is not installed (extra `dev`)")
+ptz_control_lib = peer_module("pyptzcontroller", "ptz_control_lib")
 
 # what it sent, and what it was answered
 TRANSCRIPT = """\

@@ -3,11 +3,13 @@
 import pytest
 from ptu_serial_faults import FAULTS, MAKERS, RECOVERY_S, Tally, campaign, fuzz, one_run
 
+from tests.peers import peer_module
+
 
 @pytest.mark.parametrize("name", MAKERS)
 def test_no_wrong_angle_and_back_in_time(name: str) -> None:
     if name == "dynamixel":
-        pytest.importorskip("dynamixel_sdk", reason="extra `dynamixel` is not installed")
+        peer_module("dynamixel-sdk", "dynamixel_sdk")
     tally = campaign(name, 6, first_seed=5000)
     assert tally.angles > 500
     assert sum(tally.doubts.values()) > 20
