@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ptu_drivers.alpaca_line import AlpacaTelescope, HttpConnection, HttpLine, finite
+from ptu_drivers.alpaca_codec import angles_of, rates_of
+from ptu_drivers.alpaca_line import AlpacaTelescope, HttpConnection, HttpLine
 from ptu_drivers.axis_limits import narrowed
 from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
@@ -205,11 +206,7 @@ def prepare(telescope: AlpacaTelescope, until_s: float) -> None:
 
 def combined_state(telescope: AlpacaTelescope, until_s: float) -> dict[str, float]:
     """Return azimuth and altitude of one request, deg. Raises Doubtful, RefusedError, LineError."""
-    state = telescope.get("devicestate", until_s)
-    if not isinstance(state, list):
-        raise Doubtful(DoubtReason.GARBAGE, f"devicestate: {state!r}")
-    named = {item.get("Name"): item.get("Value") for item in state if isinstance(item, dict)}
-    return {name: finite(f"devicestate {name}", named.get(name)) for name in ("Azimuth", "Altitude")}
+    return angles_of(telescope.get("devicestate", until_s))
 
 
 def _has_state(telescope: AlpacaTelescope, until_s: float) -> bool:
@@ -225,11 +222,7 @@ def _rates_deg_s(telescope: AlpacaTelescope, axis: Axis, until_s: float) -> tupl
     """Return the least and greatest rate that an axis takes, deg/s, or None where it cannot turn at one."""
     if not telescope.flag("canmoveaxis", until_s, Axis=_NUMBER[axis]):
         return None
-    ranges = telescope.get("axisrates", until_s, Axis=_NUMBER[axis])
-    if not isinstance(ranges, list) or not ranges:
-        return None
-    ends = [(finite("axisrates", r.get("Minimum")), finite("axisrates", r.get("Maximum"))) for r in ranges]
-    return min(low for low, _ in ends), max(high for _, high in ends)
+    return rates_of(telescope.get("axisrates", until_s, Axis=_NUMBER[axis]))
 
 
 def _description(
