@@ -94,9 +94,9 @@ def _add_simulate(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     where = simulate.add_mutually_exclusive_group(required=True)
     where.add_argument("--link", type=Path, metavar="PATH", help="make a pty, and a link to it here")
     where.add_argument("--tcp", type=int, metavar="PORT", help="listen on this port of 127.0.0.1")
-    simulate.add_argument("--series", choices=("e", "d"), default="e", help="E series, or D: 10 commands/s (e)")
-    simulate.add_argument("--latency-ms", type=_range, default=(2.0, 8.0), metavar="LOW,HIGH", help="of replies (2,8)")
-    simulate.add_argument("--backlash-deg", type=float, default=0.0, metavar="DEG", help="play of the head (0)")
+    simulate.add_argument("--series", choices=("e", "d"), help="E series, or D: 10 commands/s (e)")
+    simulate.add_argument("--latency-ms", type=_latency, metavar="LOW,HIGH", help="of replies (2,8)")
+    simulate.add_argument("--backlash-deg", type=_finite, default=0.0, metavar="DEG", help="play of the head (0)")
     simulate.add_argument("--no-combined", action="store_true", help="knows neither B nor BT")
     simulate.add_argument("--banner", default="", metavar="TEXT", help="said when somebody connects (TCP)")
     simulate.add_argument("--seed", type=int, default=0, metavar="N", help="of latencies and faults (0)")
@@ -227,8 +227,15 @@ def _simulate(options: argparse.Namespace) -> int:
 def _simulated_other(options: argparse.Namespace):  # type: ignore[no-untyped-def] # as for _open
     from ptu_drivers.simulated_others import simulated_line
 
-    if options.fault:
-        raise GroundstationError(f"--fault {options.fault[0]}: got protocol {options.protocol}; wanted flir")
+    for name, value in (
+        ("--fault", options.fault[0] if options.fault else ""),
+        ("--series", options.series or ""),
+        ("--latency-ms", "{:g},{:g}".format(*options.latency_ms) if options.latency_ms else ""),
+        ("--no-combined", "it" if options.no_combined else ""),
+        ("--banner", options.banner),
+    ):
+        if value:
+            raise GroundstationError(f"{name}: got {value} for protocol {options.protocol}; wanted flir")
     line = simulated_line(
         options.protocol,
         start_s=time.monotonic(),
@@ -247,7 +254,7 @@ def _simulated_flir(options: argparse.Namespace):  # type: ignore[no-untyped-def
     base = D_SERIES if options.series == "d" else FlirModel()
     knows = base.combined and not options.no_combined
     model = base.replace(combined=knows, device_clock=knows, play=options.backlash_deg * 3600.0 / base.arcsec)
-    low, high = options.latency_ms
+    low, high = options.latency_ms or (2.0, 8.0)
     baud = 0 if options.link is None else DEFAULT_BAUD
     line_model = LineModel(
         baud=baud,
@@ -257,6 +264,13 @@ def _simulated_flir(options: argparse.Namespace):  # type: ignore[no-untyped-def
     )
     unit = SimulatedUnit(model, line_model, seed=options.seed)
     return model.model or "PTU-D46", VirtualLine(unit, baud, start_s=time.monotonic(), seed=options.seed)
+
+
+def _latency(text: str) -> tuple[float, float]:
+    low, high = _range(text)
+    if low < 0:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted LOW,HIGH, 0 or more")
+    return low, high
 
 
 def _finite(text: str) -> float:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 from ptu_drivers.errors import LineError, MissingExtraError, PtuError
 
@@ -84,6 +85,7 @@ class SerialTransport:
     """
 
     def __init__(self, url: str, baud: int, clock: Callable[[], float] = time.monotonic) -> None:
+        _insist_on_address(url)
         self.url = url
         self._baud = baud
         self._clock = clock
@@ -224,6 +226,19 @@ class SerialTransport:
         if self._port is None:
             raise LineError(self.url, got="a closed line", wanted="an open one")
         return self._port
+
+
+def _insist_on_address(url: str) -> None:
+    """Return if a network line's URL has a host and a port; pyserial says it less clearly. Raises LineError."""
+    for scheme in ("socket", "rfc2217"):
+        if url.startswith(f"{scheme}://"):
+            try:
+                parts = urlsplit(url)
+                complete = bool(parts.hostname and parts.port)
+            except ValueError:
+                complete = False
+            if not complete:
+                raise LineError(url, got="no host and port", wanted=f"{scheme}://HOST:PORT")
 
 
 def _close(port: Any) -> None:

@@ -82,6 +82,13 @@ def test_no_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "wanted a line that is there" in said
 
 
+@pytest.mark.parametrize("url", ["socket://x", "socket://:4000", "socket://x:y", "rfc2217://x:99999"])
+def test_a_network_line_without_host_and_port(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["ptu", "probe", url]) == 1
+    wanted = url.split(":")[0] + "://HOST:PORT"
+    assert capsys.readouterr().err == f"groundstation: {url}: got no host and port; wanted {wanted}\n"
+
+
 def test_without_pyserial_it_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -98,6 +105,8 @@ def test_without_pyserial_it_says_what_to_install(
         ["probe", "x", "--baud", "fast"],
         ["simulate"],
         ["simulate", "--link", "x", "--latency-ms", "8,2"],
+        ["simulate", "--link", "x", "--latency-ms=-1,2"],
+        ["simulate", "--link", "x", "--backlash-deg", "nan"],
         ["jog", "x", "--pan", "far"],
         ["probe"],
         [],
