@@ -19,7 +19,7 @@ from ptu_drivers.health import DoubtReason
 from ptu_drivers.messages import Axis, Capability, NoReading, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings
 from ptu_drivers.simulated_alpaca import MountModel, SimulatedMount
-from tests.ptu_drivers.virtual_http import VirtualHttp
+from ptu_drivers.simulated_http import VirtualHttp
 
 
 class Spoilt(VirtualHttp):
