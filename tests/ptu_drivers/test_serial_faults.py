@@ -1,4 +1,4 @@
-"""A short part of the fault campaigns (`benchmarks/ptu_serial_faults.py`, `ptu_alpaca_faults.py`), each kind of fault alone and all together."""
+"""A short part of `benchmarks/ptu_serial_faults.py` and `ptu_alpaca_faults.py`: each fault alone, and all together."""
 
 import ptu_alpaca_faults
 import pytest
@@ -7,7 +7,7 @@ from ptu_serial_faults import FAULTS, MAKERS, RECOVERY_S, Tally, campaign, fuzz,
 from tests.peers import peer_module
 
 
-@pytest.mark.parametrize("name", (*MAKERS, "alpaca"))
+@pytest.mark.parametrize("name", [*MAKERS, "alpaca"])
 def test_no_wrong_angle_and_back_in_time(name: str) -> None:
     if name == "dynamixel":
         peer_module("dynamixel-sdk", "dynamixel_sdk")
