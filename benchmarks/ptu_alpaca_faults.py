@@ -2,7 +2,7 @@
 
 Single wrong digits are not among the faults: TCP has a checksum, and nothing in the answers themselves would show them.
 
-    python benchmarks/ptu_alpaca_faults.py [RUNS]
+    python benchmarks/ptu_alpaca_faults.py [RUNS [FIRST_SEED]]
 """
 
 import json
@@ -144,4 +144,5 @@ def campaign(runs: int, first_seed: int = 0) -> Tally:
 
 
 if __name__ == "__main__":
-    sys.exit(report("alpaca", campaign(int(sys.argv[1]) if len(sys.argv) > 1 else 1000)))
+    asked = [int(word) for word in sys.argv[1:]]
+    sys.exit(report("alpaca", campaign(*(asked or [1000]))))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ptu_drivers.alpaca_codec import angles_of, rates_of
-from ptu_drivers.alpaca_line import AlpacaTelescope, HttpConnection, HttpLine
+from ptu_drivers.alpaca_line import LEAST_S, AlpacaTelescope, HttpConnection, HttpLine
 from ptu_drivers.axis_limits import narrowed
 from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
@@ -261,6 +261,7 @@ def _description(
         pan=axes[Axis.PAN],
         tilt=axes[Axis.TILT],
         capabilities=frozenset(capabilities),
-        reply_timeout_s=2 * settings.reply_timeout_s,
+        # a halt of three commands, and one before it, may begin when the time is over
+        reply_timeout_s=2 * settings.reply_timeout_s + 4 * LEAST_S,
         details={"device": str(options.device), "alignment": "alt-az" if alignment == _ALT_AZ else "equatorial"},
     )

@@ -18,6 +18,8 @@ _DEFAULT_PORT = 11111
 _LONGEST = 1 << 16
 _CLIENT = 4242
 NOT_IMPLEMENTED = 0x400
+# what a command gets that goes out when its call's time is over
+LEAST_S = 0.01
 
 
 class HttpLine(Line, Protocol):
@@ -74,7 +76,7 @@ class HttpConnection:
         """Send a request and return status and body."""
         if self._connection is None:
             raise LineError(self.url, got="a closed line", wanted="an open one")
-        left_s = max(0.01, until_s - self.now())
+        left_s = max(LEAST_S, until_s - self.now())
         self._connection.timeout = left_s
         try:
             if self._connection.sock is not None:
@@ -127,6 +129,9 @@ class AlpacaTelescope:
         self._ask("PUT", name, parameters, until_s)
 
     def _ask(self, method: str, name: str, parameters: Mapping[str, object], until_s: float) -> dict[str, Any]:
+        if method == "GET" and self.line.now() >= until_s:
+            # commands still go out: a halt that is late is better than none
+            raise Doubtful(DoubtReason.TIMEOUT, f"no time left to ask for {name}")
         transaction = next(self._transactions) % 0xFFFFFFFF
         self.sent += 1
         query = urlencode({**parameters, "ClientID": _CLIENT, "ClientTransactionID": transaction})

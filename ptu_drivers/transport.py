@@ -214,7 +214,7 @@ class SerialTransport:
                     exclusive=True,
                 )
             except ValueError as wrong:
-                wanted = f"/dev/..., socket://HOST:PORT or rfc2217://HOST:PORT, which takes {self._baud} bit/s"
+                wanted = f"a line that is there: /dev/..., socket://HOST:PORT, rfc2217://HOST:PORT, {self._baud} bit/s"
                 raise LineError(self.url, got=str(wrong), wanted=wanted) from wrong
 
     def close(self) -> None:
