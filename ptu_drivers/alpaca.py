@@ -261,7 +261,7 @@ def _description(
         pan=axes[Axis.PAN],
         tilt=axes[Axis.TILT],
         capabilities=frozenset(capabilities),
-        # a halt of three commands, and one before it, may begin when the time is over
-        reply_timeout_s=2 * settings.reply_timeout_s + 4 * LEAST_S,
+        # a question may end, a command and a halt of three may begin when the time is over
+        reply_timeout_s=2 * settings.reply_timeout_s + 5 * LEAST_S,
         details={"device": str(options.device), "alignment": "alt-az" if alignment == _ALT_AZ else "equatorial"},
     )

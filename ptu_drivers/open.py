@@ -63,6 +63,8 @@ def open_ptu(
         raise ProtocolError(url, got=f"{settings.baud} baud", wanted="no speed: only serial lines have one")
     named = {p.name: p.annotation for p in signature(opener).parameters.values() if p.kind is Parameter.KEYWORD_ONLY}
     if named:
+        if unknown := [name for name in options if name not in named]:
+            raise ProtocolError("options", got=", ".join(unknown), wanted=f"what {protocol} has: " + ", ".join(named))
         insist_on_options(protocol, options, named)
     unit: PanTiltUnit = opener(url, settings, clock, **options)
     halt_on_exit(unit)

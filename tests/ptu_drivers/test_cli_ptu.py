@@ -125,7 +125,7 @@ def test_wrong_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -
         (["--baud", "12345"], "baud: got 12345; wanted 600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200"),
         (["--baud", "99999999999"], "baud: got 99999999999; wanted a serial line's speed, 50 to 10000000 bit/s"),
         (["--option", "patience_s=abc"], "flir option patience_s: got 'abc'; wanted a number"),
-        (["--option", "nope=1"], "flir options: got nope; wanted patience_s, query"),
+        (["--option", "nope=1"], "options: got nope; wanted what flir has: patience_s, query"),
         (["--option", "query=best"], "query: got best; wanted auto, "),
         (
             ["--protocol", "pelco-d", "--option", "address=abc"],
