@@ -117,11 +117,11 @@ def _sums(u: NDArray[np.float32], inside: NDArray[np.bool_], above: np.float32) 
     """Return the number and the sum of the pixels inside that are ``above`` a value, and of all."""
     n, total, everything = 0, 0.0, 0.0
     for i in range(u.shape[0]):
-        row_n, row_total, row_all = np.int32(0), np.float32(0), np.float32(0)
+        row_n, row_total, row_all = 0, np.float32(0), np.float32(0)
         for j in range(u.shape[1]):
             value = u[i, j]
             counts = inside[i, j] & (value > above)
-            row_n += np.int32(counts)
+            row_n += counts
             row_total += value if counts else np.float32(0)
             row_all += value
         n += row_n
