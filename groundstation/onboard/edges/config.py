@@ -31,7 +31,14 @@ class TrackerConfig:
     lasting_attitude_rad, lasting_height_m : and for good: roll and pitch, and height; estimated (crossings only).
     lasting_turn_rad, lasting_rise_m : process noise of these per frame.
     turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
-    start_turn_rad, start_shift_m, start_width : how far off a first pair may be: direction, place, factor in width.
+    start_turn_rad, start_shift_m, start_width : how far off a pair is expected to be: direction, place, factor in
+        width; place and width may be much farther off.
+    hypotheses : pairs followed side by side until one has proved to be the runway.
+    confirm_frames : that takes at least so many frames; 1 takes Algorithm 1's best pair at once, for good.
+    margin : by how much the best pair's score must exceed the others'.
+    doubt_agreement, doubt_missed, doubt_frames : a runway whose edges' colours agree less, or that was missed so often
+        in a row, is compared with Algorithm 1's pairs; not again for so many frames.
+    check_frames : after so many frames it is compared in any case.
     edge_sigma_m, edge_sigma_px : what the seen edge and the pavement's may lie apart, for paint, lamps and shoulders,
         alike along an edge, and for blur and haze at either end; it does not average out, and is added to what is
         reported (crossings only).
@@ -59,8 +66,15 @@ class TrackerConfig:
     turn_sigma_rad: float = math.radians(0.05)
     shift_sigma_m: float = 0.05
     start_turn_rad: float = math.radians(4.0)
-    start_shift_m: float = 15.0
+    start_shift_m: float = 5.0
     start_width: float = 1.5
+    hypotheses: int = 4
+    confirm_frames: int = 4
+    margin: float = 0.5
+    doubt_agreement: float = 0.3
+    doubt_missed: int = 3
+    doubt_frames: int = 5
+    check_frames: int = 20
     edge_sigma_m: float = 0.7
     edge_sigma_px: float = 1.2
     gate: float = 25.0
@@ -70,7 +84,7 @@ class TrackerConfig:
 
 
 def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> TrackerConfig:
-    """Return the paper's tracker: gradient descent from the prediction, U and Q as printed, everything accepted."""
+    """Return the paper's tracker: gradient descent from the prediction, U and Q as printed, nothing doubted."""
     return TrackerConfig(
         measurement=Measurement.LINES,
         use_strip=False,
@@ -78,4 +92,5 @@ def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> Trac
         guess=guess,
         descent=DescentConfig(energy=energy, adaptive_gamma=False),
         gate=math.inf,
+        confirm_frames=1,
     )

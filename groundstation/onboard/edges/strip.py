@@ -46,11 +46,15 @@ class StripConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FoundEdges:
-    """Crossings (4,) px, covariance (4, 4) px², and the contrast (2,) across both edges."""
+    """Crossings (4,) px, covariance (4, 4) px², the contrast (2,) across both edges, and how alike it is, −1 to 1.
+
+    The ``agreement`` is 1 where inside differs from outside by the same colours at both edges, all along them.
+    """
 
     crossings_px: FloatArray
     covariance_px2: FloatArray
     contrast: FloatArray
+    agreement: float
 
 
 @njit(cache=True, nogil=True)
@@ -269,7 +273,9 @@ def settle(
         covariance[own, own] = config.block * spread**2 * block + config.floor_px**2 * np.eye(2)
     if contrast.min() < config.least_contrast:
         return None
-    return FoundEdges(crossings_px=found, covariance_px2=covariance, contrast=contrast)
+    return FoundEdges(
+        crossings_px=found, covariance_px2=covariance, contrast=contrast, agreement=_agreement(strip, config.block)
+    )
 
 
 def _strip(
@@ -291,6 +297,16 @@ def _scores(strip: FloatArray, block: int) -> FloatArray:
     blocks = strip.shape[0] // block
     means = strip[: blocks * block].reshape(blocks, block, *strip.shape[1:]).mean(axis=1)
     return np.asarray((means**2).sum(axis=2))
+
+
+def _agreement(strip: FloatArray, block: int) -> float:
+    """Return the correlation of inside − outside at both edges, over blocks of places of a strip (2, …)."""
+    blocks, middle = strip.shape[1] // block, strip.shape[2] // 2
+    own = strip[:, : blocks * block, middle].reshape(2, blocks, block, 3).mean(axis=2)
+    own = own[:, np.isfinite(own).all(axis=(0, 2))]
+    # left less right: at the left edge that is outside less inside
+    together = -float((own[0] * own[1]).sum())
+    return together / max(float(np.sqrt((own[0] ** 2).sum() * (own[1] ** 2).sum())), 1e-9)
 
 
 def _kappa(strip: FloatArray, block: int) -> float:
