@@ -26,6 +26,8 @@ class TrackerConfig:
     measurement : what the filter is told.
     use_strip : search about the prediction before going down, and settle to a fraction of a pixel after it.
     paint_m : bright marks narrower than this are taken away first, painted lines and lamps; 0 for none.
+    first_band_m : width of the neighbourhoods where a pair is first looked at, on the ground; wide ones are not held
+        by marks within the runway.
     band_m, least_band_px, most_band_px : width of the neighbourhoods on the ground, and its limits in the picture.
     attitude_sigma_rad, position_sigma_m : what a pose may be wrong by, anew in each frame (crossings only).
     lasting_attitude_rad, lasting_height_m : and for good: roll and pitch, and height; estimated (crossings only).
@@ -54,6 +56,7 @@ class TrackerConfig:
     strip: StripConfig = field(default_factory=StripConfig)
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     paint_m: float = 1.2
+    first_band_m: float = 5.0
     band_m: float = 2.5
     least_band_px: float = 2.5
     most_band_px: float = 40.0
@@ -67,7 +70,7 @@ class TrackerConfig:
     shift_sigma_m: float = 0.05
     start_turn_rad: float = math.radians(4.0)
     start_shift_m: float = 5.0
-    start_width: float = 1.5
+    start_width: float = 1.25
     hypotheses: int = 4
     confirm_frames: int = 4
     margin: float = 0.5

@@ -97,7 +97,7 @@ def _measure(
     guess = look.predicted
     if config.use_strip:
         prior = look.h @ predicted.covariance @ look.h.T + pose_noise(config, look)
-        wide = find_edges(image, guess, look.rows, look.widths, look.across, np.sqrt(np.diag(prior)), config.strip)
+        wide = find_edges(image, guess, look.rows, look.widths, look.across, prior, config.strip)
         if wide is None or not thorough:
             return wide
         guess = wide.crossings_px

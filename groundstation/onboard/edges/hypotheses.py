@@ -29,7 +29,7 @@ from groundstation.onboard.edges.strip import FoundEdges, find_edges, settle
 _FIRST_SIGMA_PX = 3.0
 # pairs of a picture that are looked at more closely, the lowest energies
 _FIRST_PAIRS = 4
-_ALIKE_PX, _ALIKE_SHARE = 3.0, 0.15
+_ALIKE_PX, _ALIKE_SHARE = 3.0, 0.08
 _MOST_NIS = 25.0
 # what the parts of a score weigh: agreement of the edges' colours, misfit to the pose, frames without edges
 _AGREEMENT, _NIS, _MISSED = 4.0, 0.125, 4.0
@@ -142,10 +142,10 @@ def _first_look(
     mean = state_from_crossings(crossings, rows, pose, lookout.kappa)
     if not np.isfinite(mean).all():
         return None
-    widths = widths_of(config, mean, e, rows, project_lines(mean, e, rows)[0])
-    sigma, across = np.full(4, _FIRST_SIGMA_PX), across_direction(e)
+    widths = widths_of(config, mean, e, rows, project_lines(mean, e, rows)[0], config.first_band_m)
+    prior, across = _FIRST_SIGMA_PX**2 * np.eye(4), across_direction(e)
     if config.use_strip:
-        wide = find_edges(image, crossings, rows, widths, across, sigma, config.strip)
+        wide = find_edges(image, crossings, rows, widths, across, prior, config.strip)
         if wide is None:
             return None
         crossings = wide.crossings_px

@@ -77,16 +77,16 @@ def look_between(lookout: Lookout, pose: CameraPose, state: LineState, rows: Flo
         predicted=predicted,
         h=h,
         by_pose=by_pose,
-        widths=widths_of(lookout.config, mean, e, rows, predicted),
+        widths=widths_of(lookout.config, mean, e, rows, predicted, lookout.config.band_m),
         across=across_direction(e),
     )
 
 
 def widths_of(
-    config: TrackerConfig, mean: FloatArray, e: FloatArray, rows: FloatArray, crossings: FloatArray
+    config: TrackerConfig, mean: FloatArray, e: FloatArray, rows: FloatArray, crossings: FloatArray, band_m: float
 ) -> FloatArray:
-    """Return the widths ℓ (2, 2) of the bands about lines (4,), px."""
-    band = min(config.band_m, 0.45 * abs(float(mean[C] - mean[D])))
+    """Return the widths ℓ (2, 2) of bands of ``band_m`` about lines (4,), px."""
+    band = min(band_m, 0.45 * abs(float(mean[C] - mean[D])))
     outer, _ = project_lines(shifted(mean, band), e, rows)
     across = across_direction(e) if config.use_strip else None
     widths = band_widths(crossings, outer, rows, config.least_band_px, across)

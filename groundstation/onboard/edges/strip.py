@@ -18,6 +18,7 @@ from groundstation.onboard.edges.sampling import add_colour, inside
 _FIT_ROUNDS = 8
 _MAX_PROFILE = 400
 _SAMPLE_PX = 0.5
+_LEAST_SIGMA_PX = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,8 +28,8 @@ class StripConfig:
     Attributes
     ----------
     places : along an edge.
-    step_px : between displacements.
-    most_px : largest displacement looked at.
+    step_px : between displacements, up to ``fine_px`` of them; farther searches have wider steps, as many.
+    fine_px, most_px : displacement up to which steps are not wider, and the largest looked at.
     window_px : how far off the common edge a single place may find its own.
     floor_px : sigma that no edge goes below: what a straight line between two colours is not.
     block : neighbouring places that are averaged before they are squared; so many err alike.
@@ -37,7 +38,8 @@ class StripConfig:
 
     places: int = 40
     step_px: float = 0.5
-    most_px: float = 20.0
+    fine_px: float = 20.0
+    most_px: float = 60.0
     window_px: float = 2.5
     floor_px: float = 0.25
     block: int = 5
@@ -115,15 +117,12 @@ def fill_strip(
 
 
 @njit(cache=True, nogil=True)
-def best_displacement(strip: FloatArray, step: float, block: int, kappa: float, sigma: float, out: FloatArray) -> float:
-    """Fill ``out`` (2,) with the displacements (px) at both rows of the largest sum of S / (S + κ); returns its mean.
+def displacement_scores(strip: FloatArray, block: int, kappa: float, out: FloatArray) -> None:
+    """Fill ``out`` (displacements, displacements), at the upper and the lower row, with the mean of S / (S + κ).
 
-    S is |u − v|² of a block of places together. A displacement costs ½ (α² + β²)/σ² of one place's part, so that
-    among equals the nearest wins. Negative where most of the strip lies outside the picture.
+    S is |u − v|² of a block of places together; −1 where most of the strip lies outside the picture.
     """
     n_t, n_o = strip.shape[:2]
-    middle = n_o // 2
-    best = -1.0
     for a in range(n_o):
         for b in range(n_o):
             total, blocks = 0.0, 0
@@ -138,14 +137,57 @@ def best_displacement(strip: FloatArray, step: float, block: int, kappa: float, 
                 if score >= 0.0:
                     total += score / (score + kappa)
                     blocks += 1
-            if 4 * blocks * block < n_t:
-                continue
-            alpha, beta = step * (a - middle), step * (b - middle)
-            value = total / blocks - 0.5 * (alpha * alpha + beta * beta) / (sigma * sigma * n_t)
-            if value > best:
-                best = value
-                out[0], out[1] = alpha, beta
-    return best
+            out[a, b] = -1.0 if 4 * blocks * block < n_t else total / blocks
+
+
+@njit(cache=True, nogil=True)
+def best_displacements(scores: FloatArray, weight: FloatArray, alone: FloatArray, step: float, out: FloatArray) -> bool:
+    """Fill ``out`` (4,) with the displacements (px) of both lines that score best, less what they cost.
+
+    ``scores`` (2, displacements, displacements) as of `displacement_scores`; ``weight`` (4, 4) is the prior's inverse
+    covariance over the number of places, so that dᵀ weight d / 2 is in units of the score, ``alone`` (2, 2, 2) that of
+    each line whatever the other does. Turned by gusts, both lines move together, and a line alone does not jump to
+    its neighbour. Line by line, each given the other, from either one's own best; false where a line has no score.
+    """
+    n_o = scores.shape[1]
+    middle = n_o // 2
+    highest = -np.inf
+    d = np.zeros(4)
+    for first in range(2):
+        d[:] = 0.0
+        total = 0.0
+        for turn in range(4):
+            line = (first + turn) % 2
+            i, j = 2 * line, 2 - 2 * line
+            w = alone[line] if turn == 0 else weight[i : i + 2, i : i + 2]
+            pull0, pull1 = 0.0, 0.0
+            if turn > 0:
+                pull0 = weight[i, j] * d[j] + weight[i, j + 1] * d[j + 1]
+                pull1 = weight[i + 1, j] * d[j] + weight[i + 1, j + 1] * d[j + 1]
+            best, at, bt = -np.inf, -1, -1
+            for a in range(n_o):
+                x = step * (a - middle)
+                for b in range(n_o):
+                    if scores[line, a, b] < 0.0:
+                        continue
+                    y = step * (b - middle)
+                    cost = 0.5 * (w[0, 0] * x * x + 2.0 * w[0, 1] * x * y + w[1, 1] * y * y) + pull0 * x + pull1 * y
+                    if scores[line, a, b] - cost > best:
+                        best, at, bt = scores[line, a, b] - cost, a, b
+            if at < 0:
+                return False
+            d[i], d[i + 1] = step * (at - middle), step * (bt - middle)
+            if turn == 2:
+                total = scores[line, at, bt]
+            elif turn == 3:
+                total += scores[line, at, bt]
+        for i in range(4):
+            for j in range(4):
+                total -= 0.5 * d[i] * weight[i, j] * d[j]
+        if total > highest:
+            highest = total
+            out[:] = d
+    return True
 
 
 @njit(cache=True, nogil=True)
@@ -227,23 +269,25 @@ def find_edges(
     rows_px: FloatArray,
     widths_px: FloatArray,
     across: FloatArray,
-    sigma_px: FloatArray,
+    prior_px2: FloatArray,
     config: StripConfig,
 ) -> FoundEdges | None:
-    """Search both edges about a guess (4,) with sigmas (4,), wide first; None where one of them is not seen.
+    """Search both edges about a guess (4,) of covariance (4, 4), wide first; None where one of them is not seen.
 
     ``widths_px`` (2, 2) and ``across`` (2,) as for `descent.descend`.
     """
-    reach = float(np.clip(3.0 * sigma_px.max() + 1.0, 3.0, config.most_px))
-    strip = _strip(image, guess_px, rows_px, widths_px, across, reach, config)
-    kappas = [_kappa(strip[line], config.block) for line in range(2)]
-    crossings = guess_px.copy()
+    prior = prior_px2 + _LEAST_SIGMA_PX**2 * np.eye(4)
+    reach = float(np.clip(3.0 * np.sqrt(prior.diagonal().max()) + 1.0, 3.0, config.most_px))
+    step = config.step_px * max(1.0, reach / config.fine_px)
+    strip = _strip(image, guess_px, rows_px, widths_px, across, reach, step, config.places)
+    scores = np.empty((2, strip.shape[2], strip.shape[2]))
     for line in range(2):
-        displaced = np.zeros(2)
-        sigma = max(float(sigma_px[2 * line : 2 * line + 2].max()), 1.0)
-        if best_displacement(strip[line], config.step_px, config.block, kappas[line], sigma, displaced) < 0.0:
-            return None
-        crossings[2 * line : 2 * line + 2] += displaced
+        displacement_scores(strip[line], config.block, _kappa(strip[line], config.block), scores[line])
+    alone = np.stack([np.linalg.inv(prior[:2, :2]), np.linalg.inv(prior[2:, 2:])]) / config.places
+    displaced = np.zeros(4)
+    if not best_displacements(scores, np.linalg.inv(prior) / config.places, alone, step, displaced):
+        return None
+    crossings = guess_px + displaced
     return settle(image, crossings, rows_px, widths_px, across, config)
 
 
@@ -256,7 +300,7 @@ def settle(
     config: StripConfig,
 ) -> FoundEdges | None:
     """Return the edges next to crossings (4,) to a fraction of a pixel; None where one is too faint or too short."""
-    strip = _strip(image, crossings_px, rows_px, widths_px, across, config.window_px + 1.0, config)
+    strip = _strip(image, crossings_px, rows_px, widths_px, across, config.window_px + 1.0, config.step_px, config.places)
     found, covariance, contrast = crossings_px.copy(), np.zeros((4, 4)), np.zeros(2)
     offsets, weights = np.zeros(config.places), np.zeros(config.places)
     for line in range(2):
@@ -285,10 +329,11 @@ def _strip(
     widths: FloatArray,
     across: FloatArray,
     reach: float,
-    config: StripConfig,
+    step: float,
+    places: int,
 ) -> FloatArray:
-    strip = np.zeros((2, config.places, 2 * int(np.ceil(reach / config.step_px)) + 1, 3))
-    fill_strip(image, x, rows, widths, across, config.step_px, strip)
+    strip = np.zeros((2, places, 2 * int(np.ceil(reach / step)) + 1, 3))
+    fill_strip(image, x, rows, widths, across, step, strip)
     return strip
 
 

@@ -103,6 +103,34 @@ SEQUENCES: tuple[Sequence, ...] = (
 )
 
 
+def varied(sequence: Sequence, seed: int) -> Sequence:
+    """Return another approach in the same light: airfield, roads, flight path and everything random drawn anew."""
+    draw = np.random.default_rng([seed, sequence.seed])
+    field, approach, side = sequence.airfield, sequence.approach, float(draw.choice([-1.0, 1.0]))
+    across = (float(draw.uniform(-30.0, 30.0)), float(draw.uniform(15.0, 90.0)), _ROAD + float(draw.normal(0.0, 0.15)))
+    beside = (-side * float(draw.uniform(32.0, 60.0)), float(draw.uniform(-200.0, 0.0)), float(draw.normal(0.0, 0.05)))
+    return replace(
+        sequence,
+        seed=seed,
+        airfield=replace(
+            field,
+            width_m=float(draw.uniform(16.0, 24.0)),
+            length_m=float(draw.uniform(420.0, 600.0)),
+            end_m=float(draw.choice([0.0, 50.0])),
+            edge_stripe_m=float(draw.choice([0.0, 0.3, 0.45])),
+            bars=int(draw.integers(3, 6)),
+            taxiway_side=int(side),
+            roads=((*beside, float(draw.uniform(6.0, 10.0))), (*across, float(draw.uniform(6.0, 9.0)))),
+        ),
+        approach=replace(
+            approach,
+            start_y_m=approach.start_y_m + float(draw.uniform(-20.0, 40.0)),
+            start_x_m=float(draw.normal(0.0, 4.0)),
+            crab_rad=float(draw.normal(0.0, math.radians(3.0))),
+        ),
+    )
+
+
 class Renderer:
     """Pictures of one sequence through one lens, frame by frame; the same for the same seed."""
 
