@@ -23,7 +23,7 @@ from groundstation.onboard.edges.look import Look, Lookout, edge_noise, look_at,
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.pose import CameraPose
 from groundstation.onboard.edges.report import EdgeMiss, Edges
-from groundstation.onboard.edges.strip import FoundEdges, find_edges, settle
+from groundstation.onboard.edges.strip import FoundEdges, search_edges, settle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -97,10 +97,11 @@ def _measure(
     guess = look.predicted
     if config.use_strip:
         prior = look.h @ predicted.covariance @ look.h.T + pose_noise(config, look)
-        wide = find_edges(image, guess, look.rows, look.widths, look.across, prior, config.strip)
+        wide = search_edges(image, guess, look.rows, look.widths, look.across, prior, config.strip)
+        near = None if wide is None else settle(image, wide, look.rows, look.widths, look.across, config.strip)
         if wide is None or not thorough:
-            return wide
-        guess = wide.crossings_px
+            return near
+        guess = wide if near is None else near.crossings_px
     across = look.across if config.use_strip else None
     down = descend(image, guess, look.rows, look.widths, config.descent, across)
     if not config.use_strip:

@@ -272,7 +272,21 @@ def find_edges(
     prior_px2: FloatArray,
     config: StripConfig,
 ) -> FoundEdges | None:
-    """Search both edges about a guess (4,) of covariance (4, 4), wide first; None where one of them is not seen.
+    """Search both edges about a guess (4,), wide first, and settle; None where one of them is not seen."""
+    crossings = search_edges(image, guess_px, rows_px, widths_px, across, prior_px2, config)
+    return None if crossings is None else settle(image, crossings, rows_px, widths_px, across, config)
+
+
+def search_edges(
+    image: ImageArray,
+    guess_px: FloatArray,
+    rows_px: FloatArray,
+    widths_px: FloatArray,
+    across: FloatArray,
+    prior_px2: FloatArray,
+    config: StripConfig,
+) -> FloatArray | None:
+    """Return where both edges are (4,), to a step, about a guess (4,) of covariance (4, 4); None where there is nothing.
 
     ``widths_px`` (2, 2) and ``across`` (2,) as for `descent.descend`.
     """
@@ -287,8 +301,7 @@ def find_edges(
     displaced = np.zeros(4)
     if not best_displacements(scores, np.linalg.inv(prior) / config.places, alone, step, displaced):
         return None
-    crossings = guess_px + displaced
-    return settle(image, crossings, rows_px, widths_px, across, config)
+    return guess_px + displaced
 
 
 def settle(
