@@ -25,6 +25,7 @@ class TrackerConfig:
     ----------
     measurement : what the filter is told.
     use_strip : search about the prediction before going down, and settle to a fraction of a pixel after it.
+    bands_across : take the means along the image of a line across the runway; else along the lines' normals.
     paint_m : bright marks narrower than this are taken away first, painted lines and lamps; 0 for none.
     first_band_m : width of the neighbourhoods where a pair is first looked at, on the ground; wide ones are not held
         by marks within the runway.
@@ -51,6 +52,7 @@ class TrackerConfig:
 
     measurement: Measurement = Measurement.CROSSINGS
     use_strip: bool = True
+    bands_across: bool = True
     guess: RunwayGuess = field(default_factory=RunwayGuess)
     descent: DescentConfig = field(default_factory=DescentConfig)
     strip: StripConfig = field(default_factory=StripConfig)
@@ -77,7 +79,7 @@ class TrackerConfig:
     doubt_agreement: float = 0.3
     doubt_missed: int = 3
     doubt_frames: int = 5
-    check_frames: int = 20
+    check_frames: int = 30
     edge_sigma_m: float = 0.7
     edge_sigma_px: float = 1.2
     gate: float = 25.0
@@ -91,6 +93,7 @@ def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> Trac
     return TrackerConfig(
         measurement=Measurement.LINES,
         use_strip=False,
+        bands_across=False,
         paint_m=0.0,
         guess=guess,
         descent=DescentConfig(energy=energy, adaptive_gamma=False),

@@ -102,7 +102,7 @@ def _measure(
         if wide is None or not thorough:
             return near
         guess = wide if near is None else near.crossings_px
-    across = look.across if config.use_strip else None
+    across = look.across if config.bands_across else None
     down = descend(image, guess, look.rows, look.widths, config.descent, across)
     if not config.use_strip:
         flat = down.energy >= -1e-9

@@ -17,7 +17,15 @@ from groundstation.onboard.edges.descent import descend
 from groundstation.onboard.edges.detection import NoPair, detect
 from groundstation.onboard.edges.follow import Followed, follow, plain_edges
 from groundstation.onboard.edges.kalman import LineState, update_crossings
-from groundstation.onboard.edges.lines import C, D, angle_between, line_map, project_lines, state_from_crossings
+from groundstation.onboard.edges.lines import (
+    C,
+    D,
+    angle_between,
+    crossings_at,
+    line_map,
+    project_lines,
+    state_from_crossings,
+)
 from groundstation.onboard.edges.look import Lookout, edge_noise, look_between, pose_noise, widths_of
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.plausible import plausible
@@ -28,7 +36,7 @@ from groundstation.onboard.edges.strip import FoundEdges, find_edges, settle
 
 _FIRST_SIGMA_PX = 3.0
 # pairs of a picture that are looked at more closely, the lowest energies
-_FIRST_PAIRS = 4
+_FIRST_PAIRS, _MORE_PAIRS = 4, 2
 _ALIKE_PX, _ALIKE_SHARE = 3.0, 0.08
 _MOST_NIS = 25.0
 # what the parts of a score weigh: agreement of the edges' colours, misfit to the pose, frames without edges
@@ -84,8 +92,13 @@ def score(hypothesis: Hypothesis, config: TrackerConfig) -> float:
     return ground + _AGREEMENT * hypothesis.agreement - _NIS * hypothesis.nis - _MISSED * hypothesis.lost
 
 
-def find_pairs(lookout: Lookout, image: ImageArray, pose: CameraPose) -> list[Hypothesis] | EdgeMiss:
-    """Run Algorithm 1, and return what its best pairs look like from near by; or why there is none."""
+def find_pairs(
+    lookout: Lookout, image: ImageArray, pose: CameraPose, known: list[Hypothesis]
+) -> list[Hypothesis] | EdgeMiss:
+    """Run Algorithm 1, and return what its best pairs look like from near by; or why there is none.
+
+    Pairs that are ``known`` already are left out, and fewer are looked at where there are such.
+    """
     config, kappa = lookout.config, lookout.kappa
     rows = band_rows(pose, kappa, lookout.image_size_px, config.guess)
     if isinstance(rows, NoBand):
@@ -98,18 +111,18 @@ def find_pairs(lookout: Lookout, image: ImageArray, pose: CameraPose) -> list[Hy
     pairs = detect(image, rows, px_per_m, config.detection, lambda x: plausible(x, rows, pose, kappa, config))
     if isinstance(pairs, NoPair):
         return EdgeMiss.NO_PAIR
-    wanted = _FIRST_PAIRS if config.confirm_frames > 1 else 1
+    wanted = (_MORE_PAIRS if known else _FIRST_PAIRS) if config.confirm_frames > 1 else 1
     found = []
     for crossings in pairs.pairs_px[:wanted]:
+        if any(one.edges is not None and alike_px(one.edges, crossings, rows) for one in known):
+            continue
         near = _first_look(lookout, image, crossings, rows, pose, e)
         if near is not None:
             found.append(_started(lookout, near, crossings, rows, pose))
     return found or EdgeMiss.FAINT
 
 
-def followed(
-    lookout: Lookout, image: ImageArray, pose: CameraPose, hypotheses: list[Hypothesis]
-) -> list[Hypothesis]:
+def followed(lookout: Lookout, image: ImageArray, pose: CameraPose, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
     """Return every pair one frame later, without those that were not seen for long, and without doubles."""
     moved = [h.after(follow(lookout, image, pose, h.state, thorough=False)) for h in hypotheses]
     return merged(lookout, [h for h in moved if h.missed <= lookout.config.coast_frames // 2], [])
@@ -128,10 +141,14 @@ def alike(one: Hypothesis, other: Hypothesis) -> bool:
     """Return whether two pairs are the same lines of the picture."""
     if one.edges is None or other.edges is None:
         return False
-    a, b, rows = one.edges.crossings_px.reshape(2, 2), other.edges.crossings_px.reshape(2, 2), one.edges.rows_px
-    t = (rows - other.edges.rows_px[0]) / (other.edges.rows_px[1] - other.edges.rows_px[0])
-    there = b[:, :1] + (b[:, 1:] - b[:, :1]) * t
-    return bool(np.abs(there - a).max() < max(_ALIKE_PX, _ALIKE_SHARE * float(a[1, 1] - a[0, 1])))
+    return alike_px(other.edges, one.edges.crossings_px, one.edges.rows_px)
+
+
+def alike_px(edges: Edges, crossings_px: FloatArray, rows_px: FloatArray) -> bool:
+    """Return whether edges are the same lines of the picture as crossings (4,) with rows (2,)."""
+    there = crossings_at(edges.crossings_px, edges.rows_px, rows_px)
+    apart = max(_ALIKE_PX, _ALIKE_SHARE * float(crossings_px[3] - crossings_px[1]))
+    return bool(np.abs(there - crossings_px).max() < apart)
 
 
 def _first_look(
@@ -149,7 +166,7 @@ def _first_look(
         if wide is None:
             return None
         crossings = wide.crossings_px
-    down = descend(image, crossings, rows, widths, config.descent, across if config.use_strip else None)
+    down = descend(image, crossings, rows, widths, config.descent, across if config.bands_across else None)
     if not config.use_strip:
         return plain_edges(down.crossings_px)
     return settle(image, down.crossings_px, rows, widths, across, config.strip)
@@ -179,6 +196,4 @@ def _started(
         measured_px=found.crossings_px,
         nis=math.nan,
     )
-    return Hypothesis(
-        state=update.state, edges=edges, frames=1, missed=0, agreement=found.agreement, nis=4.0, lost=0.0
-    )
+    return Hypothesis(state=update.state, edges=edges, frames=1, missed=0, agreement=found.agreement, nis=4.0, lost=0.0)

@@ -88,7 +88,7 @@ def widths_of(
     """Return the widths ℓ (2, 2) of bands of ``band_m`` about lines (4,), px."""
     band = min(band_m, 0.45 * abs(float(mean[C] - mean[D])))
     outer, _ = project_lines(shifted(mean, band), e, rows)
-    across = across_direction(e) if config.use_strip else None
+    across = across_direction(e) if config.bands_across else None
     widths = band_widths(crossings, outer, rows, config.least_band_px, across)
     return np.minimum(widths, config.most_band_px)
 

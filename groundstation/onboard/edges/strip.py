@@ -313,7 +313,9 @@ def settle(
     config: StripConfig,
 ) -> FoundEdges | None:
     """Return the edges next to crossings (4,) to a fraction of a pixel; None where one is too faint or too short."""
-    strip = _strip(image, crossings_px, rows_px, widths_px, across, config.window_px + 1.0, config.step_px, config.places)
+    strip = _strip(
+        image, crossings_px, rows_px, widths_px, across, config.window_px + 1.0, config.step_px, config.places
+    )
     found, covariance, contrast = crossings_px.copy(), np.zeros((4, 4)), np.zeros(2)
     offsets, weights = np.zeros(config.places), np.zeros(config.places)
     for line in range(2):

@@ -69,7 +69,7 @@ class EdgeTracker:
         if self._unchecked < wait:
             return False
         self._unchecked = 0
-        found = find_pairs(self._lookout, image, pose)
+        found = find_pairs(self._lookout, image, pose, [runway])
         if isinstance(found, EdgeMiss):
             return False
         own = score(runway, config) + config.margin
@@ -82,7 +82,7 @@ class EdgeTracker:
     def _compare(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
         """Add what Algorithm 1 finds to the hypotheses, and choose where one is clearly the best."""
         config = self._config
-        found = find_pairs(self._lookout, image, pose)
+        found = find_pairs(self._lookout, image, pose, self._open)
         if isinstance(found, EdgeMiss):
             if not self._open:
                 return EdgeReport(status=EdgeStatus.SEARCHING, miss=found, edges=None)
@@ -99,6 +99,4 @@ class EdgeTracker:
         if proved:
             self._runway, self._open, self._unchecked = best, [], 0
         miss = EdgeMiss.NONE if best.missed == 0 else EdgeMiss.FAINT
-        return EdgeReport(
-            status=EdgeStatus.TRACKING if proved else EdgeStatus.ACQUIRING, miss=miss, edges=best.edges
-        )
+        return EdgeReport(status=EdgeStatus.TRACKING if proved else EdgeStatus.ACQUIRING, miss=miss, edges=best.edges)

@@ -21,7 +21,12 @@ _STEP = 0.1
 
 @njit(cache=True)
 def _residuals(
-    points: FloatArray, rays: FloatArray, tangents: FloatArray, R: FloatArray, c: FloatArray, d: FloatArray,
+    points: FloatArray,
+    rays: FloatArray,
+    tangents: FloatArray,
+    R: FloatArray,
+    c: FloatArray,
+    d: FloatArray,
     out: FloatArray,
 ) -> None:
     """Fill corner residuals (2n,) in sigmas of the pose (R, c), moved by d (6,) as in `information_of`.

@@ -100,6 +100,19 @@ SEQUENCES: tuple[Sequence, ...] = (
             start_y_m=130.0, start_x_m=-2.0, gust_rad=(math.radians(3.0), math.radians(1.5), math.radians(1.5))
         ),
     ),
+    # light and pavement that change along the runway, from darker than the grass to lighter: one mean does not fit
+    Sequence(
+        name="day, broken cloud",
+        seed=606,
+        airfield=Airfield(
+            roads=((44.0, -60.0, math.radians(-2.0), 8.0), (0.0, 55.0, _ROAD - 0.1, 7.0)),
+            taxiway_side=-1,
+            repair=(0.3, 2.2),
+            repair_tint=0.0,
+        ),
+        light=replace(DAY, cloud_shadow=0.75, cloud_m=(110.0, 60.0)),
+        approach=Approach(start_y_m=200.0, start_x_m=4.0, crab_rad=math.radians(-3.0)),
+    ),
 )
 
 
