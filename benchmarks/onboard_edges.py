@@ -44,6 +44,7 @@ KAPPA = intrinsic_matrix(NOSE_LENS)
 SIZE = NOSE_LENS.image_size_px
 GUESS = RunwayGuess(width_m=20.0, length_m=500.0)
 OPENCV = "cv2.Canny + cv2.HoughLines, whole picture"
+CHI2_999 = 18.47  # 4 degrees of freedom
 LOST_PX = 200.0  # an error is counted as at most this: a line that is off the picture is lost, however far
 SHOWN = (0, 30, 59)
 Array = NDArray[np.float64]
@@ -347,9 +348,8 @@ def report_ours(said: dict[str, Array]) -> None:
     )
     print(f"ours: wrong and confident (tracking, beyond 10 px): {np.mean(wrong & tracking):.2%}")
     square = said["square"][tracking]
-    print(
-        f"ours: squared error over stated, of 4: mean {np.nanmean(square):.2f}, beyond 99.9 %: {np.mean(square > 18.5):.2%}"
-    )
+    beyond = np.mean(square > CHI2_999)
+    print(f"ours: squared error over stated, of 4: mean {np.nanmean(square):.2f}, beyond 99.9 %: {beyond:.2%}")
     for name, part in (("tracking", tracking), ("acquiring and others", ~tracking)):
         ms = said["ms"][part]
         if ms.size:

@@ -286,7 +286,7 @@ def search_edges(
     prior_px2: FloatArray,
     config: StripConfig,
 ) -> FloatArray | None:
-    """Return where both edges are (4,), to a step, about a guess (4,) of covariance (4, 4); None where there is nothing.
+    """Return where both edges are (4,), to a step, about a guess (4,) of covariance (4, 4); None: not seen.
 
     ``widths_px`` (2, 2) and ``across`` (2,) as for `descent.descend`.
     """

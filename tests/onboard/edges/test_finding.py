@@ -59,7 +59,7 @@ def test_the_strip_finds_edges_from_afar_to_a_fraction_of_a_pixel() -> None:
     for seed in range(6):
         picture = painted_runway(POSE, noise=4.0, seed=seed)
         off = np.random.default_rng(seed).uniform(-9.0, 9.0, 2).repeat(2)
-        found = find_edges(picture, TRUTH + off, ROWS, WIDTHS, ACROSS, np.full(4, 4.0), StripConfig())
+        found = find_edges(picture, TRUTH + off, ROWS, WIDTHS, ACROSS, 16.0 * np.eye(4), StripConfig())
         assert found is not None
         error = found.crossings_px - TRUTH
         assert np.abs(error).max() < 0.35
@@ -68,7 +68,7 @@ def test_the_strip_finds_edges_from_afar_to_a_fraction_of_a_pixel() -> None:
 
 def test_no_edge_is_found_in_plain_ground() -> None:
     plain = painted_runway(POSE, inside=(50, 110, 80))
-    assert find_edges(plain, TRUTH, ROWS, WIDTHS, ACROSS, np.full(4, 4.0), StripConfig()) is None
+    assert find_edges(plain, TRUTH, ROWS, WIDTHS, ACROSS, 16.0 * np.eye(4), StripConfig()) is None
 
 
 def test_narrow_paint_goes_and_wide_regions_stay() -> None:

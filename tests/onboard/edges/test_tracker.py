@@ -57,7 +57,8 @@ def test_without_a_picture_it_coasts_gives_up_and_finds_the_runway_again() -> No
     tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=replace(GUESS, width_m=18.0), coast_frames=3))
     good, black = painted_runway(pose), np.zeros((480, 640, 3), np.uint8)
     assert tracker.step(black, pose).miss is EdgeMiss.NO_PAIR
-    assert tracker.step(good, pose).status is EdgeStatus.TRACKING
+    first = [tracker.step(good, pose).status for _ in range(4)]
+    assert first == [EdgeStatus.ACQUIRING] * 3 + [EdgeStatus.TRACKING]
     reports = [tracker.step(black, pose) for _ in range(5)]
     assert [r.status for r in reports[:3]] == [EdgeStatus.COASTING] * 3
     assert all(r.miss is EdgeMiss.FAINT for r in reports[:3])
@@ -65,7 +66,7 @@ def test_without_a_picture_it_coasts_gives_up_and_finds_the_runway_again() -> No
     assert sigmas[0] < sigmas[1] < sigmas[2]
     assert reports[4].status is EdgeStatus.SEARCHING
     assert reports[4].edges is None
-    assert tracker.step(good, pose).status is EdgeStatus.TRACKING
+    assert [tracker.step(good, pose).status for _ in range(4)] == first
 
 
 def test_a_lasting_error_of_pitch_and_roll_is_found() -> None:
