@@ -64,7 +64,7 @@ class EdgeTracker:
     def _doubted(self, runway: Hypothesis, image: ImageArray, pose: CameraPose) -> bool:
         """Return whether Algorithm 1 brings a better pair; all are compared anew if so."""
         config = self._config
-        strange = runway.missed == config.doubt_missed or runway.agreement < config.doubt_agreement
+        strange = runway.missed >= config.doubt_missed or runway.agreement < config.doubt_agreement
         wait = config.doubt_frames if strange else config.check_frames
         if self._unchecked < wait:
             return False
