@@ -7,7 +7,8 @@ from groundstation.onboard.edges.detection import Detected, DetectionConfig, NoP
 from groundstation.onboard.edges.lines import line_map, project_lines, shifted
 from groundstation.onboard.edges.paint import bridge, lamp_mask, without_paint
 from groundstation.onboard.edges.search_band import across_direction, band_widths
-from groundstation.onboard.edges.strip import StripConfig, best_displacements, find_edges, settle
+from groundstation.onboard.edges.strip import StripConfig, find_edges, settle
+from groundstation.onboard.edges.strip_kernel import best_displacements
 from tests.onboard.edges.seen import KAPPA, ROWS, RUNWAY, approach, painted_runway
 
 POSE = approach()
