@@ -115,6 +115,16 @@ class NoseNavigator:
         self._last: ImuSample | None = None
         self._lasting = LastingErrors(self._config.inertial, mount, LASTING_COUNT)
 
+    @property
+    def runway(self) -> Runway:
+        """Return the runway that it was made for."""
+        return self._runway
+
+    @property
+    def stands_alone(self) -> bool:
+        """Return whether it needs no pose from outside any more."""
+        return self._inside
+
     def feel(self, sample: ImuSample) -> None:
         """Take an inertial sample."""
         self._filter.feel(sample)
