@@ -1,4 +1,4 @@
-"""`groundstation onboard fly` and `onboard render`: a trajectory from nose camera and IMU, and a flight to try it on."""
+"""`groundstation onboard fly` and `onboard render`: a trajectory by nose camera and IMU, a flight to try it on."""
 
 import argparse
 import sys
@@ -133,9 +133,7 @@ def run_fly(options: argparse.Namespace) -> int:
 
     ground = None
     if options.ground_track is not None:
-        ground = GroundTrack(
-            path=options.ground_track, threshold_m=options.threshold_m, sigma_m=options.ground_sigma_m
-        )
+        ground = GroundTrack(path=options.ground_track, threshold_m=options.threshold_m, sigma_m=options.ground_sigma_m)
     request = FlyRequest(
         video=options.video,
         camera=options.camera,

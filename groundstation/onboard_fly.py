@@ -68,9 +68,7 @@ class FlyResult:
     fault: InputError | None
 
 
-def fly_video(
-    request: FlyRequest, progress: Callable[[int, int | None], None] = lambda done, total: None
-) -> FlyResult:
+def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] = lambda done, total: None) -> FlyResult:
     """Follow the runway through a video and write the trajectory.
 
     Raises `InputError` where nothing can be done at all; a fault met on the way is in the result.

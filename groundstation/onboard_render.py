@@ -8,13 +8,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.geometry.rotation import wxyz_from_matrix
-from groundstation.onboard.approach.track_file import attitude_of
 from groundstation.onboard.approach.unit_file import SAMPLE_COLUMNS
-from groundstation.onboard.scenes.flight import Sensors
-from groundstation.onboard.scenes.nose_flight import CAMERA_PITCH_DEG, NoseFlight, nose_flight, nose_setup
+from groundstation.onboard.scenes.nose_flight import (
+    CAMERA_PITCH_DEG,
+    NoseFlight,
+    attitude_of,
+    nose_flight,
+    nose_setup,
+    said_poses,
+)
 from groundstation.onboard.scenes.sequences import SEQUENCES
 
 _FFV1 = sum(ord(c) << 8 * i for i, c in enumerate("FFV1"))
@@ -76,17 +80,6 @@ def camera_file(flight: NoseFlight) -> str:
         f"[runway]\nwidth_m = {field.width_m}\nlength_m = {field.length_m}\n\n"
         f"[imu]\ncamera_in_body_m = {flight.setup.mount.camera_in_body_m.tolist()}\n"
     )
-
-
-def said_poses(flight: NoseFlight, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Return what a navigation says at each sample: attitude (n, 3) in rad and the camera's place (n, 3) in m."""
-    sensors, motion = Sensors(), flight.motion
-    attitude = np.array([attitude_of(wxyz_from_matrix(R)) for R in motion.runway_from_body])
-    attitude += rng.normal(0.0, sensors.attitude_bias_rad, 3)
-    attitude += rng.normal(0.0, sensors.attitude_noise_rad, attitude.shape)
-    place = motion.position_m + motion.runway_from_body @ flight.setup.mount.camera_in_body_m
-    place = place + rng.normal(0.0, sensors.position_bias_m)
-    return attitude, place + rng.normal(0.0, sensors.position_noise_m, place.shape)
 
 
 def _log_rows(flight: NoseFlight, rng: np.random.Generator) -> Iterable[list[float]]:

@@ -33,11 +33,11 @@ class ApproachConfig:
         width, before the first pose is believed.
     least_height_px : the thresholds' distance in the picture below which no corners are taken.
     near_sigma_px, far_sigma_px, susan_sigma_px : what a fit's own covariance leaves out and each picture has anew.
-    side_sigma_m, side_sigma_px : what a tracked edge and the pavement's may lie apart for the whole flight, on the
+    side_sigma_m, side_sigma_px : what a tracked edge and the pavement may lie apart for the whole flight, on the
         ground and, for blur and haze, in the picture.
     near_sigma_m, end_sigma_px : the same of a threshold: paint and slabs, and blur; ``far_end_sigma_px`` of the far one.
-    trusted_after : so many poses since the filter's start, and the tracker is told the filter's pose instead of the one from outside.
-    trusted_attitude_rad, trusted_share : and the filter's attitude and position (share of the range) are known to this.
+    trusted_after : so many poses since the filter's start, and the tracker is told its pose, not the one from outside.
+    trusted_attitude_rad, trusted_share : and its attitude and position (share of the range) are known to this.
     """
 
     inertial: InertialConfig = field(default_factory=InertialConfig)

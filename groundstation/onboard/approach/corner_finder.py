@@ -54,6 +54,12 @@ class FoundCorners:
     covariance_px2: FloatArray
     lasting_px: FloatArray
 
+    @property
+    def whole_covariance_px2(self) -> FloatArray:
+        """Return both parts together, (4, 2, 2)."""
+        rows = self.lasting_px.reshape(4, 2, -1)
+        return np.asarray(self.covariance_px2 + rows @ np.swapaxes(rows, 1, 2))
+
 
 def find_corners(
     image: ImageArray,
@@ -83,7 +89,9 @@ def find_corners(
     if height < config.least_height_px:
         return NoCorners.FLAT
     if not pose_fits:
-        shift = strip_end_shift(image.astype(np.float64), start, config.search_px, float(np.clip(0.12 * height, 2.5, 5.0)))
+        shift = strip_end_shift(
+            image.astype(np.float64), start, config.search_px, float(np.clip(0.12 * height, 2.5, 5.0))
+        )
         if shift is None:
             return NoCorners.NO_NEAR
         start = _moved_down(start, shift)
@@ -141,18 +149,16 @@ def lasting_modes(pixels: FloatArray, runway: Runway, config: ApproachConfig) ->
         (((0, 1), (3, 2)), config.near_sigma_m, config.end_sigma_px),
         (((1, 0), (2, 3)), 0.0, config.far_end_sigma_px),
     ):
-        shift = np.zeros((4, 2))
-        for k, other in pair:
+        shift, turned = np.zeros((4, 2)), np.zeros((4, 2))
+        for sign, (k, other) in zip((1.0, -1.0), pair, strict=True):
             side = pixels[other] - pixels[k]
-            length = float(np.linalg.norm(side))
-            # near the threshold a metre takes more of the side than farther on: its picture shrinks with distance
-            px_per_m = length / runway.length_m * _stretch(pixels, k, other)
-            shift[k] = np.hypot(along_m * px_per_m, sigma_px * length / max(abs(float(side[1])), 1.0)) * side / length
-        columns.append(shift.ravel())
-        # the same with its ends opposite: a threshold that seems turned
-        turned = sigma_px / max(np.hypot(along_m * px_per_m, sigma_px), 1e-9) * shift
-        turned[pair[1][0]] *= -1.0
-        columns.append(turned.ravel())
+            # a metre takes more of the side's picture at its near end than on its average
+            by_metres = along_m / runway.length_m * _stretch(pixels, k, other)
+            by_blur = sigma_px / max(abs(float(side[1])), 1.0)
+            shift[k] = np.hypot(by_metres, by_blur) * side
+            # the same with its ends opposite: a threshold that seems turned
+            turned[k] = sign * by_blur * side
+        columns += [shift.ravel(), turned.ravel()]
     return np.stack(columns, axis=1)
 
 
@@ -204,9 +210,7 @@ def _tracked_side(edges: Edges, number: int) -> Side:
     block = edges.covariance_px2[2 * number : 2 * number + 2, 2 * number : 2 * number + 2]
     # the ends as crossings are ordered: upper, lower
     to_line = across_u * np.array([[0.5, 0.5], [1.0 / length, -1.0 / length]])
-    return Side(
-        point=0.5 * (lower + upper), along=along, covariance=to_line @ block @ to_line.T, contrast=1.0
-    )
+    return Side(point=0.5 * (lower + upper), along=along, covariance=to_line @ block @ to_line.T, contrast=1.0)
 
 
 def _from_edges(

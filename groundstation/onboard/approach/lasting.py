@@ -48,7 +48,7 @@ class LastingErrors:
             )
 
     def sensitivity(self, now: Navigation) -> FloatArray:
-        """Return S (9, count): position (m), rotation vector (rad) and velocity (m/s) of the body for one sigma each."""
+        """Return S (9, count): the body's position (m), rotation (rad) and velocity (m/s) for one sigma of each."""
         R = matrix_from_wxyz(now.runway_from_body_wxyz)
         return np.stack([_difference(one.navigation, now, R) for one in self._beside], axis=1) / _SHARE
 
@@ -56,4 +56,3 @@ class LastingErrors:
 def _difference(other: Navigation, now: Navigation, runway_from_body: FloatArray) -> FloatArray:
     turn = rotation_vector(matrix_from_wxyz(other.runway_from_body_wxyz) @ runway_from_body.T)
     return np.concatenate([other.position_m - now.position_m, turn, other.velocity_m_s - now.velocity_m_s])
-

@@ -189,16 +189,12 @@ class NoseNavigator:
 
     def _solve(self, corners: FoundCorners) -> RunwayPose | None:
         """Return the pose of corners, each weighed by all that it may be wrong by."""
-        covariance = corners.covariance_px2.copy()
-        for k, block in enumerate(covariance):
-            rows = corners.lasting_px[2 * k : 2 * k + 2]
-            block += rows @ rows.T
         try:
             return solve_pose(
                 SeenPoints(
                     points_m=self._runway.corners_m,
                     pixels=corners.pixels,
-                    covariance_px2=covariance,
+                    covariance_px2=corners.whole_covariance_px2,
                     lens=self._lens,
                 )
             )
@@ -229,10 +225,7 @@ class NoseNavigator:
 
     def _sensitivity(self, pose: RunwayPose, corners: FoundCorners) -> FloatArray | None:
         """Return how the pose moves with its pixels; where the filter knows better, at the filter's pose."""
-        weights = corners.covariance_px2.copy()
-        for k, block in enumerate(weights):
-            rows = corners.lasting_px[2 * k : 2 * k + 2]
-            block += rows @ rows.T
+        weights = corners.whole_covariance_px2
         position, wxyz = pose.position_m, pose.runway_from_camera_wxyz
         if self._filter.started:
             P = self._filter.navigation.P
@@ -252,9 +245,7 @@ class NoseNavigator:
         innovation: PoseInnovation | None,
     ) -> NoseReport:
         fix = self._fix(self._filter.navigation, t_s) if self._filter.started else None
-        return NoseReport(
-            t_s=t_s, told=told, edges=edges, corners=corners, pose=pose, innovation=innovation, fix=fix
-        )
+        return NoseReport(t_s=t_s, told=told, edges=edges, corners=corners, pose=pose, innovation=innovation, fix=fix)
 
     def _fix(self, now: Navigation, t_s: float) -> NoseFix:
         """Return the camera's place with the whole covariance."""

@@ -10,13 +10,12 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
-from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.approach.corner_finder import FoundCorners
 from groundstation.onboard.approach.navigator import NoseFix, NoseReport
 from groundstation.onboard.edges.edges_file import NO_POSE
 from groundstation.onboard.pose.agreement import Agreement
 from groundstation.onboard.pose.runway import CORNERS
-from groundstation.onboard.pose.simulated_approach import RUNWAY_FROM_LEVEL_BODY
+from groundstation.onboard.scenes.nose_flight import attitude_of
 
 TRACK_COLUMNS = (
     *("t_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"),
@@ -86,13 +85,6 @@ class NoseFiles:
             *(f"{value:.4f}" for value in angles),
             fix.status.value,
         ]
-
-
-def attitude_of(runway_from_body_wxyz: FloatArray) -> FloatArray:
-    """Return roll, pitch and yaw (3,) in rad, yaw from the landing direction, clockwise seen from above."""
-    M = RUNWAY_FROM_LEVEL_BODY.T @ matrix_from_wxyz(runway_from_body_wxyz)
-    pitch = -math.asin(float(np.clip(M[2, 0], -1.0, 1.0)))
-    return np.array([math.atan2(M[2, 1], M[2, 2]), pitch, math.atan2(M[1, 0], M[0, 0])])
 
 
 def write_agreement(path: Path, both: Agreement) -> None:

@@ -1,22 +1,25 @@
 """A whole recording of a nose camera: pictures of a rendered airfield along a flight, with its inertial samples."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.geometry.rotation import rotation_y
+from groundstation.geometry.rotation import matrix_from_wxyz, rotation_y, wxyz_from_matrix
 from groundstation.onboard.edges.pose import CameraPose
 from groundstation.onboard.pose.inertial import CameraMount, InertialConfig
 from groundstation.onboard.pose.runway import Runway, rectangle
 from groundstation.onboard.pose.simulated_approach import (
     BODY_FROM_FORWARD_CAMERA,
+    RUNWAY_FROM_LEVEL_BODY,
     Approach,
     ApproachSetup,
     drawn_attitudes,
     motion_of,
 )
+from groundstation.onboard.scenes.flight import Sensors
 from groundstation.onboard.scenes.sequences import NOSE_LENS, Renderer, Sequence
 
 CAMERA_PITCH_DEG = -3.0
@@ -66,7 +69,9 @@ class NoseFlight:
             yield sample, renderer.picture(self.pose(sample), sample)
 
 
-def nose_setup(sequence: Sequence, duration_s: float = 13.0, from_m: float = 330.0, camera_hz: int = 10) -> ApproachSetup:
+def nose_setup(
+    sequence: Sequence, duration_s: float = 13.0, from_m: float = 330.0, camera_hz: int = 10
+) -> ApproachSetup:
     """Return a small UAV's approach to a sequence's runway: 22 m/s, 4°, a camera that looks 3° down."""
     field = sequence.airfield
     return ApproachSetup(
@@ -110,3 +115,21 @@ def _gusts(t: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatAr
     angle = turn * t[:, None, None] + phases
     shift = (size * np.sin(angle)).sum(axis=1)
     return np.asarray(shift), np.asarray((-size * turn**2 * np.sin(angle)).sum(axis=1))
+
+
+def attitude_of(runway_from_body_wxyz: FloatArray) -> FloatArray:
+    """Return roll, pitch and yaw (3,) in rad, yaw from the landing direction, clockwise seen from above."""
+    M = RUNWAY_FROM_LEVEL_BODY.T @ matrix_from_wxyz(runway_from_body_wxyz)
+    pitch = -math.asin(float(np.clip(M[2, 0], -1.0, 1.0)))
+    return np.array([math.atan2(M[2, 1], M[2, 2]), pitch, math.atan2(M[1, 0], M[0, 0])])
+
+
+def said_poses(flight: NoseFlight, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return what a navigation says at each sample: attitude (n, 3) in rad and the camera's place (n, 3) in m."""
+    sensors, motion = Sensors(), flight.motion
+    attitude = np.array([attitude_of(wxyz_from_matrix(R)) for R in motion.runway_from_body])
+    attitude += rng.normal(0.0, sensors.attitude_bias_rad, 3)
+    attitude += rng.normal(0.0, sensors.attitude_noise_rad, attitude.shape)
+    place = motion.position_m + motion.runway_from_body @ flight.setup.mount.camera_in_body_m
+    place = place + rng.normal(0.0, sensors.position_bias_m)
+    return attitude, place + rng.normal(0.0, sensors.position_noise_m, place.shape)
