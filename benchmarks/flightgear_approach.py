@@ -130,9 +130,10 @@ def fly(out: Path, frames: int) -> None:
     heading = math.atan2(far[0], far[1])
     runway = rectangle(float(np.hypot(*far[:2])), ends.width_m)
     game.put(fov=FIELD_OF_VIEW_DEG, x=0.0, y=0.0, z=0.0, view_heading=0.0, view_pitch=0.0, menu=0.0)
-    game.put(lat=ends.near[0], lon=ends.near[1], alt_ft=400.0)
-    game.picture()
-    ground_m = game.get("/position/ground-elev-m")
+    ground_m, far_m = (elevation(game, place) for place in (ends.near, ends.far))
+    corners_m = runway.corners_m.copy()
+    # the far end's height over the near end's level, the earth's curvature with it
+    corners_m[1:3, 2] = enu_from_geodetic(*(np.array([v]) for v in (*ends.far, far_m)), (*ends.near, ground_m))[0, 2]
     focal = 0.5 * SIZE[0] / math.tan(math.radians(0.5 * FIELD_OF_VIEW_DEG))
     lens = Lens(
         image_size_px=SIZE,
@@ -149,7 +150,8 @@ def fly(out: Path, frames: int) -> None:
         lat, lon = geodetic(ends.near, place, heading)
         game.put(
             lat=lat, lon=lon, alt_ft=(ground_m + place[2]) / FOOT_M, roll=roll, pitch=pitch,
-            heading=math.degrees(heading) + yaw,
+            # north there is not north here
+            heading=math.degrees(heading) + yaw + (lon - ends.near[1]) * math.sin(math.radians(lat)),
         )  # fmt: skip
         time.sleep(2.0)
         image = game.picture()
@@ -157,16 +159,31 @@ def fly(out: Path, frames: int) -> None:
         cv2.imwrite(str(out / name), image)
         attitude = Attitude(roll_rad=math.radians(roll), pitch_rad=math.radians(pitch), yaw_rad=math.radians(yaw))
         poses.append([name, *place, roll, pitch, yaw])
-        checks.append([name, *check(image, nose_pose(place, attitude), runway.corners_m, lens)])
+        checks.append([name, *check(image, nose_pose(place, attitude), corners_m, lens)])
         print(*(v if isinstance(v, str) else f"{v:.2f}" for v in checks[-1]), flush=True)
     write(out / "poses.csv", ("filename", "x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg"), poses)
     header = ("filename", *(f"d{a}_{c}" for c in ("near_left", "far_left", "far_right", "near_right") for a in "uv"))
     write(out / "checks.csv", (*header, "dx_m", "dy_m", "dz_m"), checks)
     off = np.array([row[1:9] for row in checks], dtype=np.float64)
     found = np.isfinite(off).all(axis=1)
-    print(f"ground at the threshold {ground_m:.2f} m; corners found in {found.sum()} of {frames} pictures")
+    print(
+        f"ground at the thresholds {ground_m:.2f} and {far_m:.2f} m; corners found in {found.sum()} of {frames} pictures"
+    )
     if found.any():
         print("median |measured - told| by corner, px:", np.round(np.median(np.abs(off[found]), axis=0), 2).tolist())
+
+
+def elevation(game: FlightGear, place: tuple[float, float]) -> float:
+    """Return the scenery's height in m at a place, once it is loaded there."""
+    game.put(lat=place[0], lon=place[1], alt_ft=600.0)
+    last = math.nan
+    for _ in range(30):
+        time.sleep(2.0)
+        now = game.get("/position/ground-elev-m")
+        if now == last and now > -100.0:
+            return now
+        last = now
+    return last
 
 
 def geodetic(origin: tuple[float, float], place: np.ndarray, heading: float) -> tuple[float, float]:
@@ -185,7 +202,7 @@ def check(image: np.ndarray, pose: CameraPose, corners_m: np.ndarray, lens: Lens
     """Return how far the measured corners lie from where the pose has them (8), and the pose from them (3) m."""
     told = pixels_from_points(pose, intrinsic_matrix(lens), corners_m)
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float64)
-    found = refine_corners(grey, told, 8.0) if np.isfinite(told).all() else None
+    found = refine_corners(grey, told, 5.0) if np.isfinite(told).all() else None
     if found is None:
         return [math.nan] * 11
     seen = SeenPoints(

@@ -89,12 +89,10 @@ def find_corners(
     if height < config.least_height_px:
         return NoCorners.FLAT
     if not pose_fits:
-        shift = strip_end_shift(
-            image.astype(np.float64), start, config.search_px, float(np.clip(0.12 * height, 2.5, 5.0))
-        )
-        if shift is None:
-            return NoCorners.NO_NEAR
-        start = _moved_down(start, shift)
+        moved = _by_strip(image.astype(np.float64), start, height, config)
+        if isinstance(moved, NoCorners):
+            return moved
+        start = moved
         if not _inside(start, w, h):
             return NoCorners.OUT_OF_PICTURE
     reach = float(np.clip(_REACH_SHARE * height, *config.reach_px))
@@ -168,13 +166,25 @@ def _corrected(pose: CameraPose, edges: Edges) -> CameraPose:
     return corrected_pose(pose, *(float(v) for v in mean[[ROLL, PITCH, UP]])) if mean.size > UP else pose
 
 
-def _moved_down(corners: FloatArray, rows: float) -> FloatArray:
-    """Return corners (4, 2) moved down along their sides by so many rows."""
+def _by_strip(image: FloatArray, start: FloatArray, height: float, config: ApproachConfig) -> FloatArray | NoCorners:
+    """Return the start moved to where the strip between the edges is seen to end, first near, then far."""
+    shift = strip_end_shift(image, start, config.search_px, float(np.clip(0.12 * height, 2.5, 5.0)))
+    if shift is None:
+        return NoCorners.NO_NEAR
+    start = _moved_down(start, shift, (0, 1, 2, 3))
+    # what is left at the far end is the height's error, a share of the picture of the runway
+    reach = float(np.clip(config.height_share * height, 2.0, config.search_px))
+    shift = strip_end_shift(image, start, reach, float(np.clip(0.06 * height, 1.5, 3.0)), far=True)
+    return NoCorners.NO_FAR if shift is None else _moved_down(start, shift, (1, 2))
+
+
+def _moved_down(corners: FloatArray, rows: float, which: tuple[int, ...]) -> FloatArray:
+    """Return corners (4, 2), some of them moved down along their sides by so many rows."""
     moved = corners.copy()
     for near, far in ((0, 1), (3, 2)):
         along = (corners[near] - corners[far]) / (corners[near, 1] - corners[far, 1])
-        moved[near] += rows * along
-        moved[far] += rows * along
+        for k in {near, far} & set(which):
+            moved[k] += rows * along
     return moved
 
 

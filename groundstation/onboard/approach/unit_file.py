@@ -7,6 +7,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.onboard.approach.config import ApproachConfig
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera
 from groundstation.onboard.pose.inertial import CameraMount, ImuSample, InertialConfig
 from groundstation.onboard.pose.simulated_approach import BODY_FROM_FORWARD_CAMERA
@@ -39,7 +40,7 @@ class InertialUnit:
 def load_unit(path: Path, camera: NoseCamera) -> InertialUnit:
     """Read the optional [imu] of a camera file; raises `CameraFileError`."""
     table = Table(load_toml(path, CameraFileError), str(path), CameraFileError)
-    usual = InertialConfig()
+    usual = ApproachConfig().inertial
     place = np.zeros(3)
     config = usual
     if "imu" in table:
