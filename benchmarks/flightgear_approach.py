@@ -166,9 +166,7 @@ def fly(out: Path, frames: int) -> None:
     write(out / "checks.csv", (*header, "dx_m", "dy_m", "dz_m"), checks)
     off = np.array([row[1:9] for row in checks], dtype=np.float64)
     found = np.isfinite(off).all(axis=1)
-    print(
-        f"ground at the thresholds {ground_m:.2f} and {far_m:.2f} m; corners found in {found.sum()} of {frames} pictures"
-    )
+    print(f"thresholds at {ground_m:.2f} and {far_m:.2f} m; corners found in {found.sum()} of {frames} pictures")
     if found.any():
         print("median |measured - told| by corner, px:", np.round(np.median(np.abs(off[found]), axis=0), 2).tolist())
 

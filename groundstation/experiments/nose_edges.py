@@ -179,7 +179,7 @@ def _draw(tracked: list[_Tracked], path: Path) -> None:
 def _line(picture: ImageArray, colour: tuple[int, int, int], crossings: FloatArray, rows: FloatArray) -> None:
     for pair in np.clip(crossings, -2000.0, 3000.0).reshape(2, 2):
         ends = [(round(16 * float(u)), round(16 * float(v))) for u, v in zip(pair, rows, strict=True)]
-        cv2.line(picture, *ends, colour, 1, cv2.LINE_AA, 4)
+        cv2.line(picture, ends[0], ends[1], colour, 1, cv2.LINE_AA, 4)
 
 
 # --------------------------------------------------------------------------------------- prediction alone

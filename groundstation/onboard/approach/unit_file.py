@@ -1,6 +1,6 @@
 """The inertial unit's log, and what the camera file's [imu] says of the unit (docs/onboard-fly.md)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +47,8 @@ def load_unit(path: Path, camera: NoseCamera) -> InertialUnit:
         said = table.table("imu")
         said.refuse_unknown(_KEYS)
         place = said.vector("camera_in_body_m", 3, (0.0, 0.0, 0.0))
-        config = replace(usual, **{name: said.number(name, getattr(usual, name), above=0.0) for name in _NOISES})
+        noises = {name: said.number(name, getattr(usual, name), above=0.0) for name in _NOISES}
+        config = InertialConfig(**noises, restart_after=usual.restart_after, coasting_after_s=usual.coasting_after_s)
     body_from_camera = camera.mount.matrix @ BODY_FROM_FORWARD_CAMERA
     return InertialUnit(mount=CameraMount(camera_in_body_m=place, body_from_camera=body_from_camera), config=config)
 
