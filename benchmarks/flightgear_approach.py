@@ -60,7 +60,7 @@ class FlightGear:
     """A running FlightGear's properties and pictures."""
 
     def __init__(self) -> None:
-        self._line = socket.create_connection(("127.0.0.1", TELNET), timeout=60)
+        self._line = socket.create_connection(("127.0.0.1", TELNET), timeout=300)
         self._line.sendall(b"data\r\n")
         self._left = b""
 
@@ -81,7 +81,7 @@ class FlightGear:
         """Return the picture once two in a row are the same."""
         last = None
         for _ in range(12):
-            with urllib.request.urlopen(f"http://127.0.0.1:{HTTP}/screenshot?type=png", timeout=120) as answer:
+            with urllib.request.urlopen(f"http://127.0.0.1:{HTTP}/screenshot?type=png", timeout=300) as answer:
                 image = cv2.imdecode(np.frombuffer(answer.read(), np.uint8), cv2.IMREAD_COLOR)
             if last is not None and float(np.abs(image.astype(float) - last).mean()) < 0.2:
                 return image

@@ -10,7 +10,7 @@ from groundstation.cli import main
 from groundstation.errors import InputError
 from groundstation.onboard.approach.ground_track import GroundTrackError, read_ground_track
 from groundstation.onboard.approach.track_file import PICTURE_COLUMNS, TRACK_COLUMNS
-from groundstation.onboard.scenes import jsbsim_flight
+from groundstation.simulation import flight_model
 from tests.complaints import complaint
 
 FRAMES = 12
@@ -126,8 +126,10 @@ def test_without_jsbsim_it_says_what_to_install(
     def none(name: str) -> None:
         raise ImportError(name)
 
-    monkeypatch.setattr(jsbsim_flight, "import_module", none)
+    monkeypatch.setattr(flight_model, "import_module", none)
     assert main(["onboard", "render", "--out", str(tmp_path), "--motion", "jsbsim", "--frames", "2"]) == 1
+    assert "pip install 'groundstation[jsbsim]'" in capsys.readouterr().err
+    assert main(["simulate", "--out", str(tmp_path / "s"), "--aircraft", "jsbsim", "--duration", "0.3"]) == 1
     assert "pip install 'groundstation[jsbsim]'" in capsys.readouterr().err
 
 
