@@ -17,6 +17,7 @@ import gzip
 import math
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -238,17 +239,20 @@ def main() -> None:
     size = f"{SIZE[0]}x{SIZE[1]}x24"
     screen = subprocess.Popen(["Xvfb", ":78", "-screen", "0", size, "+extension", "GLX"], stderr=subprocess.DEVNULL)
     with (options.out / "flightgear.log").open("w") as log:
-        time.sleep(2.0)
+        time.sleep(10.0)
         simulator = subprocess.Popen(
-            ["dbus-run-session", "--", game, *ARGUMENTS], env=environment, stdout=log, stderr=log
-        )
+            ["dbus-run-session", "--", game, *ARGUMENTS], env=environment, stdout=log, stderr=log,
+            start_new_session=True,
+        )  # fmt: skip
         try:
-            wait(240.0)
+            wait(600.0)
             fly(options.out, options.frames)
         finally:
-            for process in (simulator, screen):
-                process.terminate()
-                process.wait(30)
+            # dbus-run-session does not hand the signal on
+            os.killpg(simulator.pid, signal.SIGTERM)
+            simulator.wait(60)
+            screen.terminate()
+            screen.wait(30)
 
 
 def wait(longest_s: float) -> None:

@@ -25,7 +25,9 @@ class ApproachConfig:
 
     Attributes
     ----------
-    inertial : the filter; it starts again soon, as the first corners may be wrong ones.
+    inertial : the filter.
+    give_up_after : so many poses refused in a row, before it is trusted, and it starts anew: the first corners may be
+        wrong ones.
     corners : how corners are found.
     reach_px : how far from its predicted place a threshold or a corner is looked for, at least and at most.
     search_px : how far up and down both thresholds are looked for while the pose comes from outside;
@@ -41,7 +43,8 @@ class ApproachConfig:
     trusted_attitude_rad, trusted_share : and its attitude and position (share of the range) are known to this.
     """
 
-    inertial: InertialConfig = field(default_factory=lambda: InertialConfig(restart_after=6))
+    inertial: InertialConfig = field(default_factory=InertialConfig)
+    give_up_after: int = 6
     corners: CornerMethod = CornerMethod.EDGES
     reach_px: tuple[float, float] = (2.0, 3.5)
     search_px: float = 12.0

@@ -104,7 +104,6 @@ class NoseNavigator:
         self._config = config or ApproachConfig()
         self._lens = replace(lens, distortion=np.zeros(5))
         self._kappa = intrinsic_matrix(lens)
-        self._filter = InertialFilter(self._config.inertial, mount)
         guess = RunwayGuess(width_m=runway.width_m, length_m=runway.length_m)
         # what edges may be wrong by for good is counted once, with the corners
         self._tracker_config = TrackerConfig(guess=guess, edge_sigma_m=0.0, edge_sigma_px=0.0)
@@ -113,7 +112,15 @@ class NoseNavigator:
         self._used = 0
         self._in_a_row = 0
         self._last: ImuSample | None = None
-        self._lasting = LastingErrors(self._config.inertial, mount, LASTING_COUNT)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Make the filters new; the next pose starts them."""
+        self._filter = InertialFilter(self._config.inertial, self._mount)
+        self._lasting = LastingErrors(self._config.inertial, self._mount, LASTING_COUNT)
+        self._used = self._refused = 0
+        if self._last is not None:
+            self.feel(self._last)
 
     @property
     def runway(self) -> Runway:
@@ -218,6 +225,9 @@ class NoseNavigator:
         self._lasting.see(observation, D @ corners.lasting_px)
         if innovation.outcome in (Outcome.USED, Outcome.STARTED, Outcome.RESTARTED):
             self._used += 1
+        self._refused = self._refused + 1 if innovation.outcome is Outcome.GATED else 0
+        if not self._inside and self._refused >= self._config.give_up_after:
+            self._begin()
         if innovation.outcome is Outcome.RESTARTED:
             # its velocity is unknown again: the tracker goes back to what it was told before
             self._used, self._inside = 1, False
