@@ -1,9 +1,11 @@
 """Runway edges in rendered approaches: errors in px against truth, with distractors, in five lights; times; figures.
 
-    python benchmarks/onboard_edges.py [--out DIR] [--draws N]
+    python benchmarks/onboard_edges.py [--out DIR] [--draws N] [--first SEED] [--only ours,hough,…] [--quick]
 
 1. RMSE of the four ends of both edges, of the tracker, the paper's energies and the two baselines (the paper's
-   Table 1). The tracker was tuned on the sequences' own seeds (`--draws 0`); by default others are drawn.
+   Table 1), in N airfields drawn for each light; `--draws 0` takes the sequences' own, which the tracker was tuned on.
+   Of ours also the share of frames beyond 10 px, and of those that say they track all the same.
+1b. The energies alone: down from lines 2, 4 and 8 px off, in bands across the runway and along the normals.
 2. Prediction alone: the 3-D model, with an IMU or the pictures' motion, and constant velocity in the picture (Fig. 15).
 3. Processor time of a frame, and over that of OpenCV's Canny with HoughLines in the same run.
 4. Pictures with the edges drawn.
@@ -29,9 +31,10 @@ from groundstation.onboard.edges.kalman import picture_crossings, picture_state,
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines, shifted
 from groundstation.onboard.edges.motion import VisualOdometry
 from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix
-from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_rows, band_widths
+from groundstation.onboard.edges.report import EdgeReport, EdgeStatus
+from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, across_direction, band_rows, band_widths
 from groundstation.onboard.edges.tracker import EdgeTracker
-from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Renderer, Sequence
+from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Renderer, Sequence, varied
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -40,6 +43,8 @@ ROOT = Path(__file__).resolve().parent.parent
 KAPPA = intrinsic_matrix(NOSE_LENS)
 SIZE = NOSE_LENS.image_size_px
 GUESS = RunwayGuess(width_m=20.0, length_m=500.0)
+OPENCV = "cv2.Canny + cv2.HoughLines, whole picture"
+CHI2_999 = 18.47  # 4 degrees of freedom
 LOST_PX = 200.0  # an error is counted as at most this: a line that is off the picture is lost, however far
 SHOWN = (0, 30, 59)
 Array = NDArray[np.float64]
@@ -57,19 +62,22 @@ def truth(sequence: Sequence, pose: CameraPose) -> tuple[Array, Array]:
     return rows, project_lines(lines, line_map(pose, KAPPA), rows)[0]
 
 
-def tracked(config: TrackerConfig) -> Step:
-    """Return a tracker as a step that gives crossings and their rows."""
+def tracked(config: TrackerConfig, reports: list[EdgeReport] | None = None) -> Step:
+    """Return a tracker as a step that gives crossings and their rows; what it says goes to ``reports``."""
     tracker = EdgeTracker(KAPPA, SIZE, config)
 
     def step(frame: NoseFrame) -> tuple[Array, Array] | None:
-        edges = tracker.step(frame.image, frame.said).edges
+        report = tracker.step(frame.image, frame.said)
+        edges = report.edges
+        if reports is not None:
+            reports.append(report)
         return None if edges is None else (edges.crossings_px, edges.rows_px)
 
     return step
 
 
 def plain(energy: Energy) -> TrackerConfig:
-    """Return our filter with nothing but a descent from its prediction: what sets two energies apart."""
+    """Return our filter with nothing but a descent from its prediction, in bands across: what sets energies apart."""
     descent = DescentConfig(energy=energy)
     config = TrackerConfig(guess=GUESS, use_strip=False, paint_m=0.0, band_m=4.0, gate=math.inf)
     return replace(config, descent=descent)
@@ -124,14 +132,14 @@ def graph_cut(frame: NoseFrame) -> tuple[Array, Array] | None:
     return None if found is None else (found, rows)
 
 
-def methods(sequence: Sequence, first: CameraPose) -> dict[str, Step]:
+def methods(sequence: Sequence, first: CameraPose, reports: list[EdgeReport] | None = None) -> dict[str, Step]:
     """Return everything that is compared, ready for a sequence."""
     printed, flat = paper_config(GUESS), paper_config(GUESS, Energy.NON_VARIANT)
     return {
-        "ours": tracked(TrackerConfig(guess=GUESS)),
+        "ours": tracked(TrackerConfig(guess=GUESS), reports),
         "spatially variant, KF": tracked(printed),
         "non-variant, KF": tracked(flat),
-        "spatially variant, our filter": tracked(plain(Energy.AS_PRINTED)),
+        "spatially variant, our filter": tracked(plain(Energy.SPATIALLY_VARIANT)),
         "non-variant, our filter": tracked(plain(Energy.NON_VARIANT)),
         "spatially variant, last frame": from_last(sequence, first, Energy.AS_PRINTED),
         "non-variant, last frame": from_last(sequence, first, Energy.NON_VARIANT),
@@ -140,13 +148,17 @@ def methods(sequence: Sequence, first: CameraPose) -> dict[str, Step]:
     }
 
 
-def measure(sequence: Sequence, frames: list[NoseFrame]) -> tuple[dict[str, Array], dict[str, Array], dict[str, int]]:
+def measure(
+    sequence: Sequence, frames: list[NoseFrame], only: list[str], reports: list[EdgeReport]
+) -> tuple[dict[str, Array], dict[str, Array], dict[str, int]]:
     """Return of each method the errors (n, 4) px, processor times (n,) s, and frames without edges.
 
     A frame without edges counts with the last edges that there were, as one would have to fly on them.
     """
     errors, times, without = {}, {}, {}
-    for name, step in methods(sequence, frames[0].truth).items():
+    for name, step in methods(sequence, frames[0].truth, reports).items():
+        if only and not any(word in name.lower() for word in only):
+            continue
         own, spent, last, missing = [], [], None, 0
         for frame in frames:
             started = time.thread_time()
@@ -161,6 +173,38 @@ def measure(sequence: Sequence, frames: list[NoseFrame]) -> tuple[dict[str, Arra
                 own.append(np.full(4, LOST_PX))
         errors[name], times[name], without[name] = np.array(own), np.array(spent), missing
     return errors, times, without
+
+
+def normalised(sequence: Sequence, frame: NoseFrame, report: EdgeReport) -> float:
+    """Return the squared error of ours over its covariance, at its own rows, of 4; NaN without edges."""
+    if report.edges is None:
+        return math.nan
+    rows, wanted = truth(sequence, frame.truth)
+    e = report.edges.crossings_px - crossings_at(wanted, rows, report.edges.rows_px)
+    return float(e @ np.linalg.solve(report.edges.covariance_px2, e))
+
+
+def energies_alone(sequence: Sequence, frames: list[NoseFrame]) -> dict[tuple[str, float], Array]:
+    """Return errors (n, 4) px after going down from lines that are off by 2, 4 and 8 px, of every third frame."""
+    found: dict[tuple[str, float], list[Array]] = {}
+    for off_px in (2.0, 4.0, 8.0):
+        draw_off = np.random.default_rng([sequence.seed, int(off_px)])
+        for frame in frames[::3]:
+            rows, wanted = truth(sequence, frame.truth)
+            start = wanted + np.repeat(draw_off.normal(0.0, off_px, 2), 2) + draw_off.normal(0.0, 1.0, 4)
+            if min(start[2] - start[0], start[3] - start[1]) < 3.0:
+                continue
+            widths = np.repeat(band_px(frame, rows)[None, :], 2, axis=0)
+            across = across_direction(line_map(frame.said, KAPPA))
+            for name, energy, along in (
+                ("variant, bands across", Energy.SPATIALLY_VARIANT, across),
+                ("variant, normals", Energy.SPATIALLY_VARIANT, None),
+                ("non-variant", Energy.NON_VARIANT, None),
+            ):
+                config = DescentConfig(energy=energy, gamma=1e-3, adaptive_gamma=False)
+                end = descend(frame.image, start, rows, widths, config, along).crossings_px
+                found.setdefault((name, off_px), []).append(np.clip(end - wanted, -LOST_PX, LOST_PX))
+    return {key: np.array(values) for key, values in found.items()}
 
 
 def prediction(sequence: Sequence, frames: list[NoseFrame]) -> dict[str, Array]:
@@ -234,35 +278,82 @@ def draw(sequence: Sequence, frames: list[NoseFrame]) -> NDArray[np.uint8]:
     return np.hstack(shown)
 
 
+def draw_predictions(out: Path, predicted: dict[str, list[Array]]) -> None:
+    """Print and draw the RMSE of predictions over time."""
+    print("prediction alone, RMSE px after 1, 2 and 4 s")
+    figure, axes = plt.subplots(figsize=(6.4, 3.6))
+    for name, own in predicted.items():
+        curve = np.sqrt(np.mean(np.array(own) ** 2, axis=0))
+        print(f"{name}: {curve[10]:.1f} {curve[20]:.1f} {curve[40]:.1f}")
+        axes.plot(np.arange(curve.size) / 10.0, curve, label=name)
+    axes.set(xlabel="s without a measurement", ylabel="RMSE of the edges, px", yscale="log")
+    axes.legend()
+    figure.tight_layout()
+    figure.savefig(out / "prediction.png", dpi=110)
+
+
 def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "onboard-edges")
-    parser.add_argument("--draws", type=int, default=2, help="seeds of each sequence; 0: those tuned on")
+    parser.add_argument("--draws", type=int, default=2, help="airfields drawn for each light; 0: those tuned on")
+    parser.add_argument("--first", type=int, default=100, help="seed of the first")
+    parser.add_argument("--only", default="", help="methods whose names hold one of these words, comma between")
+    parser.add_argument("--quick", action="store_true", help="leave out the predictions and OpenCV's times")
     options = parser.parse_args()
     cv2.setNumThreads(1)
+    only = [word for word in options.only.lower().split(",") if word]
     options.out.mkdir(parents=True, exist_ok=True)
-    rows, pooled, predicted, spent, pictures = [], {}, {}, {}, []
+    rows, pooled, predicted, spent, pictures, alone = [], {}, {}, {}, [], {}
+    said: dict[str, list[float]] = {"px": [], "tracking": [], "square": [], "ms": []}
     for sequence in SEQUENCES:
         for draw_number in range(max(options.draws, 1)):
-            other = 1000 * (draw_number + 1) if options.draws else 0
-            drawn = replace(sequence, seed=sequence.seed + other)
+            drawn = varied(sequence, options.first + draw_number) if options.draws else sequence
             frames = list(Renderer(drawn).frames())
-            errors, times, without = measure(drawn, frames)
+            reports: list[EdgeReport] = []
+            errors, times, without = measure(drawn, frames, only, reports)
             for name, own in errors.items():
                 per_frame = np.sqrt(np.mean(own**2, axis=1))
                 rms = float(np.sqrt(np.mean(own**2)))
                 rows.append([sequence.name, drawn.seed, name, rms, float(per_frame.std()), without[name]])
                 print(f"{sequence.name} {drawn.seed}: {name}: {rms:.1f} px", flush=True)
                 pooled.setdefault(name, []).append(own)
-            for name, own in prediction(drawn, frames).items():
-                predicted.setdefault(name, []).append(own)
-            if draw_number == 0:
-                pictures.append(draw(drawn, frames))
-            times["cv2.Canny + cv2.HoughLines, whole picture"] = opencv_time(frames)
+            said["px"] += list(np.sqrt(np.mean(errors["ours"] ** 2, axis=1)))
+            said["tracking"] += [float(one.status is EdgeStatus.TRACKING) for one in reports]
+            said["square"] += [normalised(drawn, *pair) for pair in zip(frames, reports, strict=True)]
+            said["ms"] += list(1e3 * times["ours"])
+            for key, own in energies_alone(drawn, frames).items():
+                alone.setdefault(key, []).append(own)
             for name, own in times.items():
                 spent.setdefault(name, []).append(own[1:])
+            if draw_number == 0:
+                pictures.append(draw(drawn, frames))
+            if not options.quick:
+                for name, own in prediction(drawn, frames).items():
+                    predicted.setdefault(name, []).append(own)
+                spent.setdefault(OPENCV, []).append(opencv_time(frames)[1:])
     report(options.out, rows, pooled, predicted, spent, pictures)
+    report_ours({name: np.array(values) for name, values in said.items()})
+    for (name, off_px), own in alone.items():
+        alls = np.concatenate(own)
+        spread = f"{np.sqrt(np.mean(alls**2)):.2f} px, median {np.median(np.abs(alls)):.2f}"
+        print(f"energy alone, from {off_px:.0f} px off: {name}: {spread}")
+
+
+def report_ours(said: dict[str, Array]) -> None:
+    """Print how often ours is wrong, and how often it does not say so."""
+    tracking, wrong = said["tracking"] > 0.5, said["px"] > 10.0
+    print(
+        f"ours: {said['px'].size} frames, {np.mean(wrong):.2%} beyond 10 px; says tracking in {np.mean(tracking):.1%}"
+    )
+    print(f"ours: wrong and confident (tracking, beyond 10 px): {np.mean(wrong & tracking):.2%}")
+    square = said["square"][tracking]
+    beyond = np.mean(square > CHI2_999)
+    print(f"ours: squared error over stated, of 4: mean {np.nanmean(square):.2f}, beyond 99.9 %: {beyond:.2%}")
+    for name, part in (("tracking", tracking), ("acquiring and others", ~tracking)):
+        ms = said["ms"][part]
+        if ms.size:
+            print(f"ours: {name}: median {np.median(ms):.2f} ms, 95 % {np.percentile(ms, 95):.2f} ms")
 
 
 def report(out: Path, rows: list, pooled: dict, predicted: dict, spent: dict, pictures: list) -> None:
@@ -278,17 +369,9 @@ def report(out: Path, rows: list, pooled: dict, predicted: dict, spent: dict, pi
     for name, own in pooled.items():
         alls = np.concatenate(own)
         print(f"all: {name}: {np.sqrt(np.mean(alls**2)):.2f} px, median {np.median(np.abs(alls)):.2f} px")
-    print("prediction alone, RMSE px after 1, 2 and 4 s")
-    figure, axes = plt.subplots(figsize=(6.4, 3.6))
-    for name, own in predicted.items():
-        curve = np.sqrt(np.mean(np.array(own) ** 2, axis=0))
-        print(f"{name}: {curve[10]:.1f} {curve[20]:.1f} {curve[40]:.1f}")
-        axes.plot(np.arange(curve.size) / 10.0, curve, label=name)
-    axes.set(xlabel="s without a measurement", ylabel="RMSE of the edges, px", yscale="log")
-    axes.legend()
-    figure.tight_layout()
-    figure.savefig(out / "prediction.png", dpi=110)
-    reference = float(np.median(np.concatenate(spent["cv2.Canny + cv2.HoughLines, whole picture"])))
+    if predicted:
+        draw_predictions(out, predicted)
+    reference = float(np.median(np.concatenate(spent[OPENCV]))) if OPENCV in spent else math.nan
     for name, own in spent.items():
         ms = 1e3 * np.concatenate(own)
         ratio = 1e-3 * float(np.median(ms)) / reference

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from groundstation.cli_onboard_fly import add_fly
 from groundstation.cli_onboard_pose import add_pose
 from groundstation.progress import ProgressLine
 
@@ -28,7 +29,7 @@ written; 2 wrong usage; 130 interrupted"""
 
 def add_onboard(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add `onboard` with what it can do."""
-    onboard = commands.add_parser("onboard", help="the aircraft's own camera: runway edges, runway pose")
+    onboard = commands.add_parser("onboard", help="the aircraft's own camera: runway edges, runway pose, trajectory")
     kinds = onboard.add_subparsers(dest="what", metavar="WHAT", required=True)
     edges = kinds.add_parser(
         "edges",
@@ -44,6 +45,7 @@ def add_onboard(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     edges.add_argument("--no-rerun", action="store_true", help="do not write edges.rrd")
     edges.set_defaults(run_onboard=_run_edges)
     add_pose(kinds)
+    add_fly(kinds)
 
 
 def run_onboard(options: argparse.Namespace) -> int:

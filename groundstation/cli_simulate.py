@@ -51,6 +51,12 @@ def add_simulate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]"
     simulate.add_argument(
         "--wind", type=_wind, default=0.0, metavar="M_S", help="gusts as in such a wind, up to 15 m/s (default: 0)"
     )
+    simulate.add_argument(
+        "--aircraft",
+        choices=("waves", "jsbsim"),
+        default="waves",
+        help="what moves it in the wind: waves, or JSBSim's C172 in Milspec turbulence, an optional extra",
+    )
     simulate.add_argument("--faults", type=Path, metavar="FILE", help="what fails when, TOML; see below")
     simulate.add_argument("--rig", type=Path, metavar="FILE", help="your own stations, rig.toml")
     simulate.add_argument(
@@ -94,7 +100,7 @@ def _whole(text: str) -> int:
 def run_simulate(options: argparse.Namespace) -> int:
     """Film one flight and print what was written; returns the exit code."""
     from groundstation.filming import FilmRequest, film
-    from groundstation.simulation.flights import FlightName
+    from groundstation.simulation.flights import Aircraft, FlightName
     from groundstation.sinks.filmed_folder import PictureForm
 
     request = FilmRequest(
@@ -108,6 +114,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         rig=options.rig,
         form=PictureForm(options.pictures),
         grey=options.grey,
+        aircraft=Aircraft(options.aircraft),
     )
     with ProgressLine(sys.stderr, "simulate") as line:
         result = film(request, line.update)

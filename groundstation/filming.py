@@ -9,7 +9,7 @@ from groundstation.errors import ConfigError, ScenarioError
 from groundstation.rig import Rig, load_rig
 from groundstation.simulation.airframe import trainer
 from groundstation.simulation.faults import Fault, FaultKind
-from groundstation.simulation.flights import SPAN_M, FlightName, filmed_scenario, flight, site_rig
+from groundstation.simulation.flights import SPAN_M, Aircraft, FlightName, filmed_scenario, flight, site_rig
 from groundstation.simulation.optics import Optics
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.scenery import Scenery
@@ -41,6 +41,7 @@ class FilmRequest:
     rig: Path | None = None
     form: PictureForm = PictureForm.VIDEO
     grey: bool = False
+    aircraft: Aircraft = Aircraft.WAVES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +88,13 @@ def _check_folder(folder: Path) -> None:
 
 
 def _trajectory(request: FilmRequest) -> Trajectory:
-    return flight(request.name, seed=request.seed, wind_m_s=request.wind_m_s, duration_s=request.duration_s)
+    return flight(
+        request.name,
+        seed=request.seed,
+        wind_m_s=request.wind_m_s,
+        duration_s=request.duration_s,
+        aircraft=request.aircraft,
+    )
 
 
 def _usable(path: Path) -> Rig:

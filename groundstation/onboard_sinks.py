@@ -14,6 +14,7 @@ from groundstation.onboard.edges.pose import CameraPose
 from groundstation.onboard.edges.report import EdgeReport, EdgeStatus
 
 _COLOURS = {
+    EdgeStatus.ACQUIRING: (230, 200, 60),
     EdgeStatus.TRACKING: (90, 230, 90),
     EdgeStatus.COASTING: (60, 190, 255),
     EdgeStatus.SEARCHING: (80, 80, 255),

@@ -64,6 +64,10 @@ class Recorded:
                 wanted=f"some from {self.from_s:g} to {self.to_s:g} s",
             )
 
+    def at_most_s(self, seconds: float) -> float:
+        """Return how long an experiment with scenes of its own may last: no longer than the part that is studied."""
+        return float(min(seconds, max(self.to_s - self.from_s, 0.3)))
+
     def inside(self, t_s: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
         """Return which times (n,) lie in the part that is studied."""
         return (t_s >= self.from_s) & (t_s <= self.to_s)

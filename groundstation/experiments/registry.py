@@ -1,6 +1,16 @@
 """Every experiment of the papers that our recordings allow, in the papers' order. A new one is one line here."""
 
-from groundstation.experiments import canny, detectors, leaving, localisation, online, sensitivity
+from groundstation.experiments import (
+    canny,
+    detectors,
+    leaving,
+    localisation,
+    nose_edges,
+    nose_flights,
+    nose_pose,
+    online,
+    sensitivity,
+)
 from groundstation.experiments.experiment import Experiment, Paper
 
 EXPERIMENTS: tuple[Experiment, ...] = (
@@ -73,6 +83,41 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         numbers="figure 1",
         title="Canny's sensitivity to its σ",
         run=canny.canny,
+    ),
+    Experiment(
+        name="runway-edges",
+        paper=Paper.EDGES,
+        numbers="table 1, figures 13 and 14",
+        title="Runway edges in four lights",
+        run=nose_edges.edges,
+    ),
+    Experiment(
+        name="edge-prediction",
+        paper=Paper.EDGES,
+        numbers="figure 15",
+        title="Edges predicted in 3-D and in 2-D",
+        run=nose_edges.prediction,
+    ),
+    Experiment(
+        name="runway-pose",
+        paper=Paper.POSE,
+        numbers="section 2",
+        title="Range from a runway's corners",
+        run=nose_pose.pose_range,
+    ),
+    Experiment(
+        name="inertial",
+        paper=Paper.POSE,
+        numbers="figures 4 to 7",
+        title="Runway poses and an inertial unit, 20 s without runway",
+        run=nose_pose.inertial,
+    ),
+    Experiment(
+        name="nose-flights",
+        paper=Paper.POSE,
+        numbers="figures 1 and 4",
+        title="From the nose camera's pictures to a trajectory",
+        run=nose_flights.flights,
     ),
 )
 

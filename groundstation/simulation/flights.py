@@ -17,6 +17,7 @@ from groundstation.simulation.cases import BASELINE_M, STEP_RAD, standard_statio
 from groundstation.simulation.checks import require, require_not_negative, require_positive
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.disturbance import Gusts
+from groundstation.simulation.flight_model import fly_by_jsbsim
 from groundstation.simulation.pointing import LoopLimits, SecondOrderLoop
 from groundstation.simulation.ptu import PtuModel
 from groundstation.simulation.scenario import Scenario
@@ -43,6 +44,13 @@ class FlightName(StrEnum):
     WEAVE = "weave"
 
 
+class Aircraft(StrEnum):
+    """What moves it: waves of acceleration about the path, or a flight-dynamics model in turbulence."""
+
+    WAVES = "waves"
+    JSBSIM = "jsbsim"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shortened:
     """The first part of a trajectory: its span ends at most ``duration_s`` after its start."""
@@ -65,8 +73,18 @@ class Shortened:
         return self.whole.velocity(t_s)
 
 
-def flight(name: FlightName, *, seed: int = 0, wind_m_s: float = 0.0, duration_s: float | None = None) -> Trajectory:
-    """Return a flight; wind gives gusts that grow with it and end near the ground, but neither drift nor crab."""
+def flight(
+    name: FlightName,
+    *,
+    seed: int = 0,
+    wind_m_s: float = 0.0,
+    duration_s: float | None = None,
+    aircraft: Aircraft = Aircraft.WAVES,
+) -> Trajectory:
+    """Return a flight; wind gives gusts that grow with it and end near the ground, but neither drift nor crab.
+
+    Raises `NoFlightModelError` where the aircraft is JSBSim's and JSBSim is not installed.
+    """
     require_not_negative("flight: wind_m_s", wind_m_s)
     require(wind_m_s <= MAX_WIND_M_S, "flight: wind_m_s", got=wind_m_s, wanted=f"at most {MAX_WIND_M_S:g} m/s")
     rest_m = REST_HEIGHT_PER_SPAN * SPAN_M
@@ -77,7 +95,9 @@ def flight(name: FlightName, *, seed: int = 0, wind_m_s: float = 0.0, duration_s
         flown = Glide(start_y_m=520.0, end_y_m=85.0, speed_m_s=20.0, aim_y_m=130.0, flare=flare)
     if name is FlightName.WEAVE:
         flown = _near_ground(flown, Weave(), rest_m)
-    if wind_m_s > 0.0:
+    if aircraft is Aircraft.JSBSIM:
+        flown = _near_ground(flown, _in_turbulence(flown.span_s, seed, wind_m_s), rest_m)
+    elif wind_m_s > 0.0:
         generator = np.random.default_rng([seed, _GUST_STREAM])
         share = wind_m_s / _WIND_M_S
         gusts = Gusts(sigma_m_s2=(0.6 * share, 0.4 * share, 0.5 * share))
@@ -86,6 +106,21 @@ def flight(name: FlightName, *, seed: int = 0, wind_m_s: float = 0.0, duration_s
         return flown
     require_positive("flight: duration_s", duration_s)
     return Shortened(whole=flown, duration_s=duration_s)
+
+
+def _in_turbulence(span_s: tuple[float, float], seed: int, wind_m_s: float) -> Sampled:
+    """Return how JSBSim's aircraft leaves its path in turbulence: its motion less a cubic through it."""
+    samples = math.ceil((span_s[1] - span_s[0]) / _STEP_S) + 2
+    moved = fly_by_jsbsim(
+        seed=seed, samples=samples, rate_hz=1.0 / _STEP_S, glide_rad=GLIDE_SLOPE_RAD, wind_m_s=wind_m_s
+    )
+    north, east, down = moved.velocity_m_s.T
+    path = np.cumsum(np.stack([-east, -north, -down], axis=1), axis=0) * _STEP_S
+    t = np.asarray(span_s[0] + np.arange(samples) * _STEP_S, dtype=np.float64)
+    at = np.polynomial.Polynomial.fit
+    smooth = np.stack([at(t, path[:, k], 3)(t) for k in range(3)], axis=1)
+    off = path - smooth
+    return Sampled(t_s=t, position_m=off, velocity_m_s=np.gradient(off, t, axis=0))
 
 
 def _near_ground(nominal: Trajectory, deviation: Trajectory, rest_m: float) -> Sampled:

@@ -66,11 +66,11 @@ def test_a_video_with_an_imu_gives_a_table_a_video_and_a_recording(
     flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(flight, tmp_path / "out", "--imu", str(flight / "imu.csv")) == 0
-    assert f"{FRAMES} frames: tracking {FRAMES}" in capsys.readouterr().out
+    assert f"{FRAMES} frames: acquiring 3, tracking {FRAMES - 3}" in capsys.readouterr().out
     with (tmp_path / "out" / "edges.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == EDGE_COLUMNS
-    assert [row["status"] for row in rows] == ["tracking"] * FRAMES
+    assert [row["status"] for row in rows] == ["acquiring"] * 3 + ["tracking"] * (FRAMES - 3)
     assert all(float(row["far_left_u_px"]) < float(row["far_right_u_px"]) for row in rows)
     assert abs(float(rows[-1]["d_m"]) - float(rows[-1]["c_m"]) - 18.0) < 4.0
     assert 0.0 < float(rows[-1]["sigma_near_left_px"]) < 5.0
@@ -79,7 +79,8 @@ def test_a_video_with_an_imu_gives_a_table_a_video_and_a_recording(
 
 def test_without_an_imu_the_motion_comes_from_the_pictures(flight: Path, tmp_path: Path) -> None:
     assert run(flight, tmp_path / "out", "--no-rerun") == 0
-    assert (tmp_path / "out" / "edges.csv").read_text().count("tracking") == FRAMES
+    table = (tmp_path / "out" / "edges.csv").read_text()
+    assert (table.count("acquiring"), table.count("tracking")) == (3, FRAMES - 3)
     assert not (tmp_path / "out" / "edges.rrd").exists()
 
 

@@ -13,7 +13,7 @@ from groundstation.onboard.edges.search_band import RunwayGuess, position_by_hei
 from groundstation.toml_table import Table, load_toml
 
 _KEYS = frozenset(
-    {"image_size_px", "focal_px", "principal_point_px", "distortion", "mount_deg", "runway", "start"},
+    {"image_size_px", "focal_px", "principal_point_px", "distortion", "mount_deg", "runway", "start", "imu"},
 )
 _RUNWAY_KEYS = frozenset({"width_m", "length_m", "heading_deg", "lat_deg", "lon_deg", "alt_m"})
 _START_KEYS = frozenset({"height_m", "distance_m", "lateral_m", "roll_deg", "pitch_deg", "yaw_deg"})
@@ -47,6 +47,7 @@ class NoseCamera:
 def load_nose_camera(path: Path) -> NoseCamera:
     """Read a camera file; raises `CameraFileError`."""
     table = Table(load_toml(path, CameraFileError), str(path), CameraFileError)
+    # [imu] is read by those who use the inertial unit
     table.refuse_unknown(_KEYS)
     roll, pitch, yaw = np.radians(table.vector("mount_deg", 3, (0.0, 0.0, 0.0)))
     mount = Attitude(roll_rad=float(roll), pitch_rad=float(pitch), yaw_rad=float(yaw))

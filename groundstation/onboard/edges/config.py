@@ -25,13 +25,23 @@ class TrackerConfig:
     ----------
     measurement : what the filter is told.
     use_strip : search about the prediction before going down, and settle to a fraction of a pixel after it.
+    bands_across : take the means along the image of a line across the runway; else along the lines' normals.
     paint_m : bright marks narrower than this are taken away first, painted lines and lamps; 0 for none.
+    first_band_m : width of the neighbourhoods where a pair is first looked at, on the ground; wide ones are not held
+        by marks within the runway.
     band_m, least_band_px, most_band_px : width of the neighbourhoods on the ground, and its limits in the picture.
     attitude_sigma_rad, position_sigma_m : what a pose may be wrong by, anew in each frame (crossings only).
     lasting_attitude_rad, lasting_height_m : and for good: roll and pitch, and height; estimated (crossings only).
     lasting_turn_rad, lasting_rise_m : process noise of these per frame.
     turn_sigma_rad, shift_sigma_m : process noise per frame, of the lines' direction and of c and d.
-    start_turn_rad, start_shift_m, start_width : how far off a first pair may be: direction, place, factor in width.
+    start_turn_rad, start_shift_m, start_width : how far off a pair is expected to be: direction, place, factor in
+        width; place and width may be much farther off.
+    hypotheses : pairs followed side by side until one has proved to be the runway.
+    confirm_frames : that takes at least so many frames; 1 takes Algorithm 1's best pair at once, for good.
+    margin : by how much the best pair's score must exceed the others'.
+    doubt_agreement, doubt_missed, doubt_frames : a runway whose edges' colours agree less, or that was missed so often
+        in a row, is compared with Algorithm 1's pairs; not again for so many frames.
+    check_frames : after so many frames it is compared in any case.
     edge_sigma_m, edge_sigma_px : what the seen edge and the pavement's may lie apart, for paint, lamps and shoulders,
         alike along an edge, and for blur and haze at either end; it does not average out, and is added to what is
         reported (crossings only).
@@ -42,11 +52,13 @@ class TrackerConfig:
 
     measurement: Measurement = Measurement.CROSSINGS
     use_strip: bool = True
+    bands_across: bool = True
     guess: RunwayGuess = field(default_factory=RunwayGuess)
     descent: DescentConfig = field(default_factory=DescentConfig)
     strip: StripConfig = field(default_factory=StripConfig)
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     paint_m: float = 1.2
+    first_band_m: float = 5.0
     band_m: float = 2.5
     least_band_px: float = 2.5
     most_band_px: float = 40.0
@@ -59,8 +71,15 @@ class TrackerConfig:
     turn_sigma_rad: float = math.radians(0.05)
     shift_sigma_m: float = 0.05
     start_turn_rad: float = math.radians(4.0)
-    start_shift_m: float = 15.0
-    start_width: float = 1.5
+    start_shift_m: float = 5.0
+    start_width: float = 1.25
+    hypotheses: int = 4
+    confirm_frames: int = 4
+    margin: float = 0.5
+    doubt_agreement: float = 0.3
+    doubt_missed: int = 3
+    doubt_frames: int = 5
+    check_frames: int = 30
     edge_sigma_m: float = 0.7
     edge_sigma_px: float = 1.2
     gate: float = 25.0
@@ -70,12 +89,14 @@ class TrackerConfig:
 
 
 def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> TrackerConfig:
-    """Return the paper's tracker: gradient descent from the prediction, U and Q as printed, everything accepted."""
+    """Return the paper's tracker: gradient descent from the prediction, U and Q as printed, nothing doubted."""
     return TrackerConfig(
         measurement=Measurement.LINES,
         use_strip=False,
+        bands_across=False,
         paint_m=0.0,
         guess=guess,
         descent=DescentConfig(energy=energy, adaptive_gamma=False),
         gate=math.inf,
+        confirm_frames=1,
     )

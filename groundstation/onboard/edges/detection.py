@@ -40,12 +40,20 @@ class DetectionConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Detected:
-    """A pair of edges: crossings (4,) px with the rows, its energy; response (w,) and candidates (n, 2) u, angle."""
+    """Pairs of edges, the lowest energy first: crossings (k, 4) px with the rows, their weighted energies (k,).
 
-    crossings_px: FloatArray
-    energy: float
+    Besides, of the search itself: response (w,) and candidates (n, 2) u, angle.
+    """
+
+    pairs_px: FloatArray
+    energies: FloatArray
     response: FloatArray
     candidates: FloatArray
+
+    @property
+    def crossings_px(self) -> FloatArray:
+        """Return the best pair, (4,)."""
+        return np.asarray(self.pairs_px[0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -140,7 +148,7 @@ def detect(
     apart = max(config.apart_m * float(px_per_m.mean()), 3.0)
     columns = lowest_minima(profile, config.candidates, apart)
     candidates = _angles(image, rows_px, columns, reaches, config)
-    best, lowest = None, 0.0
+    found: list[tuple[float, FloatArray]] = []
     grad, widths, normals = np.empty(4), np.empty((2, 2)), np.zeros(2)
     for a in candidates:
         for b in candidates:
@@ -155,11 +163,17 @@ def detect(
                 continue
             widths[:] = reaches / np.hypot(1.0, slopes)[:, None]
             energy = weight * float(spatially_variant(image, ends.ravel(), rows_px, widths, normals, (24, 6), grad))
-            if energy < lowest:
-                best, lowest = ends.ravel(), energy
-    if best is None:
+            if energy < 0.0:
+                found.append((energy, ends.ravel()))
+    if not found:
         return NoPair(response=profile, candidates=candidates)
-    return Detected(crossings_px=best, energy=lowest, response=profile, candidates=candidates)
+    found.sort(key=lambda pair: pair[0])
+    return Detected(
+        pairs_px=np.array([ends for _, ends in found]),
+        energies=np.array([energy for energy, _ in found]),
+        response=profile,
+        candidates=candidates,
+    )
 
 
 def lowest_minima(profile: FloatArray, count: int, apart: float) -> FloatArray:

@@ -10,6 +10,9 @@ from groundstation.onboard.edges.lines import C, D, angle_between, state_from_cr
 from groundstation.onboard.edges.pose import CameraPose
 
 _FARTHEST = 3.0
+# place and width have long tails: a position may be off by a runway's width, pitch makes a far one look narrow
+_FARTHEST_PLACE = 9.0
+_FARTHEST_WIDTH = 5.5
 
 
 def plausible(
@@ -17,8 +20,8 @@ def plausible(
 ) -> float:
     """Return the weight of a pair: 0 unless parallel on the ground, along the runway, near it, and of its width.
 
-    Each of these is measured in the configuration's ``start_…``; beyond three of one it is no runway, and the nearer
-    the weightier.
+    Each of these is measured in the configuration's ``start_…``; beyond three of one, nine of the place, five of the
+    width, it is no runway, and the nearer the weightier.
     """
     pair = crossings_px.reshape(2, 2)
     each = [state_from_crossings(np.concatenate([line, line]), rows_px, pose, kappa) for line in pair]
@@ -30,6 +33,6 @@ def plausible(
     place = 0.5 * abs(both[C] + both[D]) / config.start_shift_m
     width = max(abs(float(both[C] - both[D])), 0.1)
     factor = abs(math.log(width / config.guess.width_m)) / math.log(config.start_width)
-    if max(*turns, apart, place, factor) > _FARTHEST:
+    if max(*turns, apart) > _FARTHEST or place > _FARTHEST_PLACE or factor > _FARTHEST_WIDTH:
         return 0.0
-    return math.exp(-0.5 * float(turns[2] ** 2 + place**2 + factor**2))
+    return math.exp(-0.5 * float(turns[2] ** 2 + apart**2)) / float((1.0 + place**2) * (1.0 + factor**2))

@@ -8,8 +8,9 @@ from groundstation.onboard.edges.kalman import LineState
 
 
 class EdgeStatus(Enum):
-    """What a frame's edges are."""
+    """What a frame's edges are; ``ACQUIRING``: the best of some that are still being compared."""
 
+    ACQUIRING = "acquiring"
     TRACKING = "tracking"
     COASTING = "coasting"
     SEARCHING = "searching"

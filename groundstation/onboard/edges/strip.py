@@ -10,14 +10,17 @@ contrast), and the sum is of S / (S + κ), which no lamp or crossing taxiway car
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.sampling import add_colour, inside
+from groundstation.onboard.edges.strip_kernel import (
+    best_displacements,
+    displacement_scores,
+    fill_strip,
+    own_places,
+    robust_line,
+)
 
-_FIT_ROUNDS = 8
-_MAX_PROFILE = 400
-_SAMPLE_PX = 0.5
+_LEAST_SIGMA_PX = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,8 +30,8 @@ class StripConfig:
     Attributes
     ----------
     places : along an edge.
-    step_px : between displacements.
-    most_px : largest displacement looked at.
+    step_px : between displacements, up to ``fine_px`` of them; farther searches have wider steps, as many.
+    fine_px, most_px : displacement up to which steps are not wider, and the largest looked at.
     window_px : how far off the common edge a single place may find its own.
     floor_px : sigma that no edge goes below: what a straight line between two colours is not.
     block : neighbouring places that are averaged before they are squared; so many err alike.
@@ -37,7 +40,8 @@ class StripConfig:
 
     places: int = 40
     step_px: float = 0.5
-    most_px: float = 20.0
+    fine_px: float = 20.0
+    most_px: float = 60.0
     window_px: float = 2.5
     floor_px: float = 0.25
     block: int = 5
@@ -46,175 +50,15 @@ class StripConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FoundEdges:
-    """Crossings (4,) px, covariance (4, 4) px², and the contrast (2,) across both edges."""
+    """Crossings (4,) px, covariance (4, 4) px², the contrast (2,) across both edges, and how alike it is, −1 to 1.
+
+    The ``agreement`` is 1 where inside differs from outside by the same colours at both edges, all along them.
+    """
 
     crossings_px: FloatArray
     covariance_px2: FloatArray
     contrast: FloatArray
-
-
-@njit(cache=True, nogil=True)
-def fill_strip(
-    image: ImageArray,
-    x: FloatArray,
-    rows: FloatArray,
-    widths: FloatArray,
-    across: FloatArray,
-    step: float,
-    out: FloatArray,
-) -> None:
-    """Fill ``out`` (2, places, displacements, 3) with u − v; the middle displacement is 0; NaN outside the picture.
-
-    Displacements run along the row, to the right; bands lie along ``across`` (2,), ``widths`` (2, 2) are theirs.
-    """
-    n_t, n_o = out.shape[1], out.shape[2]
-    height = rows[1] - rows[0]
-    reach = step * (n_o // 2)
-    prefix = np.zeros((_MAX_PROFILE + 1, 3))
-    seen = np.zeros(_MAX_PROFILE + 1)
-    for line in range(2):
-        w = x[2 * line + 1] - x[2 * line]
-        nx, ny = across
-        # how far along `across` a line is met that was displaced by 1 px along the row
-        meets = 1.0 / (nx - w / height * ny)
-        for k in range(n_t):
-            t = (k + 0.5) / n_t
-            cx, cy = x[2 * line] + w * t, rows[0] + height * t
-            ell = widths[line, 0] + (widths[line, 1] - widths[line, 0]) * t
-            half = reach * meets + ell
-            n = min(max(int(np.ceil(2.0 * half / _SAMPLE_PX)), 8), _MAX_PROFILE)
-            d = 2.0 * half / n
-            for m in range(n):
-                r = -half + (m + 0.5) * d
-                prefix[m + 1] = prefix[m]
-                seen[m + 1] = seen[m]
-                if inside(image, cx + r * nx, cy + r * ny):
-                    add_colour(image, cx + r * nx, cy + r * ny, 1.0, prefix[m + 1])
-                    seen[m + 1] += 1.0
-            for o in range(n_o):
-                place = (step * (o - n_o // 2) * meets + half) / d
-                low, high = place - ell / d, min(place + ell / d, float(n))
-                low = max(low, 0.0)
-                i, j, g = int(place), int(low), int(high)
-                fi, fj, fg = place - i, low - j, high - g
-                at_i = seen[i] + (fi * (seen[i + 1] - seen[i]) if i < n else 0.0)
-                at_j = seen[j] + (fj * (seen[j + 1] - seen[j]) if j < n else 0.0)
-                at_g = seen[g] + (fg * (seen[g + 1] - seen[g]) if g < n else 0.0)
-                if at_i - at_j < place - low - 0.01 or at_g - at_i < high - place - 0.01:
-                    out[line, k, o, 0] = np.nan
-                    continue
-                for c in range(3):
-                    p_i = prefix[i, c] + (fi * (prefix[i + 1, c] - prefix[i, c]) if i < n else 0.0)
-                    p_j = prefix[j, c] + (fj * (prefix[j + 1, c] - prefix[j, c]) if j < n else 0.0)
-                    p_g = prefix[g, c] + (fg * (prefix[g + 1, c] - prefix[g, c]) if g < n else 0.0)
-                    out[line, k, o, c] = (p_i - p_j) / (place - low) - (p_g - p_i) / (high - place)
-
-
-@njit(cache=True, nogil=True)
-def best_displacement(strip: FloatArray, step: float, block: int, kappa: float, sigma: float, out: FloatArray) -> float:
-    """Fill ``out`` (2,) with the displacements (px) at both rows of the largest sum of S / (S + κ); returns its mean.
-
-    S is |u − v|² of a block of places together. A displacement costs ½ (α² + β²)/σ² of one place's part, so that
-    among equals the nearest wins. Negative where most of the strip lies outside the picture.
-    """
-    n_t, n_o = strip.shape[:2]
-    middle = n_o // 2
-    best = -1.0
-    for a in range(n_o):
-        for b in range(n_o):
-            total, blocks = 0.0, 0
-            for first in range(0, n_t - block + 1, block):
-                r, g, h = 0.0, 0.0, 0.0
-                for k in range(first, first + block):
-                    o = int(a + (b - a) * (k + 0.5) / n_t + 0.5)
-                    r += strip[k, o, 0]
-                    g += strip[k, o, 1]
-                    h += strip[k, o, 2]
-                score = (r * r + g * g + h * h) / (block * block)
-                if score >= 0.0:
-                    total += score / (score + kappa)
-                    blocks += 1
-            if 4 * blocks * block < n_t:
-                continue
-            alpha, beta = step * (a - middle), step * (b - middle)
-            value = total / blocks - 0.5 * (alpha * alpha + beta * beta) / (sigma * sigma * n_t)
-            if value > best:
-                best = value
-                out[0], out[1] = alpha, beta
-    return best
-
-
-@njit(cache=True, nogil=True)
-def own_places(
-    strip: FloatArray, step: float, block: int, window: float, kappa: float, offsets: FloatArray, weights: FloatArray
-) -> None:
-    """Fill each place's own displacement and weight (places,) within a window, its neighbours averaged in."""
-    n_t, n_o = strip.shape[:2]
-    middle, reach = n_o // 2, min(int(window / step), n_o // 2 - 1)
-    scores = np.empty(n_o)
-    for k in range(n_t):
-        first, last = max(k - block // 2, 0), min(k + block // 2, n_t - 1)
-        for o in range(n_o):
-            r, g, h = 0.0, 0.0, 0.0
-            for m in range(first, last + 1):
-                r += strip[m, o, 0]
-                g += strip[m, o, 1]
-                h += strip[m, o, 2]
-            scores[o] = (r * r + g * g + h * h) / (last - first + 1) ** 2
-        top, at = -1.0, -1
-        for o in range(middle - reach, middle + reach + 1):
-            if scores[o] > top and scores[o] >= scores[o - 1] and scores[o] >= scores[o + 1]:
-                top, at = scores[o], o
-        weights[k] = 0.0
-        if at < 0:
-            continue
-        bend = scores[at - 1] - 2.0 * top + scores[at + 1]
-        part = 0.5 * (scores[at - 1] - scores[at + 1]) / bend if bend < 0.0 else 0.0
-        offsets[k] = step * (at + part - middle)
-        weights[k] = top / (top + kappa)
-
-
-@njit(cache=True, nogil=True)
-def robust_line(offsets: FloatArray, weights: FloatArray, ends: FloatArray, covariance: FloatArray) -> float:
-    """Fit ends (2,) of a line to offsets (n,) by weighted least squares with Cauchy's weights; returns its sigma, px.
-
-    ``ends`` holds the first guess; ``covariance`` (2, 2) is filled for independent places. Negative where there are
-    too few.
-    """
-    n = offsets.size
-    spread = 1.0
-    own = weights.copy()
-    for _turn in range(_FIT_ROUNDS):
-        a00, a01, a11, b0, b1 = 1e-9, 0.0, 1e-9, 0.0, 0.0
-        used = 0
-        for k in range(n):
-            if weights[k] <= 0.0:
-                continue
-            used += 1
-            t = (k + 0.5) / n
-            r = offsets[k] - (ends[0] * (1.0 - t) + ends[1] * t)
-            own[k] = weights[k] / (1.0 + (r / (1.5 * spread)) ** 2)
-            a00 += own[k] * (1.0 - t) ** 2
-            a01 += own[k] * (1.0 - t) * t
-            a11 += own[k] * t * t
-            b0 += own[k] * (1.0 - t) * r
-            b1 += own[k] * t * r
-        determinant = a00 * a11 - a01 * a01
-        if used < 6 or determinant < 1e-9:
-            return -1.0
-        ends[0] += (a11 * b0 - a01 * b1) / determinant
-        ends[1] += (a00 * b1 - a01 * b0) / determinant
-        square, total = 0.0, 0.0
-        for k in range(n):
-            if weights[k] > 0.0:
-                t = (k + 0.5) / n
-                r = offsets[k] - (ends[0] * (1.0 - t) + ends[1] * t)
-                square += own[k] * r * r
-                total += own[k]
-        spread = max(np.sqrt(square / total), 0.1)
-        covariance[0, 0], covariance[1, 1] = a11 / determinant, a00 / determinant
-        covariance[0, 1] = covariance[1, 0] = -a01 / determinant
-    return spread
+    agreement: float
 
 
 def find_edges(
@@ -223,24 +67,39 @@ def find_edges(
     rows_px: FloatArray,
     widths_px: FloatArray,
     across: FloatArray,
-    sigma_px: FloatArray,
+    prior_px2: FloatArray,
     config: StripConfig,
 ) -> FoundEdges | None:
-    """Search both edges about a guess (4,) with sigmas (4,), wide first; None where one of them is not seen.
+    """Search both edges about a guess (4,), wide first, and settle; None where one of them is not seen."""
+    crossings = search_edges(image, guess_px, rows_px, widths_px, across, prior_px2, config)
+    return None if crossings is None else settle(image, crossings, rows_px, widths_px, across, config)
+
+
+def search_edges(
+    image: ImageArray,
+    guess_px: FloatArray,
+    rows_px: FloatArray,
+    widths_px: FloatArray,
+    across: FloatArray,
+    prior_px2: FloatArray,
+    config: StripConfig,
+) -> FloatArray | None:
+    """Return where both edges are (4,), to a step, about a guess (4,) of covariance (4, 4); None: not seen.
 
     ``widths_px`` (2, 2) and ``across`` (2,) as for `descent.descend`.
     """
-    reach = float(np.clip(3.0 * sigma_px.max() + 1.0, 3.0, config.most_px))
-    strip = _strip(image, guess_px, rows_px, widths_px, across, reach, config)
-    kappas = [_kappa(strip[line], config.block) for line in range(2)]
-    crossings = guess_px.copy()
+    prior = prior_px2 + _LEAST_SIGMA_PX**2 * np.eye(4)
+    reach = float(np.clip(3.0 * np.sqrt(prior.diagonal().max()) + 1.0, 3.0, config.most_px))
+    step = config.step_px * max(1.0, reach / config.fine_px)
+    strip = _strip(image, guess_px, rows_px, widths_px, across, reach, step, config.places)
+    scores = np.empty((2, strip.shape[2], strip.shape[2]))
     for line in range(2):
-        displaced = np.zeros(2)
-        sigma = max(float(sigma_px[2 * line : 2 * line + 2].max()), 1.0)
-        if best_displacement(strip[line], config.step_px, config.block, kappas[line], sigma, displaced) < 0.0:
-            return None
-        crossings[2 * line : 2 * line + 2] += displaced
-    return settle(image, crossings, rows_px, widths_px, across, config)
+        displacement_scores(strip[line], config.block, _kappa(strip[line], config.block), scores[line])
+    alone = np.stack([np.linalg.inv(prior[:2, :2]), np.linalg.inv(prior[2:, 2:])]) / config.places
+    displaced = np.zeros(4)
+    if not best_displacements(scores, np.linalg.inv(prior) / config.places, alone, step, displaced):
+        return None
+    return guess_px + displaced
 
 
 def settle(
@@ -252,7 +111,9 @@ def settle(
     config: StripConfig,
 ) -> FoundEdges | None:
     """Return the edges next to crossings (4,) to a fraction of a pixel; None where one is too faint or too short."""
-    strip = _strip(image, crossings_px, rows_px, widths_px, across, config.window_px + 1.0, config)
+    strip = _strip(
+        image, crossings_px, rows_px, widths_px, across, config.window_px + 1.0, config.step_px, config.places
+    )
     found, covariance, contrast = crossings_px.copy(), np.zeros((4, 4)), np.zeros(2)
     offsets, weights = np.zeros(config.places), np.zeros(config.places)
     for line in range(2):
@@ -269,7 +130,9 @@ def settle(
         covariance[own, own] = config.block * spread**2 * block + config.floor_px**2 * np.eye(2)
     if contrast.min() < config.least_contrast:
         return None
-    return FoundEdges(crossings_px=found, covariance_px2=covariance, contrast=contrast)
+    return FoundEdges(
+        crossings_px=found, covariance_px2=covariance, contrast=contrast, agreement=_agreement(strip, config.block)
+    )
 
 
 def _strip(
@@ -279,10 +142,11 @@ def _strip(
     widths: FloatArray,
     across: FloatArray,
     reach: float,
-    config: StripConfig,
+    step: float,
+    places: int,
 ) -> FloatArray:
-    strip = np.zeros((2, config.places, 2 * int(np.ceil(reach / config.step_px)) + 1, 3))
-    fill_strip(image, x, rows, widths, across, config.step_px, strip)
+    strip = np.zeros((2, places, 2 * int(np.ceil(reach / step)) + 1, 3))
+    fill_strip(image, x, rows, widths, across, step, strip)
     return strip
 
 
@@ -291,6 +155,16 @@ def _scores(strip: FloatArray, block: int) -> FloatArray:
     blocks = strip.shape[0] // block
     means = strip[: blocks * block].reshape(blocks, block, *strip.shape[1:]).mean(axis=1)
     return np.asarray((means**2).sum(axis=2))
+
+
+def _agreement(strip: FloatArray, block: int) -> float:
+    """Return the correlation of inside − outside at both edges, over blocks of places of a strip (2, …)."""
+    blocks, middle = strip.shape[1] // block, strip.shape[2] // 2
+    own = strip[:, : blocks * block, middle].reshape(2, blocks, block, 3).mean(axis=2)
+    own = own[:, np.isfinite(own).all(axis=(0, 2))]
+    # left less right: at the left edge that is outside less inside
+    together = -float((own[0] * own[1]).sum())
+    return together / max(float(np.sqrt((own[0] ** 2).sum() * (own[1] ** 2).sum())), 1e-9)
 
 
 def _kappa(strip: FloatArray, block: int) -> float:

@@ -33,7 +33,7 @@ class Corners:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Side:
+class Side:
     """A fitted side: a point on it and its direction (2,); covariance (2, 2) of offset (px) and slope (rad) there."""
 
     point: FloatArray
@@ -63,15 +63,15 @@ def refine_corners(image: FloatArray, start: FloatArray, reach_px: float = 6.0) 
 
     Returns None where a side shows no edge: too short, out of the picture, or without contrast.
     """
-    sides: list[_Side] = []
+    sides: list[Side] = []
     for k in range(4):
-        side = _fit_side(image, start[k], start[(k + 1) % 4], reach_px)
+        side = fit_side(image, start[k], start[(k + 1) % 4], reach_px)
         if side is None:
             return None
         sides.append(side)
     pixels, covariances = np.empty((4, 2)), np.empty((4, 2, 2))
     for k in range(4):
-        met = _meet(sides[k - 1], sides[k])
+        met = meet(sides[k - 1], sides[k])
         if met is None:
             return None
         pixels[k], covariances[k] = met
@@ -80,8 +80,11 @@ def refine_corners(image: FloatArray, start: FloatArray, reach_px: float = 6.0) 
     return Corners(pixels=pixels, covariance_px2=covariances, contrast=min(side.contrast for side in sides))
 
 
-def _fit_side(image: FloatArray, start: FloatArray, end: FloatArray, reach_px: float) -> _Side | None:
-    """Fit a line to the edge between two corners: found coarsely, then once more along what was found."""
+def fit_side(image: FloatArray, start: FloatArray, end: FloatArray, reach_px: float) -> Side | None:
+    """Fit a line to the edge between two corners (2,) px: found coarsely, then once more along what was found.
+
+    None where no edge of one sign lies within ``reach_px`` of the line between them.
+    """
     side = None
     for reach in (reach_px, 0.5 * reach_px):
         span = end - start
@@ -97,7 +100,7 @@ def _fit_side(image: FloatArray, start: FloatArray, end: FloatArray, reach_px: f
     return side
 
 
-def _fit_once(image: FloatArray, middle: FloatArray, along: FloatArray, length: float, reach: float) -> _Side | None:
+def _fit_once(image: FloatArray, middle: FloatArray, along: FloatArray, length: float, reach: float) -> Side | None:
     """Fit offset and slope of the strongest edge of one sign within ``reach`` of a line."""
     half = 0.5 * length - _END_PX
     count = int(np.clip(round(2.0 * half), _LEAST_PROFILES, _MOST_PROFILES))
@@ -126,7 +129,7 @@ def _fit_once(image: FloatArray, middle: FloatArray, along: FloatArray, length: 
     return _line(stations[usable], place, middle, along, float(np.median(at[usable])))
 
 
-def _line(x: FloatArray, place: FloatArray, middle: FloatArray, along: FloatArray, contrast: float) -> _Side:
+def _line(x: FloatArray, place: FloatArray, middle: FloatArray, along: FloatArray, contrast: float) -> Side:
     """Fit place = offset + slope · x robustly."""
     # neighbours share pixels and blur: profiles a pixel apart or closer are not independent
     independent = max(1.0, len(x) / max(1.0, float(np.ptp(x)) / (2.0 * _SMOOTH_PX)))
@@ -145,7 +148,7 @@ def _line(x: FloatArray, place: FloatArray, middle: FloatArray, along: FloatArra
     covariance = np.asarray(np.linalg.inv(J.T @ J) * sigma**2 * independent, dtype=np.float64)
     across = np.array([-along[1], along[0]])
     turned = along + fit.x[1] * across
-    return _Side(
+    return Side(
         point=middle + fit.x[0] * across,
         along=turned / np.linalg.norm(turned),
         covariance=covariance,
@@ -153,8 +156,8 @@ def _line(x: FloatArray, place: FloatArray, middle: FloatArray, along: FloatArra
     )
 
 
-def _meet(first: _Side, second: _Side) -> tuple[FloatArray, FloatArray] | None:
-    """Return where two sides meet (2,) and its covariance (2, 2)."""
+def meet(first: Side, second: Side) -> tuple[FloatArray, FloatArray] | None:
+    """Return where two sides meet (2,) and its covariance (2, 2); None where they are next to parallel."""
     normals = np.array([[-side.along[1], side.along[0]] for side in (first, second)])
     if abs(np.linalg.det(normals)) < 1e-3:
         return None

@@ -86,20 +86,38 @@ class Approach:
 def fly(setup: ApproachSetup, rng: np.random.Generator) -> Approach:
     """Simulate one approach; the trajectory's gusts, the biases and all noise are drawn from ``rng``."""
     n = round(setup.duration_s * setup.imu_hz)
-    dt = 1.0 / setup.imu_hz
-    t = np.asarray(np.arange(n) * dt, dtype=np.float64)
-    runway_from_body = _attitudes(t, rng)
+    t = np.asarray(np.arange(n) / setup.imu_hz, dtype=np.float64)
+    runway_from_body = drawn_attitudes(t, rng)
     acceleration = _acceleration(t, rng)
     glide = np.radians(setup.glide_deg)
+    velocity = setup.speed_m_s * np.array([0.0, -np.cos(glide), -np.sin(glide)])
+    start = np.array([0.0, setup.from_m, setup.from_m * np.tan(glide)])
+    return motion_of(setup, t, start, velocity, acceleration, runway_from_body, rng)
+
+
+def motion_of(
+    setup: ApproachSetup,
+    t: FloatArray,
+    start_m: FloatArray,
+    start_m_s: FloatArray,
+    acceleration: FloatArray,
+    runway_from_body: FloatArray,
+    rng: np.random.Generator,
+) -> Approach:
+    """Return the flight under accelerations (n, 3) from a place (3,) and a velocity (3,), with samples and corners.
+
+    ``t`` (n,) are the inertial samples' times, ``runway_from_body`` (n, 3, 3); biases and noise are drawn from ``rng``.
+    """
+    n, dt = len(t), 1.0 / setup.imu_hz
     velocity = np.empty((n, 3))
-    velocity[0] = setup.speed_m_s * np.array([0.0, -np.cos(glide), -np.sin(glide)])
+    velocity[0] = start_m_s
     velocity[1:] = velocity[0] + np.cumsum(acceleration[:-1] * dt, axis=0)
     position = np.empty((n, 3))
-    position[0] = [0.0, setup.from_m, setup.from_m * np.tan(glide)]
+    position[0] = start_m
     steps = dt * velocity[:-1] + 0.5 * dt * dt * acceleration[:-1]
     position[1:] = position[0] + np.cumsum(steps, axis=0)
-    force_bias, rate_bias = _biases(setup.config, n, dt, rng)
-    samples = _samples(setup.config, t, runway_from_body, acceleration, (force_bias, rate_bias), rng)
+    force_bias, rate_bias = drawn_biases(setup.config, n, dt, rng)
+    samples = inertial_samples(setup.config, t, runway_from_body, acceleration, (force_bias, rate_bias), rng)
     every = setup.imu_hz // setup.camera_hz
     seen = {}
     for k in range(0, n, every):
@@ -148,7 +166,7 @@ def _waves(t: FloatArray, periods_s: tuple[float, float], size: float, rng: np.r
     return np.asarray(size * waves / np.sqrt(0.5 * _GUSTS))
 
 
-def _attitudes(t: FloatArray, rng: np.random.Generator) -> FloatArray:
+def drawn_attitudes(t: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return runway_from_body (n, 3, 3) of a gusty approach with a crab angle."""
     crab = rng.uniform(-3.0, 3.0)
     yaw = np.radians(crab + _waves(t, (4.0, 12.0), 1.0, rng))
@@ -164,7 +182,8 @@ def _acceleration(t: FloatArray, rng: np.random.Generator) -> FloatArray:
     return np.asarray(a - a.mean(axis=0))
 
 
-def _biases(config: InertialConfig, n: int, dt: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def drawn_biases(config: InertialConfig, n: int, dt: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return the biases of force and rate (n, 3) of one unit, as the configuration's sigmas and walks have them."""
     walks = []
     for sigma, walk in (
         (config.force_bias_sigma, config.force_bias_walk),
@@ -176,7 +195,7 @@ def _biases(config: InertialConfig, n: int, dt: float, rng: np.random.Generator)
     return walks[0], walks[1]
 
 
-def _samples(
+def inertial_samples(
     config: InertialConfig,
     t: FloatArray,
     runway_from_body: FloatArray,

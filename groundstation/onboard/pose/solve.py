@@ -9,6 +9,7 @@ from scipy.stats import chi2
 from groundstation.arrays import FloatArray, IntArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.dual_quaternion import left_matrix, normalised, quaternion_conjugate
+from groundstation.onboard.pose.curvature_kernel import second_order
 from groundstation.onboard.pose.kernel import PAPER, WEIGHTED, levenberg_marquardt
 from groundstation.onboard.pose.start_kernel import three_point_starts
 from groundstation.onboard.pose.view_kernel import (
@@ -87,7 +88,8 @@ class RunwayPose:
     ----------
     position_m : (3,) of the camera.
     runway_from_camera_wxyz : (4,), w ≥ 0.
-    covariance : (6, 6) of position (m) and rotation vector δθ (rad), R_true = exp([δθ]×) R, runway frame.
+    covariance : (6, 6) of position (m) and rotation vector δθ (rad), R_true = exp([δθ]×) R, runway frame; to second
+        order in the corners' noise.
     reprojection_px : root mean square over the corners.
     chi_square, dof : the weighted cost at the solution, and how many residuals exceed the unknowns.
     steps : of Levenberg-Marquardt, over all starts.
@@ -249,8 +251,10 @@ def _covariance(view: View, known: KnownAttitude | None, q: FloatArray) -> Float
     information = information_of(view.points, view.rays, view.tangents, q)
     if known is not None:
         information[3:, 3:] += np.diag(1.0 / np.asarray(known.sigma_rad) ** 2)
+    root = np.linalg.cholesky(np.linalg.inv(information))
+    bent = second_order(view.points, view.rays, view.tangents, q, root)
     units = np.array([view.scale_m] * 3 + [1.0] * 3)
-    covariance = np.linalg.inv(information) * np.outer(units, units)
+    covariance = root @ (np.eye(6) + bent) @ root.T * np.outer(units, units)
     return np.asarray(0.5 * (covariance + covariance.T))
 
 

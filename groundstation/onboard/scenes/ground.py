@@ -38,6 +38,8 @@ class Airfield:
     bars : painted bars on each half of a threshold.
     roads : (x, y, direction in rad from the y axis, width) of long straight roads.
     taxiway_side : +1 or −1: on which side of the runway taxiway and apron lie; 0 for none.
+    repair : darkest and lightest stretch of newer or older pavement, against the runway's own.
+    repair_tint : how much of that each colour has on its own; 0: all stretches are as grey as the runway.
     field_m : size of the fields' patchwork, 0 for none.
     """
 
@@ -48,6 +50,8 @@ class Airfield:
     bars: int = 4
     roads: tuple[tuple[float, float, float, float], ...] = ()
     taxiway_side: int = 1
+    repair: tuple[float, float] = (0.72, 1.35)
+    repair_tint: float = 1.0
     field_m: float = 90.0
     surfaces: Surfaces = Surfaces()
 
@@ -86,7 +90,9 @@ def _repairs(field: Airfield, generator: np.random.Generator) -> list[FloatArray
     rows, y = [], -field.end_m
     while y > -field.length_m + field.end_m:
         length = float(generator.uniform(25.0, 70.0))
-        tone = tuple(float(np.clip(c * generator.uniform(0.72, 1.35), 0, 1)) for c in field.surfaces.runway)
+        factors = generator.uniform(*field.repair, 3)
+        factors = factors[0] + field.repair_tint * (factors - factors[0])
+        tone = tuple(float(np.clip(c * f, 0, 1)) for c, f in zip(field.surfaces.runway, factors, strict=True))
         rows.append(_patch(0.0, y - 0.5 * length, field.width_m, length, tone, mottle=0.12))  # type: ignore[arg-type]
         y -= length
     return rows

@@ -133,9 +133,9 @@ def render_ground(
 ) -> None:
     """Fill ``out`` (h, w, 3) with linear colours.
 
-    ``rays`` (h, w, 2) normalised camera rays; ``rotation`` threshold_from_camera; ``light`` (14,): colour of the light
+    ``rays`` (h, w, 2) normalised camera rays; ``rotation`` threshold_from_camera; ``light`` (16,): colour of the light
     (3), of the haze (3), of the zenith (3), visibility m, share of cloud shadow, height of the skyline rad, fall of
-    the light across the picture, brightness of the aircraft's own lamp.
+    the light across the picture, brightness of the aircraft's own lamp, size of the clouds' shadows (2) m.
     """
     h, w = out.shape[:2]
     jac, colour = np.empty(4), np.empty(3)
@@ -180,7 +180,9 @@ def render_ground(
             jac[2], jac[3] = point[2, 0] - x, point[2, 1] - y
             _ground_colour(x, y, jac, patches, base, field_m, seed, colour)
             distance = math.sqrt((x - camera[0]) ** 2 + (y - camera[1]) ** 2 + camera[2] ** 2)
-            cloud = 1.0 - light[10] * min(max(0.5 + 1.6 * value_noise(x / 160.0, y / 210.0, seed + 33), 0.0), 1.0)
+            cloud = 1.0 - light[10] * min(
+                max(0.5 + 1.6 * value_noise(x / light[14], y / light[15], seed + 33), 0.0), 1.0
+            )
             own = light[13] * (60.0 / max(distance, 20.0)) ** 2
             clear = math.exp(-distance / light[9])
             fall = 1.0 + light[12] * (j / w - 0.5)

@@ -17,6 +17,7 @@ class Light:
     sun, haze, zenith : colours of the light on the ground, of the horizon and of the sky overhead.
     visibility_m : distance over which contrast falls to 1/e.
     cloud_shadow : share of the light that clouds take, 0 to 1.
+    cloud_m : size of the shadows across and along the runway.
     skyline_rad : height of woods and hills.
     fall : how much brighter the right border is than the left one, as a share of the middle.
     own_lamp : the aircraft's landing light, at 60 m, in units of ``sun``.
@@ -30,6 +31,7 @@ class Light:
     zenith: Colour = (0.25, 0.42, 0.75)
     visibility_m: float = 6000.0
     cloud_shadow: float = 0.25
+    cloud_m: tuple[float, float] = (160.0, 210.0)
     skyline_rad: float = 0.012
     fall: float = 0.0
     own_lamp: float = 0.0
@@ -40,8 +42,8 @@ class Light:
     blur_px: float = 0.6
 
     def packed(self) -> FloatArray:
-        """Return the numbers of `kernels.render_ground`, (14,)."""
-        rest = (self.visibility_m, self.cloud_shadow, self.skyline_rad, self.fall, self.own_lamp)
+        """Return the numbers of `kernels.render_ground`, (16,)."""
+        rest = (self.visibility_m, self.cloud_shadow, self.skyline_rad, self.fall, self.own_lamp, *self.cloud_m)
         return np.array([*self.sun, *self.haze, *self.zenith, *rest])
 
 

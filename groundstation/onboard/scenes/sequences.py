@@ -100,7 +100,48 @@ SEQUENCES: tuple[Sequence, ...] = (
             start_y_m=130.0, start_x_m=-2.0, gust_rad=(math.radians(3.0), math.radians(1.5), math.radians(1.5))
         ),
     ),
+    # light and pavement that change along the runway, from darker than the grass to lighter: one mean does not fit
+    Sequence(
+        name="day, broken cloud",
+        seed=606,
+        airfield=Airfield(
+            roads=((44.0, -60.0, math.radians(-2.0), 8.0), (0.0, 55.0, _ROAD - 0.1, 7.0)),
+            taxiway_side=-1,
+            repair=(0.3, 2.2),
+            repair_tint=0.0,
+        ),
+        light=replace(DAY, cloud_shadow=0.75, cloud_m=(110.0, 60.0)),
+        approach=Approach(start_y_m=200.0, start_x_m=4.0, crab_rad=math.radians(-3.0)),
+    ),
 )
+
+
+def varied(sequence: Sequence, seed: int) -> Sequence:
+    """Return another approach in the same light: airfield, roads, flight path and everything random drawn anew."""
+    draw = np.random.default_rng([seed, sequence.seed])
+    field, approach, side = sequence.airfield, sequence.approach, float(draw.choice([-1.0, 1.0]))
+    across = (float(draw.uniform(-30.0, 30.0)), float(draw.uniform(15.0, 90.0)), _ROAD + float(draw.normal(0.0, 0.15)))
+    beside = (-side * float(draw.uniform(32.0, 60.0)), float(draw.uniform(-200.0, 0.0)), float(draw.normal(0.0, 0.05)))
+    return replace(
+        sequence,
+        seed=seed,
+        airfield=replace(
+            field,
+            width_m=float(draw.uniform(16.0, 24.0)),
+            length_m=float(draw.uniform(420.0, 600.0)),
+            end_m=float(draw.choice([0.0, 50.0])),
+            edge_stripe_m=float(draw.choice([0.0, 0.3, 0.45])),
+            bars=int(draw.integers(3, 6)),
+            taxiway_side=int(side),
+            roads=((*beside, float(draw.uniform(6.0, 10.0))), (*across, float(draw.uniform(6.0, 9.0)))),
+        ),
+        approach=replace(
+            approach,
+            start_y_m=approach.start_y_m + float(draw.uniform(-20.0, 40.0)),
+            start_x_m=float(draw.normal(0.0, 4.0)),
+            crab_rad=float(draw.normal(0.0, math.radians(3.0))),
+        ),
+    )
 
 
 class Renderer:

@@ -7,7 +7,8 @@ from groundstation.onboard.edges.detection import Detected, DetectionConfig, NoP
 from groundstation.onboard.edges.lines import line_map, project_lines, shifted
 from groundstation.onboard.edges.paint import bridge, lamp_mask, without_paint
 from groundstation.onboard.edges.search_band import across_direction, band_widths
-from groundstation.onboard.edges.strip import StripConfig, find_edges
+from groundstation.onboard.edges.strip import StripConfig, find_edges, settle
+from groundstation.onboard.edges.strip_kernel import best_displacements
 from tests.onboard.edges.seen import KAPPA, ROWS, RUNWAY, approach, painted_runway
 
 POSE = approach()
@@ -59,16 +60,44 @@ def test_the_strip_finds_edges_from_afar_to_a_fraction_of_a_pixel() -> None:
     for seed in range(6):
         picture = painted_runway(POSE, noise=4.0, seed=seed)
         off = np.random.default_rng(seed).uniform(-9.0, 9.0, 2).repeat(2)
-        found = find_edges(picture, TRUTH + off, ROWS, WIDTHS, ACROSS, np.full(4, 4.0), StripConfig())
+        found = find_edges(picture, TRUTH + off, ROWS, WIDTHS, ACROSS, 16.0 * np.eye(4), StripConfig())
         assert found is not None
         error = found.crossings_px - TRUTH
         assert np.abs(error).max() < 0.35
         assert error @ np.linalg.solve(found.covariance_px2, error) < 30.0
 
 
+def test_both_lines_are_displaced_together_where_the_prior_says_so() -> None:
+    """The right line's score is highest off its place; a prior that moves both lines alike leaves it at its place."""
+    scores = np.zeros((2, 21, 21))
+    scores[0, 14, 14] = 1.0
+    scores[1, 14, 14], scores[1, 3, 3] = 0.9, 1.0
+    out = np.zeros(4)
+    for shared, right in ((25.0, 2.0), (0.0, -3.5)):
+        prior = np.full((4, 4), shared) + (26.0 - shared) * np.eye(4)
+        alone = np.stack([np.linalg.inv(prior[:2, :2]), np.linalg.inv(prior[2:, 2:])]) / 40
+        assert best_displacements(scores, np.linalg.inv(prior) / 40, alone, 0.5, out)
+        np.testing.assert_array_equal(out, [2.0, 2.0, right, right])
+    assert not best_displacements(np.full((2, 21, 21), -1.0), np.eye(4), np.stack([np.eye(2)] * 2), 0.5, out)
+
+
+def test_edges_agree_about_a_runway_and_not_about_the_ground_beside_one() -> None:
+    """From the runway's right edge on, the ground is inside at the left line and outside at the right one."""
+    picture = painted_runway(POSE)
+    both = settle(picture, TRUTH, ROWS, WIDTHS, ACROSS, StripConfig())
+    assert both is not None
+    assert both.agreement > 0.9
+    u = np.arange(640)[None, :, None]
+    t = ((np.arange(480) - ROWS[0]) / (ROWS[1] - ROWS[0]))[:, None, None]
+    half = np.where(u > 0.5 * ((TRUTH[0] + TRUTH[2]) * (1 - t) + (TRUTH[1] + TRUTH[3]) * t), 255 - picture, picture)
+    other = settle(half.astype(np.uint8), TRUTH, ROWS, WIDTHS, ACROSS, StripConfig())
+    assert other is not None
+    assert other.agreement < -0.9
+
+
 def test_no_edge_is_found_in_plain_ground() -> None:
     plain = painted_runway(POSE, inside=(50, 110, 80))
-    assert find_edges(plain, TRUTH, ROWS, WIDTHS, ACROSS, np.full(4, 4.0), StripConfig()) is None
+    assert find_edges(plain, TRUTH, ROWS, WIDTHS, ACROSS, 16.0 * np.eye(4), StripConfig()) is None
 
 
 def test_narrow_paint_goes_and_wide_regions_stay() -> None:

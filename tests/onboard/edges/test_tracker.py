@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
+from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
 from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix
 from groundstation.onboard.edges.report import EdgeMiss, EdgeStatus
@@ -42,6 +43,37 @@ def test_edges_are_found_and_kept_to_three_pixels(index: int) -> None:
     assert np.sqrt(np.mean(errors(frames, width, TrackerConfig(guess=GUESS)) ** 2)) < 3.0
 
 
+def test_a_taxiway_beside_the_runway_is_not_the_runway() -> None:
+    """An approach on which Algorithm 1's best pair is a runway's edge with a taxiway's, in most of the pictures."""
+    sequence = replace(SEQUENCES[0], seed=1101, approach=replace(SEQUENCES[0].approach, start_y_m=280.0))
+    renderer = Renderer(sequence)
+    tracker = EdgeTracker(NOSE_KAPPA, NOSE_LENS.image_size_px, TrackerConfig(guess=GUESS))
+    reports = [tracker.step(frame.image, frame.said) for frame in (renderer.frame(k) for k in range(6))]
+    assert [r.status for r in reports] == [EdgeStatus.ACQUIRING] * 3 + [EdgeStatus.TRACKING] * 3
+    for k, report in enumerate(reports):
+        assert report.edges is not None
+        lines = np.array([1.0, 0.0, -0.5 * sequence.airfield.width_m, 0.5 * sequence.airfield.width_m])
+        truth, _ = project_lines(lines, line_map(renderer.pose(k), NOSE_KAPPA), report.edges.rows_px)
+        assert np.abs(report.edges.crossings_px - truth).max() < 3.0
+
+
+def test_a_wrong_track_is_doubted_and_the_runway_found() -> None:
+    """Started on bare ground beside the runway, surely: after some frames without edges the runway takes its place."""
+    pose = approach()
+    tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=replace(GUESS, width_m=18.0)))
+    aside = np.array([1.0, 0.0, -35.0, -17.0, 0.0, 0.0, 0.0])
+    tracker.start(LineState(mean=aside, covariance=1e-6 * np.eye(7)))
+    reports = [tracker.step(painted_runway(pose, seed=k), pose) for k in range(12)]
+    assert reports[0].status is EdgeStatus.COASTING
+    statuses = [r.status for r in reports]
+    assert EdgeStatus.ACQUIRING in statuses
+    assert statuses[-1] is EdgeStatus.TRACKING
+    last = reports[-1].edges
+    assert last is not None
+    wanted, _ = project_lines(RUNWAY, line_map(pose, KAPPA), last.rows_px)
+    assert np.abs(last.crossings_px - wanted).max() < 1.5
+
+
 def test_the_papers_tracker_follows_by_day() -> None:
     frames, width = rendered(0, 8)
     assert np.sqrt(np.mean(errors(frames, width, paper_config(GUESS)) ** 2)) < 12.0
@@ -57,7 +89,8 @@ def test_without_a_picture_it_coasts_gives_up_and_finds_the_runway_again() -> No
     tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig(guess=replace(GUESS, width_m=18.0), coast_frames=3))
     good, black = painted_runway(pose), np.zeros((480, 640, 3), np.uint8)
     assert tracker.step(black, pose).miss is EdgeMiss.NO_PAIR
-    assert tracker.step(good, pose).status is EdgeStatus.TRACKING
+    first = [tracker.step(good, pose).status for _ in range(4)]
+    assert first == [EdgeStatus.ACQUIRING] * 3 + [EdgeStatus.TRACKING]
     reports = [tracker.step(black, pose) for _ in range(5)]
     assert [r.status for r in reports[:3]] == [EdgeStatus.COASTING] * 3
     assert all(r.miss is EdgeMiss.FAINT for r in reports[:3])
@@ -65,7 +98,7 @@ def test_without_a_picture_it_coasts_gives_up_and_finds_the_runway_again() -> No
     assert sigmas[0] < sigmas[1] < sigmas[2]
     assert reports[4].status is EdgeStatus.SEARCHING
     assert reports[4].edges is None
-    assert tracker.step(good, pose).status is EdgeStatus.TRACKING
+    assert [tracker.step(good, pose).status for _ in range(4)] == first
 
 
 def test_a_lasting_error_of_pitch_and_roll_is_found() -> None:

@@ -11,7 +11,7 @@ from groundstation.onboard.edges.pose import Attitude, intrinsic_matrix, nose_po
 from groundstation.onboard.scenes.flight import Approach, fly, smooth_noise
 from groundstation.onboard.scenes.ground import Airfield
 from groundstation.onboard.scenes.light import Light
-from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, Renderer, Sequence
+from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, Renderer, Sequence, varied
 
 PLAIN = Light(
     cloud_shadow=0.0, noise=0.0, shot_noise=0.0, visibility_m=1e9, skyline_rad=0.0, haze=(1.0, 1.0, 1.0), blur_px=0.3
@@ -89,3 +89,12 @@ def test_the_runway_stands_out_in_every_sequence(index: int) -> None:
         for u, v in pixels_from_points(frame.truth, kappa, places)
     ]
     assert np.abs(colours[0] - colours[1]).max() > 4.0
+
+
+def test_another_airfield_is_drawn_from_its_seed_alone() -> None:
+    one, same, other = varied(SEQUENCES[1], 5), varied(SEQUENCES[1], 5), varied(SEQUENCES[1], 6)
+    assert one == same
+    assert one.airfield != other.airfield
+    assert one.light == SEQUENCES[1].light
+    assert 16.0 <= one.airfield.width_m <= 24.0
+    assert len({varied(sequence, 5).airfield.width_m for sequence in SEQUENCES}) == len(SEQUENCES)

@@ -1,0 +1,266 @@
+"""The runway-pose paper on simulated corners: range by four methods, and figures 4 to 7 with the inertial filter."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.stats import chi2
+
+from groundstation.arrays import FloatArray
+from groundstation.experiments import detection_plots as plots
+from groundstation.experiments.experiment import Findings, PaperFigure
+from groundstation.experiments.recorded import Recorded
+from groundstation.experiments.tables import Cell, Table
+from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z
+from groundstation.onboard.edges.pose import intrinsic_matrix
+from groundstation.onboard.pose.inertial import ATTITUDE, POSITION, VELOCITY, Outcome, rotation_vector
+from groundstation.onboard.pose.label import ROUNDING_SIGMA_PX
+from groundstation.onboard.pose.navigator import RunwayNavigator
+from groundstation.onboard.pose.paper import FOUR_SIDES, SIX_PAIRS, solve_paper
+from groundstation.onboard.pose.simulated_approach import (
+    RUNWAY_FROM_LEVEL_BODY,
+    Approach,
+    ApproachSetup,
+    default_setup,
+    fly,
+    see_runway,
+)
+from groundstation.onboard.pose.solve import SeenPoints, solve_pose
+
+_SEED = 41
+_BINS_M = ((150, 500), (500, 1000), (1000, 1800))
+_METHODS = ("ours", "paper's, six pairs", "paper's, four sides", "OpenCV")
+_PICTURES, _FLIGHTS = 600, 10
+_SETTLED_S, _EVERY = 5.0, 10
+_POSE = np.r_[POSITION, ATTITUDE]
+_DIFFERENCES = (
+    "The paper flies FlightGear by hand and takes SUSAN corners; here corners are exact ones of a simulated small "
+    "UAV's approach with noise, so that truth is exact.",
+    "The paper prints curves and no table; there is nothing of its numbers to set beside ours.",
+)
+
+
+def pose_range(recorded: Recorded) -> Findings:
+    """Range from whole-pixel corners: ours, the paper's cost over six pairs and over four sides, and OpenCV."""
+    wanted = max(round(_PICTURES * recorded.at_most_s(5.0) / 5.0), 60)
+    setup = default_setup(0.0)
+    rng = np.random.default_rng(_SEED)
+    rows: list[list[float]] = []
+    while len(rows) < wanted:
+        position, body = _somewhere(rng)
+        seen = see_runway(setup, position, body, rng)
+        if seen is None:
+            continue
+        seen = SeenPoints(
+            points_m=seen.points_m,
+            pixels=np.round(seen.pixels),
+            covariance_px2=np.broadcast_to(ROUNDING_SIGMA_PX**2 * np.eye(2), (4, 2, 2)),
+            lens=setup.lens,
+        )
+        true_m = float(np.linalg.norm(position + body @ setup.mount.camera_in_body_m))
+        rows.append([true_m, *(value - true_m for value in _ranges(seen))])
+    table = np.array(rows)
+    cells: list[list[Cell]] = []
+    for low, high in _BINS_M:
+        part = table[(table[:, 0] >= low) & (table[:, 0] < high), 1:]
+        rms = np.sqrt(np.nanmean(part**2, axis=0)) if len(part) else np.zeros(len(_METHODS))
+        cells.append([f"{low}–{high} m", len(part), *(float(value) for value in rms)])
+    return Findings(
+        tables=(
+            Table(
+                name="pose_range",
+                title="Root mean square error of range in m, corners in whole pixels",
+                columns=("range", "pictures", *_METHODS),
+                rows=cells,
+                notes=("Runway 900 m by 30 m, camera of 1280 × 960 px; OpenCV: solvePnP, then Levenberg-Marquardt.",),
+            ),
+        ),
+        differences=_DIFFERENCES,
+    )
+
+
+def _somewhere(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return a place (3,) and runway_from_body (3, 3) on a sloppy approach."""
+    away, glide = rng.uniform(_BINS_M[0][0], _BINS_M[-1][1]), np.radians(rng.uniform(2.5, 6.0))
+    position = np.array([rng.normal(0, 0.02) * away, away * np.cos(glide), away * np.sin(glide)])
+    yaw, pitch, roll = np.radians([rng.normal(0, 3), rng.normal(0, 2), rng.normal(0, 8)])
+    return position, RUNWAY_FROM_LEVEL_BODY @ rotation_z(yaw) @ rotation_y(pitch) @ rotation_x(roll)
+
+
+def _ranges(seen: SeenPoints) -> list[float]:
+    found = [solve_pose(seen), solve_paper(seen, SIX_PAIRS), solve_paper(seen, FOUR_SIDES)]
+    ranges = [np.nan if pose is None else float(np.linalg.norm(pose.position_m)) for pose in found]
+    return [*ranges, _opencv(seen)]
+
+
+def _opencv(seen: SeenPoints) -> float:
+    """Return the range by OpenCV, the better of two starts."""
+    K, best, range_m = intrinsic_matrix(seen.lens), np.inf, np.nan
+    for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_EPNP):
+        good, r, t = cv2.solvePnP(seen.points_m, seen.pixels, K, None, flags=method)
+        if not good:
+            continue
+        r, t = cv2.solvePnPRefineLM(seen.points_m, seen.pixels, K, None, r, t, (3, 200, 1e-12))
+        again, _ = cv2.projectPoints(seen.points_m, r, t, K, None)
+        cost = float(((again[:, 0] - seen.pixels) ** 2).sum())
+        if cost < best:
+            best, range_m = cost, float(np.linalg.norm(t))
+    return range_m
+
+
+# ------------------------------------------------------------------------------------- inertial filter
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Flown:
+    """One flight: times (n,), errors and sigmas (n, 15), NEES of the pose (n,), and innovations (m, 7) with time."""
+
+    approach: Approach
+    t_s: FloatArray
+    error: FloatArray
+    sigma: FloatArray
+    nees: FloatArray
+    estimate_m: FloatArray
+    innovations: FloatArray
+    innovation_sigmas: FloatArray
+    steps: FloatArray
+
+
+def inertial(recorded: Recorded) -> Findings:
+    """Approaches with 20 s without runway: shares inside ±2σ, NEES, drift; the paper's figures 4 to 7 of the first."""
+    share = recorded.at_most_s(54.0) / 54.0
+    flights = _FLIGHTS if share == 1.0 else 2
+    setup = default_setup(0.5)
+    done = [_fly(setup, fly(setup, np.random.default_rng([_SEED, k]))) for k in range(flights)]
+    rows: list[list[Cell]] = []
+    band = chi2.ppf([0.025, 0.975], 6 * flights) / flights
+    lost = setup.lost_s
+    for name, low, high in (
+        ("seen", _SETTLED_S, lost[0]),
+        ("first half of the loss", lost[0], sum(lost) / 2),
+        ("second half", sum(lost) / 2, lost[1]),
+        ("seen again", lost[1] + 0.5, setup.duration_s),
+    ):
+        used = (done[0].t_s >= low) & (done[0].t_s < high)
+        error = np.array([one.error[used] for one in done])
+        inside = np.abs(error) < 2.0 * np.array([one.sigma[used] for one in done])
+        rms = np.sqrt((error**2).mean(axis=(0, 1)))
+        rows.append(
+            [name, *(float(v) for v in rms[POSITION]), float(np.degrees(rms[ATTITUDE]).max()),
+             100.0 * float(inside[..., POSITION].mean()), 100.0 * float(inside[..., ATTITUDE].mean()),
+             float(np.mean([one.nees[used].mean() for one in done]))]
+        )  # fmt: skip
+    table = Table(
+        name="inertial_filter",
+        title="Position and attitude through 20 s without runway",
+        columns=("phase", "x m", "y m", "z m", "attitude °", "position in ±2σ %", "attitude in ±2σ %", "NEES (6)"),
+        rows=rows,
+        notes=(f"{flights} flights; 95 % band of the NEES of one epoch's mean: {band[0]:.2f} to {band[1]:.2f}.",),
+    )
+    first = done[0]
+    figures = (
+        PaperFigure(
+            name="inertial_path", title="Figures 4 and 5 (left): paths",
+            caption="Estimated and actual path from above and from the side, and position over time.",
+            draw=lambda path: _draw_paths(first, lost, path),
+        ),
+        PaperFigure(
+            name="inertial_steps", title="Figure 5 (right): iterations",
+            caption="Steps of Levenberg-Marquardt on the paper's cost for each picture of the flight.",
+            draw=lambda path: _draw_steps(first, path),
+        ),
+        PaperFigure(
+            name="inertial_errors", title="Figure 6: errors of velocity and attitude",
+            caption="Errors with ±2σ; tinted where the runway is not seen.",
+            draw=lambda path: _draw_errors(first, lost, path),
+        ),
+        PaperFigure(
+            name="inertial_innovations", title="Figure 7: innovations",
+            caption="Innovations of position and attitude with ±2σ.",
+            draw=lambda path: _draw_innovations(first, path),
+        ),
+    )  # fmt: skip
+    return Findings(tables=(table,), figures=figures, differences=_DIFFERENCES)
+
+
+def _fly(setup: ApproachSetup, approach: Approach) -> _Flown:
+    """Run the filter over a flight."""
+    navigator = RunwayNavigator(setup.config, setup.mount)
+    rows, told, steps = [], [], []
+    for k, sample in enumerate(approach.samples):
+        navigator.feel(sample)
+        if k in approach.seen:
+            seen = approach.seen[k]
+            innovation = navigator.see(sample.t_s, seen).innovation
+            if k % (5 * _EVERY) == 0 and (paper := solve_paper(seen, SIX_PAIRS)) is not None:
+                steps.append((sample.t_s, paper.steps))
+            if innovation is not None and innovation.outcome is Outcome.USED:
+                told.append((sample.t_s, innovation.value, np.sqrt(np.diag(innovation.covariance))))
+        if k % _EVERY == 0 and sample.t_s >= _SETTLED_S:
+            now = navigator.navigation
+            turn = rotation_vector(approach.runway_from_body[k] @ matrix_from_wxyz(now.runway_from_body_wxyz).T)
+            error = np.concatenate(
+                [approach.position_m[k] - now.position_m, approach.velocity_m_s[k] - now.velocity_m_s, turn,
+                 approach.force_bias[k] - now.force_bias_m_s2, approach.rate_bias[k] - now.rate_bias_rad_s]
+            )  # fmt: skip
+            nees = error[_POSE] @ np.linalg.solve(now.P[np.ix_(_POSE, _POSE)], error[_POSE])
+            rows.append((sample.t_s, error, np.sqrt(np.diag(now.P)), nees, now.position_m))
+    t, error, sigma, nees, estimate = (np.array(column) for column in zip(*rows, strict=True))
+    it, values, sigmas = (np.array(column) for column in zip(*told, strict=True))
+    return _Flown(
+        approach=approach, t_s=t, error=error, sigma=sigma, nees=nees, estimate_m=estimate,
+        innovations=np.column_stack([it, values]), innovation_sigmas=sigmas,
+        steps=np.array(steps, dtype=np.float64).reshape(-1, 2),
+    )  # fmt: skip
+
+
+def _draw_paths(one: _Flown, lost: tuple[float, float], path: Path) -> None:
+    figure, axes = plots.blank(2, 2, (10.0, 6.0))
+    true = one.approach.position_m
+    for ax, axis in zip(axes[:2], (0, 2), strict=True):
+        ax.plot(true[:, 1], true[:, axis], "--", color=plots.COLOURS[6], lw=1, label="actual")
+        ax.plot(one.estimate_m[:, 1], one.estimate_m[:, axis], color=plots.COLOURS[0], lw=1, label="estimated")
+        ax.set_xlabel("y in m")
+        ax.set_ylabel(f"{'xyz'[axis]} in m")
+    axes[0].legend(frameon=False, fontsize=8)
+    for ax, axis in zip(axes[2:], (0, 1), strict=True):
+        ax.plot(one.approach.t_s, true[:, axis], "--", color=plots.COLOURS[6], lw=1)
+        ax.plot(one.t_s, one.estimate_m[:, axis], color=plots.COLOURS[0], lw=1)
+        ax.axvspan(*lost, color=plots.COLOURS[3], alpha=0.1, lw=0)
+        ax.set_xlabel("s")
+        ax.set_ylabel(f"{'xyz'[axis]} in m")
+    plots.save(figure, path)
+
+
+def _draw_steps(one: _Flown, path: Path) -> None:
+    figure, (ax,) = plots.blank(1, 1, (6.5, 3.0))
+    ax.plot(one.steps[:, 0], one.steps[:, 1], ".", color=plots.COLOURS[0])
+    ax.set_xlabel("s")
+    ax.set_ylabel("steps")
+    plots.save(figure, path)
+
+
+def _draw_errors(one: _Flown, lost: tuple[float, float], path: Path) -> None:
+    figure, axes = plots.blank(3, 2, (10.0, 6.0))
+    for column, (part, unit, scale) in enumerate(((VELOCITY, "m/s", 1.0), (ATTITUDE, "°", float(np.degrees(1.0))))):
+        for k in range(3):
+            ax = axes[2 * k + column]
+            sigma = 2.0 * scale * one.sigma[:, part][:, k]
+            ax.fill_between(one.t_s, -sigma, sigma, color=plots.COLOURS[0], alpha=0.15, lw=0)
+            ax.plot(one.t_s, scale * one.error[:, part][:, k], color=plots.COLOURS[0], lw=1)
+            ax.axvspan(*lost, color=plots.COLOURS[3], alpha=0.1, lw=0)
+            ax.set_ylabel(f"{'xyz'[k]}, {unit}")
+    plots.save(figure, path)
+
+
+def _draw_innovations(one: _Flown, path: Path) -> None:
+    figure, axes = plots.blank(3, 2, (10.0, 6.0))
+    t = one.innovations[:, 0]
+    for column, (unit, scale) in enumerate((("m", 1.0), ("°", float(np.degrees(1.0))))):
+        for k in range(3):
+            ax, part = axes[2 * k + column], 3 * column + k
+            sigma = 2.0 * scale * one.innovation_sigmas[:, part]
+            ax.plot(t, scale * one.innovations[:, 1 + part], ".", ms=2, color=plots.COLOURS[0])
+            for sign in (-1.0, 1.0):
+                ax.plot(t, sign * sigma, ".", ms=1, color=plots.COLOURS[3])
+            ax.set_ylabel(f"{'position' if column == 0 else 'attitude'} {'xyz'[k]}, {unit}")
+    plots.save(figure, path)

@@ -1,0 +1,1 @@
+"""The aircraft's own camera and inertial unit together: edges, corners, pose, filter, trajectory."""

@@ -1,0 +1,276 @@
+"""The nose camera and the inertial unit together: picture by picture edges, corners, pose, filter, and where it is.
+
+Before the filter has started, the edge tracker is told a pose from outside (a navigation log, or the pictures' own
+motion); once the filter is trusted, the filter's.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.geometry.camera import Lens
+from groundstation.geometry.rotation import matrix_from_wxyz
+from groundstation.onboard.approach.config import ApproachConfig
+from groundstation.onboard.approach.corner_finder import LASTING_COUNT, FoundCorners, NoCorners, find_corners
+from groundstation.onboard.approach.lasting import LastingErrors
+from groundstation.onboard.approach.sensitivity import pose_by_pixels
+from groundstation.onboard.edges.config import TrackerConfig
+from groundstation.onboard.edges.lines import C, D
+from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix
+from groundstation.onboard.edges.report import EdgeReport, Edges
+from groundstation.onboard.edges.search_band import RunwayGuess
+from groundstation.onboard.edges.tracker import EdgeTracker
+from groundstation.onboard.pose.inertial import (
+    ATTITUDE,
+    POSITION,
+    VELOCITY,
+    CameraMount,
+    ImuSample,
+    InertialFilter,
+    Navigation,
+    NavigationStatus,
+    Outcome,
+    PoseInnovation,
+    PoseObservation,
+)
+from groundstation.onboard.pose.runway import Runway
+from groundstation.onboard.pose.solve import PoseStatus, RunwayPose, SeenPoints, solve_pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoseFix:
+    """Where the camera is: runway frame.
+
+    Attributes
+    ----------
+    position_m, velocity_m_s : (3,) of the camera; the velocity is the body's.
+    runway_from_body_wxyz : (4,).
+    covariance : (9, 9) of position (m), rotation vector (rad, R_true = exp([δθ]×) R) and velocity (m/s): what the
+        filter knows of the runway as it is seen, and what the seen edges and the pavement's may lie apart for good.
+    status : of the filter.
+    """
+
+    t_s: float
+    position_m: FloatArray
+    velocity_m_s: FloatArray
+    runway_from_body_wxyz: FloatArray
+    covariance: FloatArray
+    status: NavigationStatus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoseReport:
+    """What came of a picture; each part is None where the one before gave nothing for it.
+
+    ``told`` is the pose that the tracker was given, ``edges`` its report; ``corners``, ``pose`` and ``innovation``
+    follow; ``fix`` is None until the filter has started.
+    """
+
+    t_s: float
+    told: CameraPose | None
+    edges: EdgeReport | None
+    corners: FoundCorners | NoCorners | None
+    pose: RunwayPose | None
+    innovation: PoseInnovation | None
+    fix: NoseFix | None
+
+    @property
+    def outcome(self) -> str:
+        """Return in one word what became of the picture: the filter's outcome, or what was missing."""
+        if self.told is None:
+            return "no_pose"
+        if self.edges is None or self.edges.edges is None:
+            return "no_edges"
+        if self.corners is None or isinstance(self.corners, NoCorners):
+            return "edges_alone" if self.corners is None else self.corners.value
+        if self.innovation is None:
+            return "no_fit"
+        return self.innovation.outcome.value
+
+
+class NoseNavigator:
+    """Takes inertial samples and pictures without distortion, in order of time.
+
+    Parameters
+    ----------
+    runway : its surveyed corners.
+    lens : of the camera; its distortion is left out, as pictures come without.
+    mount : of the camera on the body.
+    """
+
+    def __init__(self, runway: Runway, lens: Lens, mount: CameraMount, config: ApproachConfig | None = None) -> None:
+        self._runway, self._mount = runway, mount
+        self._config = config or ApproachConfig()
+        self._lens = replace(lens, distortion=np.zeros(5))
+        self._kappa = intrinsic_matrix(lens)
+        guess = RunwayGuess(width_m=runway.width_m, length_m=runway.length_m)
+        # what edges may be wrong by for good is counted once, with the corners
+        self._tracker_config = TrackerConfig(guess=guess, edge_sigma_m=0.0, edge_sigma_px=0.0)
+        self._tracker = EdgeTracker(self._kappa, lens.image_size_px, self._tracker_config)
+        self._inside = False
+        self._used = 0
+        self._in_a_row = 0
+        self._last: ImuSample | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        """Make the filters new; the next pose starts them."""
+        self._filter = InertialFilter(self._config.inertial, self._mount)
+        self._lasting = LastingErrors(self._config.inertial, self._mount, LASTING_COUNT)
+        self._used = self._refused = 0
+        if self._last is not None:
+            self.feel(self._last)
+
+    @property
+    def runway(self) -> Runway:
+        """Return the runway that it was made for."""
+        return self._runway
+
+    @property
+    def stands_alone(self) -> bool:
+        """Return whether it needs no pose from outside any more."""
+        return self._inside
+
+    def feel(self, sample: ImuSample) -> None:
+        """Take an inertial sample."""
+        self._filter.feel(sample)
+        self._lasting.feel(sample)
+        self._last = sample
+
+    def see(self, t_s: float, image: ImageArray, outside: CameraPose | None) -> NoseReport:
+        """Take a picture (h, w, 3) uint8 BGR, with a pose from outside as far as there is one."""
+        if self._last is not None and t_s > self._last.t_s:
+            # the sample before holds until the next: the state is brought to the picture's time
+            self.feel(replace(self._last, t_s=t_s))
+        told = self._told(outside)
+        if told is None:
+            return self._report(t_s, None, None, None, None, None)
+        edges = self._tracker.step(image, told)
+        if edges.edges is None or edges.edges.measured_px is None:
+            self._in_a_row = 0
+            return self._report(t_s, told, edges, None, None, None)
+        if not self._settled(edges.edges):
+            return self._report(t_s, told, edges, None, None, None)
+        corners = find_corners(
+            image, edges.edges, told, self._runway, self._kappa, self._config, pose_fits=self._inside
+        )
+        if isinstance(corners, NoCorners):
+            return self._report(t_s, told, edges, corners, None, None)
+        pose = self._solve(corners)
+        innovation = None
+        if pose is not None and pose.status is PoseStatus.OK:
+            innovation = self._correct(t_s, corners, pose)
+        return self._report(t_s, told, edges, corners, pose, innovation)
+
+    def _told(self, outside: CameraPose | None) -> CameraPose | None:
+        """Return the pose for the tracker; with the first of the filter's own the tracker begins anew."""
+        if not self._inside and self._trusted():
+            self._inside = True
+            self._tracker = EdgeTracker(self._kappa, self._lens.image_size_px, self._tracker_config)
+        if not self._inside:
+            return outside
+        position, wxyz = self._filter.camera_pose()
+        if position[2] <= 0.0:
+            return None
+        return CameraPose(threshold_from_camera=matrix_from_wxyz(wxyz), camera_threshold_m=position)
+
+    def _settled(self, edges: Edges) -> bool:
+        """Return whether the edges may start a filter, or go on with one that is trusted."""
+        self._in_a_row += 1
+        mean = edges.state.mean
+        wide = abs(float(mean[C] - mean[D])) / self._runway.width_m
+        close = abs(wide - 1.0) < self._config.width_share
+        return close and (self._inside or self._in_a_row > self._config.settled_after)
+
+    def _trusted(self) -> bool:
+        config, now = self._config, self._filter.navigation
+        if self._used < config.trusted_after:
+            return False
+        sigma = np.sqrt(np.diag(now.P))
+        far = float(np.linalg.norm(now.position_m))
+        return bool(
+            sigma[ATTITUDE].max() < config.trusted_attitude_rad
+            and np.linalg.norm(sigma[POSITION]) < config.trusted_share * far
+        )
+
+    def _solve(self, corners: FoundCorners) -> RunwayPose | None:
+        """Return the pose of corners, each weighed by all that it may be wrong by."""
+        try:
+            return solve_pose(
+                SeenPoints(
+                    points_m=self._runway.corners_m,
+                    pixels=corners.pixels,
+                    covariance_px2=corners.whole_covariance_px2,
+                    lens=self._lens,
+                )
+            )
+        except ValueError:
+            return None
+
+    def _correct(self, t_s: float, corners: FoundCorners, pose: RunwayPose) -> PoseInnovation | None:
+        """Hand the pose to the filter with the part of its covariance that each picture has anew; keep the rest."""
+        anew = corners.covariance_px2
+        D = self._sensitivity(pose, corners)
+        if D is None:
+            return None
+        covariance = sum((D[:, 2 * k : 2 * k + 2] @ anew[k] @ D[:, 2 * k : 2 * k + 2].T for k in range(4)), np.zeros(1))
+        observation = PoseObservation(
+            t_s=t_s,
+            position_m=pose.position_m,
+            runway_from_camera_wxyz=pose.runway_from_camera_wxyz,
+            covariance=np.asarray(covariance),
+        )
+        innovation = self._filter.see(observation)
+        self._lasting.see(observation, D @ corners.lasting_px)
+        if innovation.outcome in (Outcome.USED, Outcome.STARTED, Outcome.RESTARTED):
+            self._used += 1
+        self._refused = self._refused + 1 if innovation.outcome is Outcome.GATED else 0
+        if not self._inside and self._refused >= self._config.give_up_after:
+            self._begin()
+        if innovation.outcome is Outcome.RESTARTED:
+            # its velocity is unknown again: the tracker goes back to what it was told before
+            self._used, self._inside = 1, False
+        return innovation
+
+    def _sensitivity(self, pose: RunwayPose, corners: FoundCorners) -> FloatArray | None:
+        """Return how the pose moves with its pixels; where the filter knows better, at the filter's pose."""
+        weights = corners.whole_covariance_px2
+        position, wxyz = pose.position_m, pose.runway_from_camera_wxyz
+        if self._filter.started:
+            P = self._filter.navigation.P
+            ours = np.trace(P[POSITION, POSITION]) + pose.range_m**2 * np.trace(P[ATTITUDE, ATTITUDE])
+            theirs = np.trace(pose.covariance[:3, :3]) + pose.range_m**2 * np.trace(pose.covariance[3:, 3:])
+            if ours <= theirs:
+                position, wxyz = self._filter.camera_pose()
+        return pose_by_pixels(self._runway.corners_m, self._kappa, position, matrix_from_wxyz(wxyz), weights)
+
+    def _report(
+        self,
+        t_s: float,
+        told: CameraPose | None,
+        edges: EdgeReport | None,
+        corners: FoundCorners | NoCorners | None,
+        pose: RunwayPose | None,
+        innovation: PoseInnovation | None,
+    ) -> NoseReport:
+        fix = self._fix(self._filter.navigation, t_s) if self._filter.started else None
+        return NoseReport(t_s=t_s, told=told, edges=edges, corners=corners, pose=pose, innovation=innovation, fix=fix)
+
+    def _fix(self, now: Navigation, t_s: float) -> NoseFix:
+        """Return the camera's place with the whole covariance."""
+        position, _ = self._filter.camera_pose()
+        arm = matrix_from_wxyz(now.runway_from_body_wxyz) @ self._mount.camera_in_body_m
+        G = np.zeros((9, now.P.shape[0]))
+        G[:3, POSITION] = G[3:6, ATTITUDE] = G[6:, VELOCITY] = np.eye(3)
+        G[:3, ATTITUDE] = [[0.0, arm[2], -arm[1]], [-arm[2], 0.0, arm[0]], [arm[1], -arm[0], 0.0]]
+        S = self._lasting.sensitivity(now)
+        S[:3] += G[:3, ATTITUDE] @ S[3:6]
+        return NoseFix(
+            t_s=t_s,
+            position_m=position,
+            velocity_m_s=now.velocity_m_s,
+            runway_from_body_wxyz=now.runway_from_body_wxyz,
+            covariance=G @ now.P @ G.T + S @ S.T,
+            status=now.status,
+        )

@@ -1,0 +1,199 @@
+"""Pairs of lines that may be the runway, followed side by side until one of them has proved to be.
+
+A taxiway beside a runway, a road, a repaired strip: in one picture two of their edges can be as contrasty a pair as
+the runway's. Over some frames they are not: on the ground they are too wide or too far aside once roll, pitch and
+height are settled by where the lines meet, they move against the pose, or what lies between them is another colour at
+either edge.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.onboard.edges.config import Measurement, TrackerConfig
+from groundstation.onboard.edges.descent import descend
+from groundstation.onboard.edges.detection import NoPair, detect
+from groundstation.onboard.edges.follow import Followed, follow, plain_edges
+from groundstation.onboard.edges.kalman import LineState, update_crossings
+from groundstation.onboard.edges.lines import (
+    C,
+    D,
+    angle_between,
+    crossings_at,
+    line_map,
+    project_lines,
+    state_from_crossings,
+)
+from groundstation.onboard.edges.look import Lookout, edge_noise, look_between, pose_noise, widths_of
+from groundstation.onboard.edges.paint import without_paint
+from groundstation.onboard.edges.plausible import plausible
+from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.report import EdgeMiss, Edges
+from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
+from groundstation.onboard.edges.strip import FoundEdges, find_edges, settle
+
+_FIRST_SIGMA_PX = 3.0
+# pairs of a picture that are looked at more closely, the lowest energies
+_FIRST_PAIRS, _MORE_PAIRS = 4, 2
+_ALIKE_PX, _ALIKE_SHARE = 3.0, 0.08
+_MOST_NIS = 25.0
+# what the parts of a score weigh: agreement of the edges' colours, misfit to the pose, frames without edges
+_AGREEMENT, _NIS, _MISSED = 4.0, 0.125, 4.0
+_MEMORY = 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hypothesis:
+    """A pair that may be the runway.
+
+    Attributes
+    ----------
+    state, edges : the lines, and what the last frame showed of them.
+    frames, missed : since they were found; without edges since they were last seen.
+    agreement, nis, lost : means over the last frames: see `strip.FoundEdges`, NIS at most 25, share without edges.
+    """
+
+    state: LineState
+    edges: Edges | None
+    frames: int
+    missed: int
+    agreement: float
+    nis: float
+    lost: float
+
+    def after(self, step: Followed) -> "Hypothesis":
+        """Return the hypothesis after a step."""
+        weight = 1.0 / min(self.frames + 1, _MEMORY)
+        seen = step.found is not None
+        agreement, nis = self.agreement, self.nis
+        if step.found is not None and step.edges is not None:
+            agreement += weight * (step.found.agreement - agreement)
+            nis += weight * (min(step.edges.nis, _MOST_NIS) - nis)
+        return Hypothesis(
+            state=step.state,
+            edges=step.edges,
+            frames=self.frames + 1,
+            missed=0 if seen else self.missed + 1,
+            agreement=agreement,
+            nis=nis,
+            lost=self.lost + weight * (float(not seen) - self.lost),
+        )
+
+
+def score(hypothesis: Hypothesis, config: TrackerConfig) -> float:
+    """Return how well a pair does: logarithms, as of likelihoods; the higher the better."""
+    mean = hypothesis.state.mean
+    place = 0.5 * float(mean[C] + mean[D]) / config.start_shift_m
+    width = math.log(max(abs(float(mean[C] - mean[D])), 0.1) / config.guess.width_m) / math.log(config.start_width)
+    turn = angle_between(mean) / config.start_turn_rad
+    ground = -math.log1p(place**2) - math.log1p(width**2) - 0.5 * turn**2
+    return ground + _AGREEMENT * hypothesis.agreement - _NIS * hypothesis.nis - _MISSED * hypothesis.lost
+
+
+def find_pairs(
+    lookout: Lookout, image: ImageArray, pose: CameraPose, known: list[Hypothesis]
+) -> list[Hypothesis] | EdgeMiss:
+    """Run Algorithm 1, and return what its best pairs look like from near by; or why there is none.
+
+    Pairs that are ``known`` already are left out, and fewer are looked at where there are such.
+    """
+    config, kappa = lookout.config, lookout.kappa
+    rows = band_rows(pose, kappa, lookout.image_size_px, config.guess)
+    if isinstance(rows, NoBand):
+        return EdgeMiss.NO_BAND
+    e = line_map(pose, kappa)
+    half = 0.5 * config.guess.width_m
+    middle, _ = project_lines(np.array([1.0, 0.0, -half, half]), e, rows)
+    px_per_m = np.abs(middle[2:] - middle[:2]) / (2.0 * half)
+    image = without_paint(image, rows, config.paint_m * float(px_per_m[1]))
+    pairs = detect(image, rows, px_per_m, config.detection, lambda x: plausible(x, rows, pose, kappa, config))
+    if isinstance(pairs, NoPair):
+        return EdgeMiss.NO_PAIR
+    wanted = (_MORE_PAIRS if known else _FIRST_PAIRS) if config.confirm_frames > 1 else 1
+    found = []
+    for crossings in pairs.pairs_px[:wanted]:
+        if any(one.edges is not None and alike_px(one.edges, crossings, rows) for one in known):
+            continue
+        near = _first_look(lookout, image, crossings, rows, pose, e)
+        if near is not None:
+            found.append(_started(lookout, near, crossings, rows, pose))
+    return found or EdgeMiss.FAINT
+
+
+def followed(lookout: Lookout, image: ImageArray, pose: CameraPose, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
+    """Return every pair one frame later, without those that were not seen for long, and without doubles."""
+    moved = [h.after(follow(lookout, image, pose, h.state, thorough=False)) for h in hypotheses]
+    return merged(lookout, [h for h in moved if h.missed <= lookout.config.coast_frames // 2], [])
+
+
+def merged(lookout: Lookout, old: list[Hypothesis], new: list[Hypothesis]) -> list[Hypothesis]:
+    """Return the best of both lists, at most as many as configured, the best first; of two alike the earlier."""
+    config, kept = lookout.config, list[Hypothesis]()
+    for one in sorted(old, key=lambda h: -score(h, config)) + new:
+        if not any(alike(one, other) for other in kept):
+            kept.append(one)
+    return sorted(kept, key=lambda h: -score(h, config))[: config.hypotheses]
+
+
+def alike(one: Hypothesis, other: Hypothesis) -> bool:
+    """Return whether two pairs are the same lines of the picture."""
+    if one.edges is None or other.edges is None:
+        return False
+    return alike_px(other.edges, one.edges.crossings_px, one.edges.rows_px)
+
+
+def alike_px(edges: Edges, crossings_px: FloatArray, rows_px: FloatArray) -> bool:
+    """Return whether edges are the same lines of the picture as crossings (4,) with rows (2,)."""
+    there = crossings_at(edges.crossings_px, edges.rows_px, rows_px)
+    apart = max(_ALIKE_PX, _ALIKE_SHARE * float(crossings_px[3] - crossings_px[1]))
+    return bool(np.abs(there - crossings_px).max() < apart)
+
+
+def _first_look(
+    lookout: Lookout, image: ImageArray, crossings: FloatArray, rows: FloatArray, pose: CameraPose, e: FloatArray
+) -> FoundEdges | None:
+    """Return a detected pair, made better by what follows it in every other frame."""
+    config = lookout.config
+    mean = state_from_crossings(crossings, rows, pose, lookout.kappa)
+    if not np.isfinite(mean).all():
+        return None
+    widths = widths_of(config, mean, e, rows, project_lines(mean, e, rows)[0], config.first_band_m)
+    prior, across = _FIRST_SIGMA_PX**2 * np.eye(4), across_direction(e)
+    if config.use_strip:
+        wide = find_edges(image, crossings, rows, widths, across, prior, config.strip)
+        if wide is None:
+            return None
+        crossings = wide.crossings_px
+    down = descend(image, crossings, rows, widths, config.descent, across if config.bands_across else None)
+    if not config.use_strip:
+        return plain_edges(down.crossings_px)
+    return settle(image, down.crossings_px, rows, widths, across, config.strip)
+
+
+def _started(
+    lookout: Lookout, found: FoundEdges, detected: FloatArray, rows: FloatArray, pose: CameraPose
+) -> Hypothesis:
+    """Return the filter's start: next to nothing known of the lines, and the pose's errors as configured."""
+    config = lookout.config
+    mean = state_from_crossings(found.crossings_px, rows, pose, lookout.kappa)
+    prior = np.diag([0.0, 0.0, 100.0, 100.0, *[config.lasting_attitude_rad**2] * 2, config.lasting_height_m**2])
+    prior[:2, :2] = config.start_turn_rad**2 * np.outer([-mean[1], mean[0]], [-mean[1], mean[0]])
+    if config.measurement is Measurement.LINES:
+        state = LineState(mean=mean, covariance=prior[:4, :4])
+    else:
+        state = LineState(mean=np.concatenate([mean, np.zeros(3)]), covariance=prior)
+    look = look_between(lookout, pose, state, rows)
+    noise = found.covariance_px2 + pose_noise(config, look)
+    update = update_crossings(state, look.predicted, look.h, found.crossings_px, noise)
+    edges = Edges(
+        state=update.state,
+        rows_px=rows,
+        crossings_px=found.crossings_px,
+        covariance_px2=found.covariance_px2 + edge_noise(config, found.crossings_px, update.state.mean),
+        predicted_px=detected,
+        measured_px=found.crossings_px,
+        nis=math.nan,
+    )
+    return Hypothesis(state=update.state, edges=edges, frames=1, missed=0, agreement=found.agreement, nis=4.0, lost=0.0)

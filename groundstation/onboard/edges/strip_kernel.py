@@ -1,0 +1,215 @@
+"""Compiled arithmetic of the strip: filling it, scoring displacements, the edge of each place, a line through them."""
+
+import numpy as np
+from numba import njit
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.onboard.edges.sampling import add_colour, inside
+
+_FIT_ROUNDS = 8
+_MAX_PROFILE = 400
+_SAMPLE_PX = 0.5
+
+
+@njit(cache=True, nogil=True)
+def fill_strip(
+    image: ImageArray,
+    x: FloatArray,
+    rows: FloatArray,
+    widths: FloatArray,
+    across: FloatArray,
+    step: float,
+    out: FloatArray,
+) -> None:
+    """Fill ``out`` (2, places, displacements, 3) with u − v; the middle displacement is 0; NaN outside the picture.
+
+    Displacements run along the row, to the right; bands lie along ``across`` (2,), ``widths`` (2, 2) are theirs.
+    """
+    n_t, n_o = out.shape[1], out.shape[2]
+    height = rows[1] - rows[0]
+    reach = step * (n_o // 2)
+    prefix = np.zeros((_MAX_PROFILE + 1, 3))
+    seen = np.zeros(_MAX_PROFILE + 1)
+    for line in range(2):
+        w = x[2 * line + 1] - x[2 * line]
+        nx, ny = across
+        # how far along `across` a line is met that was displaced by 1 px along the row
+        meets = 1.0 / (nx - w / height * ny)
+        for k in range(n_t):
+            t = (k + 0.5) / n_t
+            cx, cy = x[2 * line] + w * t, rows[0] + height * t
+            ell = widths[line, 0] + (widths[line, 1] - widths[line, 0]) * t
+            half = reach * meets + ell
+            n = min(max(int(np.ceil(2.0 * half / _SAMPLE_PX)), 8), _MAX_PROFILE)
+            d = 2.0 * half / n
+            for m in range(n):
+                r = -half + (m + 0.5) * d
+                prefix[m + 1] = prefix[m]
+                seen[m + 1] = seen[m]
+                if inside(image, cx + r * nx, cy + r * ny):
+                    add_colour(image, cx + r * nx, cy + r * ny, 1.0, prefix[m + 1])
+                    seen[m + 1] += 1.0
+            for o in range(n_o):
+                place = (step * (o - n_o // 2) * meets + half) / d
+                low, high = place - ell / d, min(place + ell / d, float(n))
+                low = max(low, 0.0)
+                i, j, g = int(place), int(low), int(high)
+                fi, fj, fg = place - i, low - j, high - g
+                at_i = seen[i] + (fi * (seen[i + 1] - seen[i]) if i < n else 0.0)
+                at_j = seen[j] + (fj * (seen[j + 1] - seen[j]) if j < n else 0.0)
+                at_g = seen[g] + (fg * (seen[g + 1] - seen[g]) if g < n else 0.0)
+                if at_i - at_j < place - low - 0.01 or at_g - at_i < high - place - 0.01:
+                    out[line, k, o, 0] = np.nan
+                    continue
+                for c in range(3):
+                    p_i = prefix[i, c] + (fi * (prefix[i + 1, c] - prefix[i, c]) if i < n else 0.0)
+                    p_j = prefix[j, c] + (fj * (prefix[j + 1, c] - prefix[j, c]) if j < n else 0.0)
+                    p_g = prefix[g, c] + (fg * (prefix[g + 1, c] - prefix[g, c]) if g < n else 0.0)
+                    out[line, k, o, c] = (p_i - p_j) / (place - low) - (p_g - p_i) / (high - place)
+
+
+@njit(cache=True, nogil=True)
+def displacement_scores(strip: FloatArray, block: int, kappa: float, out: FloatArray) -> None:
+    """Fill ``out`` (displacements, displacements), at the upper and the lower row, with the mean of S / (S + κ).
+
+    S is |u − v|² of a block of places together; −1 where most of the strip lies outside the picture.
+    """
+    n_t, n_o = strip.shape[:2]
+    for a in range(n_o):
+        for b in range(n_o):
+            total, blocks = 0.0, 0
+            for first in range(0, n_t - block + 1, block):
+                r, g, h = 0.0, 0.0, 0.0
+                for k in range(first, first + block):
+                    o = int(a + (b - a) * (k + 0.5) / n_t + 0.5)
+                    r += strip[k, o, 0]
+                    g += strip[k, o, 1]
+                    h += strip[k, o, 2]
+                score = (r * r + g * g + h * h) / (block * block)
+                if score >= 0.0:
+                    total += score / (score + kappa)
+                    blocks += 1
+            out[a, b] = -1.0 if 4 * blocks * block < n_t else total / blocks
+
+
+@njit(cache=True, nogil=True)
+def best_displacements(scores: FloatArray, weight: FloatArray, alone: FloatArray, step: float, out: FloatArray) -> bool:
+    """Fill ``out`` (4,) with the displacements (px) of both lines that score best, less what they cost.
+
+    ``scores`` (2, displacements, displacements) as of `displacement_scores`; ``weight`` (4, 4) is the prior's inverse
+    covariance over the number of places, so that dᵀ weight d / 2 is in units of the score, ``alone`` (2, 2, 2) that of
+    each line whatever the other does. Turned by gusts, both lines move together, and a line alone does not jump to
+    its neighbour. Line by line, each given the other, from either one's own best; false where a line has no score.
+    """
+    n_o = scores.shape[1]
+    middle = n_o // 2
+    highest = -np.inf
+    d = np.zeros(4)
+    for first in range(2):
+        d[:] = 0.0
+        total = 0.0
+        for turn in range(4):
+            line = (first + turn) % 2
+            i, j = 2 * line, 2 - 2 * line
+            w = alone[line] if turn == 0 else weight[i : i + 2, i : i + 2]
+            pull0, pull1 = 0.0, 0.0
+            if turn > 0:
+                pull0 = weight[i, j] * d[j] + weight[i, j + 1] * d[j + 1]
+                pull1 = weight[i + 1, j] * d[j] + weight[i + 1, j + 1] * d[j + 1]
+            best, at, bt = -np.inf, -1, -1
+            for a in range(n_o):
+                x = step * (a - middle)
+                for b in range(n_o):
+                    if scores[line, a, b] < 0.0:
+                        continue
+                    y = step * (b - middle)
+                    cost = 0.5 * (w[0, 0] * x * x + 2.0 * w[0, 1] * x * y + w[1, 1] * y * y) + pull0 * x + pull1 * y
+                    if scores[line, a, b] - cost > best:
+                        best, at, bt = scores[line, a, b] - cost, a, b
+            if at < 0:
+                return False
+            d[i], d[i + 1] = step * (at - middle), step * (bt - middle)
+            if turn == 2:
+                total = scores[line, at, bt]
+            elif turn == 3:
+                total += scores[line, at, bt]
+        for i in range(4):
+            for j in range(4):
+                total -= 0.5 * d[i] * weight[i, j] * d[j]
+        if total > highest:
+            highest = total
+            out[:] = d
+    return True
+
+
+@njit(cache=True, nogil=True)
+def own_places(
+    strip: FloatArray, step: float, block: int, window: float, kappa: float, offsets: FloatArray, weights: FloatArray
+) -> None:
+    """Fill each place's own displacement and weight (places,) within a window, its neighbours averaged in."""
+    n_t, n_o = strip.shape[:2]
+    middle, reach = n_o // 2, min(int(window / step), n_o // 2 - 1)
+    scores = np.empty(n_o)
+    for k in range(n_t):
+        first, last = max(k - block // 2, 0), min(k + block // 2, n_t - 1)
+        for o in range(n_o):
+            r, g, h = 0.0, 0.0, 0.0
+            for m in range(first, last + 1):
+                r += strip[m, o, 0]
+                g += strip[m, o, 1]
+                h += strip[m, o, 2]
+            scores[o] = (r * r + g * g + h * h) / (last - first + 1) ** 2
+        top, at = -1.0, -1
+        for o in range(middle - reach, middle + reach + 1):
+            if scores[o] > top and scores[o] >= scores[o - 1] and scores[o] >= scores[o + 1]:
+                top, at = scores[o], o
+        weights[k] = 0.0
+        if at < 0:
+            continue
+        bend = scores[at - 1] - 2.0 * top + scores[at + 1]
+        part = 0.5 * (scores[at - 1] - scores[at + 1]) / bend if bend < 0.0 else 0.0
+        offsets[k] = step * (at + part - middle)
+        weights[k] = top / (top + kappa)
+
+
+@njit(cache=True, nogil=True)
+def robust_line(offsets: FloatArray, weights: FloatArray, ends: FloatArray, covariance: FloatArray) -> float:
+    """Fit ends (2,) of a line to offsets (n,) by weighted least squares with Cauchy's weights; returns its sigma, px.
+
+    ``ends`` holds the first guess; ``covariance`` (2, 2) is filled for independent places. Negative where there are
+    too few.
+    """
+    n = offsets.size
+    spread = 1.0
+    own = weights.copy()
+    for _turn in range(_FIT_ROUNDS):
+        a00, a01, a11, b0, b1 = 1e-9, 0.0, 1e-9, 0.0, 0.0
+        used = 0
+        for k in range(n):
+            if weights[k] <= 0.0:
+                continue
+            used += 1
+            t = (k + 0.5) / n
+            r = offsets[k] - (ends[0] * (1.0 - t) + ends[1] * t)
+            own[k] = weights[k] / (1.0 + (r / (1.5 * spread)) ** 2)
+            a00 += own[k] * (1.0 - t) ** 2
+            a01 += own[k] * (1.0 - t) * t
+            a11 += own[k] * t * t
+            b0 += own[k] * (1.0 - t) * r
+            b1 += own[k] * t * r
+        determinant = a00 * a11 - a01 * a01
+        if used < 6 or determinant < 1e-9:
+            return -1.0
+        ends[0] += (a11 * b0 - a01 * b1) / determinant
+        ends[1] += (a00 * b1 - a01 * b0) / determinant
+        square, total = 0.0, 0.0
+        for k in range(n):
+            if weights[k] > 0.0:
+                t = (k + 0.5) / n
+                r = offsets[k] - (ends[0] * (1.0 - t) + ends[1] * t)
+                square += own[k] * r * r
+                total += own[k]
+        spread = max(np.sqrt(square / total), 0.1)
+        covariance[0, 0], covariance[1, 1] = a11 / determinant, a00 / determinant
+        covariance[0, 1] = covariance[1, 0] = -a01 / determinant
+    return spread

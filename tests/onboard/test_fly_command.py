@@ -1,0 +1,141 @@
+"""`groundstation onboard render` and `onboard fly` as a user meets them."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from groundstation.cli import main
+from groundstation.errors import InputError
+from groundstation.onboard.approach.ground_track import GroundTrackError, read_ground_track
+from groundstation.onboard.approach.track_file import PICTURE_COLUMNS, TRACK_COLUMNS
+from groundstation.simulation import flight_model
+from tests.complaints import complaint
+
+FRAMES = 12
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("flight")
+    assert main(["onboard", "render", "--out", str(folder), "--frames", str(FRAMES), "--seed", "2"]) == 0
+    return folder
+
+
+def run(flight: Path, out: Path, *options: str, imu: Path | None = None) -> int:
+    camera, log = flight / "nose.toml", imu or flight / "imu.csv"
+    call = ["onboard", "fly", str(flight / "nose.avi"), "--camera", str(camera), "--imu", str(log), "--out", str(out)]
+    return main([*call, *options])
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_rendered_flight_is_followed(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert {p.name for p in flight.iterdir()} == {"nose.avi", "nose.toml", "imu.csv", "truth.csv"}
+    assert run(flight, tmp_path / "out") == 0
+    said = capsys.readouterr().out
+    assert f"{FRAMES} pictures: " in said
+    names = {"track.csv", "track.tum", "pictures.csv", "fly.mp4", "fly.rrd"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} == names
+    track, truth = rows(tmp_path / "out" / "track.csv"), rows(flight / "truth.csv")
+    assert tuple(track[0]) == TRACK_COLUMNS
+    assert tuple(rows(tmp_path / "out" / "pictures.csv")[0]) == PICTURE_COLUMNS
+    known = [(a, b) for a, b in zip(track, truth, strict=True) if a["status"] == "aided"]
+    assert len(known) >= 4
+    for a, b in known:
+        for axis, cov in zip("xyz", ("cov_xx_m2", "cov_yy_m2", "cov_zz_m2"), strict=True):
+            assert abs(float(a[f"{axis}_m"]) - float(b[f"{axis}_m"])) < 4.0 * float(a[cov]) ** 0.5
+        assert abs(float(a["roll_deg"]) - float(b["roll_deg"])) < 2.0
+        assert abs(float(a["yaw_deg"]) - float(b["yaw_deg"])) < 2.0
+    assert len((tmp_path / "out" / "track.tum").read_text().split()) == 8 * len(known)
+
+
+def test_a_ground_track_is_compared(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: the truth in the ground's own frame agrees; 40 m aside does not, which is exit code 1."""
+    truth = rows(flight / "truth.csv")
+    for aside, code, words in ((0.0, 0, "ground track: agrees"), (40.0, 1, "ground track: does not agree")):
+        lines = [f"{r['t_s']} {float(r['x_m']) + 3 + aside} {float(r['y_m']) - 9} {r['z_m']} 0 0 0 1" for r in truth]
+        (tmp_path / "ground.tum").write_text("# t x y z\n" + "\n".join(lines) + "\n")
+        track = ["--ground-track", str(tmp_path / "ground.tum"), "--threshold-m", "3,-9,0", "--no-rerun"]
+        assert run(flight, tmp_path / "out", *track) == code
+        assert words in capsys.readouterr().out
+        assert len(rows(tmp_path / "out" / "agreement.csv")) >= 4
+
+
+def test_bad_input_is_one_line(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    short = tmp_path / "imu.csv"
+    short.write_text("t_s,force_x_m_s2\n0,1\n")
+    out = tmp_path / "out"
+    cases = (
+        (lambda: run(flight, out, imu=short), "a column force_y_m_s2"),
+        (lambda: run(flight, out, imu=tmp_path / "none.csv"), "no such file"),
+        (lambda: run(flight, out, "--ground-track", str(tmp_path / "no.tum")), "no such file"),
+        (lambda: run(flight, out, "--runway", "LFRS_03"), "--runways FILE and --runway"),
+    )
+    for call, words in cases:
+        assert call() == 1
+        said = capsys.readouterr().err
+        assert words in said
+        assert said.count("\n") == 1
+    plain = tmp_path / "plain.csv"
+    head = "t_s,force_x_m_s2,force_y_m_s2,force_z_m_s2,rate_x_deg_s,rate_y_deg_s,rate_z_deg_s\n"
+    plain.write_text(head + "0,0,0,-9.8,0,0,0\n1,0,0,-9.8,0,0,0\n")
+    assert run(flight, out, imu=plain) == 1
+    assert "a [start] table" in capsys.readouterr().err
+    plain.write_text(head + "1,0,0,-9.8,0,0,0\n1,0,0,-9.8,0,0,0\n")
+    assert run(flight, out, imu=plain) == 1
+    assert "growing times" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        run(flight, out, "--threshold-m", "1,2")
+    assert ended.value.code == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("g.tum", "0 1 2 3\n", "t x y z qx qy qz qw"),
+        ("g.tum", "0 1 2 nan 0 0 0 1\n", "line 1"),
+        ("g.tum", "1 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 1\n", "do not grow"),
+        ("g.csv", "t_s,x_m\n0,1\n", "a column y_m"),
+    ],
+)
+def test_a_bad_ground_track_says_what_is_wrong(tmp_path: Path, name: str, text: str, words: str) -> None:
+    (tmp_path / name).write_text(text)
+    assert words in complaint(InputError, lambda: read_ground_track(tmp_path / name, np.zeros(3), 1.0))
+    with pytest.raises(GroundTrackError):
+        read_ground_track(tmp_path / "none.csv", np.zeros(3), 1.0)
+
+
+def test_a_replays_track_brings_its_covariance(tmp_path: Path) -> None:
+    columns = "t_s,x_m,y_m,z_m,cov_xx_m2,cov_xy_m2,cov_xz_m2,cov_yy_m2,cov_yz_m2,cov_zz_m2"
+    body = "0,,,,,,,,,\n1,1,2,3,4,1,0,5,0,6\n2,1,2,3,4,1,0,5,0,6\n"
+    (tmp_path / "track.csv").write_text(columns + "\n" + body)
+    found = read_ground_track(tmp_path / "track.csv", np.array([1.0, 0.0, 0.0]), 9.0)
+    np.testing.assert_array_equal(found.t_s, [1.0, 2.0])
+    np.testing.assert_array_equal(found.position_m[0], [0.0, 2.0, 3.0])
+    np.testing.assert_array_equal(found.covariance_m2[0], [[4, 1, 0], [1, 5, 0], [0, 0, 6]])
+
+
+def test_without_jsbsim_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def none(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(flight_model, "import_module", none)
+    assert main(["onboard", "render", "--out", str(tmp_path), "--motion", "jsbsim", "--frames", "2"]) == 1
+    assert "pip install 'groundstation[jsbsim]'" in capsys.readouterr().err
+    assert main(["simulate", "--out", str(tmp_path / "s"), "--aircraft", "jsbsim", "--duration", "0.3"]) == 1
+    assert "pip install 'groundstation[jsbsim]'" in capsys.readouterr().err
+
+
+def test_the_same_seed_gives_the_same_flight(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        call = ["onboard", "render", "--out", str(tmp_path / name), "--frames", "2", "--scene", "night"]
+        assert main([*call, "--motion", "jsbsim"]) == 0
+    for name in ("imu.csv", "truth.csv", "nose.avi"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
