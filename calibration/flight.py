@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import least_squares
 
+from calibration.flight_paths import PathPart, PathResiduals, path_parts
 from calibration.flight_problem import FlightProblem, left_jacobian
-from calibration.flight_whitening import JointResiduals
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
 
@@ -130,13 +130,14 @@ def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> Fli
     """Find the parameters from a start (p,), zero by default; raises `FlightFitError` where looks are too few."""
     change = np.zeros(len(problem.names)) if start is None else start.copy()
     factors = dict.fromkeys(problem.looks, 1.0)
+    parts = path_parts(problem)
     for round_ in range(_ROBUST_ROUNDS + _FINAL_ROUNDS):
         robust = round_ < _ROBUST_ROUNDS
         fits = {name: _station_fit(problem, name, change, factors[name], gross=not robust) for name in problem.looks}
         _require_enough(problem, fits)
         # the scale follows the residuals down from a start that may be far off
         factors = {name: fit.noise_factor for name, fit in fits.items()}
-        weighted = _weighted(problem, change, fits) if robust else _joint(problem, change, fits)
+        weighted = _weighted(problem, change, fits) if robust else _joint(problem, change, fits, parts)
         found = least_squares(
             weighted.residual,
             change,
@@ -149,7 +150,7 @@ def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> Fli
         change = np.asarray(found.x, dtype=np.float64)
     fits = {name: _station_fit(problem, name, change, factors[name], gross=True) for name in problem.looks}
     _require_enough(problem, fits)
-    return _with_covariance(problem, change, fits)
+    return _with_covariance(_joint(problem, change, fits, parts), change, fits)
 
 
 def _scale(name: str) -> float:
@@ -182,9 +183,11 @@ def _weighted(problem: FlightProblem, change: FloatArray, fits: Mapping[str, Sta
     return _Weighted(problem=problem, whitening=whitening, kept={name: fit.kept for name, fit in fits.items()})
 
 
-def _joint(problem: FlightProblem, change: FloatArray, fits: Mapping[str, StationFit]) -> JointResiduals:
+def _joint(
+    problem: FlightProblem, change: FloatArray, fits: Mapping[str, StationFit], parts: tuple[PathPart, ...]
+) -> PathResiduals:
     factors = {name: fit.noise_factor for name, fit in fits.items()}
-    return JointResiduals(problem, factors, {name: fit.kept for name, fit in fits.items()}, change)
+    return PathResiduals(problem, factors, {name: fit.kept for name, fit in fits.items()}, change, parts)
 
 
 def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> None:
@@ -195,19 +198,20 @@ def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> N
             raise FlightFitError(f"station {name}: got {got}; wanted at least {LEAST_LOOKS}")
 
 
-def _with_covariance(problem: FlightProblem, change: FloatArray, fits: Mapping[str, StationFit]) -> FlightFit:
+def _with_covariance(joint: PathResiduals, change: FloatArray, fits: Mapping[str, StationFit]) -> FlightFit:
     """Return the fit with (JᵀWJ)⁻¹, raised by the reduced chi-square and by what lasts."""
-    weighted = _joint(problem, change, fits)
-    residual, jacobian = weighted.residual(change), weighted.jacobian(change)
+    problem = joint.problem
+    residual, jacobian = joint.residual(change), joint.jacobian(change)
     information = jacobian.T @ jacobian
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     unit = information / np.outer(scale, scale)
     condition = float(np.linalg.cond(unit))
     covariance = np.linalg.pinv(unit, rcond=1e-14, hermitian=True) / np.outer(scale, scale)
     count = 2 * sum(int(fit.kept.sum()) for fit in fits.values())
-    chi_square = float((residual[:count] ** 2).sum()) / max(count - len(change), 1)
+    # what the pixels add to that which fixes and readings leave over by themselves
+    chi_square = (float(residual @ residual) - joint.base) / max(count - len(change), 1)
     covariance = covariance * max(1.0, chi_square)
-    lasting = _lasting_factor(weighted.t_s, residual[:count], jacobian[:count], covariance)
+    lasting = _lasting_factor(*joint.scores(change), covariance)
     covariance = covariance * np.outer(lasting, lasting)
     turned = np.eye(len(change))
     for name in problem.looks:
@@ -227,11 +231,11 @@ def _with_covariance(problem: FlightProblem, change: FloatArray, fits: Mapping[s
     )
 
 
-def _lasting_factor(t: FloatArray, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+def _lasting_factor(t: FloatArray, of_looks: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return by how much (p,) errors that last raise each sigma: the sandwich over blocks of time, never below 1.
 
-    Pixels of one block, of all stations, count as one observation: steps of an encoder, the reference's own
-    wandering and a biased target point do not average out within it.
+    Looks (n, p) of one block, of all stations, count as one observation: steps of an encoder and a biased target
+    point do not average out within it.
     """
     block = np.floor((t - t.min()) / _BLOCK_S).astype(np.int64)
     _, block = np.unique(block, return_inverse=True)
@@ -240,7 +244,7 @@ def _lasting_factor(t: FloatArray, residual: FloatArray, jacobian: FloatArray, c
     if blocks < max(_LEAST_BLOCKS, p // 2):
         return np.ones(p)
     scores = np.zeros((blocks, p))
-    np.add.at(scores, np.repeat(block, 2), jacobian * residual[:, None])
+    np.add.at(scores, block, of_looks)
     meat = scores.T @ scores * blocks / max(blocks - 1, 1)
     sandwich = covariance @ meat @ covariance
     return np.asarray(np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(covariance), 1e-300), 1.0)))

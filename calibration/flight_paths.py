@@ -1,0 +1,229 @@
+"""Residuals of a flight in which the paths of the aircraft and of the heads are unknown, too (docs/derivation.md, 16).
+
+What is known of a path are its noisy samples (fixes, readings) and that it is smooth; the pixels tell of it as well. For
+each change of the calibration the paths that fit best are found on the way (variable projection), so that neither the
+fixes' nor the encoders' noise passes for motion, and what frames and stations share of it is counted once:
+
+    r = (W (h(c, θ) − z), (B θ − y) / σ, D θ / s),    θ(c) = argmin |r|²,    dr/dc = (I − A A⁺) J_c   (Kaufman 1975)
+
+with A the derivative by the paths' coefficients θ. Its information is that of the pixels with all paths integrated out.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.sparse import block_diag, csr_matrix, vstack
+from scipy.sparse.linalg import SuperLU, splu
+
+from calibration.flight_problem import AngleCurve, FlightProblem, Predicted
+from calibration.smooth_path import PathBasis, Smoothness, find_smoothness, path_basis
+from groundstation.arrays import FloatArray, MaskArray
+
+# knots of a head stand so many readings apart
+_READINGS_EACH_KNOT = 2.0
+_ROUNDS = 2
+# heads in mrad beside metres: both then are numbers of one size
+_MILLI = 1e3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PathPart:
+    """One stretch of one path with d axes: the antenna's (``station`` None, m) or a head's (rad, in mrad inside).
+
+    ``t_s`` (n,), ``samples`` (n, d), ``sigma`` (n, d); ``first`` is where its d · K coefficients begin, axis by axis.
+    """
+
+    station: str | None
+    basis: PathBasis
+    t_s: FloatArray
+    samples: FloatArray
+    sigma: FloatArray
+    smoothness: tuple[Smoothness, ...]
+    first: int
+
+    @property
+    def size(self) -> int:
+        """d · K."""
+        return self.basis.count * self.samples.shape[1]
+
+    def known(self) -> tuple[csr_matrix, FloatArray]:
+        """Return design and data of samples and smoothness, in sigmas."""
+        design, differences = self.basis.at(self.t_s), self.basis.differences
+        rows, data = [], []
+        for axis, smooth in enumerate(self.smoothness):
+            weight = 1.0 / (self.sigma[:, axis] * smooth.noise_factor)
+            rows.append(vstack([design.multiply(weight[:, None]), differences / smooth.third_difference]))
+            data += [self.samples[:, axis] * weight, np.zeros(differences.shape[0])]
+        return block_diag(rows, format="csr"), np.concatenate(data)
+
+    def coefficients(self, theta: FloatArray) -> FloatArray:
+        """Return (d, K) of all coefficients."""
+        return theta[self.first : self.first + self.size].reshape(-1, self.basis.count)
+
+
+def path_parts(problem: FlightProblem) -> tuple[PathPart, ...]:
+    """Return the paths of a flight: of the antenna between gaps of the fixes, of each head where it has a curve."""
+    parts: list[PathPart] = []
+
+    def add(station: str | None, t: FloatArray, samples: FloatArray, sigma: FloatArray, step_s: float) -> None:
+        basis = path_basis(float(t[0]), float(t[-1]), step_s)
+        found = tuple(find_smoothness(basis, t, s, w) for s, w in zip(samples.T, sigma.T, strict=True))
+        first = parts[-1].first + parts[-1].size if parts else 0
+        parts.append(
+            PathPart(
+                station=station, basis=basis, t_s=t, samples=samples, sigma=sigma, smoothness=found, first=first
+            )
+        )
+
+    for fixes in problem.track.stretches:
+        add(None, fixes.t_s, fixes.position_m, fixes.sigma_m, problem.track.step_s)
+    for name, looks in problem.looks.items():
+        sigma = problem.stations[name].angle_sigma_rad
+        for curve in looks.curves if sigma > 0 else ():
+            inside = (looks.readings_s >= curve.from_s) & (looks.readings_s <= curve.to_s)
+            t, angles = looks.readings_s[inside], looks.readings_rad[inside]
+            step = _READINGS_EACH_KNOT * float(np.median(np.diff(t)))
+            add(name, t, _MILLI * angles, np.full(angles.shape, _MILLI * sigma), step)
+    return tuple(parts)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Linear:
+    """Pixels at one point: predictions, whitened residuals (2n,), their derivatives by coefficients (2n, K) and change."""
+
+    predicted: dict[str, Predicted]
+    residual: FloatArray
+    by_path: csr_matrix
+    by_change: FloatArray
+
+
+@dataclass(slots=True, eq=False)
+class PathResiduals:
+    """Residuals in sigmas and their derivatives by a change (p,) of the calibration, the paths found on the way.
+
+    ``factors`` are the pixels' noise found over assumed and ``kept`` the looks, by station; ``at`` is the change at which
+    the pixels' weights are taken. Rows: pixels in the order of stations, then what is known of the paths, then the priors.
+    """
+
+    problem: FlightProblem
+    factors: Mapping[str, float]
+    kept: Mapping[str, MaskArray]
+    at: FloatArray
+    parts: tuple[PathPart, ...] = ()
+    _known: csr_matrix = None
+    _data: FloatArray = field(default_factory=lambda: np.zeros(0))
+    _normal: csr_matrix = None
+    _alone: FloatArray = field(default_factory=lambda: np.zeros(0))
+    _white: dict[str, FloatArray] = field(default_factory=dict)
+    _done: bytes = b""
+    _theta: FloatArray = field(default_factory=lambda: np.zeros(0))
+    _linear: _Linear = None
+    _root: SuperLU = None
+
+    def __post_init__(self) -> None:
+        self.parts = self.parts or path_parts(self.problem)
+        pieces = [part.known() for part in self.parts]
+        self._known = block_diag([design for design, _ in pieces], format="csr")
+        self._data = np.concatenate([data for _, data in pieces])
+        self._normal = (self._known.T @ self._known).tocsc()
+        self._alone = np.asarray(splu(self._normal).solve(self._known.T @ self._data))
+        along = self._along(self._alone)
+        for name in along.looks:
+            own = along.predict(name, self.at).own_px2[self.kept[name]] * self.factors[name] ** 2
+            self._white[name] = np.linalg.inv(np.linalg.cholesky(own))
+
+    @property
+    def base(self) -> float:
+        """What fixes, readings and smoothness leave over without the pixels, in squared sigmas."""
+        return float(np.sum((self._known @ self._alone - self._data) ** 2))
+
+    def residual(self, change: FloatArray) -> FloatArray:
+        """Return all residuals."""
+        self._solve(change)
+        known = np.isfinite(self.problem.prior_sigma)
+        paths = self._known @ self._theta - self._data
+        return np.concatenate([self._linear.residual, paths, (change / self.problem.prior_sigma)[known]])
+
+    def jacobian(self, change: FloatArray) -> FloatArray:
+        """Return their derivatives (n, p) with the paths following."""
+        self._solve(change)
+        moved = self._root.solve(np.asarray(self._linear.by_path.T @ self._linear.by_change))
+        prior = np.diag(1.0 / self.problem.prior_sigma)[np.isfinite(self.problem.prior_sigma)]
+        pixels = self._linear.by_change - self._linear.by_path @ moved
+        return np.vstack([pixels, -(self._known @ moved), prior])
+
+    def scores(self, change: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return each look's time (n,) and what it has to say against a solution (n, p): its part of the gradient."""
+        self._solve(change)
+        of_looks = (self._linear.by_change * self._linear.residual[:, None]).reshape(-1, 2, len(change)).sum(axis=1)
+        times = [seen.reference_s[self.kept[name]] for name, seen in self._linear.predicted.items()]
+        return np.concatenate(times), of_looks
+
+    def _along(self, theta: FloatArray) -> FlightProblem:
+        """Return the problem with the paths of these coefficients."""
+        tracks, curves = [], {name: [] for name in self.problem.looks}
+        for part in self.parts:
+            found = [part.basis.spline(c) for c in part.coefficients(theta)]
+            if part.station is None:
+                tracks.append(found)
+            else:
+                pan, tilt = (part.basis.spline(c / _MILLI) for c in part.coefficients(theta))
+                curves[part.station].append(
+                    AngleCurve(from_s=part.basis.from_s, to_s=part.basis.to_s, axes=(pan, tilt))
+                )
+        looks = {name: replace(seen, curves=tuple(curves[name])) for name, seen in self.problem.looks.items()}
+        return replace(self.problem, looks=looks, track=self.problem.track.along(tracks))
+
+    def _solve(self, change: FloatArray) -> None:
+        if change.tobytes() == self._done:
+            return
+        theta = self._alone
+        for _ in range(_ROUNDS):
+            linear = self._linearised(theta, change)
+            root = splu(self._normal + (linear.by_path.T @ linear.by_path).tocsc())
+            aim = linear.by_path.T @ (linear.by_path @ theta - linear.residual) + self._known.T @ self._data
+            theta = np.asarray(root.solve(aim))
+        self._linear = self._linearised(theta, change)
+        self._root = splu(self._normal + (self._linear.by_path.T @ self._linear.by_path).tocsc())
+        self._theta, self._done = theta, change.tobytes()
+
+    def _linearised(self, theta: FloatArray, change: FloatArray) -> _Linear:
+        along = self._along(theta)
+        predicted, residuals, by_path, by_change = {}, [], [], []
+        for name, looks in along.looks.items():
+            seen, kept = along.predict(name, change), self.kept[name]
+            predicted[name] = seen
+            # a look that lost its reference meanwhile pulls nowhere
+            white = self._white[name] * seen.usable[kept][:, None, None]
+            off = (seen.pixel_px - looks.pixel_px)[kept]
+            residuals.append(np.einsum("nij,nj->ni", white, off).ravel())
+            by_change.append((white @ seen.jacobian[kept]).reshape(-1, len(change)))
+            blocks = [self._by_part(part, name, seen, kept, white) for part in self.parts]
+            by_path.append(csr_matrix(_beside(blocks)))
+        return _Linear(
+            predicted=predicted,
+            residual=np.concatenate(residuals),
+            by_path=vstack(by_path, format="csr"),
+            by_change=np.concatenate(by_change),
+        )
+
+    def _by_part(
+        self, part: PathPart, name: str, seen: Predicted, kept: MaskArray, white: FloatArray
+    ) -> csr_matrix:
+        """Return the derivatives (2n, d · K) of a station's whitened pixels by one path's coefficients."""
+        axes = part.samples.shape[1]
+        if part.station is None:
+            times, by = seen.reference_s[kept], white @ seen.by_point_px_m[kept]
+        elif part.station == name:
+            times, by = seen.reading_s[kept], white @ seen.by_angle_px_rad[kept] / _MILLI
+        else:
+            return csr_matrix((2 * int(kept.sum()), part.size))
+        inside = (times >= part.basis.from_s) & (times <= part.basis.to_s)
+        basis = part.basis.at(times).multiply(inside[:, None]).tocsr()
+        doubled = basis[np.repeat(np.arange(len(times)), 2)]
+        return _beside([doubled.multiply(by[:, :, axis].reshape(-1, 1)).tocsr() for axis in range(axes)])
+
+
+def _beside(blocks: list[csr_matrix]) -> csr_matrix:
+    return csr_matrix(vstack([block.T for block in blocks]).T)

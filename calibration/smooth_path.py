@@ -1,0 +1,129 @@
+"""A path of which nothing is known but that it is smooth: splines whose third differences are small (docs/derivation.md, 16).
+
+A path is Σ c_k B_k(t), cubic B-splines on even knots. Its third differences c_{k+3} − 3c_{k+2} + 3c_{k+1} − c_k are taken
+to be white noise of s, which is a jerk that changes at random. How large s is, the samples tell: it maximises
+
+    −2 log p = Q/σ² + log|BᵀB + DᵀD σ²/s²| + (K − 3) log(s²/σ²),     Q what is left over, in both parts,
+
+the probability of the samples with all paths integrated out (Eilers and Marx 1996 for the splines). Cross-validation,
+which needs no σ, follows an encoder's steps where the head turns slowly.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.optimize import minimize_scalar
+from scipy.sparse import csr_matrix, diags
+
+from groundstation.arrays import FloatArray
+
+CUBIC = 3
+ORDER = 3
+# s over σ is sought between these
+_STIFF, _LOOSE = 1e-4, 1e2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PathBasis:
+    """B-splines on even knots from ``from_s`` to ``to_s``, some ``step_s`` apart; K of them."""
+
+    knots: FloatArray
+    from_s: float
+    to_s: float
+
+    @property
+    def count(self) -> int:
+        """K."""
+        return len(self.knots) - CUBIC - 1
+
+    @property
+    def differences(self) -> csr_matrix:
+        """D (K − 3, K): third differences of the coefficients."""
+        k = self.count
+        return diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(k - ORDER, k)).tocsr()
+
+    def at(self, t_s: FloatArray) -> csr_matrix:
+        """Return B (n, K) at instants (n,); those outside are taken to the nearest end."""
+        inside = np.clip(t_s, self.from_s, np.nextafter(self.to_s, self.from_s))
+        return BSpline.design_matrix(inside, self.knots, CUBIC).tocsr()
+
+    def spline(self, coefficients: FloatArray) -> BSpline:
+        """Return the path of coefficients (K,)."""
+        return BSpline(self.knots, coefficients, CUBIC)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Smoothness:
+    """``third_difference``: one sigma s of a path's third differences; ``noise_factor``: noise of its samples over that stated."""
+
+    third_difference: float
+    noise_factor: float
+
+
+def path_basis(from_s: float, to_s: float, step_s: float) -> PathBasis:
+    """Return splines over a stretch of time with knots no further apart than a step."""
+    intervals = max(int(np.ceil((to_s - from_s) / step_s - 1e-6)), ORDER + 1)
+    step = (to_s - from_s) / intervals
+    return PathBasis(knots=from_s + step * np.arange(-CUBIC, intervals + CUBIC + 1), from_s=from_s, to_s=to_s)
+
+
+def find_smoothness(basis: PathBasis, t_s: FloatArray, values: FloatArray, sigma: FloatArray) -> Smoothness:
+    """Return how smooth a path is that was sampled as ``values`` (n,) with noise ``sigma`` (n,).
+
+    The noise is taken as stated, or larger where the samples say so.
+    """
+    usual = float(np.sqrt(np.mean(sigma**2)))
+    evidence = _Evidence(basis, t_s, values - values.mean(), sigma / usual)
+    bounds = (np.log(_STIFF), np.log(_LOOSE))
+    free = minimize_scalar(lambda x: evidence.minus_two_log(float(np.exp(x)), None), bounds=bounds, method="bounded")
+    ratio = float(np.exp(free.x))
+    noise = evidence.noise(ratio)
+    if noise < usual:
+        stated = minimize_scalar(
+            lambda x: evidence.minus_two_log(float(np.exp(x)), usual), bounds=bounds, method="bounded"
+        )
+        ratio, noise = float(np.exp(stated.x)), usual
+    return Smoothness(third_difference=ratio * noise, noise_factor=noise / usual)
+
+
+class _Evidence:
+    """The probability of samples for a ratio s/σ, by banded Cholesky."""
+
+    def __init__(self, basis: PathBasis, t_s: FloatArray, values: FloatArray, relative: FloatArray) -> None:
+        design = diags(1.0 / relative) @ basis.at(t_s)
+        data = values / relative
+        differences = basis.differences
+        self._samples = len(t_s)
+        self._count = basis.count
+        self._normal = _bands(design.T @ design)
+        self._penalty = _bands(differences.T @ differences)
+        self._right = np.asarray(design.T @ data)
+        self._square = float(data @ data)
+
+    def _left_over(self, ratio: float) -> tuple[float, float]:
+        root = cholesky_banded(self._normal + self._penalty / ratio**2, lower=True)
+        found = cho_solve_banded((root, True), self._right)
+        return max(self._square - float(self._right @ found), 1e-300), 2.0 * float(np.sum(np.log(root[0])))
+
+    def minus_two_log(self, ratio: float, sigma: float | None) -> float:
+        """Return −2 log p, but for a constant; without a sigma, at the one that makes it least."""
+        square, determinant = self._left_over(ratio)
+        shape = determinant + 2.0 * (self._count - ORDER) * np.log(ratio)
+        if sigma is None:
+            return float((self._samples - ORDER) * np.log(square) + shape)
+        return float(square / sigma**2 + shape)
+
+    def noise(self, ratio: float) -> float:
+        """Return the sigma of the samples that makes −2 log p least."""
+        return float(np.sqrt(self._left_over(ratio)[0] / max(self._samples - ORDER, 1)))
+
+
+def _bands(matrix: csr_matrix) -> FloatArray:
+    """Return the lower bands (4, K) of a symmetric matrix of bandwidth 3."""
+    bands = np.zeros((CUBIC + 1, matrix.shape[0]))
+    for away in range(CUBIC + 1):
+        diagonal = matrix.diagonal(-away)
+        bands[away, : len(diagonal)] = diagonal
+    return bands
