@@ -1,10 +1,11 @@
 """Solving a flight: robustly, then without what is grossly off, with a covariance that allows for lasting errors."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 
 from calibration.flight_paths import PathPart, PathResiduals, path_parts
 from calibration.flight_problem import FlightProblem, left_jacobian
@@ -13,7 +14,7 @@ from groundstation.errors import GroundstationError
 
 LEAST_LOOKS = 20
 _ROBUST_ROUNDS = 4
-_FINAL_ROUNDS = 2
+_FINAL_ROUNDS = 3
 # soft-L1 bends here, in sigmas
 _BEND_SIGMA = 1.5
 # the length of a two-dimensional normal residual: its median, and what one in 25 000 exceeds
@@ -22,6 +23,8 @@ _GROSS_SIGMA = 4.5
 # errors that last are seen as blocks that do not average out
 _BLOCK_S = 1.0
 _LEAST_BLOCKS = 6
+# chance leaves less than this in so many cases
+_CHANCE = 0.95
 _SCALES = {
     "runway_from_base": 1e-3,
     "head_from_camera": 1e-3,
@@ -130,27 +133,41 @@ def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> Fli
     """Find the parameters from a start (p,), zero by default; raises `FlightFitError` where looks are too few."""
     change = np.zeros(len(problem.names)) if start is None else start.copy()
     factors = dict.fromkeys(problem.looks, 1.0)
-    parts = path_parts(problem)
-    for round_ in range(_ROBUST_ROUNDS + _FINAL_ROUNDS):
-        robust = round_ < _ROBUST_ROUNDS
-        fits = {name: _station_fit(problem, name, change, factors[name], gross=not robust) for name in problem.looks}
+    for _ in range(_ROBUST_ROUNDS):
+        fits = {name: _station_fit(problem, name, change, factors[name], gross=False) for name in problem.looks}
         _require_enough(problem, fits)
         # the scale follows the residuals down from a start that may be far off
         factors = {name: fit.noise_factor for name, fit in fits.items()}
-        weighted = _weighted(problem, change, fits) if robust else _joint(problem, change, fits, parts)
-        found = least_squares(
-            weighted.residual,
-            change,
-            jac=weighted.jacobian,
-            loss="soft_l1" if robust else "linear",
-            f_scale=_BEND_SIGMA,
-            x_scale=np.array([_scale(name) for name in problem.names]),
-            max_nfev=60 if robust else 12,
-        )
-        change = np.asarray(found.x, dtype=np.float64)
-    fits = {name: _station_fit(problem, name, change, factors[name], gross=True) for name in problem.looks}
-    _require_enough(problem, fits)
-    return _with_covariance(_joint(problem, change, fits, parts), change, fits)
+        change = _minimised(problem, _weighted(problem, change, fits), change, "soft_l1", 60)
+    parts = path_parts(problem)
+    for _ in range(_FINAL_ROUNDS):
+        fits = {name: _station_fit(problem, name, change, factors[name], gross=True) for name in problem.looks}
+        _require_enough(problem, fits)
+        joint = _joint(problem, change, fits, factors, parts)
+        change = _minimised(problem, joint, change, "linear", 12)
+        factors, parts = _noise(joint, change), joint.loosened(change)
+    fits = {name: replace(fit, noise_factor=factors[name]) for name, fit in fits.items()}
+    return _with_covariance(_joint(problem, change, fits, factors, parts), change, fits)
+
+
+def _minimised(
+    problem: FlightProblem, weighted: "_Weighted | PathResiduals", start: FloatArray, loss: str, most: int
+) -> FloatArray:
+    found = least_squares(
+        weighted.residual,
+        start,
+        jac=weighted.jacobian,
+        loss=loss,
+        f_scale=_BEND_SIGMA,
+        x_scale=np.array([_scale(name) for name in problem.names]),
+        max_nfev=most,
+    )
+    return np.asarray(found.x, dtype=np.float64)
+
+
+def _noise(joint: PathResiduals, change: FloatArray) -> dict[str, float]:
+    given = {name: looks.sigma_given for name, looks in joint.problem.looks.items()}
+    return {name: max(found, 1.0 if given[name] else 1e-6) for name, found in joint.noise(change).items()}
 
 
 def _scale(name: str) -> float:
@@ -184,9 +201,12 @@ def _weighted(problem: FlightProblem, change: FloatArray, fits: Mapping[str, Sta
 
 
 def _joint(
-    problem: FlightProblem, change: FloatArray, fits: Mapping[str, StationFit], parts: tuple[PathPart, ...]
+    problem: FlightProblem,
+    change: FloatArray,
+    fits: Mapping[str, StationFit],
+    factors: Mapping[str, float],
+    parts: tuple[PathPart, ...],
 ) -> PathResiduals:
-    factors = {name: fit.noise_factor for name, fit in fits.items()}
     return PathResiduals(problem, factors, {name: fit.kept for name, fit in fits.items()}, change, parts)
 
 
@@ -207,11 +227,11 @@ def _with_covariance(joint: PathResiduals, change: FloatArray, fits: Mapping[str
     unit = information / np.outer(scale, scale)
     condition = float(np.linalg.cond(unit))
     covariance = np.linalg.pinv(unit, rcond=1e-14, hermitian=True) / np.outer(scale, scale)
+    lasting = _lasting_factor(joint, change, covariance)
     count = 2 * sum(int(fit.kept.sum()) for fit in fits.values())
     # what the pixels add to that which fixes and readings leave over by themselves
     chi_square = (float(residual @ residual) - joint.base) / max(count - len(change), 1)
     covariance = covariance * max(1.0, chi_square)
-    lasting = _lasting_factor(*joint.scores(change), covariance)
     covariance = covariance * np.outer(lasting, lasting)
     turned = np.eye(len(change))
     for name in problem.looks:
@@ -231,20 +251,20 @@ def _with_covariance(joint: PathResiduals, change: FloatArray, fits: Mapping[str
     )
 
 
-def _lasting_factor(t: FloatArray, of_looks: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return by how much (p,) errors that last raise each sigma: the sandwich over blocks of time, never below 1.
+def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return by how much (p,) errors that last raise each sigma: blocks of time against their expectation.
 
-    Looks (n, p) of one block, of all stations, count as one observation: steps of an encoder and a biased target
-    point do not average out within it.
+    Looks of one block, of all stations, count as one observation: steps of an encoder and a biased target point do
+    not average out within it. What chance makes of so few blocks raises nothing.
     """
-    block = np.floor((t - t.min()) / _BLOCK_S).astype(np.int64)
-    _, block = np.unique(block, return_inverse=True)
-    blocks = int(block.max()) + 1
     p = len(covariance)
-    if blocks < max(_LEAST_BLOCKS, p // 2):
+    blocks = joint.scores(change, covariance, _BLOCK_S)
+    if len(blocks.seen) < max(_LEAST_BLOCKS, p // 2):
         return np.ones(p)
-    scores = np.zeros((blocks, p))
-    np.add.at(scores, block, of_looks)
-    meat = scores.T @ scores * blocks / max(blocks - 1, 1)
-    sandwich = covariance @ meat @ covariance
-    return np.asarray(np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(covariance), 1e-300), 1.0)))
+    seen = (blocks.seen @ covariance) ** 2
+    expected = np.maximum(np.einsum("ki,nij,jk->nk", covariance, blocks.expected, covariance), 0.0)
+    total = np.maximum(expected.sum(axis=0), 1e-300)
+    ratio = seen.sum(axis=0) / total
+    # of a sum of squares of unequal size (Satterthwaite 1946)
+    freedom = total**2 / np.maximum((expected**2).sum(axis=0), 1e-300)
+    return np.asarray(np.where(ratio > chi2.ppf(_CHANCE, freedom) / freedom, np.sqrt(np.maximum(ratio, 1.0)), 1.0))

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix, vstack
+from scipy.sparse import block_diag, csr_matrix, diags, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
 from calibration.flight_problem import AngleCurve, FlightProblem, Predicted
@@ -23,6 +23,7 @@ from groundstation.arrays import FloatArray, MaskArray
 # knots of a head stand so many readings apart
 _READINGS_EACH_KNOT = 2.0
 _ROUNDS = 2
+_PROBES = 16
 # heads in mrad beside metres: both then are numbers of one size
 _MILLI = 1e3
 
@@ -53,7 +54,7 @@ class PathPart:
         rows, data = [], []
         for axis, smooth in enumerate(self.smoothness):
             weight = 1.0 / (self.sigma[:, axis] * smooth.noise_factor)
-            rows.append(vstack([design.multiply(weight[:, None]), differences / smooth.third_difference]))
+            rows.append(vstack([design.multiply(weight[:, None]), diags(1.0 / smooth.third_difference) @ differences]))
             data += [self.samples[:, axis] * weight, np.zeros(differences.shape[0])]
         return block_diag(rows, format="csr"), np.concatenate(data)
 
@@ -96,6 +97,14 @@ class _Linear:
     residual: FloatArray
     by_path: csr_matrix
     by_change: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BlockScores:
+    """Parts of the gradient by blocks of time, ``seen`` (n, p), and their covariance by noise alone, ``expected`` (n, p, p)."""
+
+    seen: FloatArray
+    expected: FloatArray
 
 
 @dataclass(slots=True, eq=False)
@@ -153,12 +162,63 @@ class PathResiduals:
         pixels = self._linear.by_change - self._linear.by_path @ moved
         return np.vstack([pixels, -(self._known @ moved), prior])
 
-    def scores(self, change: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return each look's time (n,) and what it has to say against a solution (n, p): its part of the gradient."""
+    def noise(self, change: FloatArray) -> dict[str, float]:
+        """Return each station's noise found over assumed: what is left over of its pixels, over what the paths leave."""
         self._solve(change)
-        of_looks = (self._linear.by_change * self._linear.residual[:, None]).reshape(-1, 2, len(change)).sum(axis=1)
-        times = [seen.reference_s[self.kept[name]] for name, seen in self._linear.predicted.items()]
-        return np.concatenate(times), of_looks
+        found, first = {}, 0
+        rng = np.random.default_rng(0)
+        for name, kept in self.kept.items():
+            rows = slice(first, first + 2 * int(kept.sum()))
+            first = rows.stop
+            residual, A = self._linear.residual[rows], self._linear.by_path[rows]
+            # the trace of A N⁻¹ Aᵀ (Hutchinson 1990)
+            signs = rng.choice([-1.0, 1.0], (len(residual), _PROBES))
+            through = np.asarray(A.T @ signs)
+            taken = float(np.sum(through * self._root.solve(through))) / _PROBES
+            free = max(len(residual) - taken, 0.1 * len(residual))
+            found[name] = self.factors[name] * float(np.sqrt(residual @ residual / free))
+        return found
+
+    def loosened(self, change: FloatArray) -> tuple[PathPart, ...]:
+        """Return the paths of the antenna set free where pixels and fixes together say that they break."""
+        self._solve(change)
+        parts = []
+        for part in self.parts:
+            smooth = list(part.smoothness)
+            if part.station is None:
+                for axis, own in enumerate(smooth):
+                    at = part.first + axis * part.basis.count
+                    theta = self._theta[at : at + part.basis.count]
+                    D = part.basis.differences
+                    columns = np.zeros((len(self._theta), D.shape[0]))
+                    columns[at : at + part.basis.count] = D.T.toarray()
+                    taken = np.sum(columns * self._root.solve(columns), axis=0)
+                    smooth[axis] = own.loosened(D @ theta, taken)
+            parts.append(replace(part, smoothness=tuple(smooth)))
+        return tuple(parts)
+
+    def scores(self, change: FloatArray, covariance: FloatArray, block_s: float) -> "BlockScores":
+        """Return what each block of time has to say against a solution, and what noise alone would.
+
+        The covariance (p, p) is that of a fit whose noise is as assumed. What a path takes up it takes up in its
+        neighbour, too: blocks go against each other, and only the expectation tells what is too much.
+        """
+        self._solve(change)
+        linear = self._linear
+        times = np.concatenate([seen.reference_s[self.kept[name]] for name, seen in linear.predicted.items()])
+        _, block = np.unique(np.floor((times - times.min()) / block_s), return_inverse=True)
+        block = np.repeat(block, 2)
+        count, p = int(block.max()) + 1, len(change)
+        projected = self.jacobian(change)[: len(linear.residual)]
+        seen, expected = np.zeros((count, p)), np.zeros((count, p, p))
+        for k in range(count):
+            own = np.flatnonzero(block == k)
+            J, A = linear.by_change[own], linear.by_path[own]
+            seen[k] = J.T @ linear.residual[own]
+            of_paths = np.asarray(A.T @ J)
+            cross = J.T @ projected[own]
+            expected[k] = J.T @ J - of_paths.T @ self._root.solve(of_paths) - cross @ covariance @ cross.T
+        return BlockScores(seen=seen, expected=expected)
 
     def _along(self, theta: FloatArray) -> FlightProblem:
         """Return the problem with the paths of these coefficients."""
