@@ -69,6 +69,7 @@ class FlightFit:
     reduced_chi_square : of the kept residuals by the assumed noise.
     lasting_factor : (p,) by how much errors that last have raised each sigma.
     condition : of the information, its parameters scaled to unit diagonal.
+    parts : the paths of aircraft and heads, with their smoothness.
     """
 
     problem: FlightProblem
@@ -78,6 +79,7 @@ class FlightFit:
     lasting_factor: FloatArray
     condition: float
     stations: Mapping[str, StationFit] = field(default_factory=dict)
+    parts: tuple[PathPart, ...] = ()
 
     @property
     def sigma(self) -> FloatArray:
@@ -248,6 +250,7 @@ def _with_covariance(joint: PathResiduals, change: FloatArray, fits: Mapping[str
         lasting_factor=lasting,
         condition=condition,
         stations=dict(fits),
+        parts=joint.parts,
     )
 
 

@@ -1,6 +1,6 @@
-"""Residuals of a flight in which the paths of the aircraft and of the heads are unknown, too (docs/derivation.md, 16).
+"""Residuals of a flight in which the paths of the aircraft and of the heads are unknown (docs/derivation.md, 16).
 
-What is known of a path are its noisy samples (fixes, readings) and that it is smooth; the pixels tell of it as well. For
+What is known of a path are its noisy samples (fixes, readings) and that it is smooth; the pixels tell of it, too. For
 each change of the calibration the paths that fit best are found on the way (variable projection), so that neither the
 fixes' nor the encoders' noise passes for motion, and what frames and stations share of it is counted once:
 
@@ -63,35 +63,67 @@ class PathPart:
         return theta[self.first : self.first + self.size].reshape(-1, self.basis.count)
 
 
-def path_parts(problem: FlightProblem) -> tuple[PathPart, ...]:
-    """Return the paths of a flight: of the antenna between gaps of the fixes, of each head where it has a curve."""
-    parts: list[PathPart] = []
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PathSamples:
+    """Samples of one stretch of a path, as in `PathPart`, and the time between knots."""
 
-    def add(station: str | None, t: FloatArray, samples: FloatArray, sigma: FloatArray, step_s: float) -> None:
-        basis = path_basis(float(t[0]), float(t[-1]), step_s)
-        found = tuple(find_smoothness(basis, t, s, w) for s, w in zip(samples.T, sigma.T, strict=True))
-        first = parts[-1].first + parts[-1].size if parts else 0
-        parts.append(
-            PathPart(
-                station=station, basis=basis, t_s=t, samples=samples, sigma=sigma, smoothness=found, first=first
-            )
-        )
+    station: str | None
+    t_s: FloatArray
+    samples: FloatArray
+    sigma: FloatArray
+    step_s: float
 
-    for fixes in problem.track.stretches:
-        add(None, fixes.t_s, fixes.position_m, fixes.sigma_m, problem.track.step_s)
+
+def path_samples(problem: FlightProblem) -> list[PathSamples]:
+    """Return what is known of the antenna between gaps of the fixes, and of each head where it has a curve."""
+    step_s = problem.track.step_s
+    found = [
+        PathSamples(station=None, t_s=fixes.t_s, samples=fixes.position_m, sigma=fixes.sigma_m, step_s=step_s)
+        for fixes in problem.track.stretches
+    ]
     for name, looks in problem.looks.items():
         sigma = problem.stations[name].angle_sigma_rad
         for curve in looks.curves if sigma > 0 else ():
             inside = (looks.readings_s >= curve.from_s) & (looks.readings_s <= curve.to_s)
             t, angles = looks.readings_s[inside], looks.readings_rad[inside]
-            step = _READINGS_EACH_KNOT * float(np.median(np.diff(t)))
-            add(name, t, _MILLI * angles, np.full(angles.shape, _MILLI * sigma), step)
+            found.append(
+                PathSamples(
+                    station=name,
+                    t_s=t,
+                    samples=_MILLI * angles,
+                    sigma=np.full(angles.shape, _MILLI * sigma),
+                    step_s=_READINGS_EACH_KNOT * float(np.median(np.diff(t))),
+                )
+            )
+    return found
+
+
+def path_parts(problem: FlightProblem) -> tuple[PathPart, ...]:
+    """Return the paths of a flight, each as smooth as its samples say."""
+    parts: list[PathPart] = []
+    first = 0
+    for own in path_samples(problem):
+        t = own.t_s
+        basis = path_basis(float(t[0]), float(t[-1]), own.step_s)
+        axes = zip(own.samples.T, own.sigma.T, strict=True)
+        parts.append(
+            PathPart(
+                station=own.station,
+                basis=basis,
+                t_s=t,
+                samples=own.samples,
+                sigma=own.sigma,
+                smoothness=tuple(find_smoothness(basis, t, samples, sigma) for samples, sigma in axes),
+                first=first,
+            )
+        )
+        first += parts[-1].size
     return tuple(parts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Linear:
-    """Pixels at one point: predictions, whitened residuals (2n,), their derivatives by coefficients (2n, K) and change."""
+    """Pixels at one point: predictions, whitened residuals (2n,), derivatives by coefficients (2n, K) and change."""
 
     predicted: dict[str, Predicted]
     residual: FloatArray
@@ -101,7 +133,7 @@ class _Linear:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BlockScores:
-    """Parts of the gradient by blocks of time, ``seen`` (n, p), and their covariance by noise alone, ``expected`` (n, p, p)."""
+    """Parts of the gradient by blocks of time (n, p), and their covariance by noise alone (n, p, p)."""
 
     seen: FloatArray
     expected: FloatArray
@@ -111,8 +143,8 @@ class BlockScores:
 class PathResiduals:
     """Residuals in sigmas and their derivatives by a change (p,) of the calibration, the paths found on the way.
 
-    ``factors`` are the pixels' noise found over assumed and ``kept`` the looks, by station; ``at`` is the change at which
-    the pixels' weights are taken. Rows: pixels in the order of stations, then what is known of the paths, then the priors.
+    ``factors`` are the pixels' noise found over assumed and ``kept`` the looks, by station; ``at`` is the change at
+    which the pixels' weights are taken. Rows: pixels by station, then what is known of the paths, then the priors.
     """
 
     problem: FlightProblem
@@ -163,7 +195,7 @@ class PathResiduals:
         return np.vstack([pixels, -(self._known @ moved), prior])
 
     def noise(self, change: FloatArray) -> dict[str, float]:
-        """Return each station's noise found over assumed: what is left over of its pixels, over what the paths leave."""
+        """Return each station's noise found over assumed: what its pixels leave over, and may."""
         self._solve(change)
         found, first = {}, 0
         rng = np.random.default_rng(0)
@@ -268,9 +300,7 @@ class PathResiduals:
             by_change=np.concatenate(by_change),
         )
 
-    def _by_part(
-        self, part: PathPart, name: str, seen: Predicted, kept: MaskArray, white: FloatArray
-    ) -> csr_matrix:
+    def _by_part(self, part: PathPart, name: str, seen: Predicted, kept: MaskArray, white: FloatArray) -> csr_matrix:
         """Return the derivatives (2n, d · K) of a station's whitened pixels by one path's coefficients."""
         axes = part.samples.shape[1]
         if part.station is None:

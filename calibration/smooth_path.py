@@ -1,7 +1,7 @@
-"""A path of which nothing is known but that it is smooth: splines whose third differences are small (docs/derivation.md, 16).
+"""A path of which nothing is known but that it is smooth: splines of small third differences (docs/derivation.md, 16).
 
-A path is Σ c_k B_k(t), cubic B-splines on even knots. Its third differences c_{k+3} − 3c_{k+2} + 3c_{k+1} − c_k are taken
-to be white noise of s, which is a jerk that changes at random. How large s is, the samples tell: it maximises
+A path is Σ c_k B_k(t), cubic B-splines on even knots. Its third differences c_{k+3} − 3c_{k+2} + 3c_{k+1} − c_k are
+taken to be white noise of s, which is a jerk that changes at random. How large s is, the samples tell: it maximises
 
     −2 log p = Q/σ² + log|BᵀB + DᵀD σ²/s²| + (K − 3) log(s²/σ²),     Q what is left over, in both parts,
 
