@@ -121,7 +121,10 @@ def bounds(rigs: int) -> None:
             sigma = np.degrees(np.sqrt(np.mean(variances, axis=0)))
             needed = 400 * (sigma / ASKED_DEG) ** 2
             where = "near the corners" if in_corners else "anywhere in the picture"
-            print(f"  tilts {tilts}, {where}: " + ", ".join(f"{s:.4f} ({n:.0f})" for s, n in zip(sigma, needed)))
+            print(
+                f"  tilts {tilts}, {where}: "
+                + ", ".join(f"{s:.4f} ({n:.0f})" for s, n in zip(sigma, needed, strict=True))
+            )
 
 
 def designed(rigs: int) -> None:

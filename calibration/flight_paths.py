@@ -24,6 +24,7 @@ from groundstation.arrays import FloatArray, MaskArray
 _READINGS_EACH_KNOT = 2.0
 _ROUNDS = 2
 _PROBES = 16
+_AT_ONCE = 200
 # heads in mrad beside metres: both then are numbers of one size
 _MILLI = 1e3
 
@@ -132,6 +133,15 @@ class _Linear:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Solved:
+    """The paths' coefficients at one change, pixels linearised there, and the factors of the normal matrix."""
+
+    theta: FloatArray
+    linear: _Linear
+    root: SuperLU
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BlockScores:
     """Parts of the gradient by blocks of time (n, p), and their covariance by noise alone (n, p, p)."""
 
@@ -158,9 +168,7 @@ class PathResiduals:
     _alone: FloatArray = field(default_factory=lambda: np.zeros(0))
     _white: dict[str, FloatArray] = field(default_factory=dict)
     _done: bytes = b""
-    _theta: FloatArray = field(default_factory=lambda: np.zeros(0))
-    _linear: _Linear = None
-    _root: SuperLU = None
+    _last: _Solved | None = None
 
     def __post_init__(self) -> None:
         self.parts = self.parts or path_parts(self.problem)
@@ -181,53 +189,53 @@ class PathResiduals:
 
     def residual(self, change: FloatArray) -> FloatArray:
         """Return all residuals."""
-        self._solve(change)
+        at = self._solve(change)
         known = np.isfinite(self.problem.prior_sigma)
-        paths = self._known @ self._theta - self._data
-        return np.concatenate([self._linear.residual, paths, (change / self.problem.prior_sigma)[known]])
+        paths = self._known @ at.theta - self._data
+        return np.concatenate([at.linear.residual, paths, (change / self.problem.prior_sigma)[known]])
 
     def jacobian(self, change: FloatArray) -> FloatArray:
         """Return their derivatives (n, p) with the paths following."""
-        self._solve(change)
-        moved = self._root.solve(np.asarray(self._linear.by_path.T @ self._linear.by_change))
+        at = self._solve(change)
+        linear = at.linear
+        moved = at.root.solve(np.asarray(linear.by_path.T @ linear.by_change))
         prior = np.diag(1.0 / self.problem.prior_sigma)[np.isfinite(self.problem.prior_sigma)]
-        pixels = self._linear.by_change - self._linear.by_path @ moved
+        pixels = linear.by_change - linear.by_path @ moved
         return np.vstack([pixels, -(self._known @ moved), prior])
 
     def noise(self, change: FloatArray) -> dict[str, float]:
         """Return each station's noise found over assumed: what its pixels leave over, and may."""
-        self._solve(change)
+        at = self._solve(change)
         found, first = {}, 0
         rng = np.random.default_rng(0)
         for name, kept in self.kept.items():
             rows = slice(first, first + 2 * int(kept.sum()))
             first = rows.stop
-            residual, A = self._linear.residual[rows], self._linear.by_path[rows]
+            residual, A = at.linear.residual[rows], at.linear.by_path[rows]
             # the trace of A N⁻¹ Aᵀ (Hutchinson 1990)
             signs = rng.choice([-1.0, 1.0], (len(residual), _PROBES))
             through = np.asarray(A.T @ signs)
-            taken = float(np.sum(through * self._root.solve(through))) / _PROBES
+            taken = float(np.sum(through * at.root.solve(through))) / _PROBES
             free = max(len(residual) - taken, 0.1 * len(residual))
             found[name] = self.factors[name] * float(np.sqrt(residual @ residual / free))
         return found
 
     def loosened(self, change: FloatArray) -> tuple[PathPart, ...]:
         """Return the paths of the antenna set free where pixels and fixes together say that they break."""
-        self._solve(change)
-        parts = []
-        for part in self.parts:
-            smooth = list(part.smoothness)
-            if part.station is None:
-                for axis, own in enumerate(smooth):
-                    at = part.first + axis * part.basis.count
-                    theta = self._theta[at : at + part.basis.count]
-                    D = part.basis.differences
-                    columns = np.zeros((len(self._theta), D.shape[0]))
-                    columns[at : at + part.basis.count] = D.T.toarray()
-                    taken = np.sum(columns * self._root.solve(columns), axis=0)
-                    smooth[axis] = own.loosened(D @ theta, taken)
-            parts.append(replace(part, smoothness=tuple(smooth)))
-        return tuple(parts)
+        at = self._solve(change)
+        return tuple(self._loosened(part, at) if part.station is None else part for part in self.parts)
+
+    def _loosened(self, part: PathPart, at: _Solved) -> PathPart:
+        D, smooth = part.basis.differences, list(part.smoothness)
+        for axis, coefficients in enumerate(part.coefficients(at.theta)):
+            first = part.first + axis * part.basis.count
+            taken = np.zeros(D.shape[0])
+            for k in range(0, len(taken), _AT_ONCE):
+                columns = np.zeros((len(at.theta), len(taken[k : k + _AT_ONCE])))
+                columns[first : first + part.basis.count] = D[k : k + _AT_ONCE].T.toarray()
+                taken[k : k + _AT_ONCE] = np.sum(columns * at.root.solve(columns), axis=0)
+            smooth[axis] = smooth[axis].loosened(D @ coefficients, taken)
+        return replace(part, smoothness=tuple(smooth))
 
     def scores(self, change: FloatArray, covariance: FloatArray, block_s: float) -> "BlockScores":
         """Return what each block of time has to say against a solution, and what noise alone would.
@@ -235,8 +243,8 @@ class PathResiduals:
         The covariance (p, p) is that of a fit whose noise is as assumed. What a path takes up it takes up in its
         neighbour, too: blocks go against each other, and only the expectation tells what is too much.
         """
-        self._solve(change)
-        linear = self._linear
+        at = self._solve(change)
+        linear = at.linear
         times = np.concatenate([seen.reference_s[self.kept[name]] for name, seen in linear.predicted.items()])
         _, block = np.unique(np.floor((times - times.min()) / block_s), return_inverse=True)
         block = np.repeat(block, 2)
@@ -249,12 +257,13 @@ class PathResiduals:
             seen[k] = J.T @ linear.residual[own]
             of_paths = np.asarray(A.T @ J)
             cross = J.T @ projected[own]
-            expected[k] = J.T @ J - of_paths.T @ self._root.solve(of_paths) - cross @ covariance @ cross.T
+            expected[k] = J.T @ J - of_paths.T @ at.root.solve(of_paths) - cross @ covariance @ cross.T
         return BlockScores(seen=seen, expected=expected)
 
     def _along(self, theta: FloatArray) -> FlightProblem:
         """Return the problem with the paths of these coefficients."""
-        tracks, curves = [], {name: [] for name in self.problem.looks}
+        tracks = []
+        curves: dict[str, list[AngleCurve]] = {name: [] for name in self.problem.looks}
         for part in self.parts:
             found = [part.basis.spline(c) for c in part.coefficients(theta)]
             if part.station is None:
@@ -267,18 +276,21 @@ class PathResiduals:
         looks = {name: replace(seen, curves=tuple(curves[name])) for name, seen in self.problem.looks.items()}
         return replace(self.problem, looks=looks, track=self.problem.track.along(tracks))
 
-    def _solve(self, change: FloatArray) -> None:
-        if change.tobytes() == self._done:
-            return
+    def _solve(self, change: FloatArray) -> _Solved:
+        if self._last is not None and change.tobytes() == self._done:
+            return self._last
         theta = self._alone
         for _ in range(_ROUNDS):
             linear = self._linearised(theta, change)
-            root = splu(self._normal + (linear.by_path.T @ linear.by_path).tocsc())
+            root = self._factors(linear)
             aim = linear.by_path.T @ (linear.by_path @ theta - linear.residual) + self._known.T @ self._data
             theta = np.asarray(root.solve(aim))
-        self._linear = self._linearised(theta, change)
-        self._root = splu(self._normal + (self._linear.by_path.T @ self._linear.by_path).tocsc())
-        self._theta, self._done = theta, change.tobytes()
+        linear = self._linearised(theta, change)
+        self._last, self._done = _Solved(theta=theta, linear=linear, root=self._factors(linear)), change.tobytes()
+        return self._last
+
+    def _factors(self, linear: _Linear) -> SuperLU:
+        return splu(self._normal + (linear.by_path.T @ linear.by_path).tocsc())
 
     def _linearised(self, theta: FloatArray, change: FloatArray) -> _Linear:
         along = self._along(theta)

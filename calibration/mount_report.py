@@ -197,8 +197,8 @@ def _boresight(fit: MountFit) -> list[str]:
         return [text]
     times = (sigma.max() / GOOD_BORESIGHT_DEG) ** 2
     return [
-        f"{text}; {GOOD_BORESIGHT_DEG} deg (for this camera on another base) takes {times:.0f} times as many sightings like"
-        " these, far fewer with marks near the picture's corners (y) and at tilts of 50 to 75 deg (z)"
+        f"{text}; {GOOD_BORESIGHT_DEG} deg (for this camera on another base) takes {times:.0f} times as many such"
+        " sightings, far fewer with marks near the picture's corners (y) and at tilts of 50 to 75 deg (z)"
     ]
 
 

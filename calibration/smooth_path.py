@@ -90,7 +90,8 @@ def path_basis(from_s: float, to_s: float, step_s: float) -> PathBasis:
     """Return splines over a stretch of time with knots no further apart than a step."""
     intervals = max(int(np.ceil((to_s - from_s) / step_s - 1e-6)), ORDER + 1)
     step = (to_s - from_s) / intervals
-    return PathBasis(knots=from_s + step * np.arange(-CUBIC, intervals + CUBIC + 1), from_s=from_s, to_s=to_s)
+    knots = np.asarray(from_s + step * np.arange(-CUBIC, intervals + CUBIC + 1), dtype=np.float64)
+    return PathBasis(knots=knots, from_s=from_s, to_s=to_s)
 
 
 def find_smoothness(basis: PathBasis, t_s: FloatArray, values: FloatArray, sigma: FloatArray) -> Smoothness:
