@@ -92,37 +92,42 @@ def evolve_full(
     return iterations
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def start(u: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return the level set after one unbounded data step from the contour of ``inside``.
 
     Inside counts what stands out there: c1 is the mean of its brighter half, c2 the mean outside.
     """
-    m_in, m_out, n_in, n_out = 0.0, 0.0, 0, 0
-    for i in range(u.shape[0]):
-        for j in range(u.shape[1]):
-            if inside[i, j]:
-                m_in += u[i, j]
-                n_in += 1
-            else:
-                m_out += u[i, j]
-                n_out += 1
-    mean_in, c2 = m_in / max(n_in, 1), m_out / max(n_out, 1)
-    m_high, n_high = 0.0, 0
-    for i in range(u.shape[0]):
-        for j in range(u.shape[1]):
-            if inside[i, j] and u[i, j] > mean_in:
-                m_high += u[i, j]
-                n_high += 1
+    n_in, m_in, n_all, m_all = _sums(u, inside, np.float32(-1))
+    mean_in, c2 = m_in / max(n_in, 1), (m_all - m_in) / max(n_all - n_in, 1)
+    n_high, m_high, _, _ = _sums(u, inside, np.float32(mean_in))
     # a contour that misses the target holds nothing but noise, and half of that stands out, too
     c1 = max(m_high / n_high, _LEAST_INSIDE) if n_high else 1.0
     phi = np.empty(u.shape, np.float32)
-    middle = 0.5 * (c1 + c2)
-    gain = 8.0 * PHI_LIMIT * (1.0 if c1 > c2 else 0.0)
+    middle = np.float32(0.5 * (c1 + c2))
+    gain, limit = np.float32(8.0 * PHI_LIMIT * (1.0 if c1 > c2 else 0.0)), np.float32(PHI_LIMIT)
     for i in range(u.shape[0]):
         for j in range(u.shape[1]):
-            phi[i, j] = min(max(gain * (u[i, j] - middle), -PHI_LIMIT), PHI_LIMIT)
+            phi[i, j] = min(max(gain * (u[i, j] - middle), -limit), limit)
     return phi
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _sums(u: NDArray[np.float32], inside: NDArray[np.bool_], above: np.float32) -> tuple[int, float, int, float]:
+    """Return the number and the sum of the pixels inside that are ``above`` a value, and of all."""
+    n, total, everything = 0, 0.0, 0.0
+    for i in range(u.shape[0]):
+        row_n, row_total, row_all = 0, np.float32(0), np.float32(0)
+        for j in range(u.shape[1]):
+            value = u[i, j]
+            counts = inside[i, j] & (value > above)
+            row_n += counts
+            row_total += value if counts else np.float32(0)
+            row_all += value
+        n += row_n
+        total += float(row_total)
+        everything += float(row_all)
+    return n, total, u.size, everything
 
 
 @njit(cache=True, nogil=True, inline="always", fastmath=True)
@@ -150,23 +155,51 @@ def limited_step(
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _may_move(u: NDArray[np.float32], phi: NDArray[np.float32], i: int, slope: np.float32, level: np.float32) -> bool:
-    """Return whether row i holds a pixel off its limit, unlike its neighbours or pushed away from its side.
+def _resting_rows(
+    u: NDArray[np.float32], phi: NDArray[np.float32], slope: np.float32, level: np.float32
+) -> NDArray[np.bool_]:
+    """Return the rows (h,) in which nothing can move.
 
-    A pixel at a limit among its like, pushed further into it, stays there: whole rows of them are passed by.
+    All of such a row is at one limit, as are the rows beside it, and pushed further into it.
     """
-    h, w = u.shape
-    below = min(i + 1, h - 1)
-    above = max(i - 1, 0)
+    h, w = phi.shape
+    uniform, up, down = np.empty(h, np.bool_), np.empty(h, np.bool_), np.empty(h, np.bool_)
+    for i in range(h):
+        # counted, since the compiler works on many pixels at a time in a sum, but not in a search for the least
+        other, pushed_up, first = np.int32(0), np.int32(0), phi[i, 0]
+        for j in range(w):
+            other += np.int32(phi[i, j] != first)
+            pushed_up += np.int32(slope * u[i, j] + level > np.float32(0))
+        uniform[i] = other == 0 and abs(first) >= np.float32(PHI_LIMIT)
+        up[i], down[i] = pushed_up == w, pushed_up == 0
+    resting = np.empty(h, np.bool_)
+    for i in range(h):
+        above, below, side = max(i - 1, 0), min(i + 1, h - 1), phi[i, 0]
+        alike = uniform[above] and uniform[i] and uniform[below] and phi[above, 0] == side and phi[below, 0] == side
+        resting[i] = alike and (up[i] if side > 0 else down[i])
+    return resting
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _may_move(
+    u: NDArray[np.float32],
+    phi: NDArray[np.float32],
+    i: int,
+    drive: tuple[np.float32, np.float32, np.float32],
+    found: NDArray[np.bool_],
+) -> None:
+    """Write which pixels of row i are off their limit, unlike a neighbour or pushed away from their side.
+
+    All others are at a limit among their like and pushed further into it. The row's two ends are left as they are.
+    """
+    bend, slope, level = drive
     limit = np.float32(PHI_LIMIT)
-    found = 0
-    for j in range(w):
-        value = phi[i, j]
-        found += (abs(value) < limit) | ((slope * u[i, j] + level > 0) != (value > 0))
-        found += (value != phi[below, j]) | (value != phi[above, j])
-    for j in range(w - 1):
-        found += phi[i, j] != phi[i, j + 1]
-    return found > 0
+    own, above, below = phi[i], phi[max(i - 1, 0)], phi[min(i + 1, phi.shape[0] - 1)]
+    for j in range(1, u.shape[1] - 1):
+        side, value = own[j], u[i, j]
+        push = (bend * value + slope) * value + level
+        alike = (own[j - 1] == side) & (own[j + 1] == side) & (above[j] == side) & (below[j] == side)
+        found[j] = not (alike & (abs(side) >= limit) & ((push > 0) == (side > 0)))
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -185,20 +218,19 @@ def _collect(
     bend, slope, level = drive
     mu, eps, dt = numerics
     count = 0
+    resting = _resting_rows(u, phi, slope, level) if bend == 0 else np.zeros(h, np.bool_)
+    may_move = np.ones(w, np.bool_)
     for i in range(h):
-        if bend == 0 and not _may_move(u, phi, i, slope, level):
+        if resting[i]:
             continue
-        above, below = max(i - 1, 0), min(i + 1, h - 1)
+        _may_move(u, phi, i, drive, may_move)
         for j in range(w):
-            value, side = u[i, j], phi[i, j]
-            push = (bend * value + slope) * value + level
-            if abs(side) >= np.float32(PHI_LIMIT) and (push > 0) == (side > 0):
-                among_its_like = phi[i, max(j - 1, 0)] == side and phi[i, min(j + 1, w - 1)] == side
-                if among_its_like and phi[above, j] == side and phi[below, j] == side:
-                    continue
-            if abs(limited_step(phi, i, j, push, mu, eps, dt) - phi[i, j]) > np.float32(AT_REST):
-                queue[count] = i * w + j
-                count += 1
+            if may_move[j]:
+                value = u[i, j]
+                push = (bend * value + slope) * value + level
+                if abs(limited_step(phi, i, j, push, mu, eps, dt) - phi[i, j]) > np.float32(AT_REST):
+                    queue[count] = i * w + j
+                    count += 1
     return count
 
 

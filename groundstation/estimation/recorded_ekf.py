@@ -155,8 +155,7 @@ class RecordedEkf(StationEkf):
         before_s, x, P = self.time_s, self.state, self.covariance
         super().predict_to(t_s)
         if before_s is not None and t_s > before_s:
-            F, _ = self.motion_over(t_s - before_s, self._bank.weights)
-            self._went(before_s, x, P, F)
+            self._went(before_s, x, P, self._motions[0].transition(t_s - before_s))
 
     def update_encoder(
         self, station: str, angles_rad: tuple[float, float], sigma_rad: float, clock_sigma_s: float, ahead_s: float

@@ -61,25 +61,30 @@ class Picture:
     draw: Callable[[Figure], None]
     height_in: float
 
-    def svg(self) -> str:
-        """Return the figure as an SVG element that says what it shows; the same each time."""
-        buffer = io.StringIO()
-        self._save(buffer, format="svg", metadata={"Date": None, "Creator": None})
-        text = buffer.getvalue()
-        label = escape(f"{self.title}. {self.alt}", quote=True)
-        return text[text.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
-
-    def png(self) -> bytes:
-        """Return the figure as a PNG file."""
-        buffer = io.BytesIO()
-        self._save(buffer, format="png", dpi=_PNG_DPI, metadata={"Software": None})
-        return buffer.getvalue()
-
-    def _save(self, buffer: io.StringIO | io.BytesIO, **options: Any) -> None:
+    def drawn(self) -> "Drawn":
+        """Draw it, once for both kinds of file; the same each time."""
         with mpl.rc_context(_STYLE):
             figure = Figure(figsize=(_WIDTH_IN, self.height_in), layout="constrained")
             self.draw(figure)
-            figure.savefig(buffer, **options)
+            # placing takes longer than drawing, and is the same for both
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")
+            text, pixels = io.StringIO(), io.BytesIO()
+            figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+            figure.savefig(pixels, format="png", dpi=_PNG_DPI, metadata={"Software": None})
+        svg = text.getvalue()
+        label = escape(f"{self.title}. {self.alt}", quote=True)
+        element = svg[svg.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
+        return Drawn(picture=self, svg=element, png=pixels.getvalue())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawn:
+    """A figure as an SVG element that says what it shows, and as a PNG file."""
+
+    picture: Picture
+    svg: str
+    png: bytes
 
 
 def stride(n: int) -> int:

@@ -9,7 +9,7 @@ from typing import Any
 from groundstation.errors import InputError
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation
-from groundstation.evaluation.figure_style import Picture
+from groundstation.evaluation.figure_style import Drawn
 from groundstation.evaluation.figures import pictures
 from groundstation.evaluation.page_tables import Column, page_table, plain
 from groundstation.evaluation.report_tables import accuracy_section, calibration_section, latency_section
@@ -61,16 +61,16 @@ def write_report(path: Path, evaluation: Evaluation, config: EvaluationConfig) -
 
     Raises `InputError` if a file can't be written. A run without pictures leaves no folder.
     """
-    shown = pictures(evaluation, config.range_bins_m)
+    shown = [picture.drawn() for picture in pictures(evaluation, config.range_bins_m)]
     folder = path.parent / FIGURES
     try:
         path.write_text(_page(evaluation, shown), encoding="utf-8")
         if not shown:
             return (path,)
         folder.mkdir(exist_ok=True)
-        for picture in shown:
-            (folder / f"{picture.name}.svg").write_text(_svg_file(picture), encoding="utf-8")
-            (folder / f"{picture.name}.png").write_bytes(picture.png())
+        for each in shown:
+            (folder / f"{each.picture.name}.svg").write_text(_svg_file(each), encoding="utf-8")
+            (folder / f"{each.picture.name}.png").write_bytes(each.png)
     except OSError as fault:
         raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
     return path, folder
@@ -78,14 +78,14 @@ def write_report(path: Path, evaluation: Evaluation, config: EvaluationConfig) -
 
 def report_page(evaluation: Evaluation, config: EvaluationConfig) -> str:
     """Return the whole page; it loads nothing from anywhere."""
-    return _page(evaluation, pictures(evaluation, config.range_bins_m))
+    return _page(evaluation, [picture.drawn() for picture in pictures(evaluation, config.range_bins_m)])
 
 
-def _svg_file(picture: Picture) -> str:
-    return f"<?xml version='1.0' encoding='utf-8'?>\n{picture.svg()}"
+def _svg_file(drawn: Drawn) -> str:
+    return f"<?xml version='1.0' encoding='utf-8'?>\n{drawn.svg}"
 
 
-def _page(evaluation: Evaluation, shown: Sequence[Picture]) -> str:
+def _page(evaluation: Evaluation, shown: Sequence[Drawn]) -> str:
     summary = evaluation.summary
     name = escape(str(summary["session"]["name"]))
     body = "\n".join(
@@ -145,13 +145,13 @@ def _tiles(summary: dict[str, Any]) -> str:
     return f"<div class='tiles'>{cells}</div>"
 
 
-def _gallery(shown: Sequence[Picture]) -> str:
+def _gallery(shown: Sequence[Drawn]) -> str:
     """Return the pictures with their captions."""
     if not shown:
         return ""
     figures = "".join(
-        f"<figure><h3>{escape(p.title)}</h3>{p.svg()}<figcaption>{escape(p.caption)}</figcaption></figure>"
-        for p in shown
+        f"<figure><h3>{escape(d.picture.title)}</h3>{d.svg}<figcaption>{escape(d.picture.caption)}</figcaption></figure>"
+        for d in shown
     )
     return f"<h2>Pictures</h2><div class='pictures'>{figures}</div>"
 
