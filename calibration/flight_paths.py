@@ -24,7 +24,7 @@ from groundstation.arrays import FloatArray, MaskArray
 _READINGS_EACH_KNOT = 2.0
 _ROUNDS = 2
 _PROBES = 16
-_AT_ONCE = 200
+_LARGEST = 50
 # heads in mrad beside metres: both then are numbers of one size
 _MILLI = 1e3
 
@@ -229,12 +229,15 @@ class PathResiduals:
         D, smooth = part.basis.differences, list(part.smoothness)
         for axis, coefficients in enumerate(part.coefficients(at.theta)):
             first = part.first + axis * part.basis.count
-            taken = np.zeros(D.shape[0])
-            for k in range(0, len(taken), _AT_ONCE):
-                columns = np.zeros((len(at.theta), len(taken[k : k + _AT_ONCE])))
-                columns[first : first + part.basis.count] = D[k : k + _AT_ONCE].T.toarray()
-                taken[k : k + _AT_ONCE] = np.sum(columns * at.root.solve(columns), axis=0)
-            smooth[axis] = smooth[axis].loosened(D @ coefficients, taken)
+            found, taken = D @ coefficients, np.zeros(D.shape[0])
+            # only the largest can break the path, and each costs a solution
+            largest = np.argsort(np.abs(found) / smooth[axis].third_difference)[-_LARGEST:]
+            columns = np.zeros((len(at.theta), len(largest)))
+            columns[first : first + part.basis.count] = D[largest].T.toarray()
+            taken[largest] = np.sum(columns * at.root.solve(columns), axis=0)
+            judged = np.zeros(len(found))
+            judged[largest] = found[largest]
+            smooth[axis] = smooth[axis].loosened(judged, taken)
         return replace(part, smoothness=tuple(smooth))
 
     def scores(self, change: FloatArray, covariance: FloatArray, block_s: float) -> "BlockScores":
