@@ -3,14 +3,17 @@
     python benchmarks/detector_against_truth.py SESSION… [--draws N]
 
 A rendered session is replayed. Its detections are compared with truth.csv, which gives their noise: per camera and bin
-of range, the covariance of their error. Then the session is replayed again, and every detection is put at the true
-pixel plus noise drawn from that covariance, white and without bias; nothing else changes: the same frames, the same
-PTU readings, the same stated covariances, the same misses. Printed are the RMSE of both against the truth, by bins of
-range, and their ratio; of the drawn ones the root of the mean square over the draws.
+of range, the covariance of their error, and how long errors last: a share of it dies away exponentially, the rest is
+white (fitted to the autocorrelation up to one second, both cameras and axes together). Then the session is replayed
+again, and every detection is put at the true pixel plus noise without bias drawn from that covariance, once white and
+once lasting as long as was measured; nothing else changes: the same frames, the same PTU readings, the same stated
+covariances, the same misses. Printed are the RMSE of both against the truth, by bins of range, and their ratio; of the
+drawn ones the root of the mean square over the draws.
 """
 
 import argparse
 import csv
+import math
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import curve_fit
 
 from groundstation.camera_tracker import CameraTracker
 from groundstation.detection.detector import Detector
@@ -26,6 +30,7 @@ from groundstation.replay import ReplayRequest
 from groundstation.replay import replay as replay_session
 
 BINS = (0.0, 60.0, 100.0, 150.0, 250.0, 400.0, 700.0)
+_LAGS_S = 1.0
 Key = tuple[str, int]
 
 
@@ -39,6 +44,12 @@ def true_pixels(session: Path) -> dict[Key, np.ndarray]:
                     values = (row[f"{station}_u_px"], row[f"{station}_v_px"], row["y_m"])
                     pixels[station, epoch] = np.array([float(v) for v in values])
     return pixels
+
+
+def step_of(session: Path) -> float:
+    """Return the time from frame to frame, s."""
+    with (session / "truth.csv").open() as file:
+        return float(np.median(np.diff([float(row["t_s"]) for row in csv.DictReader(file)])))
 
 
 def played(session: Path, change: Callable[[Key, Any], Any]) -> dict[str, Any]:
@@ -74,6 +85,49 @@ def noise_by_range(found: dict[Key, Detection], truth: dict[Key, np.ndarray]) ->
     return {where: np.mean([np.outer(e, e) for e in those], axis=0) for where, those in errors.items()}
 
 
+def lasting(
+    found: dict[Key, Detection], truth: dict[Key, np.ndarray], noise: dict[tuple[str, int], np.ndarray], step_s: float
+) -> tuple[float, float]:
+    """Return the share of the errors' variance that lasts, and its time constant in s."""
+    most = round(_LAGS_S / step_s)
+    whitened = {}
+    for key, detection in found.items():
+        if key in truth:
+            error = np.array([detection.u_px, detection.v_px]) - truth[key][:2]
+            spread = noise[key[0], int(np.digitize(truth[key][2], BINS))]
+            whitened[key] = np.linalg.solve(np.linalg.cholesky(spread + 1e-9 * np.eye(2)), error)
+    correlation = np.array(
+        [
+            np.mean([whitened[s, k] * whitened[s, k + lag] for s, k in whitened if (s, k + lag) in whitened])
+            for lag in range(1, most + 1)
+        ]
+    )
+    lags_s = step_s * np.arange(1, most + 1)
+    (share, time_s), _ = curve_fit(
+        lambda t, a, tau: a * np.exp(-t / tau), lags_s, correlation, p0=(0.5, 0.5), bounds=([0.0, step_s], [1.0, 30.0])
+    )
+    return float(share), float(time_s)
+
+
+class Noise:
+    """Noise of one draw: (2,) of unit covariance for each frame, a share of which lasts."""
+
+    def __init__(self, seed: int, share: float, keep: float) -> None:
+        self._generator = np.random.default_rng(seed)
+        self._share, self._keep = share, keep
+        self._state: dict[str, tuple[int, np.ndarray]] = {}
+
+    def __call__(self, key: Key) -> np.ndarray:
+        """Return the next of a camera's frames."""
+        station, epoch = key
+        last, old = self._state.get(station, (epoch, self._generator.standard_normal(2)))
+        kept = self._keep ** (epoch - last)
+        slow = kept * old + math.sqrt(1.0 - kept**2) * self._generator.standard_normal(2)
+        self._state[station] = (epoch, slow)
+        white = self._generator.standard_normal(2)
+        return np.asarray(math.sqrt(self._share) * slow + math.sqrt(1.0 - self._share) * white)
+
+
 def squares(accuracy: dict[str, Any]) -> dict[str, np.ndarray]:
     """Return squared RMSE (3,) by range, and of y 100–250 m together."""
     out, near, n = {}, np.zeros(3), 0
@@ -105,25 +159,28 @@ def main() -> None:
 
         ours = squares(played(session, keep))
         noise = noise_by_range(found, truth)
-        drawn: dict[str, list[np.ndarray]] = {}
-        for seed in range(options.draws):
-            generator = np.random.default_rng(seed)
+        step_s = step_of(session)
+        share, time_s = lasting(found, truth, noise, step_s)
+        print(f"{session.name}: RMSE in m, x/y/z, {options.draws} draws; {share:.2f} of the noise lasts {time_s:.2f} s")
+        for kind, part in (("white", 0.0), ("lasting", share)):
+            drawn: dict[str, list[np.ndarray]] = {}
+            for seed in range(options.draws):
+                draw = Noise(seed, part, math.exp(-step_s / time_s))
 
-            def put(key: Key, result: Any, generator: Any = generator, truth: Any = truth, noise: Any = noise) -> Any:
-                if not isinstance(result, Detection) or key not in truth:
-                    return result
-                spread = noise.get((key[0], int(np.digitize(truth[key][2], BINS))), result.covariance_px2)
-                u, v = truth[key][:2] + generator.multivariate_normal(np.zeros(2), spread)
-                return replace(result, u_px=float(u), v_px=float(v))
+                def put(key: Key, result: Any, draw: Any = draw, truth: Any = truth, noise: Any = noise) -> Any:
+                    if not isinstance(result, Detection) or key not in truth:
+                        return result
+                    spread = noise.get((key[0], int(np.digitize(truth[key][2], BINS))), result.covariance_px2)
+                    u, v = truth[key][:2] + np.linalg.cholesky(spread + 1e-9 * np.eye(2)) @ draw(key)
+                    return replace(result, u_px=float(u), v_px=float(v))
 
-            for name, square in squares(played(session, put)).items():
-                drawn.setdefault(name, []).append(square)
-        print(f"{session.name}: RMSE in m, x/y/z; drawn: {options.draws} times")
-        for name, square in ours.items():
-            if name in drawn:
-                other = np.mean(drawn[name], axis=0)
-                a, b, r = (" ".join(f"{v:6.3f}" for v in np.sqrt(s)) for s in (square, other, square / other))
-                print(f"  {name:14} detector {a}   drawn {b}   ratio {r}")
+                for name, square in squares(played(session, put)).items():
+                    drawn.setdefault(name, []).append(square)
+            for name, square in ours.items():
+                if name in drawn:
+                    other = np.mean(drawn[name], axis=0)
+                    a, b, r = (" ".join(f"{v:6.3f}" for v in np.sqrt(s)) for s in (square, other, square / other))
+                    print(f"  {name:14} detector {a}   drawn {kind:7} {b}   ratio {r}")
 
 
 if __name__ == "__main__":

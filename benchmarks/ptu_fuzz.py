@@ -1,10 +1,15 @@
-"""A million random byte strings through the FLIR codec: nothing but its own error may come out. `make fuzz`."""
+"""A million random byte strings through each of the FLIR and the Alpaca codec: nothing but our own errors may come out.
+
+Those of Pelco and Dynamixel are in ptu_serial_faults.py. `make fuzz`.
+"""
 
 import argparse
 import random
 from contextlib import suppress
 
-from ptu_drivers import ProtocolError
+from ptu_drivers import ProtocolError, PtuError
+from ptu_drivers.alpaca_codec import angles_of, decode, finite, rates_of
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.flir_codec import Answer, LineSplitter, integer, integers, only_number, parse_line
 
 PIECES = (
@@ -46,12 +51,55 @@ def fuzz(count: int, rnd: random.Random) -> dict[str, int]:
     return found
 
 
+VALUES = (
+    b"0", b"-0.5", b"123.25", b"1e400", b"-1e999", b"1" + b"0" * 400, b"9" * 5000, b"NaN", b"-Infinity", b"null",
+    b"true", b'""', b'"Azimuth"', b'"\\ud800"', b"[]", b"{}", b"[[1]]", b"[" * 3000, b'{"Minimum":0.1,"Maximum":4}',
+    b'{"Name":"Azimuth","Value":12.5}', b'{"Name":"Altitude","Value":-3}', b'{"Name":["Azimuth"],"Value":{}}',
+)  # fmt: skip
+KEYS = (b"Value", b"ClientTransactionID", b"ErrorNumber", b"ErrorMessage", b"Name")
+
+
+def answer(rnd: random.Random) -> bytes:
+    """Return a body: random, or an answer of an Alpaca server with odd values, or such with bytes changed."""
+    kind = rnd.random()
+    if kind < 0.1:
+        return rnd.randbytes(rnd.randrange(60))
+    items = [rnd.choice(VALUES) for _ in range(rnd.randrange(4))]
+    value = b"[" + b",".join(items) + b"]" if rnd.random() < 0.5 else rnd.choice(VALUES)
+    pairs = [
+        b'"Value":' + value,
+        *(b'"%b":%b' % (rnd.choice(KEYS), rnd.choice(VALUES)) for _ in range(rnd.randrange(3))),
+    ]
+    data = bytearray(b"{" + b",".join(pairs) + b"}")
+    if kind > 0.7:
+        for _ in range(rnd.randrange(1, 4)):
+            data[rnd.randrange(len(data))] = rnd.randrange(256)
+    return bytes(data)
+
+
+def fuzz_alpaca(count: int, rnd: random.Random) -> dict[str, int]:
+    """Take so many bodies for answers; return how many were one, and how many numbers were believed."""
+    found = {"strings": count, "answers": 0, "numbers": 0}
+    for _ in range(count):
+        try:
+            value = decode("azimuth", 200 if rnd.random() < 0.95 else 400, answer(rnd), 0).get("Value")
+        except (Doubtful, PtuError):
+            continue
+        found["answers"] += 1
+        for read in (lambda value: finite("azimuth", value), angles_of, rates_of):
+            with suppress(Doubtful):
+                read(value)
+                found["numbers"] += 1
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--strings", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    print(fuzz(options.strings, random.Random(options.seed)))
+    for name, run in (("FLIR", fuzz), ("Alpaca", fuzz_alpaca)):
+        print(f"{name}: {run(options.strings, random.Random(options.seed))}", flush=True)
 
 
 if __name__ == "__main__":

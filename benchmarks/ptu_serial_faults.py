@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from ptu_drivers.dynamixel import DynamixelOptions, connect_dynamixel
 from ptu_drivers.dynamixel_codec import PacketDecoder
@@ -54,8 +55,8 @@ class Bench:
     """A unit with its simulated other end."""
 
     unit: PanTiltUnit
-    sim: SimulatedPelco | SimulatedDynamixel
-    line: VirtualLine
+    sim: Any
+    line: Any
     rate_rad_s: float
 
 
@@ -81,7 +82,7 @@ def pelco(seed: int) -> Bench:
         homing_s=draw.uniform(0.0, 5.0),
     )
     sim = SpoiltPelco(model, seed=seed)
-    line = VirtualLine(sim, model.baud, seed=seed)  # type: ignore[arg-type]
+    line = VirtualLine(sim, model.baud, seed=seed)
     options = PelcoOptions(max_rate_deg_s=60.0, max_acceleration_deg_s2=120.0)
     unit = connect_pelco(line, UnitSettings(), options, model.framing, watch=False)
     return Bench(unit, sim, line, math.radians(60.0))
@@ -91,13 +92,14 @@ def dynamixel(seed: int) -> Bench:
     """Return a pair of servos, echo and speed by the seed."""
     draw = random.Random(seed)
     sim = SimulatedDynamixel(baud=draw.choice((57600, 115200)), echo=draw.random() < 0.3, seed=seed)
-    line = VirtualLine(sim, sim.baud, seed=seed)  # type: ignore[arg-type]
+    line = VirtualLine(sim, sim.baud, seed=seed)
     unit = connect_dynamixel(line, UnitSettings(), DynamixelOptions(), watch=False)
     return Bench(unit, sim, line, unit.describe().pan.max_rate_rad_s)
 
 
-def one_run(make: Callable[[int], Bench], seed: int, tally: Tally) -> None:
-    """Turn a unit to and fro while faults come, and count."""
+def one_run(make: Callable[[int], Bench], seed: int, tally: Tally, faults: "Faults | None" = None) -> None:
+    """Turn a unit to and fro while faults come, of the serial line unless told otherwise, and count."""
+    faults = FAULTS if faults is None else faults
     draw = random.Random(f"faults {seed}")
     bench = make(seed)
     line, unit = bench.line, bench.unit
@@ -108,9 +110,9 @@ def one_run(make: Callable[[int], Bench], seed: int, tally: Tally) -> None:
     left = _FAULTS_EACH
     while left or fault_over_s is not None or line.now() < next_fault_s:
         if left and line.now() >= next_fault_s:
-            name = draw.choice(tuple(FAULTS))
+            name = draw.choice(tuple(faults))
             # one fault may fall into another
-            fault_over_s = max(fault_over_s or 0.0, line.now() + FAULTS[name](bench, draw))
+            fault_over_s = max(fault_over_s or 0.0, line.now() + faults[name](bench, draw))
             tally.faults[name] += 1
             left -= 1
             next_fault_s = line.now() + draw.uniform(0.02, _SPACING_S)
@@ -250,7 +252,8 @@ def _power_cycle(bench: Bench, draw: random.Random) -> float:
     return off_s + (bench.sim.model.homing_s if isinstance(bench.sim, SimulatedPelco) else 0.0)
 
 
-FAULTS: dict[str, Callable[[Bench, random.Random], float]] = {
+Faults = dict[str, Callable[[Bench, random.Random], float]]
+FAULTS: Faults = {
     "lost bytes": _lost_byte,
     "lost bytes of a question": _lost_in_question,
     "wrong bytes": _wrong_bytes,
@@ -265,6 +268,21 @@ FAULTS: dict[str, Callable[[Bench, random.Random], float]] = {
     "power-cycle": _power_cycle,
 }
 MAKERS: dict[str, Callable[[int], Bench]] = {"pelco": pelco, "dynamixel": dynamixel}
+
+
+def report(name: str, t: Tally) -> bool:
+    """Print what came of it; return whether a promise was broken."""
+    back = sorted(t.recovery_s)
+    print(f"{name}: {t.runs} runs, {sum(t.faults.values())} faults, {t.angles} angles")
+    print(f"  faults: {dict(t.faults.most_common())}")
+    print(f"  discarded: {dict(t.doubts.most_common())}")
+    print(f"  wrong angles {t.wrong}; moving after close {t.still_moving}")
+    print(f"  longest call {t.longest_call_s:.3f} s; calls beyond the stated time {t.too_long}")
+    print(
+        f"  back after the fault: median {back[len(back) // 2]:.3f} s, 99 % {back[int(0.99 * len(back))]:.2f} s, "
+        f"longest {back[-1]:.2f} s; later than {RECOVERY_S} s {t.slow}, never {t.not_back}"
+    )
+    return bool(t.wrong or t.slow or t.not_back or t.too_long or t.still_moving)
 
 
 def campaign(name: str, runs: int, first_seed: int = 0) -> Tally:
@@ -301,19 +319,8 @@ def main() -> None:
     bad = False
     for name in sys.argv[3:] or MAKERS:
         began = time.perf_counter()
-        t = campaign(name, runs)
-        back = sorted(t.recovery_s)
-        print(f"{name}: {t.runs} runs, {sum(t.faults.values())} faults, {t.angles} angles")
-        print(f"  faults: {dict(t.faults.most_common())}")
-        print(f"  discarded: {dict(t.doubts.most_common())}")
-        print(f"  wrong angles {t.wrong}; moving after close {t.still_moving}")
-        print(f"  longest call {t.longest_call_s:.3f} s; calls beyond the stated time {t.too_long}")
-        print(
-            f"  back after the fault: median {back[len(back) // 2]:.3f} s, 99 % {back[int(0.99 * len(back))]:.2f} s, "
-            f"longest {back[-1]:.2f} s; later than {RECOVERY_S} s {t.slow}, never {t.not_back}"
-        )
+        bad |= report(name, campaign(name, runs))
         print(f"  {time.perf_counter() - began:.0f} s of computing")
-        bad |= bool(t.wrong or t.slow or t.not_back or t.too_long)
     found = fuzz(strings)
     print(f"decoders: {strings} random strings of 12 bytes, messages found by chance {dict(found)}, no exception")
     sys.exit(1 if bad else 0)

@@ -23,13 +23,13 @@ def main() -> None:
     """Print a line for each unit and speed."""
     for baud in (2400, 4800, 9600):
         unit = SimulatedPelco(PelcoModel(baud=baud), seed=1)
-        line = VirtualLine(unit, baud)  # type: ignore[arg-type]
+        line = VirtualLine(unit, baud)
         options = PelcoOptions(max_rate_deg_s=60.0, max_acceleration_deg_s2=120.0)
         driver = connect_pelco(line, UnitSettings(), options, unit.model.framing, watch=False)
         _report(f"pelco-d at {baud}", Bench(driver, unit, line, math.radians(60.0)))
     for baud in (57600, 115200, 1_000_000):
         servos = SimulatedDynamixel(baud=baud, seed=1)
-        line = VirtualLine(servos, baud)  # type: ignore[arg-type]
+        line = VirtualLine(servos, baud)
         both = connect_dynamixel(line, UnitSettings(), DynamixelOptions(), watch=False)
         _report(f"dynamixel at {baud}", Bench(both, servos, line, 1.0))
 

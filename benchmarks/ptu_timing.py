@@ -6,6 +6,7 @@ its own, this machine counts too: the more it has to do besides, the worse. Figu
 """
 
 import argparse
+import contextlib
 import math
 import resource
 import statistics
@@ -20,6 +21,7 @@ from ptu_drivers.flir import connect, open_flir
 from ptu_drivers.flir_poll import Query
 from ptu_drivers.simulated_flir import FlirModel
 from ptu_drivers.simulated_line import VirtualLine
+from ptu_drivers.simulated_server import SimulatedServer
 from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
 
 TERSE_PAIR_HZ = 36.9
@@ -75,7 +77,7 @@ def on_a_pty(query: str, baud: int, seconds: float, hz: float) -> str:
                 q = device.describe().pan.quantum_rad
                 device.ask_by(Query(query))
                 device.move_to(pan_rad=-20000 * q, tilt_rad=-4000 * q)
-                time.sleep(12.0)
+                time.sleep(7.0)
                 begun, spent, count = time.monotonic(), _processor_s(), 0
                 while time.monotonic() < begun + seconds:
                     count += isinstance(device.read(), Reading)
@@ -88,6 +90,34 @@ def on_a_pty(query: str, baud: int, seconds: float, hz: float) -> str:
     return f"{count / took:6.1f}/s   processor {100 * share:.1f} % of a core, doubts {doubts}"
 
 
+def instants_on_a_pty(query: str, baud: int, seconds: float) -> str:
+    """Compare stamps with the truth in real time; the unit is in a thread of this program, and slows it."""
+    unit = SimulatedUnit(FlirModel(), LineModel(), seed=5)
+    line = VirtualLine(unit, start_s=time.monotonic(), seed=5)
+    with contextlib.ExitStack() as stack:
+        link = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "unit"
+        server = stack.enter_context(SimulatedServer(line, link))
+        device = stack.enter_context(open_flir(str(link), UnitSettings(baud=baud), query=query))
+        device.ask_by(Query(query))
+        q = device.describe().pan.quantum_rad
+        device.move_to(pan_rad=25000 * q, rate_rad_s=RATE * q)
+        time.sleep(0.5)
+        errors, begun = [], time.monotonic()
+        while time.monotonic() < begun + seconds:
+            got = device.read()
+            if isinstance(got, Reading):
+                with server.lock:
+                    truth = unit.flir.axes["P"].motor(got.pan.t_s)
+                errors.append((round(got.pan.angle_rad / q) - truth) / RATE)
+        device.halt()
+    rms = math.sqrt(max(0.0, statistics.fmean(e * e for e in errors) - 1 / 12 / RATE**2))
+    mean, worst = statistics.fmean(errors), max(map(abs, errors))
+    return (
+        f"{len(errors) / seconds:6.1f}/s   instants: rms {rms * 1e3:.2f} ms, mean {mean * 1e3:+.2f}, "
+        f"worst {worst * 1e3:.2f}"
+    )
+
+
 def _processor_s() -> float:
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
@@ -96,15 +126,19 @@ def _processor_s() -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=10.0, help="on the pty, for each case")
+    parser.add_argument("--pty-only", action="store_true", help="leave out virtual time")
     options = parser.parse_args()
     print(f"the line's limit for terse pairs at 9600 baud is {TERSE_PAIR_HZ}/s")
-    for query, baud, batch_s, network in CASES:
+    for query, baud, batch_s, network in () if options.pty_only else CASES:
         line = "network" if network else f"{baud or 9600} baud"
         line += f", batches of {batch_s * 1e3:.0f} ms" if batch_s else ""
         print(f"virtual time  {query:12} {line:28} {in_virtual_time(query, baud, batch_s, network)}", flush=True)
     for query, baud, hz in (("pair", 0, 0), ("combined", 115200, 0), ("combined", 115200, 80)):
         line = f"{baud or 9600} baud" + (f", {hz} asked for" if hz else "")
         print(f"pty           {query:12} {line:28} {on_a_pty(query, baud, options.seconds, hz)}", flush=True)
+    for query, baud in (("pair", 0), ("combined", 115200)):
+        said = instants_on_a_pty(query, baud, options.seconds)
+        print(f"pty, thread   {query:12} {baud or 9600} baud {said}", flush=True)
 
 
 if __name__ == "__main__":

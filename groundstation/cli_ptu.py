@@ -70,7 +70,7 @@ def _add_line(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("url", metavar="URL", help="the line, see below")
     parser.add_argument("--protocol", choices=tuple(PROTOCOLS), default="flir", help="what it speaks (flir)")
     parser.add_argument(
-        "--baud", type=int, default=0, metavar="N", help="speed of the line; FLIR units are raised to it"
+        "--baud", type=_baud, default=0, metavar="N", help="speed of the line; FLIR units are raised to it"
     )
     parser.add_argument("--patience", type=_positive, default=5.0, metavar="S", help="how long to look for it, s (5)")
     parser.add_argument(
@@ -94,9 +94,9 @@ def _add_simulate(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     where = simulate.add_mutually_exclusive_group(required=True)
     where.add_argument("--link", type=Path, metavar="PATH", help="make a pty, and a link to it here")
     where.add_argument("--tcp", type=int, metavar="PORT", help="listen on this port of 127.0.0.1")
-    simulate.add_argument("--series", choices=("e", "d"), default="e", help="E series, or D: 10 commands/s (e)")
-    simulate.add_argument("--latency-ms", type=_range, default=(2.0, 8.0), metavar="LOW,HIGH", help="of replies (2,8)")
-    simulate.add_argument("--backlash-deg", type=float, default=0.0, metavar="DEG", help="play of the head (0)")
+    simulate.add_argument("--series", choices=("e", "d"), help="E series, or D: 10 commands/s (e)")
+    simulate.add_argument("--latency-ms", type=_latency, metavar="LOW,HIGH", help="of replies (2,8)")
+    simulate.add_argument("--backlash-deg", type=_finite, default=0.0, metavar="DEG", help="play of the head (0)")
     simulate.add_argument("--no-combined", action="store_true", help="knows neither B nor BT")
     simulate.add_argument("--banner", default="", metavar="TEXT", help="said when somebody connects (TCP)")
     simulate.add_argument("--seed", type=int, default=0, metavar="N", help="of latencies and faults (0)")
@@ -136,7 +136,10 @@ def _open(options: argparse.Namespace):  # type: ignore[no-untyped-def] # the ty
 
     settings = UnitSettings(pan=soft(options.pan_limits), tilt=soft(options.tilt_limits), baud=options.baud)
     own = {"patience_s": options.patience} if options.protocol == "flir" else {}
-    return open_ptu(options.url, options.protocol, settings, **own, **dict(options.option))
+    unit = open_ptu(options.url, options.protocol, settings, **{**own, **dict(options.option)})
+    if options.baud and unit.describe().details["baud"] != str(options.baud):
+        print(f"groundstation: {options.url}: baud {unit.describe().details['baud']}", file=sys.stderr)
+    return unit
 
 
 def _probe(options: argparse.Namespace) -> int:
@@ -176,8 +179,8 @@ def _monitor(options: argparse.Namespace) -> int:
 
 def _jog(options: argparse.Namespace) -> int:
     """Turn it, and print how that went; 1 if it missed its target."""
-    from ptu_drivers import Axis, Capability, NoReading
-    from ptu_drivers.monitor import Moved, format_moved, move
+    from ptu_drivers import Axis, Capability
+    from ptu_drivers.monitor import Moved, first_reading, format_moved, move
 
     wanted = {axis: math.radians(v) for axis, v in zip(Axis, (options.pan, options.tilt), strict=True) if v is not None}
     if not wanted:
@@ -185,9 +188,7 @@ def _jog(options: argparse.Namespace) -> int:
     reports: list[Moved] = []
     with _open(options) as unit:
         said = unit.describe()
-        start = unit.read()
-        while isinstance(start, NoReading):
-            start = unit.read()
+        start = first_reading(unit, time.monotonic, time.sleep, options.patience)
         at = {Axis.PAN: start.pan.angle_rad, Axis.TILT: start.tilt.angle_rad}
         if options.by:
             wanted = {axis: at[axis] + value for axis, value in wanted.items()}
@@ -226,8 +227,15 @@ def _simulate(options: argparse.Namespace) -> int:
 def _simulated_other(options: argparse.Namespace):  # type: ignore[no-untyped-def] # as for _open
     from ptu_drivers.simulated_others import simulated_line
 
-    if options.fault:
-        raise GroundstationError(f"--fault {options.fault[0]}: got protocol {options.protocol}; wanted flir")
+    for name, value in (
+        ("--fault", options.fault[0] if options.fault else ""),
+        ("--series", options.series or ""),
+        ("--latency-ms", "{:g},{:g}".format(*options.latency_ms) if options.latency_ms else ""),
+        ("--no-combined", "it" if options.no_combined else ""),
+        ("--banner", options.banner),
+    ):
+        if value:
+            raise GroundstationError(f"{name}: got {value} for protocol {options.protocol}; wanted flir")
     line = simulated_line(
         options.protocol,
         start_s=time.monotonic(),
@@ -246,7 +254,7 @@ def _simulated_flir(options: argparse.Namespace):  # type: ignore[no-untyped-def
     base = D_SERIES if options.series == "d" else FlirModel()
     knows = base.combined and not options.no_combined
     model = base.replace(combined=knows, device_clock=knows, play=options.backlash_deg * 3600.0 / base.arcsec)
-    low, high = options.latency_ms
+    low, high = options.latency_ms or (2.0, 8.0)
     baud = 0 if options.link is None else DEFAULT_BAUD
     line_model = LineModel(
         baud=baud,
@@ -256,6 +264,13 @@ def _simulated_flir(options: argparse.Namespace):  # type: ignore[no-untyped-def
     )
     unit = SimulatedUnit(model, line_model, seed=options.seed)
     return model.model or "PTU-D46", VirtualLine(unit, baud, start_s=time.monotonic(), seed=options.seed)
+
+
+def _latency(text: str) -> tuple[float, float]:
+    low, high = _range(text)
+    if low < 0:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted LOW,HIGH, 0 or more")
+    return low, high
 
 
 def _finite(text: str) -> float:
@@ -289,6 +304,12 @@ def _positive(text: str) -> float:
     if value <= 0:
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0")
     return value
+
+
+def _baud(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a speed in bit/s, as 9600")
+    return int(text)
 
 
 def _range(text: str) -> tuple[float, float]:

@@ -11,6 +11,7 @@ numbered as in the paper, ours beside theirs, with the differences in set-up nam
 _REPRODUCE_MORE = """examples:
   groundstation reproduce --out out/reproduce
   groundstation reproduce --only roi ekf
+  groundstation reproduce --only online --take-off flights/take-off
   groundstation reproduce --list
 
 DIR gets reproduce.html, a CSV for each table and a PNG for each figure. All but
@@ -43,6 +44,12 @@ def add_reproduce(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
         metavar="SESSION",
         help="a rendered session with truth.csv and masks.npz (default: the bundled landing)",
     )
+    reproduce.add_argument(
+        "--take-off",
+        type=Path,
+        metavar="SESSION",
+        help="a rendered take-off of that kind, for `online` (default: its pixels are simulated)",
+    )
     reproduce.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
     reproduce.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
 
@@ -61,7 +68,12 @@ def run_reproduce(options: argparse.Namespace) -> int:
     if unknown:
         raise InputError("--only", got=unknown[0], wanted="one of " + ", ".join(names))
     request = ReproduceRequest(
-        out=options.out, only=tuple(options.only), session=options.session, from_s=options.from_s, to_s=options.to_s
+        out=options.out,
+        only=tuple(options.only),
+        session=options.session,
+        from_s=options.from_s,
+        to_s=options.to_s,
+        take_off=options.take_off,
     )
     with _Saying() as saying:
         done = reproduce(request, saying.say)

@@ -20,6 +20,8 @@ Window = tuple[int, int, int, int]
 
 # what OpenCV's demosaicing looks at beside a pixel; even, so that the pattern of colours stays in step
 _BAYER_REACH = 4
+# the grey of what was not kept
+_NOT_KEPT = 40
 
 
 class PictureError(GroundstationError):
@@ -163,6 +165,16 @@ class PartialPicture(Picture):
                 return _in_colour(pixels, needed, window, self.pattern) if raw else pixels
         have = ", ".join(f"{p.pixels.shape[1]}×{p.pixels.shape[0]} at ({p.x}, {p.y})" for p in self._parts) or "nothing"
         raise PictureError(f"window {window} of a recorded picture: it holds {have}")
+
+    def glance(self) -> ImageArray:
+        """Return the parts that were kept, in their places, on grey."""
+        w, h = self.size_px
+        shown = np.full((h, w, 3), _NOT_KEPT, dtype=np.uint8)
+        for part, window in zip(self._parts, self.kept_windows, strict=True):
+            x0, y0, x1, y1 = window
+            raw = part.pixels.ndim == 2
+            shown[y0:y1, x0:x1] = _in_colour(part.pixels, window, window, self.pattern) if raw else part.pixels
+        return shown
 
     def kept(self, window: Window) -> Kept:
         """Return the part that holds a window."""

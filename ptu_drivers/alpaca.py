@@ -6,13 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ptu_drivers.alpaca_line import AlpacaTelescope, HttpConnection, HttpLine, finite
+from ptu_drivers.alpaca_codec import angles_of, rates_of
+from ptu_drivers.alpaca_line import LEAST_S, AlpacaTelescope, HttpConnection, HttpLine
 from ptu_drivers.axis_limits import narrowed
 from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
+from ptu_drivers.own_options import made_of
 from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.settings import UnitSettings
 
@@ -186,11 +188,7 @@ def open_alpaca(
     url: str, settings: UnitSettings, clock: Callable[[], float] = time.monotonic, **options: Any
 ) -> PanTiltUnit:
     """Open a mount at `http://host:port`; `options` are the fields of `AlpacaOptions`."""
-    try:
-        chosen = AlpacaOptions(**options)
-    except TypeError as wrong:
-        wanted = ", ".join(AlpacaOptions.__dataclass_fields__)
-        raise ProtocolError("Alpaca options", got=", ".join(options), wanted=wanted) from wrong
+    chosen = made_of(AlpacaOptions, "Alpaca", options)
     line = HttpConnection(url, clock)
     line.reopen()
     return connect_alpaca(line, settings, chosen)
@@ -208,11 +206,7 @@ def prepare(telescope: AlpacaTelescope, until_s: float) -> None:
 
 def combined_state(telescope: AlpacaTelescope, until_s: float) -> dict[str, float]:
     """Return azimuth and altitude of one request, deg. Raises Doubtful, RefusedError, LineError."""
-    state = telescope.get("devicestate", until_s)
-    if not isinstance(state, list):
-        raise Doubtful(DoubtReason.GARBAGE, f"devicestate: {state!r}")
-    named = {item.get("Name"): item.get("Value") for item in state if isinstance(item, dict)}
-    return {name: finite(f"devicestate {name}", named.get(name)) for name in ("Azimuth", "Altitude")}
+    return angles_of(telescope.get("devicestate", until_s))
 
 
 def _has_state(telescope: AlpacaTelescope, until_s: float) -> bool:
@@ -228,11 +222,7 @@ def _rates_deg_s(telescope: AlpacaTelescope, axis: Axis, until_s: float) -> tupl
     """Return the least and greatest rate that an axis takes, deg/s, or None where it cannot turn at one."""
     if not telescope.flag("canmoveaxis", until_s, Axis=_NUMBER[axis]):
         return None
-    ranges = telescope.get("axisrates", until_s, Axis=_NUMBER[axis])
-    if not isinstance(ranges, list) or not ranges:
-        return None
-    ends = [(finite("axisrates", r.get("Minimum")), finite("axisrates", r.get("Maximum"))) for r in ranges]
-    return min(low for low, _ in ends), max(high for _, high in ends)
+    return rates_of(telescope.get("axisrates", until_s, Axis=_NUMBER[axis]))
 
 
 def _description(
@@ -271,6 +261,7 @@ def _description(
         pan=axes[Axis.PAN],
         tilt=axes[Axis.TILT],
         capabilities=frozenset(capabilities),
-        reply_timeout_s=2 * settings.reply_timeout_s,
+        # a question may end, a command and a halt of three may begin when the time is over
+        reply_timeout_s=2 * settings.reply_timeout_s + 5 * LEAST_S,
         details={"device": str(options.device), "alignment": "alt-az" if alignment == _ALT_AZ else "equatorial"},
     )

@@ -2,16 +2,15 @@
 
 import http.client
 import itertools
-import json
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 from urllib.parse import urlencode, urlsplit
 
+from ptu_drivers.alpaca_codec import decode, finite
 from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.errors import LineError, ProtocolError, RefusedError
+from ptu_drivers.errors import LineError, ProtocolError
 from ptu_drivers.health import DoubtReason
 from ptu_drivers.polled_unit import Line
 
@@ -19,6 +18,8 @@ _DEFAULT_PORT = 11111
 _LONGEST = 1 << 16
 _CLIENT = 4242
 NOT_IMPLEMENTED = 0x400
+# what a command gets that goes out when its call's time is over
+LEAST_S = 0.01
 
 
 class HttpLine(Line, Protocol):
@@ -41,13 +42,13 @@ class HttpConnection:
     """
 
     def __init__(self, url: str, clock: Callable[[], float] = time.monotonic) -> None:
-        parts = urlsplit(url)
-        if parts.scheme != "http" or not parts.hostname:
-            raise ProtocolError("Alpaca address", got=url, wanted="http://host:port")
         try:
+            parts = urlsplit(url)
             port = parts.port or _DEFAULT_PORT
         except ValueError as wrong:
             raise ProtocolError("Alpaca address", got=url, wanted="http://host:port") from wrong
+        if parts.scheme != "http" or not parts.hostname:
+            raise ProtocolError("Alpaca address", got=url, wanted="http://host:port")
         self.url = url
         self._host, self._port = parts.hostname, port
         self._clock = clock
@@ -75,7 +76,7 @@ class HttpConnection:
         """Send a request and return status and body."""
         if self._connection is None:
             raise LineError(self.url, got="a closed line", wanted="an open one")
-        left_s = max(0.01, until_s - self.now())
+        left_s = max(LEAST_S, until_s - self.now())
         self._connection.timeout = left_s
         try:
             if self._connection.sock is not None:
@@ -128,32 +129,12 @@ class AlpacaTelescope:
         self._ask("PUT", name, parameters, until_s)
 
     def _ask(self, method: str, name: str, parameters: Mapping[str, object], until_s: float) -> dict[str, Any]:
+        if method == "GET" and self.line.now() >= until_s:
+            # commands still go out: a halt that is late is better than none
+            raise Doubtful(DoubtReason.TIMEOUT, f"no time left to ask for {name}")
         transaction = next(self._transactions) % 0xFFFFFFFF
         self.sent += 1
         query = urlencode({**parameters, "ClientID": _CLIENT, "ClientTransactionID": transaction})
         path = f"/api/v1/telescope/{self.device}/{name}"
         status, body = self.line.transfer(method, path, query, until_s)
-        text = body.decode("utf-8", "replace")
-        if status != http.client.OK:
-            # in Alpaca that is not for the device's own errors: a wrong name, number or device
-            raise RefusedError(name, said=f"HTTP {status}: {text}")
-        try:
-            answer = json.loads(text)
-        except ValueError as wrong:
-            raise Doubtful(DoubtReason.GARBAGE, f"{name}: {text[:60]!r}") from wrong
-        if not isinstance(answer, dict):
-            raise Doubtful(DoubtReason.GARBAGE, f"{name}: {text[:60]!r}")
-        # 0 where a server does not repeat it
-        if answer.get("ClientTransactionID", 0) not in (0, transaction):
-            raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{name}: transaction {answer['ClientTransactionID']}")
-        error = answer.get("ErrorNumber", 0)
-        if error:
-            raise RefusedError(name, said=f"{answer.get('ErrorMessage', '')} ({error})")
-        return answer
-
-
-def finite(name: str, value: object) -> float:
-    """Return a number that came as JSON, which must be one. Raises Doubtful."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise Doubtful(DoubtReason.GARBAGE, f"{name}: {value!r}")
-    return float(value)
+        return decode(name, status, body, transaction)

@@ -1,8 +1,13 @@
 """Limits of an axis after sign, zero and soft limits, and what is beyond them."""
 
+import math
+
 from ptu_drivers.errors import LimitError
 from ptu_drivers.messages import Axis, AxisDescription
 from ptu_drivers.settings import AxisSettings
+
+# a limit that was asked for and is given back is within it, whatever rounding did on the way
+_ROUNDING = 1e-9
 
 
 def narrowed(
@@ -35,21 +40,21 @@ def narrowed(
 
 def insist_on_angle(axis: Axis, said: AxisDescription, angle_rad: float) -> None:
     """Return if an axis may point there, rad. Raises LimitError; NaN is beyond every limit."""
-    if not angle_rad >= said.low_rad:
+    if not angle_rad >= said.low_rad - _ROUNDING:
         raise LimitError(axis.value, "lower limit", got=angle_rad, bound=said.low_rad, origin=said.low_from)
-    if angle_rad > said.high_rad:
+    if angle_rad > said.high_rad + _ROUNDING:
         raise LimitError(axis.value, "upper limit", got=angle_rad, bound=said.high_rad, origin=said.high_from)
 
 
 def insist_on_rate(axis: Axis, said: AxisDescription, rate_rad_s: float) -> None:
     """Return if an axis may turn so fast, rad/s. Raises LimitError; 0 is allowed."""
-    if not abs(rate_rad_s) <= said.max_rate_rad_s:
+    if not abs(rate_rad_s) <= said.max_rate_rad_s * (1 + _ROUNDING):
         raise LimitError(axis.value, "maximum speed", got=rate_rad_s, bound=said.max_rate_rad_s, origin=said.rate_from)
-    if 0 < abs(rate_rad_s) < said.min_rate_rad_s:
+    if 0 < abs(rate_rad_s) < said.min_rate_rad_s * (1 - _ROUNDING):
         raise LimitError(axis.value, "minimum speed", got=rate_rad_s, bound=said.min_rate_rad_s, origin="unit")
 
 
 def insist_on_room(axis: Axis, said: AxisDescription, ahead_rad: float, rate_rad_s: float) -> None:
     """Return if an axis that will soon be at `ahead_rad` has room to turn that way. Raises LimitError."""
     if (rate_rad_s > 0 and ahead_rad >= said.high_rad) or (rate_rad_s < 0 and ahead_rad <= said.low_rad):
-        insist_on_angle(axis, said, ahead_rad + (1e-9 if rate_rad_s > 0 else -1e-9))
+        insist_on_angle(axis, said, ahead_rad + math.copysign(2 * _ROUNDING, rate_rad_s))

@@ -6,6 +6,7 @@ from ptu_drivers.health import DoubtReason
 class Doubtful(Exception):  # noqa: N818 - not an error: a named reason, which never leaves the driver
     """Inside a driver: an answer that cannot be believed, or none."""
 
-    def __init__(self, reason: DoubtReason, said: str = "") -> None:
+    def __init__(self, reason: DoubtReason, got: str = "") -> None:
         self.reason = reason
-        super().__init__(said or reason.value)
+        self.got = got
+        super().__init__(got or reason.value)

@@ -15,8 +15,9 @@ from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
+from ptu_drivers.own_options import made_of
 from ptu_drivers.polled_unit import PolledUnit
-from ptu_drivers.settings import UnitSettings
+from ptu_drivers.settings import UnitSettings, insist_on_baud
 from ptu_drivers.tick_clock import TickClock
 from ptu_drivers.transport import SerialTransport, Transport
 
@@ -43,6 +44,7 @@ class DynamixelOptions:
     torque_off: bool = True
 
     def __post_init__(self) -> None:
+        insist_on_baud("Dynamixel option baud", self.baud)
         for name in ("pan_id", "tilt_id"):
             if not 0 <= getattr(self, name) <= 252:
                 raise ProtocolError(f"Dynamixel option {name}", got=str(getattr(self, name)), wanted="0 to 252")
@@ -248,11 +250,7 @@ def open_dynamixel(
     url: str, settings: UnitSettings, clock: Callable[[], float] = time.monotonic, **options: Any
 ) -> PanTiltUnit:
     """Open two servos on one bus; `options` are the fields of `DynamixelOptions`."""
-    try:
-        chosen = DynamixelOptions(**options)
-    except TypeError as wrong:
-        wanted = ", ".join(DynamixelOptions.__dataclass_fields__)
-        raise ProtocolError("Dynamixel options", got=", ".join(options), wanted=wanted) from wrong
+    chosen = made_of(DynamixelOptions, "Dynamixel", options)
     line = SerialTransport(url, settings.baud or chosen.baud, clock)
     return connect_dynamixel(line, settings, chosen)
 

@@ -4,9 +4,10 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError, PtuError
 from ptu_drivers.flir_codec import integer
-from ptu_drivers.flir_line import Doubt, FlirLine
+from ptu_drivers.flir_line import FlirLine
 from ptu_drivers.flir_poll import Query, best_query
 from ptu_drivers.flir_probe import probe, set_up
 from ptu_drivers.flir_unit import DRAINING_S, FlirUnit
@@ -15,6 +16,7 @@ from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import SerialTransport, Transport
 
 BAUDS = (9600, 115200, 57600, 38400, 19200)
+SETTABLE_BAUDS = (600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 _TRIES = 3
 
 
@@ -37,6 +39,8 @@ def open_flir(
     ------
     LineError, ProtocolError, MissingExtraError.
     """
+    if settings.baud and settings.baud not in SETTABLE_BAUDS:
+        raise ProtocolError("baud", got=str(settings.baud), wanted=", ".join(map(str, SETTABLE_BAUDS)))
     if query != "auto" and query not in tuple(Query):
         raise ProtocolError("query", got=query, wanted="auto, " + ", ".join(Query))
     transport = SerialTransport(url, BAUDS[0], clock)
@@ -65,7 +69,7 @@ def connect(
         facts = probe(line)
         _raise_baud(line, settings.baud)
         type_ahead = _takes_type_ahead(line)
-    except Doubt as doubt:
+    except Doubtful as doubt:
         transport.close()
         raise ProtocolError(transport.url, got=doubt.got, wanted="a FLIR unit's answer") from doubt
     except PtuError:
@@ -82,7 +86,7 @@ def _takes_type_ahead(line: FlirLine) -> bool:
         for _ in range(_TRIES):
             for said in line.ask_two("PP", "TP"):
                 integer(said.answer.text)
-    except (Doubt, ProtocolError):
+    except (Doubtful, ProtocolError):
         line.resynchronise(line.transport.now() + line.longest_s())
         return False
     return True
@@ -100,8 +104,8 @@ def _find(line: FlirLine, settings: UnitSettings, patience_s: float) -> None:
             transport.set_baud(baud)
             try:
                 line.greet(transport.now() + line.longest_s() + DRAINING_S)
-            except Doubt as doubt:
-                got = doubt.got
+            except Doubtful as doubt:
+                got = "silence" if doubt.reason is DoubtReason.TIMEOUT else doubt.got
             else:
                 return
             if transport.now() >= end:
@@ -120,7 +124,7 @@ def _raise_baud(line: FlirLine, baud: int) -> bool:
         return False
     for speed in (baud, baud, old, old):
         transport.set_baud(speed)
-        with suppress(Doubt):
+        with suppress(Doubtful):
             line.resynchronise(transport.now() + line.longest_s())
             return speed == baud
-    raise Doubt(DoubtReason.TIMEOUT, f"nothing at {baud} baud, nor at {old} any more")
+    raise Doubtful(DoubtReason.TIMEOUT, f"nothing at {baud} baud, nor at {old} any more")

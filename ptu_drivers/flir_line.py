@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.flir_codec import DELIMITER, Answer, LineSplitter, RawLine, Stray, encode, parse_line
 from ptu_drivers.health import DoubtReason, HealthCounter
@@ -16,15 +17,6 @@ LONGEST_ANSWER_CHARACTERS = 60
 _REFUSAL = 40
 _QUIET_S = 0.03
 _DRAIN_S = 0.1
-
-
-class Doubt(Exception):  # noqa: N818 - not an error: a named reason, which never leaves the driver
-    """An exchange that gave nothing to be believed."""
-
-    def __init__(self, reason: DoubtReason, got: str) -> None:
-        self.reason = reason
-        self.got = got
-        super().__init__(f"{reason}: {got}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +88,7 @@ class FlirLine:
 
         Raises
         ------
-        Doubt : nothing to be believed came. LineError : the line is gone.
+        Doubtful : nothing to be believed came. LineError : the line is gone.
         """
         self._sweep()
         self._keep_pace()
@@ -131,7 +123,7 @@ class FlirLine:
 
         Raises
         ------
-        Doubt : no such answer. LineError.
+        Doubtful : no such answer. LineError.
         """
         self._drain(deadline_s)
         self._keep_pace()
@@ -152,7 +144,7 @@ class FlirLine:
 
         Raises
         ------
-        Doubt, LineError.
+        Doubtful, LineError.
         """
         for command in ("Z0", "EE"):
             self._drain(deadline_s)
@@ -169,7 +161,7 @@ class FlirLine:
         def answered(until_s: float) -> bool:
             try:
                 self._finish(question, until_s)
-            except Doubt as doubt:
+            except Doubtful as doubt:
                 if doubt.reason is DoubtReason.TIMEOUT:
                     # the echo comes at once, the answer when it is done
                     return False
@@ -212,7 +204,7 @@ class FlirLine:
                 parsed = self._parse(line)
                 if isinstance(parsed, Answer):
                     if parsed.echo != question.command:
-                        raise Doubt(DoubtReason.ECHO_MISMATCH, parsed.echo or "an answer without echo")
+                        raise Doubtful(DoubtReason.ECHO_MISMATCH, parsed.echo or "an answer without echo")
                     if question.command.isalpha():
                         self._length[question.command.upper()] = len(line.data)
                     return self._exchanged(question, parsed, line)
@@ -243,7 +235,7 @@ class FlirLine:
                 left = self._splitter.unfinished
                 begun = b"*" in left or b"!" in left
                 reason = DoubtReason.TRUNCATED if begun else DoubtReason.TIMEOUT
-                raise Doubt(reason, repr(left)[:60] if left else f"nothing to {asked}")
+                raise Doubtful(reason, repr(left)[:60] if left else f"nothing to {asked}")
             lines = self._splitter.feed(chunk.data, chunk.t_s, self.transport.character_s())
             if lines:
                 return lines
@@ -267,7 +259,7 @@ class FlirLine:
         try:
             parsed = parse_line(line.data)
         except ProtocolError as fault:
-            raise Doubt(DoubtReason.GARBAGE, fault.got) from fault
+            raise Doubtful(DoubtReason.GARBAGE, fault.got) from fault
         self._counter.limit_events += parsed.events
         if isinstance(parsed, Stray) and not parsed.events:
             self._counter.doubts[DoubtReason.UNEXPECTED] += 1
@@ -280,7 +272,7 @@ class FlirLine:
         for line in lines:
             parsed = self._parse(line)
             if isinstance(parsed, Answer):
-                raise Doubt(DoubtReason.ECHO_MISMATCH, f"{parsed.echo} {parsed.text}")
+                raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{parsed.echo} {parsed.text}")
 
     def _drain(self, deadline_s: float) -> None:
         end = min(self.transport.now() + _DRAIN_S, deadline_s)

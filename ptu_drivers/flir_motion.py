@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from ptu_drivers.axis_limits import insist_on_angle, insist_on_rate
 from ptu_drivers.errors import LimitError
 from ptu_drivers.flir_probe import UnitFacts
 from ptu_drivers.messages import Axis, Reading, UnitDescription
@@ -30,11 +31,7 @@ class Converter:
 
     def position(self, axis: Axis, angle_rad: float) -> int:
         """Return the position of an angle, counts. Raises LimitError."""
-        a = self.description.axis(axis)
-        if math.isnan(angle_rad) or angle_rad > a.high_rad + 1e-9:
-            raise LimitError(axis.value, "upper limit", got=angle_rad, bound=a.high_rad, origin=a.high_from)
-        if angle_rad < a.low_rad - 1e-9:
-            raise LimitError(axis.value, "lower limit", got=angle_rad, bound=a.low_rad, origin=a.low_from)
+        insist_on_angle(axis, self.description.axis(axis), angle_rad)
         facts = self.facts.axis(axis)
         counts = round(self.of(axis).unit_angle(angle_rad) / facts.quantum_rad)
         return min(max(counts, facts.low), facts.high)
@@ -42,13 +39,12 @@ class Converter:
     def rate(self, axis: Axis, rate_rad_s: float, *, still: bool = True) -> int:
         """Return a signed rate, counts/s; `still` allows 0. Raises LimitError."""
         a = self.description.axis(axis)
-        if math.isnan(rate_rad_s) or abs(rate_rad_s) > a.max_rate_rad_s * (1 + 1e-9):
-            raise LimitError(axis.value, "maximum speed", got=rate_rad_s, bound=a.max_rate_rad_s, origin=a.rate_from)
+        insist_on_rate(axis, a, rate_rad_s)
         facts = self.facts.axis(axis)
-        if still and rate_rad_s == 0.0:
+        if rate_rad_s == 0.0 and still:
             return 0
-        if abs(rate_rad_s) < a.min_rate_rad_s * (1 - 1e-9):
-            raise LimitError(axis.value, "minimum speed", got=rate_rad_s, bound=a.min_rate_rad_s, origin="unit")
+        if rate_rad_s == 0.0 and a.min_rate_rad_s > 0.0:
+            raise LimitError(axis.value, "minimum speed", got=0.0, bound=a.min_rate_rad_s, origin="unit")
         size = min(max(round(abs(rate_rad_s) / facts.quantum_rad), facts.min_rate), facts.max_rate)
         return int(math.copysign(size, rate_rad_s)) * self.of(axis).sign
 

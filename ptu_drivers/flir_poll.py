@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.flir_codec import Answer, integer, integers
-from ptu_drivers.flir_line import Doubt, Exchanged, FlirLine
+from ptu_drivers.flir_line import Exchanged, FlirLine
 from ptu_drivers.flir_motion import Converter
 from ptu_drivers.flir_probe import UnitFacts
 from ptu_drivers.health import DoubtReason
@@ -73,13 +74,13 @@ class Poller:
 
         Raises
         ------
-        Doubt : none to be believed. LineError.
+        Doubtful : none to be believed. LineError.
         """
         raw = self._ask(deadline_s)
         verdicts = {axis: self._gates[axis].judge(raw.point(axis)) for axis in Axis}
         if Verdict.IMPOSSIBLE in verdicts.values():
             self.forget()
-            raise Doubt(DoubtReason.TOO_FAST, str(raw.counts))
+            raise Doubtful(DoubtReason.TOO_FAST, str(raw.counts))
         if Verdict.CONFIRM in verdicts.values():
             raw = self._confirmed(raw, deadline_s)
         for axis in Axis:
@@ -102,7 +103,7 @@ class Poller:
         for axis in Axis:
             if not self._gates[axis].confirms(one.point(axis), other.point(axis)):
                 self.forget()
-                raise Doubt(DoubtReason.UNCONFIRMED, f"{one.counts[axis]}, then {other.counts[axis]}")
+                raise Doubtful(DoubtReason.UNCONFIRMED, f"{one.counts[axis]}, then {other.counts[axis]}")
 
     def _ask(self, deadline_s: float) -> _Raw:
         line = self._line
@@ -124,7 +125,7 @@ class Poller:
             facts = self._facts.axis(axis)
             over = _OVER * (facts.high - facts.low)
             if not facts.low - over <= counts[axis] <= facts.high + over:
-                raise Doubt(DoubtReason.OUT_OF_RANGE, f"{axis} {counts[axis]}")
+                raise Doubtful(DoubtReason.OUT_OF_RANGE, f"{axis} {counts[axis]}")
         return _Raw(counts=counts, instants=instants, begun_s=begun_s, done_s=done_s)
 
     def _instant(self, asked: Exchanged, numbers: tuple[int, ...] = ()) -> Instant:
@@ -133,7 +134,7 @@ class Poller:
             if self._clock.went_back(count):
                 # restarted, or misread: the recovery finds out
                 self.forget()
-                raise Doubt(DoubtReason.GARBAGE, f"counter {count}")
+                raise Doubtful(DoubtReason.GARBAGE, f"counter {count}")
             return self._clock.instant(count, asked.earliest_s, asked.latest_s)
         return of_query(
             earliest_s=asked.earliest_s,
@@ -148,14 +149,14 @@ class Poller:
         try:
             return integer(answer.text)
         except ProtocolError as fault:
-            raise Doubt(DoubtReason.GARBAGE, fault.got) from fault
+            raise Doubtful(DoubtReason.GARBAGE, fault.got) from fault
 
     def _integers(self, answer: Answer) -> tuple[int, ...]:
         _refuse(answer)
         try:
             return integers(answer.text, 4 if self.query is Query.COMBINED else 5)
         except ProtocolError as fault:
-            raise Doubt(DoubtReason.GARBAGE, fault.got) from fault
+            raise Doubtful(DoubtReason.GARBAGE, fault.got) from fault
 
     def _reading(self, raw: _Raw) -> Reading:
         samples = {}
@@ -181,4 +182,4 @@ def best_query(facts: UnitFacts) -> Query:
 
 def _refuse(answer: Answer) -> None:
     if not answer.ok:
-        raise Doubt(DoubtReason.REFUSED, answer.text)
+        raise Doubtful(DoubtReason.REFUSED, answer.text)

@@ -4,9 +4,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.flir_codec import integer, integers, only_number
-from ptu_drivers.flir_line import Doubt, Exchanged, FlirLine
+from ptu_drivers.flir_line import Exchanged, FlirLine
 from ptu_drivers.health import DoubtReason
 from ptu_drivers.messages import Axis, AxisDescription
 from ptu_drivers.settings import AxisSettings
@@ -95,15 +96,15 @@ def insist(line: FlirLine, command: str) -> Exchanged:
 
     Raises
     ------
-    Doubt : none after a few tries.
+    Doubtful : none after a few tries.
     """
     for _ in range(_TRIES - 1):
         try:
             return line.ask(command)
-        except Doubt:
+        except Doubtful:
             try:
                 line.resynchronise(line.transport.now() + line.longest_s())
-            except Doubt:
+            except Doubtful:
                 continue
     return line.ask(command)
 
@@ -113,7 +114,7 @@ def set_up(line: FlirLine) -> None:
 
     Raises
     ------
-    Doubt, ProtocolError : the unit does not do it.
+    Doubtful, ProtocolError : the unit does not do it.
     """
     for command in ("EE", "FT", "CI"):
         said = insist(line, command).answer
@@ -128,7 +129,7 @@ def probe(line: FlirLine) -> UnitFacts:
 
     Raises
     ------
-    Doubt : no answer. ProtocolError : an answer without the figure that it must have.
+    Doubtful : no answer. ProtocolError : an answer without the figure that it must have.
     """
     details: dict[str, str] = {}
 
@@ -229,6 +230,6 @@ def _device_clock(line: FlirLine) -> tuple[float, int]:
     return 0.0, 0
 
 
-def doubt_of(fault: ProtocolError) -> Doubt:
+def doubt_of(fault: ProtocolError) -> Doubtful:
     """Return an answer that cannot be read as a doubt."""
-    return Doubt(DoubtReason.GARBAGE, fault.got)
+    return Doubtful(DoubtReason.GARBAGE, fault.got)

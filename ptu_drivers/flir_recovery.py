@@ -3,9 +3,10 @@
 from collections import deque
 from collections.abc import Callable
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError, ProtocolError
 from ptu_drivers.flir_codec import integer
-from ptu_drivers.flir_line import Doubt, FlirLine
+from ptu_drivers.flir_line import FlirLine
 from ptu_drivers.health import DoubtReason, HealthCounter, UnitState
 
 # a unit's speed at power-up, as it leaves the factory
@@ -70,7 +71,7 @@ class Recovery:
                 self._start(deadline_s)
                 return DoubtReason.STARTING
             self._resynchronise(deadline_s)
-        except Doubt as doubt:
+        except Doubtful as doubt:
             self._fail(doubt.reason)
             return doubt.reason
         except LineError:
@@ -103,7 +104,7 @@ class Recovery:
             integer(said.text)
         except ProtocolError as fault:
             if not said.ok or "position" not in said.text:
-                raise Doubt(DoubtReason.GARBAGE, said.text) from fault
+                raise Doubtful(DoubtReason.GARBAGE, said.text) from fault
             if self._line.transport.now() - self._answered_s > _BOOT_S:
                 self._restart()
             else:
@@ -131,7 +132,7 @@ class Recovery:
                 self._awaited = line.begin("A")
                 self._await_until_s = line.transport.now() + _AWAIT_S
             elif line.transport.now() > self._await_until_s:
-                raise Doubt(DoubtReason.TIMEOUT, "nothing to A")
+                raise Doubtful(DoubtReason.TIMEOUT, "nothing to A")
             if not self._awaited(deadline_s):
                 return
             self._awaited = None

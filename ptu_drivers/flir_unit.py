@@ -3,8 +3,9 @@
 import threading
 from contextlib import suppress
 
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError, NoAnswerError, PtuError, RefusedError
-from ptu_drivers.flir_line import LONGEST_ANSWER_CHARACTERS, Doubt, FlirLine
+from ptu_drivers.flir_line import LONGEST_ANSWER_CHARACTERS, FlirLine
 from ptu_drivers.flir_motion import Converter
 from ptu_drivers.flir_poll import Poller, Query
 from ptu_drivers.flir_probe import LETTER, UnitFacts
@@ -61,7 +62,8 @@ class FlirUnit(PanTiltUnit):
         can = {Capability.POSITION, Capability.VELOCITY, Capability.SPEED, Capability.HOMING}
         can |= {Capability.COMBINED_QUERY} if facts.combined else set()
         can |= {Capability.DEVICE_CLOCK} if facts.clock_hz else set()
-        baud = self._transport.baud()
+        baud, asked = self._transport.baud(), settings.baud
+        kept = f"{baud}; the unit did not follow to {asked}" if asked and baud != asked else str(baud)
         return UnitDescription(
             protocol="flir",
             url=self._transport.url,
@@ -72,7 +74,7 @@ class FlirUnit(PanTiltUnit):
             tilt=facts.tilt.describe(settings.tilt),
             capabilities=frozenset(can),
             reply_timeout_s=self._limit_s,
-            details={**facts.details, "baud": str(baud) if baud else "network"},
+            details={**facts.details, "baud": kept if baud else "network"},
         )
 
     def describe(self) -> UnitDescription:
@@ -100,7 +102,7 @@ class FlirUnit(PanTiltUnit):
         try:
             reading = self._poller.poll(deadline_s)
             self._guard(reading, deadline_s)
-        except Doubt as doubt:
+        except Doubtful as doubt:
             self._recovery.doubt(doubt.reason)
             return doubt.reason
         except LineError:
@@ -247,8 +249,8 @@ class FlirUnit(PanTiltUnit):
                 answered = self._line.begin("R")
                 while not answered(self._transport.now() + self._limit_s):
                     if self._transport.now() - began > self._settings.homing_timeout_s:
-                        raise Doubt(DoubtReason.TIMEOUT, "nothing")
-            except Doubt as doubt:
+                        raise Doubtful(DoubtReason.TIMEOUT, "nothing")
+            except Doubtful as doubt:
                 self._recovery.doubt(doubt.reason)
                 raise NoAnswerError("R", waited_s=self._transport.now() - began, got=doubt.got) from doubt
             except LineError:
@@ -286,7 +288,7 @@ class FlirUnit(PanTiltUnit):
         try:
             for command in ("PS0", "TS0"):
                 self._line.ask(command, deadline_s=deadline_s)
-        except Doubt as doubt:
+        except Doubtful as doubt:
             self._recovery.doubt(doubt.reason)
             self._recovery.halt_pending = True
             return doubt.reason
@@ -317,7 +319,7 @@ class FlirUnit(PanTiltUnit):
         began = self._transport.now()
         try:
             answer = self._line.ask(command).answer
-        except Doubt as doubt:
+        except Doubtful as doubt:
             self._recovery.doubt(doubt.reason)
             self._recovery.halt_pending = True
             raise NoAnswerError(command, waited_s=self._transport.now() - began, got=doubt.got) from doubt

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from ptu_drivers.clock_offset import OffsetBounds, intersection
 from ptu_drivers.messages import AngleSource
 
 _SQRT12 = math.sqrt(12.0)
@@ -80,7 +81,7 @@ class DeviceClock:
 
     def __init__(self, frequency_hz: float) -> None:
         self.frequency_hz = frequency_hz
-        self._bounds: deque[tuple[float, float, float]] = deque(maxlen=_KEPT)
+        self._bounds: deque[OffsetBounds] = deque(maxlen=_KEPT)
         self._last = -1
         self._turns = 0
 
@@ -97,15 +98,16 @@ class DeviceClock:
                 self._turns += 1
         self._last = count
         device = (count + self._turns * _COUNTER) / self.frequency_hz
-        self._bounds.append((device, earliest_s - device, latest_s - device))
-        low = max(lo - _DRIFT * (device - at) for at, lo, _ in self._bounds)
-        high = min(hi + _DRIFT * (device - at) for at, _, hi in self._bounds)
-        if low > high:
+        new = OffsetBounds(device, earliest_s - device, latest_s - device)
+        self._bounds.append(new)
+        offset = intersection(self._bounds, device, _DRIFT)
+        if offset is None:
             # a clock that jumped, or a frequency that is not what it was said to be: begin anew with this exchange
-            last = self._bounds[-1]
             self._bounds.clear()
-            self._bounds.append(last)
-            low, high = last[1], last[2]
+            self._bounds.append(new)
+            offset = new
         return Instant(
-            t_s=device + 0.5 * (low + high), sigma_s=_at_least((high - low) / _SQRT12), source=AngleSource.DEVICE_CLOCK
+            t_s=device + offset.middle_s,
+            sigma_s=_at_least(offset.width_s / _SQRT12),
+            source=AngleSource.DEVICE_CLOCK,
         )

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from ptu_drivers.errors import ProtocolError
-from ptu_drivers.health import Health
+from ptu_drivers.errors import LineError, ProtocolError, PtuError
+from ptu_drivers.health import Health, UnitState
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import Axis, NoReading, Reading, UnitDescription
 
@@ -15,6 +15,8 @@ _BAR = 40
 _STUCK_S = 0.2
 _STILL_S = 0.3
 _IDLE_S = 0.01
+# a line that is back is answered within 2 s
+_SILENT_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +53,7 @@ class Moved:
     lag_s : from the command until it was seen to move. took_s : until it was at rest. peak_rad_s : fastest.
     stuck_s : longest standstill between start and target: stiction, or a stall.
     quantum_rad : one step.
+    lost_line : the line, or the unit's power, was lost on the way, and is back.
     """
 
     axis: Axis
@@ -61,6 +64,7 @@ class Moved:
     peak_rad_s: float
     stuck_s: float
     quantum_rad: float
+    lost_line: bool = False
 
     @property
     def lost_steps(self) -> int:
@@ -148,28 +152,54 @@ def move(
 
     Raises
     ------
-    PtuError : as `move_to`. ProtocolError : it did not come to rest in time; it is halted.
+    PtuError : as `move_to`. ProtocolError : it did not come to rest in time; it is halted. LineError : the line was
+    lost on the way, and is not back; a halt was tried.
     """
-    before = _reading(unit, now, wait, timeout_s)
-    begun = now()
+    before = first_reading(unit, now, wait, timeout_s)
+    begun, breaks = now(), _breaks(unit)
     unit.move_to(pan_rad=targets_rad.get(Axis.PAN), tilt_rad=targets_rad.get(Axis.TILT), rate_rad_s=rate_rad_s)
     path: list[Reading] = [before]
-    changed = now()
+    changed = heard = now()
     while now() - changed < _STILL_S or (_far(path[-1], targets_rad, unit.describe()) and now() - changed < 2.0):
         if now() - begun > timeout_s:
             unit.halt()
             raise ProtocolError("move", got=f"motion after {timeout_s:.0f} s", wanted="rest; it was halted")
         got = unit.read()
         if isinstance(got, NoReading):
+            if now() - heard > _SILENT_S and got.state is not UnitState.STARTING:
+                raise _lost(unit, got, now() - heard)
+            # silence is no rest
+            changed = now()
             wait(_IDLE_S)
             continue
+        heard = now()
         if _angles(got) != _angles(path[-1]):
-            changed = now()
+            changed = heard
         path.append(got)
-    return tuple(_moved(axis, begun, wanted, path, unit.describe()) for axis, wanted in targets_rad.items())
+    lost = _breaks(unit) != breaks
+    return tuple(_moved(axis, begun, wanted, path, unit.describe(), lost) for axis, wanted in targets_rad.items())
 
 
-def _moved(axis: Axis, begun_s: float, wanted: float, path: Sequence[Reading], said: UnitDescription) -> Moved:
+def _breaks(unit: PanTiltUnit) -> int:
+    """Return how often the line or the unit's power was lost until now."""
+    health = unit.health()
+    return health.reconnects + health.restarts
+
+
+def _lost(unit: PanTiltUnit, got: NoReading, silent_s: float) -> LineError:
+    """Try to halt what is no longer heard of, and return what is to be said of it."""
+    try:
+        unit.halt()
+        halted = "it was halted"
+    except PtuError:
+        halted = "nobody answered to a halt: it may still move"
+    said = f"the line lost on the way: no angle for {silent_s:.1f} s ({got.reason}); {halted}"
+    return LineError(unit.describe().url, got=said, wanted="an angle")
+
+
+def _moved(
+    axis: Axis, begun_s: float, wanted: float, path: Sequence[Reading], said: UnitDescription, lost_line: bool
+) -> Moved:
     samples = [r.pan if axis is Axis.PAN else r.tilt for r in path]
     start, end = samples[0].angle_rad, samples[-1].angle_rad
     moving = [s for s in samples if s.angle_rad != start]
@@ -189,14 +219,19 @@ def _moved(axis: Axis, begun_s: float, wanted: float, path: Sequence[Reading], s
         peak_rad_s=max(rates, default=0.0),
         stuck_s=stuck,
         quantum_rad=said.axis(axis).quantum_rad,
+        lost_line=lost_line,
     )
 
 
-def _reading(unit: PanTiltUnit, now: Callable[[], float], wait: Callable[[float], None], timeout_s: float) -> Reading:
+def first_reading(
+    unit: PanTiltUnit, now: Callable[[], float], wait: Callable[[float], None], timeout_s: float
+) -> Reading:
+    """Ask until there is an angle. Raises LineError where there is none in time."""
     begun = now()
     while isinstance(got := unit.read(), NoReading):
         if now() - begun > timeout_s:
-            raise ProtocolError(unit.describe().url, got=f"no angle in {timeout_s:.0f} s", wanted="one")
+            said = f"no angle in {timeout_s:g} s ({got.reason}, {got.state})"
+            raise LineError(unit.describe().url, got=said, wanted="one")
         wait(_IDLE_S)
     return got
 
@@ -256,6 +291,8 @@ def format_watched(seen: Watched, said: UnitDescription) -> str:
 def format_moved(moved: Moved) -> str:
     """Return how a move went, for people."""
     verdict = "reached" if moved.lost_steps <= 1 else f"MISSED by {moved.lost_steps} steps"
+    if moved.lost_line:
+        verdict += "; THE LINE WAS LOST on the way"
     if moved.stuck_s > _STUCK_S:
         verdict += f"; STOOD STILL for {moved.stuck_s:.2f} s on the way"
     return (

@@ -3,13 +3,14 @@
 import time
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from inspect import signature
+from inspect import Parameter, signature
 from types import MappingProxyType
 from typing import Any
 
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.halting import halt_on_exit
 from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.own_options import insist_on_options
 from ptu_drivers.settings import UnitSettings
 
 # module:function, imported when asked for: a protocol's own packages are not needed by the others.
@@ -57,12 +58,14 @@ def open_ptu(
         if missing.name != module:
             raise
         raise ProtocolError("protocol", got=protocol, wanted="one that is part of this version") from missing
-    try:
-        unit: PanTiltUnit = opener(url, settings or UnitSettings(), clock, **options)
-    except TypeError as fault:
-        unknown = set(options) - set(signature(opener).parameters)
-        if not unknown:
-            raise
-        raise ProtocolError("options", got=", ".join(sorted(unknown)), wanted=f"what {protocol} has") from fault
+    settings = settings or UnitSettings()
+    if settings.baud and "://" in url and not url.startswith("rfc2217://"):
+        raise ProtocolError(url, got=f"{settings.baud} baud", wanted="no speed: only serial lines have one")
+    named = {p.name: p.annotation for p in signature(opener).parameters.values() if p.kind is Parameter.KEYWORD_ONLY}
+    if named:
+        if unknown := [name for name in options if name not in named]:
+            raise ProtocolError("options", got=", ".join(unknown), wanted=f"what {protocol} has: " + ", ".join(named))
+        insist_on_options(protocol, options, named)
+    unit: PanTiltUnit = opener(url, settings, clock, **options)
     halt_on_exit(unit)
     return unit

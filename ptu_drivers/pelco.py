@@ -12,11 +12,12 @@ from ptu_drivers.errors import ProtocolError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
+from ptu_drivers.own_options import made_of
 from ptu_drivers.pelco_codec import Opcode, PelcoFraming, PelcoMessage, with_word
 from ptu_drivers.pelco_exchange import Answer, PelcoExchange
 from ptu_drivers.plausibility import Plausibility, Point, Verdict
 from ptu_drivers.polled_unit import PolledUnit
-from ptu_drivers.settings import UnitSettings
+from ptu_drivers.settings import UnitSettings, insist_on_baud
 from ptu_drivers.transport import SerialTransport, Transport
 
 _HALF_TURN_DEG = 180.0
@@ -64,7 +65,9 @@ class PelcoOptions:
     gap_s: float = 0.01
 
     def __post_init__(self) -> None:
+        insist_on_baud("Pelco option baud", self.baud)
         for name, good, wanted in (
+            ("address", 1 <= self.address <= 255, "1 to 255"),
             ("pan_sign", self.pan_sign in (1, -1), "1 or -1"),
             ("tilt_sign", self.tilt_sign in (1, -1), "1 or -1"),
             ("tilt_wrap", self.tilt_wrap in ("turn", "word"), "'turn' or 'word'"),
@@ -300,12 +303,7 @@ def open_pelco_p(
 def _open(
     url: str, settings: UnitSettings, clock: Callable[[], float], options: Mapping[str, Any], framing: PelcoFraming
 ) -> PelcoUnit:
-    try:
-        chosen = PelcoOptions(**options)
-    except TypeError as wrong:
-        raise ProtocolError(
-            "Pelco options", got=", ".join(options), wanted=", ".join(PelcoOptions.__dataclass_fields__)
-        ) from wrong
+    chosen = made_of(PelcoOptions, "Pelco", options)
     if settings.baud:
         chosen = replace(chosen, baud=settings.baud)
     line = SerialTransport(url, chosen.baud, clock)

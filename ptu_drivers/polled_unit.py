@@ -8,13 +8,14 @@ import threading
 from abc import abstractmethod
 from typing import Protocol
 
-from ptu_drivers.axis_limits import insist_on_angle, insist_on_rate, insist_on_room
+from ptu_drivers.axis_limits import insist_on_angle, insist_on_rate
 from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError, NoAnswerError, PtuError, RefusedError, UnsupportedError
 from ptu_drivers.halting import Watchdog
 from ptu_drivers.health import DoubtReason, Health, HealthCounter, UnitState
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import Axis, Capability, NoReading, Reading, UnitDescription
+from ptu_drivers.rate_motion import RateMotion
 from ptu_drivers.settings import AxisSettings, UnitSettings
 
 # timeouts in a row after which the line is opened again: a socket can be half open, an adapter asleep
@@ -23,8 +24,6 @@ _REOPEN_S = 0.2
 _HALT_TRIES = 3
 # motion by rate is looked at this often by itself, so that it can be stopped at a limit
 _LOOK_S = 0.1
-# until it is looked at again and has come to rest
-_AHEAD_S = 0.25
 
 
 class Line(Protocol):
@@ -72,8 +71,7 @@ class PolledUnit(PanTiltUnit):
         self._next_reopen_s = float("-inf")
         self._until_s = float("inf")
         """When the present call must be over, s."""
-        self._rates: dict[Axis, float] | None = None
-        self._rate_command_s = 0.0
+        self._turning = RateMotion(description=description)
         self._last: Reading | None = None
         self._watches = watch
         self._watchdog: Watchdog | None = None
@@ -147,7 +145,7 @@ class PolledUnit(PanTiltUnit):
                 insist_on_angle(axis, self._description.axis(axis), value)
                 if rate_rad_s is not None:
                     insist_on_rate(axis, self._description.axis(axis), rate_rad_s)
-            self._rates = None
+            self._turning.end()
             targets = {axis: self._axis(axis).unit_angle(value) for axis, value in asked.items()}
             self._command("move", lambda: self._send_position(targets, rate_rad_s))
 
@@ -158,14 +156,7 @@ class PolledUnit(PanTiltUnit):
             if Capability.VELOCITY not in self._description.capabilities:
                 raise UnsupportedError(self._description.protocol, got="a rate")
             asked = {Axis.PAN: pan_rad_s, Axis.TILT: tilt_rad_s}
-            for axis, value in asked.items():
-                insist_on_rate(axis, self._description.axis(axis), value)
-                if self._last is not None and not (self._rates and self._rates[axis]):
-                    # from rest; motion is stopped at its limit anyway
-                    ahead_rad = self._last.axis(axis).angle_rad + value * _AHEAD_S
-                    insist_on_room(axis, self._description.axis(axis), ahead_rad, value)
-            self._rate_command_s = self._line.now()
-            self._rates = asked
+            self._turning.begin(asked, self._line.now(), self._last)
             rates = {axis: self._axis(axis).sign * value for axis, value in asked.items()}
             # before anything turns: a command that fails may still have been taken
             if self._watches and self._watchdog is None:
@@ -230,11 +221,11 @@ class PolledUnit(PanTiltUnit):
             send()
         except RefusedError:
             # one axis may have taken it
-            self._rates = None
+            self._turning.end()
             self._halt_owed = True
             raise
         except (Doubtful, LineError) as fault:
-            self._rates = None
+            self._turning.end()
             self._halt_owed = True
             self._doubt(fault)
             if isinstance(fault, LineError):
@@ -246,7 +237,7 @@ class PolledUnit(PanTiltUnit):
         self._silences = 0
 
     def _halt(self, tries: int = _HALT_TRIES) -> None:
-        self._rates = None
+        self._turning.end()
         self._halt_owed = True
         began = self._line.now()
         last: Doubtful | LineError | None = None
@@ -296,9 +287,9 @@ class PolledUnit(PanTiltUnit):
 
     def _lose(self) -> None:
         self._silences = 0
-        if self._rates is not None:
+        if self._turning.rates is not None:
             self._halt_owed = True
-            self._rates = None
+            self._turning.end()
         self._health.state = UnitState.LINE_LOST
 
     def _recover(self) -> None:
@@ -318,23 +309,15 @@ class PolledUnit(PanTiltUnit):
 
     def _check_watchdog(self) -> None:
         """Halt motion by rate that nobody renewed."""
-        if self._rates is None or not any(self._rates.values()) or self._settings.watchdog_s <= 0:
-            return
-        if self._line.now() - self._rate_command_s > self._settings.watchdog_s:
+        if self._turning.is_overdue(self._line.now(), self._settings.watchdog_s):
             self._health.watchdog_stops += 1
             self._try_halt()
 
     def _stop_at_limits(self, reading: Reading) -> None:
         """Halt motion by rate that would pass a limit before the next look."""
-        if self._rates is None:
-            return
-        for axis in Axis:
-            sample, said, rate = reading.axis(axis), self._description.axis(axis), self._rates[axis]
-            ahead = sample.angle_rad + rate * (self._line.now() - sample.t_s + _AHEAD_S)
-            if (rate > 0 and ahead > said.high_rad) or (rate < 0 and ahead < said.low_rad):
-                self._health.limit_events += 1
-                self._try_halt()
-                return
+        if self._turning.nears_limit(reading, self._line.now()):
+            self._health.limit_events += 1
+            self._try_halt()
 
     def _watch(self) -> None:
         """Look after motion by rate: that commands come, that limits are kept."""
@@ -346,7 +329,7 @@ class PolledUnit(PanTiltUnit):
                 self._try_again()
                 self._try_halt()
                 return
-            if self._rates is None or not any(self._rates.values()):
+            if not self._turning.turns():
                 return
             self._try_again()
             self._check_watchdog()

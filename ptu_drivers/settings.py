@@ -4,6 +4,16 @@ from dataclasses import dataclass, field
 
 from ptu_drivers.errors import ProtocolError
 
+_SLOWEST_BAUD = 50
+_FASTEST_BAUD = 10_000_000
+
+
+def insist_on_baud(where: str, baud: int) -> None:
+    """Return if a serial line may have this speed, bit/s. Raises ProtocolError."""
+    if not _SLOWEST_BAUD <= baud <= _FASTEST_BAUD:
+        wanted = f"a serial line's speed, {_SLOWEST_BAUD} to {_FASTEST_BAUD} bit/s"
+        raise ProtocolError(where, got=str(baud), wanted=wanted)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisSettings:
@@ -63,3 +73,7 @@ class UnitSettings:
     watchdog_s: float = 0.5
     homing_timeout_s: float = 60.0
     baud: int = 0
+
+    def __post_init__(self) -> None:
+        if self.baud:
+            insist_on_baud("baud", self.baud)

@@ -4,10 +4,18 @@ import random
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
+from ptu_drivers.errors import ProtocolError
 from ptu_drivers.simulated_line import VirtualLine
+from ptu_drivers.simulated_unit import SimulatedUnit
 
 Fault = Callable[[VirtualLine, random.Random], float]
 """Does it now; returns how long it lasts, s: after that the line and the unit are well again."""
+
+
+def _flir(line: VirtualLine) -> SimulatedUnit:
+    if not isinstance(line.unit, SimulatedUnit):
+        raise ProtocolError("fault", got=type(line.unit).__name__, wanted="a simulated FLIR unit")
+    return line.unit
 
 
 def _banner(line: VirtualLine, rnd: random.Random) -> float:
@@ -25,7 +33,7 @@ def _stale_answer(line: VirtualLine, rnd: random.Random) -> float:
     """Send an answer to a query of long ago, spelled in any way, or a set's acknowledgement."""
     axis = rnd.choice("PT")
     echo = "".join(rnd.choice((c.lower(), c)) for c in axis + "P")
-    counts = line.unit.flir.axes[axis].counter(line.now() - rnd.uniform(0.3, 2.0)) + rnd.randrange(-300, 300)
+    counts = _flir(line).flir.axes[axis].counter(line.now() - rnd.uniform(0.3, 2.0)) + rnd.randrange(-300, 300)
     text = rnd.choice((f"{echo} * {counts}", f"* {counts}", f"{echo}{counts} *", f"{echo} * Current Pan position is 5"))
     line.unit.say(line.now(), text.encode() + b"\r\n")
     return 0.1
@@ -68,12 +76,12 @@ def _merged(line: VirtualLine, rnd: random.Random) -> float:
 
 
 def _echo_off(line: VirtualLine, _rnd: random.Random) -> float:
-    line.unit.flir.echo = False
+    line.unit.echo = False
     return 0.0
 
 
 def _verbose(line: VirtualLine, _rnd: random.Random) -> float:
-    line.unit.flir.verbose = True
+    _flir(line).flir.verbose = True
     return 0.0
 
 
@@ -108,8 +116,9 @@ def _unplugged(line: VirtualLine, rnd: random.Random) -> float:
 
 def _power_cycle(line: VirtualLine, rnd: random.Random) -> float:
     """Lose power, boot and home, deaf for up to 40 s, with the factory's settings afterwards."""
-    line.unit.power_cycle(line.now(), rnd.uniform(0.2, 3.0))
-    return line.unit.homed_s - line.now()
+    unit = _flir(line)
+    unit.power_cycle(line.now(), rnd.uniform(0.2, 3.0))
+    return unit.homed_s - line.now()
 
 
 FAULTS: Mapping[str, Fault] = MappingProxyType(

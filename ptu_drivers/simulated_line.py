@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from ptu_drivers.errors import LineError
-from ptu_drivers.simulated_unit import DEFAULT_BAUD, SimulatedUnit
+from ptu_drivers.simulated_peer import SimulatedPeer
 from ptu_drivers.transport import BITS_PER_CHARACTER, Chunk
 
 _SEND_SIGMA_S = 0.0005
@@ -44,7 +44,7 @@ class _Action:
 
 
 class VirtualLine:
-    """A `Transport` whose other end is a `SimulatedUnit`.
+    """A `Transport` whose other end is simulated.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ class VirtualLine:
 
     def __init__(
         self,
-        unit: SimulatedUnit,
-        baud: int = DEFAULT_BAUD,
+        unit: SimulatedPeer,
+        baud: int = 9600,
         *,
         start_s: float = 1000.0,
         batch_s: float = 0.0,

@@ -1,14 +1,11 @@
 """Lines to simulated units of the protocols without faults of their own, by name, for `groundstation ptu simulate`."""
 
-from typing import cast
-
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.pelco_codec import PelcoFraming
 from ptu_drivers.simulated_dynamixel import SimulatedDynamixel
 from ptu_drivers.simulated_line import VirtualLine
 from ptu_drivers.simulated_peer import SimulatedPeer
 from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
-from ptu_drivers.simulated_unit import SimulatedUnit
 
 OTHERS = ("pelco-d", "pelco-p", "dynamixel")
 
@@ -34,5 +31,4 @@ def simulated_line(
         unit = SimulatedPelco(PelcoModel(framing=framing, baud=0 if network else 9600, play_deg=play_deg), seed=seed)
     else:
         raise ProtocolError("protocol", got=protocol, wanted="one of " + ", ".join(OTHERS))
-    # the line asks nothing of a unit that these do not have
-    return VirtualLine(cast(SimulatedUnit, unit), unit.baud, start_s=start_s, seed=seed)
+    return VirtualLine(unit, unit.baud, start_s=start_s, seed=seed)

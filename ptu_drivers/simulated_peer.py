@@ -26,11 +26,13 @@ class SimulatedPeer(ABC):
         self.echo = echo
         self.late_s: list[float] = []
         """Extra delays of the next answers, s: a fault to be set from outside."""
+        self.late_until_s = 0.0
+        """When the last answer that was late began, s."""
         self._power_up_baud = baud
         self._random = random.Random(seed)
         self._off_until_s = float("-inf")
         self._busy_until_s = float("-inf")
-        self._outputs: list[tuple[float, int, bytes]] = []
+        self._outputs: list[tuple[float, int, bytes, int]] = []
         self._ready: list[tuple[float, int, int]] = []
         self._order = 0
         self._line_free_s = float("-inf")
@@ -45,15 +47,15 @@ class SimulatedPeer(ABC):
 
     def character_s(self) -> float:
         """Return the time of one character, s."""
-        return BITS_PER_CHARACTER / self.baud if self.baud else 0.0
+        return _character_s(self.baud)
 
     def connect(self, t_s: float) -> None:  # noqa: B027 - most units have nothing to say to that
         """Somebody opened the line."""
 
     def say(self, t_s: float, data: bytes) -> None:
-        """Put bytes on the line."""
+        """Put bytes on the line, at the speed of now."""
         self._order += 1
-        heapq.heappush(self._outputs, (t_s, self._order, data))
+        heapq.heappush(self._outputs, (t_s, self._order, data, self.baud))
 
     def power_cycle(self, t_s: float, off_s: float, *, homing: bool = True) -> None:
         """Lose power, and come back."""
@@ -70,14 +72,18 @@ class SimulatedPeer(ABC):
         if self.baud and baud != self.baud:
             byte = self._random.choice((0x00, 0xE0, 0xF8, 0x78, 0x80))
         if self.echo:
-            self.say(t_s, bytes((byte,)))
+            self._send_back(t_s, byte)
         self._take(t_s, byte)
 
-    def _answer(self, t_s: float, data: bytes) -> float:
+    def _send_back(self, t_s: float, byte: int) -> None:
+        self.say(t_s, bytes((byte,)))
+
+    def _answer(self, t_s: float, data: bytes, not_before_s: float = 0.0) -> float:
         """Send an answer to what was complete at `t_s`; returns when it begins, s. A late one holds up the next."""
-        ready_s = max(t_s, self._busy_until_s) + self._random.uniform(*self.latency_s)
+        ready_s = max(max(t_s, self._busy_until_s) + self._random.uniform(*self.latency_s), not_before_s)
         if self.late_s:
             ready_s += self.late_s.pop()
+            self.late_until_s = ready_s
         self._busy_until_s = ready_s
         self.say(ready_s, data)
         return ready_s
@@ -85,11 +91,11 @@ class SimulatedPeer(ABC):
     def send(self, until_s: float) -> list[tuple[float, int, int]]:
         """Return what has left until then: (time of the byte's last bit, byte, baud), in order."""
         while self._outputs and self._outputs[0][0] <= until_s:
-            ready_s, _, data = heapq.heappop(self._outputs)
+            ready_s, _, data, baud = heapq.heappop(self._outputs)
             t_s = max(ready_s, self._line_free_s)
             for byte in data:
-                t_s += self.character_s()
-                self._ready.append((t_s, byte, self.baud))
+                t_s += _character_s(baud)
+                self._ready.append((t_s, byte, baud))
             self._line_free_s = t_s
         done = 0
         while done < len(self._ready) and self._ready[done][0] <= until_s:
@@ -102,5 +108,10 @@ class SimulatedPeer(ABC):
         if self._ready:
             return self._ready[0][0]
         if self._outputs:
-            return max(self._outputs[0][0], self._line_free_s) + self.character_s()
+            ready_s, _, _, baud = self._outputs[0]
+            return max(ready_s, self._line_free_s) + _character_s(baud)
         return float("inf")
+
+
+def _character_s(baud: int) -> float:
+    return BITS_PER_CHARACTER / baud if baud else 0.0

@@ -1,6 +1,8 @@
 """A simulated unit behind a real pty or TCP port, in real time, for any program to talk to."""
 
 import contextlib
+import errno
+import hashlib
 import os
 import random
 import select
@@ -19,6 +21,8 @@ from ptu_drivers.simulated_faults import FAULTS
 from ptu_drivers.simulated_line import VirtualLine
 
 _LONGEST_SLEEP_S = 0.05
+_PTYS = "/dev/pts"
+_LAST_PORT = 65535
 _SPEEDS = {getattr(termios, f"B{baud}"): baud for baud in (600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)}
 
 
@@ -29,11 +33,13 @@ class _Pty:
         self._link = link
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
-        if link.is_symlink():
-            link.unlink()
         try:
+            if link.is_symlink() and (not link.exists() or link.readlink().is_relative_to(_PTYS)):
+                # one that no longer leads anywhere, or to a pty that is somebody else's by now
+                link.unlink()
             link.symlink_to(os.ttyname(self._slave))
         except OSError as fault:
+            self._close_ends()
             raise LineError(str(link), got=fault.strerror or str(fault), wanted="a path for a link") from fault
 
     def fileno(self) -> int:
@@ -52,16 +58,50 @@ class _Pty:
             os.write(self._master, data)
 
     def close(self) -> None:
-        self._link.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            # unless somebody has put something else there
+            if str(self._link.readlink()) == os.ttyname(self._slave):
+                self._link.unlink()
+        self._close_ends()
+
+    def _close_ends(self) -> None:
         os.close(self._master)
         os.close(self._slave)
+
+
+class _Claim:
+    """A link's path is this program's as long as it runs, however it ends; others that would take it are refused."""
+
+    def __init__(self, link: Path) -> None:
+        # a name in the kernel, not a file: it cannot outlive the program
+        self._name = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        place = hashlib.sha256(os.fsencode(link.absolute().parent.resolve() / link.name)).hexdigest()[:32]
+        try:
+            self._name.bind(f"\0simulated-ptu-{place}")
+        except OSError as fault:
+            self._name.close()
+            if fault.errno != errno.EADDRINUSE:
+                raise LineError(str(link), got=str(fault), wanted="a path for a link") from fault
+            raise LineError(
+                str(link), got="a link that a running simulated unit serves", wanted="another path, or its end first"
+            ) from fault
+
+    def release(self) -> None:
+        self._name.close()
 
 
 class _Tcp:
     """One connection at a time to a port of this machine."""
 
     def __init__(self, port: int, on_connect: Callable[[], None]) -> None:
-        self._server = socket.create_server(("127.0.0.1", port))
+        wanted = "a free port, 1024 to 65535, or 0 for any"
+        if not 0 <= port <= _LAST_PORT:
+            raise LineError(f"port {port}", got="no port of TCP", wanted=wanted)
+        try:
+            self._server = socket.create_server(("127.0.0.1", port))
+        except OSError as fault:
+            got = os.strerror(fault.errno) if fault.errno else str(fault)
+            raise LineError(f"port {port}", got=got, wanted=wanted) from fault
         self.port = self._server.getsockname()[1]
         self._peer: socket.socket | None = None
         self._on_connect = on_connect
@@ -131,7 +171,12 @@ class SimulatedServer:
         self._random = random.Random(seed)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-        self._end: _Pty | _Tcp | None = self._make()
+        self._claim = _Claim(link) if isinstance(link, Path) else None
+        try:
+            self._end: _Pty | _Tcp | None = self._make()
+        except LineError:
+            self._release()
+            raise
         self.url = str(link) if isinstance(self._end, _Pty) else f"socket://127.0.0.1:{self._end.port}"
         if self._rate and self._faults:
             self._plan_fault()
@@ -175,6 +220,11 @@ class SimulatedServer:
         finally:
             if self._end is not None:
                 self._end.close()
+            self._release()
+
+    def _release(self) -> None:
+        if self._claim is not None:
+            self._claim.release()
 
     def _unplug(self) -> None:
         if isinstance(self._end, _Tcp):

@@ -3,25 +3,9 @@
 import math
 from dataclasses import dataclass
 
+from ptu_drivers.clock_offset import OffsetBounds, intersection
 from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.health import DoubtReason
-
-
-@dataclass(frozen=True, slots=True)
-class _Tie:
-    """Our clock less the device's lies between `low_s` and `high_s`, as of `t_s`."""
-
-    t_s: float
-    low_s: float
-    high_s: float
-
-    @property
-    def middle_s(self) -> float:
-        return 0.5 * (self.low_s + self.high_s)
-
-    @property
-    def half_s(self) -> float:
-        return 0.5 * (self.high_s - self.low_s)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -43,8 +27,8 @@ class TickClock:
     tick_s: float
     ticks: int
     drift: float = 5e-4
-    _tie: _Tie | None = None
-    _held: _Tie | None = None
+    _tie: OffsetBounds | None = None
+    _held: OffsetBounds | None = None
 
     def instant(self, tick: int, earliest_s: float, latest_s: float) -> tuple[float, float]:
         """Return when the tick was shown, and 1 sigma, s.
@@ -66,9 +50,9 @@ class TickClock:
                 self._tie, self._held = new, None
                 shown_s = self._device_s(tick, latest_s - new.middle_s)
                 t_s = min(max(shown_s + 0.5 * self.tick_s + new.middle_s, earliest_s), latest_s)
-                return t_s, math.hypot(self.tick_s, 2 * new.half_s) / math.sqrt(12)
+                return t_s, math.hypot(self.tick_s, new.width_s) / math.sqrt(12)
         device_s = tick * self.tick_s
-        self._held = _Tie(latest_s, earliest_s - device_s - self.tick_s, latest_s - device_s)
+        self._held = self._bounds(device_s, earliest_s, latest_s)
         if self._tie is None:
             raise Doubtful(DoubtReason.STARTING, "the first tick")
         raise Doubtful(DoubtReason.ECHO_MISMATCH, f"tick {tick}, which it cannot show now")
@@ -81,9 +65,9 @@ class TickClock:
         turn_s = self.ticks * self.tick_s
         return tick * self.tick_s + round((near_s - tick * self.tick_s) / turn_s) * turn_s
 
-    def _joined(self, tie: _Tie, tick: int, earliest_s: float, latest_s: float) -> _Tie | None:
-        wider_s = self.drift * abs(latest_s - tie.t_s)
-        device_s = self._device_s(tick, latest_s - tie.middle_s)
-        low_s = max(tie.low_s - wider_s, earliest_s - device_s - self.tick_s)
-        high_s = min(tie.high_s + wider_s, latest_s - device_s)
-        return _Tie(latest_s, low_s, high_s) if low_s <= high_s else None
+    def _joined(self, tie: OffsetBounds, tick: int, earliest_s: float, latest_s: float) -> OffsetBounds | None:
+        new = self._bounds(self._device_s(tick, latest_s - tie.middle_s), earliest_s, latest_s)
+        return intersection((tie, new), latest_s, self.drift)
+
+    def _bounds(self, device_s: float, earliest_s: float, latest_s: float) -> OffsetBounds:
+        return OffsetBounds(latest_s, earliest_s - device_s - self.tick_s, latest_s - device_s)

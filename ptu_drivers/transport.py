@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 from ptu_drivers.errors import LineError, MissingExtraError, PtuError
 
@@ -18,6 +19,7 @@ _MOST = 4096
 # a USB adapter takes bytes once a millisecond
 _SEND_SIGMA_S = 0.0005
 _REOPEN_S = 0.1
+_AGREED_S = 0.3
 # start, 8 data and stop bit
 BITS_PER_CHARACTER = 10
 
@@ -83,10 +85,12 @@ class SerialTransport:
     """
 
     def __init__(self, url: str, baud: int, clock: Callable[[], float] = time.monotonic) -> None:
+        _insist_on_address(url)
         self.url = url
         self._baud = baud
         self._clock = clock
         self._is_serial = not url.startswith("socket://")
+        self._is_rfc2217 = url.startswith("rfc2217://")
         self._port: Any = None
         self._opening: threading.Thread | None = None
         self._opened_port: Any = None
@@ -120,7 +124,16 @@ class SerialTransport:
             return False
         self._baud = baud
         with _line_errors(self.url):
-            self._opened().baudrate = baud
+            port = self._opened()
+            if not self._is_rfc2217:
+                port.baudrate = baud
+                return True
+            # the far end must agree, for which pyserial waits for seconds
+            setting = threading.Thread(target=_set_baud, args=(port, baud), name="ptu-baud", daemon=True)
+            setting.start()
+            setting.join(_AGREED_S)
+        if setting.is_alive():
+            raise LineError(self.url, got=f"no agreement to {baud} bit/s in {_AGREED_S} s", wanted="a port that agrees")
         return True
 
     def write(self, data: bytes) -> float:
@@ -157,12 +170,13 @@ class SerialTransport:
     def reopen(self) -> None:
         """Open, after closing what was open.
 
-        Connecting over a network may take long: it goes on in a thread, and each call looks whether it is done.
+        Closing and connecting over a network may take long: both go on in a thread, and each call looks whether it is
+        done.
         """
-        self.close()
+        old, self._port = self._port, None
         if self._opening is None:
             self._opened_port, self._fault = None, None
-            self._opening = threading.Thread(target=self._open_aside, name="ptu-reopen", daemon=True)
+            self._opening = threading.Thread(target=self._open_aside, args=(old,), name="ptu-reopen", daemon=True)
             self._opening.start()
         self._opening.join(_REOPEN_S)
         if self._opening.is_alive():
@@ -179,7 +193,8 @@ class SerialTransport:
         except (OSError, AttributeError):
             self._fileno = -1
 
-    def _open_aside(self) -> None:
+    def _open_aside(self, old: Any) -> None:
+        _close(old)
         try:
             self._opened_port = self._open()
         except PtuError as fault:
@@ -188,23 +203,55 @@ class SerialTransport:
     def _open(self) -> Any:
         serial = _pyserial()
         with _line_errors(self.url):
-            # one timeout for good: changing it renegotiates the whole port of an RFC 2217 server
-            return serial.serial_for_url(
-                self.url, baudrate=self._baud, timeout=_SLICE_S, write_timeout=_WRITE_S, exclusive=True
-            )
+            try:
+                # one timeout for good: changing it renegotiates the whole port of an RFC 2217 server
+                return serial.serial_for_url(
+                    self.url,
+                    baudrate=self._baud,
+                    timeout=_SLICE_S,
+                    # pyserial's RFC 2217 port knows none, and says so with an error
+                    write_timeout=None if self._is_rfc2217 else _WRITE_S,
+                    exclusive=True,
+                )
+            except ValueError as wrong:
+                wanted = f"a line that is there: /dev/..., socket://HOST:PORT, rfc2217://HOST:PORT, {self._baud} bit/s"
+                raise LineError(self.url, got=str(wrong), wanted=wanted) from wrong
 
     def close(self) -> None:
         """Close; a line that is gone is closed already."""
         port, self._port = self._port, None
-        if port is not None:
-            # pyserial stumbles in several ways over a port that was pulled out; there is nothing left to close
-            with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
-                port.close()
+        _close(port)
 
     def _opened(self) -> Any:
         if self._port is None:
             raise LineError(self.url, got="a closed line", wanted="an open one")
         return self._port
+
+
+def _insist_on_address(url: str) -> None:
+    """Return if a network line's URL has a host and a port; pyserial says it less clearly. Raises LineError."""
+    for scheme in ("socket", "rfc2217"):
+        if url.startswith(f"{scheme}://"):
+            try:
+                parts = urlsplit(url)
+                complete = bool(parts.hostname and parts.port)
+            except ValueError:
+                complete = False
+            if not complete:
+                raise LineError(url, got="no host and port", wanted=f"{scheme}://HOST:PORT")
+
+
+def _close(port: Any) -> None:
+    if port is not None:
+        # pyserial stumbles in several ways over a port that was pulled out; there is nothing left to close
+        with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
+            port.close()
+
+
+def _set_baud(port: Any, baud: int) -> None:
+    """Set it; an error here is that of a line that is lost, which is seen at the next use."""
+    with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
+        port.baudrate = baud
 
 
 class _line_errors:  # noqa: N801 - read as a statement: with _line_errors(url)

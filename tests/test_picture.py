@@ -62,6 +62,11 @@ def test_what_was_kept_shows_the_same_again(
         repeated, there = again.window(window)
         assert there == corner
         np.testing.assert_array_equal(repeated, pixels)
+    if shown:
+        pixels, (x, y) = shown[-1]
+        glance = again.glance()
+        assert glance.shape == (SIZE[1], SIZE[0], 3)
+        np.testing.assert_array_equal(glance[y : y + pixels.shape[0], x : x + pixels.shape[1]], pixels)
 
 
 def test_what_was_not_kept_is_an_error_and_never_black() -> None:

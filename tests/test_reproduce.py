@@ -76,10 +76,16 @@ def test_names_of_files_do_not_clash(found: dict[str, Findings]) -> None:
     assert len(set(figures)) == len(figures)
 
 
-@pytest.mark.parametrize("name", ["accuracy", "failure"])
-def test_the_same_again(name: str, found: dict[str, Findings], landing_1: Path) -> None:
+@pytest.fixture(scope="module")
+def recorded_again(landing_1: Path) -> Recorded:
+    return Recorded(landing_1, FROM_S, TO_S)
+
+
+@pytest.mark.parametrize("name", [e.name for e in EXPERIMENTS])
+def test_the_same_again(name: str, found: dict[str, Findings], recorded_again: Recorded) -> None:
     """Expected: from the pictures on, all but the times is the same to the last digit."""
-    again = named(name).run(Recorded(landing_1, FROM_S, TO_S))
+    again = named(name).run(recorded_again)
+    assert len(again.tables) == len(found[name].tables)
     for first, second in zip(found[name].tables, again.tables, strict=True):
         assert untimed(first) == untimed(second)
 
@@ -115,6 +121,20 @@ def test_constant_speed_makes_up_for_the_delay(found: dict[str, Findings]) -> No
     for flight in ("landing", "take-off"):
         late, made_up = (float(str(row[4])) for row in list(rows_of(table, where=flight))[:2])
         assert made_up < 0.6 * late
+
+
+def test_a_filmed_take_off_takes_the_simulated_ones_place(
+    recorded: Recorded, found: dict[str, Findings], landing_1: Path
+) -> None:
+    """Expected: the landing's rows stay to the last digit; the second flight's are those of its pictures."""
+    filmed = Recorded(landing_1, FROM_S, TO_S, take_off=recorded)
+    filmed.__dict__["collected"] = recorded.collected
+    findings = named("online").run(filmed)
+    (before,), (after,) = found["online"].tables, findings.tables
+    assert after.rows[:3] == before.rows[:3]
+    assert [row[1:8] for row in after.rows[3:]] == [row[1:8] for row in after.rows[:3]]
+    assert not any("simulated" in words for words in findings.differences)
+    assert any("simulated" in words for words in found["online"].differences)
 
 
 def test_only_the_stretch_is_spoilt(recorded: Recorded) -> None:
@@ -169,6 +189,7 @@ def test_one_by_command(landing_1: Path, tmp_path: Path, capsys: pytest.CaptureF
     [
         (["--only", "nothing"], "one of detectors"),
         (["--session", "nowhere"], "no such folder"),
+        (["--take-off", "nowhere"], "no such folder"),
         (["--from", "500"], "truth from"),
     ],
 )

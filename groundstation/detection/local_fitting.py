@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from groundstation.detection.chan_vese import AT_REST, PHI_LIMIT, limited_step, region_means
+from groundstation.detection.chan_vese import region_means
+from groundstation.detection.narrow_band import AT_REST, PHI_LIMIT, limited_step
 
 Float32Array = NDArray[np.float32]
 _SWEEPS = 3  # of the whole grid between two fits

@@ -9,7 +9,7 @@ The angle noise is that of one reading. A filter that interpolates between readi
 can come out slightly below these bounds where the encoder dominates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,7 +85,18 @@ def posterior_bound(
     information : (n, 3, 3) single-fix information of each epoch, zero where nothing was seen.
     acceleration_psd_m2_s3 : (3,) of the motion model.
     """
-    bound = np.zeros((len(t_s), 6, 6))
+    given = (t_s, information, acceleration_psd_m2_s3, prior_position_sigma_m, prior_velocity_sigma_m_s)
+    return np.array(list(posterior_bounds(*given))).reshape(-1, 6, 6)
+
+
+def posterior_bounds(
+    t_s: FloatArray,
+    information: FloatArray,
+    acceleration_psd_m2_s3: FloatArray,
+    prior_position_sigma_m: float,
+    prior_velocity_sigma_m_s: float,
+) -> Iterator[FloatArray]:
+    """Yield what `posterior_bound` returns, one (6, 6) after the other."""
     P = np.diag([prior_position_sigma_m**2] * 3 + [prior_velocity_sigma_m_s**2] * 3)
     for k in range(len(t_s)):
         if k:
@@ -96,5 +107,4 @@ def posterior_bound(
         gain[:3] += information[k] @ P[:3]
         P = np.linalg.solve(gain.T, P.T).T
         P = 0.5 * (P + P.T)
-        bound[k] = P
-    return bound
+        yield P

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
-from groundstation.evaluation.bounds import BoundSeries, View, fix_covariance, fix_information, posterior_bound
+from groundstation.evaluation.bounds import BoundSeries, View, fix_covariance, fix_information, posterior_bounds
 from groundstation.evaluation.collector import DETECTION_STATUSES, TRIANGULATION_STATUSES, ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.metrics import Comparison
@@ -25,6 +25,7 @@ from groundstation.rig import Rig
 # the least variance in any direction: as a share of the largest, and in m²
 _RELATIVE_FLOOR = 1e-7
 _ABSOLUTE_FLOOR_M2 = 1e-10
+_BLOCK_ROWS = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,11 +128,12 @@ def write_reference_tums(folder: Path, evaluation: Evaluation) -> list[Path]:
     """
     written = []
     for name, c in evaluation.comparisons.items():
-        rows = zip(c.t_s[c.usable], c.reference_m[c.usable], strict=True)
-        text = "".join(f"{t:.6f} {p[0]:.7f} {p[1]:.7f} {p[2]:.7f} 0 0 0 1\n" for t, p in rows)
         path = folder / f"{name}.tum"
         try:
-            path.write_text(text, encoding="utf-8")
+            with path.open("w", encoding="utf-8") as file:
+                for k in np.flatnonzero(c.usable):
+                    x, y, z = c.reference_m[k]
+                    file.write(f"{c.t_s[k]:.6f} {x:.7f} {y:.7f} {z:.7f} 0 0 0 1\n")
         except OSError as fault:
             raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
         written.append(path)
@@ -180,6 +182,14 @@ def _regular(covariance_m2: NDArray[Any]) -> FloatArray:
     Single precision, or a filter gone wrong, may have cost them that. What is not finite becomes the identity;
     such epochs do not count as estimates.
     """
+    regular = np.empty(covariance_m2.shape, dtype=np.float64)
+    # block by block: on the way there are eight arrays of this size
+    for first in range(0, len(regular), _BLOCK_ROWS):
+        regular[first : first + _BLOCK_ROWS] = _regular_block(covariance_m2[first : first + _BLOCK_ROWS])
+    return regular
+
+
+def _regular_block(covariance_m2: NDArray[Any]) -> FloatArray:
     finite = np.isfinite(covariance_m2).all(axis=(1, 2))
     exact = np.where(finite[:, None, None], covariance_m2, np.eye(3)).astype(np.float64)
     values, vectors = np.linalg.eigh(0.5 * (exact + exact.transpose(0, 2, 1)))
@@ -194,7 +204,9 @@ def _compare(
     """Set the run's estimates against a reference at the epochs' own times."""
     ekf_known = usable & _estimated(epochs)
     triangulation_known = usable & _triangulation_ok(epochs)
-    noise = np.einsum("ni,ij->nij", reference_sigma_m**2, np.eye(3))
+    covariance = _regular(epochs["covariance_m2"])
+    for axis in range(3):
+        covariance[:, axis, axis] += reference_sigma_m[:, axis] ** 2
     return Comparison(
         t_s=epochs["t_s"],
         reference_m=reference_m,
@@ -203,7 +215,7 @@ def _compare(
         ekf_known=ekf_known,
         triangulation_error_m=np.where(triangulation_known[:, None], epochs["ml_point_m"] - reference_m, 0.0),
         triangulation_known=triangulation_known,
-        covariance_m2=_regular(epochs["covariance_m2"]) + noise,
+        covariance_m2=covariance,
     )
 
 
@@ -234,14 +246,15 @@ def _bounds(
     seen = np.flatnonzero(fix_known)
     if len(seen):
         first = int(seen[0])
-        bound = posterior_bound(
+        bounds = posterior_bounds(
             epochs["t_s"][first:],
             information[first:],
             np.array(run.acceleration_psd_m2_s3),
             config.prior_position_sigma_m,
             config.prior_velocity_sigma_m_s,
         )
-        track_sigma[first:] = np.sqrt(np.einsum("nii->ni", bound[:, :3, :3]))
+        for k, bound in enumerate(bounds, first):
+            track_sigma[k] = np.sqrt(np.diag(bound)[:3])
         track_known[first:] = True
     return BoundSeries(fix_sigma_m=fix_sigma, fix_known=fix_known, track_sigma_m=track_sigma, track_known=track_known)
 

@@ -9,15 +9,15 @@ _BLOCK_ROWS = 2048
 
 
 class GrowingTable:
-    """A table of one structured dtype that grows by blocks; nothing is copied until `rows` is asked for."""
+    """A table of one structured dtype that grows by blocks; `rows` makes one of them."""
 
     def __init__(self, dtype: DTypeLike) -> None:
         self.dtype = np.dtype(dtype)
         self._blocks: list[NDArray[Any]] = []
-        self._used = _BLOCK_ROWS
+        self._used = 0
 
     def __len__(self) -> int:
-        return max(0, len(self._blocks) - 1) * _BLOCK_ROWS + (self._used if self._blocks else 0)
+        return sum(len(block) for block in self._blocks[:-1]) + (self._used if self._blocks else 0)
 
     @property
     def nbytes(self) -> int:
@@ -26,14 +26,17 @@ class GrowingTable:
 
     def append(self, *cells: Any) -> None:
         """Append one row, its cells in the dtype's order."""
-        if self._used == _BLOCK_ROWS:
+        if not self._blocks or self._used == len(self._blocks[-1]):
             self._blocks.append(np.zeros(_BLOCK_ROWS, self.dtype))
             self._used = 0
         self._blocks[-1][self._used] = cells
         self._used += 1
 
     def rows(self) -> NDArray[Any]:
-        """Return all rows as one new array."""
+        """Return all rows as one array, not to be written to: the table keeps no other."""
         if not self._blocks:
             return np.zeros(0, self.dtype)
-        return np.concatenate([*self._blocks[:-1], self._blocks[-1][: self._used]])
+        if len(self._blocks) > 1 or self._used < len(self._blocks[0]):
+            self._blocks = [np.concatenate([*self._blocks[:-1], self._blocks[-1][: self._used]])]
+            self._used = len(self._blocks[0])
+        return self._blocks[0]

@@ -36,6 +36,7 @@ class Recorded:
     folder : of the session; it needs pictures, truth.csv, masks.npz and the wing span.
     from_s, to_s : session times; None is the recording's own end.
     say : is told in a few words what is being computed.
+    take_off : such a session of a take-off, for the experiment that has one; None simulates its pixels.
     """
 
     def __init__(
@@ -44,7 +45,10 @@ class Recorded:
         from_s: float | None = None,
         to_s: float | None = None,
         say: Callable[[str], None] = lambda words: None,
+        *,
+        take_off: "Recorded | None" = None,
     ) -> None:
+        self.take_off = take_off
         self.session: Session = load_session(folder)
         self.from_s = -np.inf if from_s is None else from_s
         self.to_s = np.inf if to_s is None else to_s

@@ -20,13 +20,17 @@ _SHOWN_VERSIONS = ("groundstation", "numpy", "scipy", "opencv-python-headless")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReproduceRequest:
-    """What the user asked for; ``only`` empty does all, ``session`` None takes the bundled landing."""
+    """What the user asked for; ``only`` empty does all, ``session`` None takes the bundled landing.
+
+    ``take_off`` is a rendered take-off for the experiment that has one; None simulates its pixels.
+    """
 
     out: Path
     only: tuple[str, ...] = ()
     session: Path | None = None
     from_s: float | None = None
     to_s: float | None = None
+    take_off: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +51,8 @@ def reproduce(request: ReproduceRequest, say: Callable[[str], None] = lambda wor
     folder = request.session or BUNDLED
     if request.session is None and not folder.is_dir():
         raise InputError(str(folder), got="no bundled recording", wanted="one, or --session")
-    recorded = Recorded(folder, request.from_s, request.to_s, say)
+    take_off = None if request.take_off is None else Recorded(request.take_off, say=say)
+    recorded = Recorded(folder, request.from_s, request.to_s, say, take_off=take_off)
     _make(request.out)
     warm_up()
     found, elapsed, files = [], [], []
@@ -89,5 +94,7 @@ def _notes(request: ReproduceRequest) -> Sequence[str]:
     if request.from_s is not None or request.to_s is not None:
         limits = [f"{word} {v:g} s" for word, v in (("from", request.from_s), ("to", request.to_s)) if v is not None]
         notes.append(f"Only a part of the recording: {' '.join(limits)}.")
+    if request.take_off is not None:
+        notes.append(f"The take-off is the whole of {request.take_off.name}.")
     known = versions()
     return [*notes, "Versions: " + ", ".join(f"{name} {known[name]}" for name in _SHOWN_VERSIONS) + "."]

@@ -5,11 +5,16 @@ v, the true span with 10 %. Everything else of the hint is built by the pipeline
 and velocity.
 """
 
+import struct
+import zipfile
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.camera_tracker import CameraTracker, SpanModel
@@ -20,10 +25,17 @@ from groundstation.evaluation.metrics import phase_masks
 from groundstation.messages import Frame, PtuSample
 from groundstation.session import Session, Truth, load_truth
 from groundstation.sources.replay import ReplaySource, read_frames
+from groundstation.toml_table import shown
 
 PREDICTION_SIGMA_PX = 4.0
 SPAN_SIGMA_RATIO = 0.1
 _UNKNOWN_PHASE = "unstated"
+# what numpy and zipfile raise for an archive that is damaged, or none
+_DAMAGE = (
+    *(OSError, EOFError, ValueError, TypeError, KeyError, AttributeError, RuntimeError, MemoryError, SyntaxError),
+    *(zipfile.BadZipFile, zlib.error, struct.error),
+)
+_MAX_CORNER_PX = 100_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,16 +77,38 @@ class Silhouettes:
         path = session.folder / "masks.npz"
         if not path.is_file():
             raise SessionError(session.name, got="no masks.npz", wanted="a rendered session with true silhouettes")
-        self._arrays = np.load(BytesIO(path.read_bytes()))
+        self._where = f"{session.name}: masks.npz"
+        try:
+            self._arrays = np.load(BytesIO(path.read_bytes()), allow_pickle=False)
+            self._names = frozenset(self._arrays.files)
+        except _DAMAGE as fault:
+            raise self._fault(str(fault)) from fault
         self._numbers = read_frames(session).index
 
     def find(self, station: str, epoch: int) -> Silhouette | None:
         """Return the silhouette, None where the aircraft is not in the picture."""
         key = f"{station}_{int(self._numbers[epoch]):04d}"
-        if key not in self._arrays.files or not self._arrays[key].any():
+        if key not in self._names:
             return None
-        corner = self._arrays[f"{key}_xy"]
-        return Silhouette(x=int(corner[0]), y=int(corner[1]), mask=self._arrays[key] > 0)
+        mask, corner = self._array(key, 2), self._array(f"{key}_xy", 1)
+        if not mask.any():
+            return None
+        if len(corner) != 2 or max(abs(int(v)) for v in corner) > _MAX_CORNER_PX:
+            raise self._fault(f"{key}_xy is no corner of a silhouette")
+        return Silhouette(x=int(corner[0]), y=int(corner[1]), mask=mask > 0)
+
+    def _array(self, key: str, dimensions: int) -> NDArray[Any]:
+        """Return an array of whole numbers; raises `SessionError` where the archive is damaged there."""
+        try:
+            found = self._arrays[key]
+        except _DAMAGE as fault:
+            raise self._fault(f"{key}: {fault}") from fault
+        if found.ndim != dimensions or found.dtype.kind not in "biu":
+            raise self._fault(f"{key}: {found.ndim} dimensions of {found.dtype}")
+        return found
+
+    def _fault(self, got: str) -> SessionError:
+        return SessionError(self._where, got=shown(got), wanted="silhouettes, as `groundstation simulate` writes them")
 
 
 def scenes(

@@ -118,12 +118,15 @@ class StationGeometry:
         """Return the camera's pose at one pair of angles, by the frames of docs/conventions.md."""
         runway_from_base = self.packed[0:9].reshape(3, 3)
         head_from_camera = self.packed[12:21].reshape(3, 3)
-        base_from_head = rotation_z(pan_rad) @ rotation_y(self.lean_rad) @ rotation_x(tilt_rad)
-        runway_from_head = runway_from_base @ base_from_head
+        runway_from_head = runway_from_base @ self.base_from_head(pan_rad, tilt_rad)
         return CameraPose(
             position_runway_m=self.packed[9:12] + runway_from_head @ self.packed[21:24],
             runway_from_camera=runway_from_head @ head_from_camera,
         )
+
+    def base_from_head(self, pan_rad: float, tilt_rad: float) -> FloatArray:
+        """Return the head's rotation (3, 3) at one pair of angles."""
+        return rotation_z(pan_rad) @ rotation_y(self.lean_rad) @ rotation_x(tilt_rad)
 
     def contains(self, pixel: FloatArray, margin_px: float = 0.0) -> bool:
         """Return whether a pixel (2,) lies in the image, at least ``margin_px`` from its border."""

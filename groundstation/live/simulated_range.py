@@ -199,6 +199,7 @@ class _Station:
 
     name: str
     camera: RenderedCamera
+    unit: SimulatedUnit
     server: SimulatedServer
     arcsec: float
 
@@ -206,7 +207,7 @@ class _Station:
         """Return pan, tilt and their rates, rad and rad/s, at an instant of the past."""
         scale = math.radians(self.arcsec / _ARCSEC)
         with self.server.lock:
-            axes = self.server.line.unit.flir.axes
+            axes = self.unit.flir.axes
             pan, tilt = axes["P"], axes["T"]
             values = (pan.head(t_s), tilt.head(t_s), pan.speed(t_s), tilt.speed(t_s))
             for axis in (pan, tilt):
@@ -281,7 +282,7 @@ def _made(rig: Rig, number: int, world: World, config: RangeConfig) -> _Station:
         seed=config.seed + number,
     )
     camera = RenderedCamera(world, station, seed=config.seed, number=number)
-    return _Station(name=station.name, camera=camera, server=server, arcsec=arcsec)
+    return _Station(name=station.name, camera=camera, unit=unit, server=server, arcsec=arcsec)
 
 
 def _deliver(

@@ -14,6 +14,7 @@ import numpy as np
 from groundstation.errors import LogError
 from groundstation.geometry.geodesy import ecef_from_enu, enu_axes, geodetic_from_ecef
 from groundstation.logs.fixes import (
+    MAX_SIGMA_M,
     FixQuality,
     Heights,
     LogFix,
@@ -224,7 +225,10 @@ def _sigmas(
         sigma = usable_sigma(values["sde"], values["sdn"], values["sdu"])
         covariance = _squared(values.get("sdne", values.get("sden", 0.0)))
     elif {"sdx", "sdy", "sdz", "sdxy", "sdyz", "sdzx"} <= values.keys():
-        xx, yy, zz, xy, yz, zx = (_squared(values[name]) for name in ("sdx", "sdy", "sdz", "sdxy", "sdyz", "sdzx"))
+        roots = [values[name] for name in ("sdx", "sdy", "sdz", "sdxy", "sdyz", "sdzx")]
+        if not all(abs(root) <= MAX_SIGMA_M for root in roots):
+            return None, 0.0
+        xx, yy, zz, xy, yz, zx = (_squared(root) for root in roots)
         enu_from_ecef = enu_axes((lat_deg, lon_deg, 0.0))
         turned = enu_from_ecef @ np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]) @ enu_from_ecef.T
         east, north, up = (math.sqrt(max(float(v), 0.0)) for v in np.diag(turned))

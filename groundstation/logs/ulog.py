@@ -119,6 +119,8 @@ def _column(data: dict[str, Any], name: str, n: int) -> FloatArray:
     if values is None or np.shape(values) != (n,):
         return np.full(n, np.nan)
     try:
-        return np.asarray(values, dtype=np.float64)
+        # a damaged log's numbers may be none
+        with np.errstate(invalid="ignore"):
+            return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         return np.full(n, np.nan)

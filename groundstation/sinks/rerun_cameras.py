@@ -26,7 +26,6 @@ from groundstation.sinks.rerun_columns import (
 
 CROSS_PX = (12.0, 36.0)
 CROSS_STROKES = 4
-XYZW = [1, 2, 3, 0]
 NIS_CONFIDENCE = 0.95
 
 
@@ -86,18 +85,19 @@ class CameraChannel:
         return [Batch(entity=tree.image(self.station), t_s=np.array([r.t_s for r in shown]), columns=columns)]
 
     def _pointing(self, reports: Sequence[CameraReport]) -> list[Batch]:
-        """Turn the frustum and plot the angles with their rates, wherever the angles are known."""
+        """Turn the head and plot the angles with their rates, wherever the angles are known."""
         angles = [(r.t_s, r.pan_rad, r.tilt_rad) for r in reports if r.pan_rad is not None and r.tilt_rad is not None]
         if not angles:
             return []
         t_s = [t for t, _, _ in angles]
-        poses = [self._geometry.camera_pose(pan, tilt) for _, pan, tilt in angles]
+        turns = [wxyz_from_matrix(self._geometry.base_from_head(pan, tilt))[tree.XYZW] for _, pan, tilt in angles]
         columns = rr.Transform3D.columns(
-            translation=np.array([p.position_runway_m for p in poses]),
-            quaternion=np.array([wxyz_from_matrix(p.runway_from_camera)[XYZW] for p in poses]),
+            quaternion=np.array(turns),
+            parent_frame=[tree.frame(self.station, "base")] * len(turns),
+            child_frame=[tree.frame(self.station, "head")] * len(turns),
         )
         base = f"{tree.PTU}/{self.station}"
-        batches = [Batch(entity=tree.camera(self.station), t_s=np.array(t_s), columns=columns)]
+        batches = [Batch(entity=tree.head(self.station), t_s=np.array(t_s), columns=columns)]
         known = np.array(([] if self._last_angles is None else [self._last_angles]) + angles)
         self._last_angles = angles[-1]
         steps = np.diff(known, axis=0)

@@ -31,7 +31,7 @@ class Batch:
             stream.send_columns(self.entity, indexes=[tree.time_column(self.t_s)], columns=self.columns, strict=True)
 
 
-def scalars(entity: str, t_s: Sequence[float], values: Sequence[Sequence[float]]) -> Batch:
+def scalars(entity: str, t_s: Sequence[float] | FloatArray, values: Sequence[Sequence[float]] | FloatArray) -> Batch:
     """Return rows of k numbers each; ``values`` is (n, k)."""
     table = np.array(values, dtype=np.float64).reshape(len(t_s), len(values[0]) if len(values) else 1)
     lengths = np.full(len(t_s), table.shape[1])

@@ -8,16 +8,15 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 import rerun as rr
 
 from groundstation.messages import CameraReport, StepReport
 from groundstation.rig import Rig
 from groundstation.sinks import rerun_tree as tree
+from groundstation.sinks.rerun_media import jpeg_image
 from groundstation.sinks.rerun_view import RerunSink
 
-_JPEG_QUALITY = 75
 _PICTURE_EVERY_S = 0.2
 _MOST_WAITING = 300
 _FLUSH_EPOCHS = 3
@@ -89,14 +88,11 @@ class LiveView:
         self._sink.write(report)
 
     def _show(self, camera: CameraReport) -> None:
-        """Show a picture now and then, at half its size; what is drawn over it keeps its place."""
+        """Show a picture now and then; what is drawn over it keeps its place."""
         last_s = self._shown_s.get(camera.station, -np.inf)
         if camera.image is None or 0.0 <= camera.t_s - last_s < _PICTURE_EVERY_S:
             return
         self._shown_s[camera.station] = camera.t_s
         picture = camera.image.glance()
         self._stream.set_time(tree.TIMELINE, duration=np.timedelta64(round(camera.t_s * 1e9), "ns"))
-        coded, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-        if coded:
-            shown = rr.EncodedImage(contents=jpeg.tobytes(), media_type="image/jpeg")
-            self._stream.log(tree.image(camera.station), shown)
+        self._stream.log(tree.image(camera.station), jpeg_image(picture))

@@ -1,21 +1,24 @@
-"""The pictures of a Rerun recording: the session's own files, never re-encoded.
+"""The pictures of a Rerun recording: the session's own files, as they are.
 
 A video goes in whole, once; each frame then is a reference to its own presentation timestamp in that file.
-A picture of an image folder goes in as the bytes on disk.
+A picture of an image folder goes in as the bytes on disk. Only what a recording kept of a picture has to be encoded.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import cv2
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from groundstation.arrays import ImageArray
 from groundstation.errors import SessionError
 
 # beyond this a video is left out: the recording keeps a file in one piece, and that piece in memory
 MAX_VIDEO_BYTES = 1_000_000_000
+_JPEG_QUALITY = 75
 MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 
 
@@ -38,7 +41,12 @@ class ImageFolder:
     files: Mapping[int, Path] = field(default_factory=dict)
 
 
-Media = VideoAsset | ImageFolder
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedWindows:
+    """A station's pictures come with its reports, as far as they were recorded."""
+
+
+Media = VideoAsset | ImageFolder | RecordedWindows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,3 +85,9 @@ def encoded_image(path: Path) -> rr.EncodedImage:
     except OSError as fault:
         raise SessionError(str(path), got=str(fault.strerror), wanted="a readable picture") from fault
     return rr.EncodedImage(contents=contents, media_type=media_type)
+
+
+def jpeg_image(picture: ImageArray) -> rr.EncodedImage:
+    """Return a picture (h, w, 3) BGR for a person's eyes; pixels are measured before, not in this."""
+    _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    return rr.EncodedImage(contents=jpeg.tobytes(), media_type="image/jpeg")

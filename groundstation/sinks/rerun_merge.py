@@ -19,7 +19,11 @@ from groundstation.sinks import rerun_tree as tree
 TOUCHDOWN_M = 0.5
 _PROPERTIES = "/__properties"
 # columns of frame names, which a recording has for itself
-_FRAME_COLUMNS = ("Transform3D:child_frame", "Transform3D:parent_frame", "CoordinateFrame:frame")
+_FRAME_COLUMNS = (
+    *("Transform3D:child_frame", "Transform3D:parent_frame"),
+    *("Pinhole:child_frame", "Pinhole:parent_frame"),
+    "CoordinateFrame:frame",
+)
 _IMPLICIT = "tf#/"
 
 

@@ -13,6 +13,7 @@ COLOURS = {"dgps": tree.DGPS_COLOUR, "truth": tree.TRUTH_COLOUR, "smoothed": tre
 BOUND_SIGMAS = 2.0
 # a reference that is silent for longer is not joined by a line
 GAP_S = 1.0
+_BLOCK_ROWS = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,8 +58,10 @@ def log_reference_line(stream: rr.RecordingStream, line: ReferenceLine) -> None:
     strip = rr.LineStrips3D(np.split(line.position_runway_m, gaps), colors=colour, radii=rr.Radius.ui_points(0.8))
     stream.log(f"{entity}/path", strip, static=True)
     stream.log(entity, rr.Points3D.from_fields(colors=colour, radii=rr.Radius.ui_points(4.0)), static=True)
-    columns = rr.Points3D.columns(positions=line.position_runway_m)
-    Batch(entity=entity, t_s=line.t_s, columns=columns).send(stream)
+    for rows in _blocks(len(line.t_s)):
+        columns = rr.Points3D.columns(positions=line.position_runway_m[rows])
+        Batch(entity=entity, t_s=line.t_s[rows], columns=columns).send(stream)
+        stream.flush()
 
 
 def log_errors(stream: rr.RecordingStream, errors: AxisErrors) -> None:
@@ -75,5 +78,12 @@ def log_errors(stream: rr.RecordingStream, errors: AxisErrors) -> None:
             ),
             static=True,
         )
-        rows = np.column_stack([errors.error_m[:, axis], bound, -bound])
-        scalars(entity, errors.t_s.tolist(), rows.tolist()).send(stream)
+        values = np.column_stack([errors.error_m[:, axis], bound, -bound])
+        for rows in _blocks(len(values)):
+            scalars(entity, errors.t_s[rows], values[rows]).send(stream)
+            stream.flush()
+
+
+def _blocks(count: int) -> list[slice]:
+    """Return all rows, block by block: what waits to be written is held several times over."""
+    return [slice(first, first + _BLOCK_ROWS) for first in range(0, count, _BLOCK_ROWS)]

@@ -128,10 +128,13 @@ def log_station(stream: rr.RecordingStream, station: Station, number: int, middl
         ),
         static=True,
     )
+    _log_frames(stream, station)
     width, height = station.lens.image_size_px
     stream.log(
         tree.camera(station.name),
         rr.Pinhole(
+            parent_frame=tree.frame(station.name, "camera"),
+            child_frame=tree.frame(station.name, "image"),
             focal_length=station.lens.focal_px,
             principal_point=station.lens.principal_point_px + 0.5,
             resolution=[width, height],
@@ -140,6 +143,42 @@ def log_station(stream: rr.RecordingStream, station: Station, number: int, middl
             line_width=FRUSTUM_LINE_UI_POINTS,
         ),
         rr.TransformAxes3D(axis_length=0.0),
+        static=True,
+    )
+
+
+def log_world(stream: rr.RecordingStream) -> None:
+    """Say how the scene's axes lie, and that they are those of the runway's frame."""
+    stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    stream.log(
+        tree.WORLD,
+        rr.Transform3D(translation=np.zeros(3), parent_frame=tree.ROOT_FRAME, child_frame=tree.RUNWAY_FRAME),
+        static=True,
+    )
+
+
+def _log_frames(stream: rr.RecordingStream, station: Station) -> None:
+    """Log the two of a station's frames that stand still: its base in the runway's, its camera in the head's."""
+    name = station.name
+    stream.log(
+        tree.base(name),
+        rr.Transform3D(
+            translation=station.ptu_position_m,
+            quaternion=rr.Quaternion(xyzw=station.runway_from_base_wxyz[tree.XYZW]),
+            parent_frame=tree.RUNWAY_FRAME,
+            child_frame=tree.frame(name, "base"),
+        ),
+        rr.TransformAxes3D(axis_length=0.0),
+        static=True,
+    )
+    stream.log(
+        tree.camera(name),
+        rr.Transform3D(
+            translation=station.camera_in_head_m,
+            quaternion=rr.Quaternion(xyzw=station.head_from_camera_wxyz[tree.XYZW]),
+            parent_frame=tree.frame(name, "head"),
+            child_frame=tree.frame(name, "camera"),
+        ),
         static=True,
     )
 

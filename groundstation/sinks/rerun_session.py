@@ -5,7 +5,7 @@ from pathlib import Path
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, track_series
 from groundstation.session import MediumKind, Session
-from groundstation.sinks.rerun_media import ImageFolder, Media, VideoAsset
+from groundstation.sinks.rerun_media import ImageFolder, Media, RecordedWindows, VideoAsset
 from groundstation.sinks.rerun_reference import AxisErrors, ReferenceLine, ReferenceTracks
 from groundstation.sinks.rerun_view import RerunSink
 from groundstation.sources.pictures import image_files
@@ -14,7 +14,7 @@ from groundstation.sources.pictures import image_files
 def session_view(path: Path, session: Session) -> RerunSink:
     """Open the recording of a session's replay; videos are referred to, not encoded again.
 
-    Of a recording the overlays are shown: its pictures can be looked at where they are.
+    Of a recording (.mcap) those windows of the pictures are shown that were kept.
     """
     media: dict[str, Media] = {}
     for name, medium in session.media.items():
@@ -22,6 +22,8 @@ def session_view(path: Path, session: Session) -> RerunSink:
             media[name] = VideoAsset(path=medium.path)
         elif medium.kind is MediumKind.IMAGES:
             media[name] = ImageFolder(files=image_files(medium.path))
+        else:
+            media[name] = RecordedWindows()
     return RerunSink(path, session.rig, session_name=session.name, media=media)
 
 

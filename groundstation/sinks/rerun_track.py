@@ -13,7 +13,6 @@ from groundstation.sinks.rerun_columns import SIGMAS, Batch, present, scalars
 
 ELLIPSOID_PERIOD_S = 1.0
 LEVELS = {"WARNING": "WARN", "CRITICAL": "CRITICAL", "ERROR": "ERROR", "WARN": "WARN", "DEBUG": "DEBUG", "INFO": "INFO"}
-_XYZW = [1, 2, 3, 0]
 
 
 class TrackChannel:
@@ -114,7 +113,7 @@ def _ellipsoid_rows(entity: str, estimates: Sequence[TrackEstimate]) -> Batch:
     centres = np.array([k.position_runway_m for k in known]).reshape(-1, 3)
     variances, axes = np.linalg.eigh(np.array([k.covariance[:3, :3] for k in known]).reshape(-1, 3, 3))
     axes[:, :, 0] *= np.sign(np.linalg.det(axes))[:, None]  # eigenvectors may come left-handed
-    quaternions = np.array([wxyz_from_matrix(matrix)[_XYZW] for matrix in axes]).reshape(-1, 4)
+    quaternions = np.array([wxyz_from_matrix(matrix)[tree.XYZW] for matrix in axes]).reshape(-1, 4)
     columns = rr.Ellipsoids3D.columns(
         centers=centres, half_sizes=SIGMAS * np.sqrt(np.maximum(variances, 0.0)), quaternions=quaternions
     )

@@ -10,9 +10,16 @@ from groundstation.arrays import FloatArray
 Colour = NewType("Colour", tuple[int, int, int])
 
 TIMELINE = "session_time"
+# the frame of docs/conventions.md that all entities are in, and what Rerun calls the frame of the entity /
+RUNWAY_FRAME = "runway"
+ROOT_FRAME = "tf#/"
 
-RUNWAY = "world/runway"
-STATIONS = "world/stations"
+# Rerun's quaternions end with w, ours begin with it
+XYZW = [1, 2, 3, 0]
+
+WORLD = "world"
+RUNWAY = f"{WORLD}/runway"
+STATIONS = f"{WORLD}/stations"
 AIRCRAFT = "aircraft"
 EKF = f"{AIRCRAFT}/ekf"
 EKF_PATH = f"{EKF}/path"
@@ -53,9 +60,24 @@ PREDICTION_COLOUR = EKF_COLOUR
 STATION_COLOURS = (Colour((160, 145, 255)), Colour((255, 160, 90)), Colour((110, 215, 190)), Colour((225, 130, 150)))
 
 
+def base(station: str) -> str:
+    """Return the entity that says where a station's base stands."""
+    return f"{STATIONS}/{station}/base"
+
+
+def head(station: str) -> str:
+    """Return the entity that says how a station's head is turned."""
+    return f"{STATIONS}/{station}/head"
+
+
 def camera(station: str) -> str:
-    """Return the entity of a station's camera in the 3-D view: a pose that turns, with its frustum."""
+    """Return the entity of a station's camera on its head, with its frustum."""
     return f"{STATIONS}/{station}/camera"
+
+
+def frame(station: str, part: str) -> str:
+    """Return the name of a station's frame: ``part`` is base, head or camera (docs/conventions.md), or image."""
+    return f"{station}.{part}"
 
 
 def image(station: str) -> str:

@@ -13,7 +13,16 @@ from groundstation.rig import Rig
 from groundstation.sinks import rerun_tree as tree
 from groundstation.sinks.rerun_blueprint import Eye, blueprint, eye_before, eye_over, live_blueprint
 from groundstation.sinks.rerun_cameras import CameraChannel
-from groundstation.sinks.rerun_media import ImageFolder, Media, VideoAsset, encoded_image, load_video
+from groundstation.sinks.rerun_media import (
+    MAX_VIDEO_BYTES,
+    ImageFolder,
+    Media,
+    RecordedWindows,
+    VideoAsset,
+    encoded_image,
+    jpeg_image,
+    load_video,
+)
 from groundstation.sinks.rerun_reference import (
     AxisErrors,
     ReferenceLine,
@@ -28,6 +37,7 @@ from groundstation.sinks.rerun_scene import (
     log_runway,
     log_station,
     log_styles,
+    log_world,
     long_enough,
     outline_between,
 )
@@ -47,7 +57,8 @@ class RerunSink:
     path : the file to write, an old one is replaced; or an open stream, to be looked at as it goes on.
     rig : the calibrated rig.
     session_name : the recording's title in the viewer.
-    media : the session's own videos or pictures by station; a station without any shows its overlay alone.
+    media : by station, the session's own videos or pictures, or that they come with the reports; a station without any
+        shows its overlay alone.
     runway : the strip to draw; by default the one between the pedestals, as long as the track needs.
     live : lay it out for whoever operates the station. flush_epochs : rows are sent after so many pairs.
     """
@@ -74,6 +85,8 @@ class RerunSink:
         self._send_blueprint(eye_before(rig), loop_s=None)
         media = media or {}
         self._folders = {name: m for name, m in media.items() if isinstance(m, ImageFolder)}
+        # of those whose pictures come with the reports, the bytes that may still be sent
+        self._room = {name: MAX_VIDEO_BYTES for name, m in media.items() if isinstance(m, RecordedWindows)}
         self._cameras = self._log_scene({name: m for name, m in media.items() if isinstance(m, VideoAsset)})
 
     def write(self, report: StepReport) -> None:
@@ -122,12 +135,24 @@ class RerunSink:
             self._track.add_event(TrackEvent(t_s=t_s, level="warning", text=text))
 
     def _log_picture(self, camera: CameraReport) -> None:
-        """Log a frame of an image folder as it lies on disk."""
+        """Log a frame of an image folder as it lies on disk, or what a recording kept of it."""
         folder = self._folders.get(camera.station)
-        if folder is None or camera.epoch not in folder.files:
+        if folder is not None and camera.epoch in folder.files:
+            shown = encoded_image(folder.files[camera.epoch])
+        elif camera.image is not None and self._room.get(camera.station, 0) > 0:
+            shown = jpeg_image(camera.image.glance())
+            self._take_room(camera.station, shown)
+        else:
             return
         self._stream.set_time(tree.TIMELINE, duration=np.timedelta64(round(camera.t_s * 1e9), "ns"))
-        self._stream.log(tree.image(camera.station), encoded_image(folder.files[camera.epoch]))
+        self._stream.log(tree.image(camera.station), shown)
+
+    def _take_room(self, station: str, shown: rr.EncodedImage) -> None:
+        """Count what a station's pictures take; a notice where there is no room for more."""
+        blob = shown.blob
+        self._room[station] -= 0 if blob is None else len(blob.as_arrow_array()[0])
+        if self._room[station] <= 0:
+            self._notices.append(f"no more pictures of {station}: they take {MAX_VIDEO_BYTES / 1e9:g} GB already")
 
     def _flush(self) -> None:
         """Send all collected rows."""
@@ -146,7 +171,7 @@ class RerunSink:
 
     def _log_scene(self, videos: Mapping[str, VideoAsset]) -> dict[str, CameraChannel]:
         """Log everything that stands still, and return a channel for each station."""
-        self._stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        log_world(self._stream)
         log_runway(self._stream, self._runway)
         log_styles(self._stream)
         middle_m = np.mean([s.ptu_position_m for s in self._rig.stations], axis=0)

@@ -20,6 +20,8 @@ from tests.calibration.flights import approach, unknown
 from tests.calibration.mounts import look, marks_around, plain_station, spoiled
 from tests.calibration.swings import Recorder, Swing, small_station, write_session
 from tests.docs.pages import ROOT
+from tests.logs.writers import with_checksum
+from tests.session.folder import rig_text, write_video
 from tests.simulation.small_site import small_rig
 
 _BOARD = "charuco:7x5:0.04:0.03"
@@ -112,6 +114,23 @@ def _flight(folder: Path, rng: np.random.Generator) -> None:
     write_session_folder(folder / "session", simulate(scenario), name="simulated")
 
 
+def _import(folder: Path, rng: np.random.Generator) -> None:
+    """Two videos of two seconds, angles, and a receiver's sentences from a place 150 m before the stations."""
+    folder.mkdir()
+    for name in ("left", "right"):
+        write_video(folder / f"{name}.mp4", range(20), "mp4v")
+    (folder / "rig.toml").write_text(rig_text(("left", "right")))
+    rows = [f"{0.05 * k:.2f},0,1,0,1" for k in range(60)]
+    head = "t_s,left_pan_deg,left_tilt_deg,right_pan_deg,right_tilt_deg"
+    (folder / "angles.csv").write_text("\n".join([head, *rows]) + "\n")
+    sentences = []
+    for tenths in range(2, 25, 2):
+        time, place = f"0930{tenths / 10:05.2f}", "4723.86400,N,00832.61400,E"
+        sentences.append(with_checksum(f"GPRMC,{time},A,{place},40.0,271.0,170526,,,A"))
+        sentences.append(with_checksum(f"GPGGA,{time},{place},4,12,0.8,420.0,M,47.8,M,1.0,0001"))
+    (folder / "flight.nmea").write_bytes(b"".join(sentences))
+
+
 _MAKERS: dict[str, Callable[[Path, np.random.Generator], None]] = {
     ".": _always,
     "lens": _lens,
@@ -120,4 +139,5 @@ _MAKERS: dict[str, Callable[[Path, np.random.Generator], None]] = {
     "clocks": _clocks,
     "strip": _strip,
     "flight": _flight,
+    "import": _import,
 }

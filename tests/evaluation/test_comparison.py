@@ -19,6 +19,7 @@ from groundstation.evaluation.figures_of_run import Moved, figures_of, moved_fig
 from groundstation.simulation import case_b, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.sinks.session_folder import write_session_folder
+from tests.peers import absent
 
 ROOT = Path(__file__).resolve().parents[2]
 EVO_TOLERANCE = 0.01
@@ -128,7 +129,7 @@ def evo_ape() -> str:
     peers = ROOT / ".venv-peers" / "bin" / "evo_ape"
     program = os.environ.get("GROUNDSTATION_EVO_APE") or shutil.which("evo_ape") or str(peers)
     if not Path(program).is_file():
-        pytest.skip(f"evo not found at {program}; make peers, or set GROUNDSTATION_EVO_APE")
+        absent("evo", "make peers, or set GROUNDSTATION_EVO_APE")
     return program
 
 

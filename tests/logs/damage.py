@@ -1,6 +1,7 @@
 """Logs and session files, damaged at random: bytes lost, changed, doubled; content forged under a right checksum."""
 
 import random
+import re
 from pathlib import Path
 
 from tests.logs.writers import (
@@ -42,6 +43,22 @@ def seeds() -> dict[str, bytes]:
         "own.csv": _TABLE,
     }
     return found
+
+
+_NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:e-?\d+)?")
+_ODD_NUMBERS = [b"", b"-1", b"0", b"1", b"1e300", b"-1e300", b"nan", b"inf", b"1e-300", b"true", b"[]", b'"x"', b"null"]
+_ODD_NUMBERS += [b"99999999999999999999", b"0.5", b"-0.0", b"1e999", b"9" * 400, b"12345678", b"{}", b"4294967296"]
+
+
+def altered(content: bytes, chance: random.Random) -> bytes:
+    """Return a text with one to three of its numbers changed: it stays a table, TOML or JSON, more or less."""
+    for _ in range(chance.randint(1, 3)):
+        found = list(_NUMBER.finditer(content))
+        if not found:
+            break
+        number = chance.choice(found)
+        content = content[: number.start()] + chance.choice(_ODD_NUMBERS) + content[number.end() :]
+    return content
 
 
 def damaged(content: bytes, chance: random.Random) -> bytes:

@@ -54,6 +54,18 @@ def test_what_rtklib_wrote_is_one_flight_in_all_its_variants(name: str) -> None:
     assert log.remarks == ()
 
 
+def test_sigmas_beyond_reckoning_are_none(tmp_path: Path) -> None:
+    """Expected: the place stays, its sigma is that of its quality, and nothing overflows on the way."""
+    text = (DATA / "ecef.pos").read_text()
+    path = tmp_path / "ecef.pos"
+    path.write_text(text.replace("0.0216   0.0119   0.0163", "9" * 200 + "   0.0119   0.0163", 1))
+    before, after = read_log(DATA / "ecef.pos"), read_log(path)
+    np.testing.assert_array_equal(after.lat_deg, before.lat_deg)
+    changed = np.any(after.sigma_enu_m != before.sigma_enu_m, axis=1)
+    assert changed.sum() == 1
+    assert after.sigma_enu_m[changed].max() < 0.1
+
+
 def test_heights_above_the_geoid_need_its_separation() -> None:
     said = complaint(LogError, lambda: read_log(DATA / "geodetic.pos"))
     assert said == (

@@ -2,6 +2,7 @@
 
 import json
 import math
+import random
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -11,12 +12,14 @@ import pytest
 
 from ptu_drivers import open_ptu
 from ptu_drivers.alpaca import AlpacaOptions, AlpacaUnit, connect_alpaca
+from ptu_drivers.alpaca_codec import angles_of, decode, finite
+from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LimitError, LineError, ProtocolError, RefusedError, UnsupportedError
 from ptu_drivers.health import DoubtReason
 from ptu_drivers.messages import Axis, Capability, NoReading, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings
 from ptu_drivers.simulated_alpaca import MountModel, SimulatedMount
-from tests.ptu_drivers.virtual_http import VirtualHttp
+from ptu_drivers.simulated_http import VirtualHttp
 
 
 class Spoilt(VirtualHttp):
@@ -217,3 +220,30 @@ def test_wrong_options_are_named() -> None:
         AlpacaOptions(altitude_low_deg=-91.0)
     with pytest.raises(ProtocolError, match="got number; wanted device"):
         open_ptu("http://127.0.0.1:9", "alpaca", number=1)
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["1e400", "1" + "0" * 400, "9" * 5000, "NaN", "true", '"12"', "[" * 3000, "null"],
+)
+def test_numbers_that_are_none(value: str) -> None:
+    """JSON allows integers beyond all numbers, and brackets beyond all stacks."""
+    with pytest.raises(Doubtful):
+        finite("azimuth", decode("azimuth", 200, b'{"Value":' + value.encode() + b"}", 1)["Value"])
+
+
+@pytest.mark.parametrize(
+    "state", [None, {}, [3], [{"Name": ["Azimuth"], "Value": 1}], [{"Name": "Azimuth", "Value": 1}]]
+)
+def test_states_that_are_none(state: object) -> None:
+    with pytest.raises(Doubtful):
+        angles_of(state)
+
+
+def test_fuzz_short() -> None:
+    """The first of what `benchmarks/ptu_fuzz.py` does a million times."""
+    import ptu_fuzz
+
+    found = ptu_fuzz.fuzz_alpaca(5_000, random.Random(5))
+    assert found["answers"] > 500
+    assert found["numbers"] > 50

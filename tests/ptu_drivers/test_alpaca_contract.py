@@ -8,8 +8,8 @@ from ptu_drivers.alpaca import AlpacaOptions, connect_alpaca
 from ptu_drivers.messages import Axis
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.simulated_alpaca import MountModel, SimulatedMount
+from ptu_drivers.simulated_http import VirtualHttp
 from tests.contracts.pan_tilt_unit import ContractRig, PanTiltContract
-from tests.ptu_drivers.virtual_http import VirtualHttp
 
 
 def alpaca_rig(model: MountModel, settings: UnitSettings) -> ContractRig:

@@ -1,7 +1,7 @@
 """Our Alpaca client drives `alpaca-simulators`, which shares no code with us.
 
 It brings astronomy packages of 250 MB with it, so that it lives in an environment of its own (`make peers`) or where
-GROUNDSTATION_ALPACA_SIMULATORS says. Without it these tests are skipped; with `GROUNDSTATION_PEERS=required` they fail.
+GROUNDSTATION_ALPACA_SIMULATORS says. Without it these tests are skipped, or fail (tests/peers.py).
 """
 
 import math
@@ -20,6 +20,7 @@ from ptu_drivers.errors import LineError, PtuError
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import Capability, NoReading, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings
+from tests.peers import absent
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENT = UnitSettings(reply_timeout_s=2.0)
@@ -47,9 +48,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
     """Start the simulator with changes to its configuration; gives its address and log."""
     program = os.environ.get("GROUNDSTATION_ALPACA_SIMULATORS", str(ROOT / ".venv-peers/bin/alpaca-simulators"))
     if not Path(program).is_file():
-        if os.environ.get("GROUNDSTATION_PEERS") == "required":
-            pytest.fail(f"alpaca-simulators is not at {program}")
-        pytest.skip("alpaca-simulators is not here: make peers")
+        absent("alpaca-simulators", "make peers")
     running = []
 
     def start(**changes: float) -> tuple[str, Path, subprocess.Popen[bytes]]:

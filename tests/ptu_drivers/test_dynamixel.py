@@ -4,6 +4,7 @@ import builtins
 import math
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,9 +18,10 @@ from ptu_drivers.messages import AngleSource, Axis, NoReading, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings
 from ptu_drivers.simulated_dynamixel import ServoModel, SimulatedDynamixel
 from ptu_drivers.simulated_line import VirtualLine
-from tests.ptu_drivers.pty_peer import PtyPeer
+from tests.peers import peer_module
+from tests.ptu_drivers.served import served, transcript
 
-dynamixel_sdk = pytest.importorskip("dynamixel_sdk", reason="extra `dynamixel` is not installed")
+dynamixel_sdk = peer_module("dynamixel-sdk", "dynamixel_sdk")
 
 # the SDK's ping, a read of the model number, torque on, a goal of 2148, and a sync read of both positions there
 TRANSCRIPT = """\
@@ -35,7 +37,7 @@ TRANSCRIPT = """\
 
 def rig(model: ServoModel | None = None) -> tuple[SimulatedDynamixel, VirtualLine]:
     sim = SimulatedDynamixel(model, seed=3)
-    return sim, VirtualLine(sim, sim.baud)  # type: ignore[arg-type]
+    return sim, VirtualLine(sim, sim.baud)
 
 
 def connect(line: VirtualLine, settings: UnitSettings | None = None, **options: Any) -> DynamixelUnit:
@@ -48,12 +50,14 @@ def reading(unit: DynamixelUnit) -> Reading:
     return got
 
 
-def test_the_makers_sdk_drives_the_simulated_servos_over_a_pseudo_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_makers_sdk_drives_the_simulated_servos_over_a_pseudo_terminal(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     # it waits for 34 ms, which a busy machine may take for itself
     monkeypatch.setattr(dynamixel_sdk.port_handler, "LATENCY_TIMER", 1000)
     sim = SimulatedDynamixel(ServoModel(acceleration_deg_s2=60_000.0, velocity_limit=2000), seed=3)
-    with PtyPeer(sim) as peer:
-        port = dynamixel_sdk.PortHandler(peer.path)
+    with served(sim, tmp_path / "unit") as line:
+        port = dynamixel_sdk.PortHandler(str(tmp_path / "unit"))
         assert port.openPort()
         assert port.setBaudRate(57600)
         ph = dynamixel_sdk.PacketHandler(2.0)
@@ -67,7 +71,7 @@ def test_the_makers_sdk_drives_the_simulated_servos_over_a_pseudo_terminal(monke
         assert sync.addParam(2)
         assert sync.txRxPacket() == dynamixel_sdk.COMM_SUCCESS
         assert (sync.getData(1, 132, 4), sync.getData(2, 132, 4)) == (2148, 2048)
-        spoken = peer.transcript()
+        spoken = transcript(line)
         # beyond the limit, a register that is closed, an instruction that is none
         assert ph.write4ByteTxRx(port, 1, 116, 4000)[1] == 4
         assert ph.write1ByteTxRx(port, 1, 11, 1)[1] == 7
@@ -77,9 +81,9 @@ def test_the_makers_sdk_drives_the_simulated_servos_over_a_pseudo_terminal(monke
     assert spoken == TRANSCRIPT
 
 
-def test_our_driver_over_a_pseudo_terminal() -> None:
+def test_our_driver_over_a_pseudo_terminal(tmp_path: Path) -> None:
     sim = SimulatedDynamixel(ServoModel(acceleration_deg_s2=60_000.0, velocity_limit=500), seed=4)
-    with PtyPeer(sim) as peer, open_ptu(peer.path, "dynamixel") as unit:
+    with served(sim, tmp_path / "unit"), open_ptu(str(tmp_path / "unit"), "dynamixel") as unit:
         assert unit.describe().model == "XM430-W350"
         unit.move_to(pan_rad=0.5, tilt_rad=-0.3)
         end = time.monotonic() + 5

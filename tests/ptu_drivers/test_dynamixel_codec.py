@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from ptu_drivers.dynamixel_codec import Instruction, Packet, PacketDecoder, crc16, decode, encode
 from ptu_drivers.errors import ProtocolError
+from tests.peers import peer_module
 
 # as the maker's manual prints them
 KNOWN = [
@@ -41,7 +42,7 @@ packets = st.builds(
 
 @pytest.fixture(scope="module")
 def sdk() -> object:
-    module = pytest.importorskip("dynamixel_sdk", reason="extra `dynamixel` is not installed")
+    module = peer_module("dynamixel-sdk", "dynamixel_sdk")
     return module.PacketHandler(2.0)
 
 

@@ -7,8 +7,9 @@ from ptu_drivers.settings import UnitSettings
 from ptu_drivers.simulated_dynamixel import SimulatedDynamixel
 from ptu_drivers.simulated_line import VirtualLine
 from tests.contracts.pan_tilt_unit import ContractRig, PanTiltContract
+from tests.peers import peer_module
 
-pytest.importorskip("dynamixel_sdk", reason="extra `dynamixel` is not installed")
+peer_module("dynamixel-sdk", "dynamixel_sdk")
 
 
 def dynamixel_rig(unit: SimulatedDynamixel) -> ContractRig:

@@ -1,11 +1,10 @@
 """Clients that others wrote drive the simulated unit; and what they said, replayed without them.
 
 MRPT's driver is compiled C++ (Debian: libmrpt-hwdrivers-dev), flirptu is Python (`make peers` installs it in a venv of
-its own). Where they cannot be had their tests are skipped, with `GROUNDSTATION_PEERS=required` they fail. The
-transcripts in peers/ are what passed between them and the unit: run this file with --record to write them anew.
+its own). Where they cannot be had their tests are skipped, or fail (tests/peers.py). The transcripts in peers/ are what
+passed between them and the unit: run this file with --record to write them anew.
 """
 
-import os
 import re
 import shutil
 import subprocess
@@ -19,22 +18,17 @@ from ptu_drivers.simulated_flir import FlirModel
 from ptu_drivers.simulated_line import VirtualLine
 from ptu_drivers.simulated_server import SimulatedServer
 from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from tests.peers import absent
 
 PEERS = Path(__file__).parent / "peers"
 ROOT = Path(__file__).resolve().parents[2]
 MRPT = Path("/usr/include/mrpt/hwdrivers/include/mrpt/hwdrivers/CPtuDPerception.h")
 
 
-def missing(what: str) -> None:
-    if os.environ.get("GROUNDSTATION_PEERS") == "required":
-        pytest.fail(what)
-    pytest.skip(what)
-
-
 @pytest.fixture(scope="module")
 def mrpt_client(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     if not MRPT.is_file() or not shutil.which("cmake") or not shutil.which("g++"):
-        missing("MRPT's driver is not here: apt install libmrpt-hwdrivers-dev cmake g++")
+        absent("mrpt", "apt install libmrpt-hwdrivers-dev cmake g++")
     folder = tmp_path_factory.mktemp("mrpt")
     for command in (["cmake", "-S", str(PEERS), "-B", str(folder)], ["cmake", "--build", str(folder)]):
         subprocess.run(command, check=True, capture_output=True)
@@ -46,7 +40,7 @@ def flirptu_client() -> list[str]:
     python = ROOT / ".venv-peers" / "bin" / "python"
     asked = [str(python), "-c", "import flirptu"]
     if not python.is_file() or subprocess.run(asked, capture_output=True, check=False).returncode:
-        missing("flirptu is not here: make peers")
+        absent("flirptu", "make peers")
     return [str(python), str(PEERS / "flirptu_client.py")]
 
 

@@ -24,7 +24,7 @@ STOP = encode(PelcoMessage(address=1, opcode=Opcode.STOP))
 
 def simulated(model: PelcoModel | None = None) -> tuple[SimulatedPelco, VirtualLine]:
     unit = SimulatedPelco(model, seed=11)
-    return unit, VirtualLine(unit, unit.baud)  # type: ignore[arg-type]
+    return unit, VirtualLine(unit, unit.baud)
 
 
 def connect(line: VirtualLine, settings: UnitSettings | None = None, **options: object) -> PelcoUnit:
@@ -52,7 +52,7 @@ class Answers:
 def scripted() -> tuple[Answers, VirtualLine, ScriptedPeer]:
     answers = Answers()
     peer = ScriptedPeer(answers)
-    return answers, VirtualLine(peer, 9600), peer  # type: ignore[arg-type]
+    return answers, VirtualLine(peer, 9600), peer
 
 
 Scripted = tuple[Answers, VirtualLine, ScriptedPeer]

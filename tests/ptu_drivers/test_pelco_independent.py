@@ -1,15 +1,17 @@
 """pyptzcontroller, which shares no code with us, drives the simulated Pelco unit over a pseudo terminal."""
 
 import time
+from pathlib import Path
 
 import pytest
 
 from ptu_drivers import open_ptu
 from ptu_drivers.messages import Axis, Reading
 from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
-from tests.ptu_drivers.pty_peer import PtyPeer
+from tests.peers import peer_module
+from tests.ptu_drivers.served import served, transcript
 
-ptz_control_lib = pytest.importorskip("ptz_control_lib", reason="pyptzcontroller is not installed (extra `dev`)")
+ptz_control_lib = peer_module("pyptzcontroller", "ptz_control_lib")
 
 # what it sent, and what it was answered
 TRANSCRIPT = """\
@@ -33,10 +35,10 @@ TRANSCRIPT = """\
 QUICK = PelcoModel(max_rate_deg_s=2000.0, acceleration_deg_s2=40_000.0)
 
 
-def words(transcript: str) -> list[str]:
+def words(spoken: str) -> list[str]:
     """Return the frames in order, without how they were grouped."""
     frames = []
-    for line in transcript.splitlines():
+    for line in spoken.splitlines():
         data = line.split()[1:]
         frames += [line[0] + " " + " ".join(data[i : i + 7]) for i in range(0, len(data), 7)]
     return frames
@@ -48,10 +50,11 @@ def until_at_rest(unit: SimulatedPelco) -> None:
         time.sleep(0.01)
 
 
-def test_pyptzcontroller_drives_the_simulated_unit() -> None:
+def test_pyptzcontroller_drives_the_simulated_unit(tmp_path: Path) -> None:
     unit = SimulatedPelco(QUICK, seed=1)
-    with PtyPeer(unit) as peer:
-        client = ptz_control_lib.PtzControl(peer.path, address=1, baudrate=9600)
+    path = tmp_path / "unit"
+    with served(unit, path) as line:
+        client = ptz_control_lib.PtzControl(str(path), address=1, baudrate=9600)
         assert client.connect()
         assert client.get_position() == (0.0, 0.0)
         client.move_to_pan_tilt(123.45, 10.5)
@@ -70,18 +73,19 @@ def test_pyptzcontroller_drives_the_simulated_unit() -> None:
         client.stop()
         until_at_rest(unit)
         client.disconnect()
-    assert words(peer.transcript()) == words(TRANSCRIPT)
+    assert words(transcript(line)) == words(TRANSCRIPT)
 
 
-def test_our_driver_and_the_other_client_agree() -> None:
+def test_our_driver_and_the_other_client_agree(tmp_path: Path) -> None:
     unit = SimulatedPelco(QUICK, seed=2)
-    with PtyPeer(unit) as peer:
-        client = ptz_control_lib.PtzControl(peer.path)
+    path = str(tmp_path / "unit")
+    with served(unit, Path(path)):
+        client = ptz_control_lib.PtzControl(path)
         assert client.connect()
         client.move_to_pan_tilt(30.0, 20.0)
         until_at_rest(unit)
         client.disconnect()
-        with open_ptu(peer.path, "pelco-d") as ours:
+        with open_ptu(path, "pelco-d") as ours:
             got = ours.read()
             assert isinstance(got, Reading)
             assert got.pan.angle_rad == pytest.approx(-0.523599, abs=1e-4)

@@ -1,14 +1,17 @@
-"""A short part of the fault campaign (`benchmarks/ptu_serial_faults.py`), each kind of fault alone and all together."""
+"""A short part of `benchmarks/ptu_serial_faults.py` and `ptu_alpaca_faults.py`: each fault alone, and all together."""
 
+import ptu_alpaca_faults
 import pytest
 from ptu_serial_faults import FAULTS, MAKERS, RECOVERY_S, Tally, campaign, fuzz, one_run
 
+from tests.peers import peer_module
 
-@pytest.mark.parametrize("name", MAKERS)
+
+@pytest.mark.parametrize("name", [*MAKERS, "alpaca"])
 def test_no_wrong_angle_and_back_in_time(name: str) -> None:
     if name == "dynamixel":
-        pytest.importorskip("dynamixel_sdk", reason="extra `dynamixel` is not installed")
-    tally = campaign(name, 6, first_seed=5000)
+        peer_module("dynamixel-sdk", "dynamixel_sdk")
+    tally = ptu_alpaca_faults.campaign(6, 5000) if name == "alpaca" else campaign(name, 6, first_seed=5000)
     assert tally.angles > 500
     assert sum(tally.doubts.values()) > 20
     assert (tally.wrong, tally.not_back, tally.slow, tally.still_moving, tally.too_long) == (0, 0, 0, 0, 0)

@@ -5,9 +5,10 @@ import re
 import subprocess
 import sys
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,10 +17,15 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
+from groundstation.arrays import FloatArray
 from groundstation.errors import SessionError
+from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.messages import StepReport
+from groundstation.picture import Kept, PartialPicture
 from groundstation.rig import Rig
+from groundstation.sinks import rerun_view
 from groundstation.sinks.rerun_cameras import CameraChannel
+from groundstation.sinks.rerun_media import Media, RecordedWindows
 from groundstation.sinks.rerun_view import (
     AxisErrors,
     ImageFolder,
@@ -155,17 +161,51 @@ def test_the_target_is_drawn_half_a_pixel_off_because_rerun_counts_from_the_corn
 
 
 def test_the_frustum_turns_with_the_angles(recording: Recording, reports: list[StepReport], landing: Landing) -> None:
-    places = recording.column("/world/stations/left/camera", "Transform3D:translation")
-    turns = recording.column("/world/stations/left/camera", "Transform3D:quaternion")
+    """The chain of named frames, runway to base to head to camera, is the pose by the conventions."""
+    stands = [(name, _still(recording, f"/world/stations/left/{name}")) for name in ("base", "camera")]
+    assert [(name, row["parent"], row["child"]) for name, row in stands] == [
+        ("base", "runway", "left.base"),
+        ("camera", "left.head", "left.camera"),
+    ]
+    base, camera = (row for _, row in stands)
+    head = "/world/stations/left/head"
+    turns = recording.column(head, "Transform3D:quaternion")
     for n in (0, 200, PAIRS - 1):
+        assert recording.column(head, "Transform3D:parent_frame")[n] == ["left.base"]
+        assert recording.column(head, "Transform3D:child_frame")[n] == ["left.head"]
         report = reports[n].cameras[0]
         assert report.pan_rad is not None
         assert report.tilt_rad is not None
         pose = landing.stations["left"].camera_pose(report.pan_rad, report.tilt_rad)
-        np.testing.assert_allclose(places[n], [pose.position_runway_m], rtol=1e-6)  # type: ignore[arg-type]
-        x, y, z, w = turns[n][0]  # type: ignore[index]
-        axis = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-        np.testing.assert_allclose(axis, pose.runway_from_camera[:, 2], atol=1e-6)
+        runway_from_head = base["turn"] @ _matrix(turns[n][0])  # type: ignore[index]
+        place = base["place"] + runway_from_head @ camera["place"]
+        np.testing.assert_allclose(place, pose.position_runway_m, rtol=1e-6)
+        np.testing.assert_allclose(runway_from_head @ camera["turn"], pose.runway_from_camera, atol=1e-6)
+
+
+def test_the_picture_and_the_scene_hang_in_the_same_frames(recording: Recording) -> None:
+    pinhole = _still(recording, "/world/stations/right/camera", "Pinhole")
+    assert (pinhole["parent"], pinhole["child"]) == ("right.camera", "right.image")
+    world = _still(recording, "/world")
+    assert (world["parent"], world["child"]) == ("tf#/", "runway")
+
+
+def _still(recording: Recording, entity: str, archetype: str = "Transform3D") -> dict[str, Any]:
+    """What an entity says once of its frame: parent, child, place and turn."""
+    found: dict[str, Any] = {}
+    names = {"parent_frame": "parent", "child_frame": "child", "translation": "place", "quaternion": "turn"}
+    for batch in recording.static[entity]:
+        for column, name in names.items():
+            if f"{archetype}:{column}" in batch.schema.names:
+                found[name] = batch.column(f"{archetype}:{column}")[0].as_py()[0]
+    if "turn" in found:
+        found["turn"] = _matrix(found["turn"])
+    return found
+
+
+def _matrix(xyzw: Sequence[float]) -> FloatArray:
+    x, y, z, w = xyzw
+    return matrix_from_wxyz(np.array([w, x, y, z]))
 
 
 def test_rates_are_angle_differences_over_time_across_flushes(recording: Recording) -> None:
@@ -254,6 +294,31 @@ def test_pictures_of_a_folder_go_in_as_they_lie_on_disk(
     assert [bytes(row[0]) for row in blobs] == [p.read_bytes() for p in files.values()]  # type: ignore[index]
 
 
+def test_of_a_recorded_picture_the_windows_that_were_kept_are_shown(
+    tmp_path: Path, landing: Landing, few: list[StepReport], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = Kept(x=600, y=400, pixels=np.full((100, 250, 3), 200, np.uint8))
+    picture = PartialPicture((1280, 960), [kept], None)
+    seen = [replace(r, cameras=tuple(replace(c, image=picture) for c in r.cameras)) for r in few]
+    media: dict[str, Media] = {name: RecordedWindows() for name in STATIONS}
+    recording = _write(tmp_path / "few.rrd", landing.rig, seen, media=media)
+    blobs = recording.column("/cameras/left/image", "EncodedImage:blob")
+    assert len(blobs) == len(few)
+    shown = cv2.imdecode(np.frombuffer(bytes(blobs[0][0]), np.uint8), cv2.IMREAD_COLOR)  # type: ignore[index]
+    assert shown is not None
+    assert shown.shape == (960, 1280, 3)
+    bright = np.zeros((960, 1280), dtype=np.bool_)
+    bright[400:500, 600:850] = True
+    inside = cv2.erode(bright.astype(np.uint8), np.ones((17, 17))) > 0
+    outside = cv2.dilate(bright.astype(np.uint8), np.ones((17, 17))) == 0
+    assert np.abs(shown[inside].astype(int) - 200).max() <= 3
+    assert np.abs(shown[outside].astype(int) - 40).max() <= 3
+    monkeypatch.setattr(rerun_view, "MAX_VIDEO_BYTES", 1)
+    full = _write(tmp_path / "full.rrd", landing.rig, seen, media=media)
+    assert len(full.column("/cameras/left/image", "EncodedImage:blob")) == 1
+    assert [t for t in full.text("/log/track") if "no more pictures" in t and "left" in t]
+
+
 def test_a_picture_that_is_gone_is_named(tmp_path: Path, landing: Landing, few: list[StepReport]) -> None:
     gone = tmp_path / "000020.png"
     sink = RerunSink(
@@ -293,7 +358,7 @@ def test_more_than_two_stations(tmp_path: Path, landing: Landing, few: list[Step
     rig = Rig(stations=(*landing.rig.stations, third))
     wide = [replace(r, cameras=(*r.cameras, replace(r.cameras[0], station="third"))) for r in few]
     recording = _write(tmp_path / "three.rrd", rig, wide)
-    assert len(recording.times_ns("/world/stations/third/camera")) == len(few)
+    assert len(recording.times_ns("/world/stations/third/head")) == len(few)
 
 
 def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path, landing: Landing) -> None:

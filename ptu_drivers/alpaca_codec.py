@@ -1,0 +1,83 @@
+"""Answers of an Alpaca server: JSON that is what was asked for, or a named doubt."""
+
+import http.client
+import json
+import math
+from typing import Any
+
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.errors import RefusedError
+from ptu_drivers.health import DoubtReason
+
+_SHOWN = 60
+
+
+def decode(name: str, status: int, body: bytes, transaction: int) -> dict[str, Any]:
+    """Return the answer to a request.
+
+    Parameters
+    ----------
+    name : what was asked. status, body : what came. transaction : the request's number.
+
+    Raises
+    ------
+    Doubtful : it is no answer, or one to another request. RefusedError : the server or its device refuses.
+    """
+    text = body.decode("utf-8", "replace")
+    if status != http.client.OK:
+        # in Alpaca that is not for the device's own errors: a wrong name, number or device
+        raise RefusedError(name, said=f"HTTP {status}: {text}")
+    try:
+        answer = json.loads(text)
+    except (ValueError, RecursionError) as wrong:
+        raise _garbage(name, text) from wrong
+    if not isinstance(answer, dict):
+        raise _garbage(name, text)
+    # 0 where a server does not repeat it
+    if answer.get("ClientTransactionID", 0) not in (0, transaction):
+        raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{name}: transaction {str(answer['ClientTransactionID'])[:_SHOWN]}")
+    error = answer.get("ErrorNumber", 0)
+    if error:
+        raise RefusedError(name, said=f"{answer.get('ErrorMessage', '')} ({error})")
+    return answer
+
+
+def finite(name: str, value: object) -> float:
+    """Return a number that came as JSON, which must be one. Raises Doubtful."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise _garbage(name, value)
+    try:
+        number = float(value)
+    except OverflowError as much:
+        raise _garbage(name, "an integer beyond all numbers") from much
+    if not math.isfinite(number):
+        raise _garbage(name, value)
+    return number
+
+
+def angles_of(state: object) -> dict[str, float]:
+    """Return azimuth and altitude of a `DeviceState`, deg. Raises Doubtful."""
+    named: dict[str, object] = {}
+    for item in _dictionaries("devicestate", state):
+        if isinstance(item.get("Name"), str):
+            named[item["Name"]] = item.get("Value")
+    return {name: finite(f"devicestate {name}", named.get(name)) for name in ("Azimuth", "Altitude")}
+
+
+def rates_of(ranges: object) -> tuple[float, float] | None:
+    """Return the least and greatest rate of `AxisRates`, deg/s, or None where there are none. Raises Doubtful."""
+    ends = [
+        (finite("axisrates", r.get("Minimum")), finite("axisrates", r.get("Maximum")))
+        for r in _dictionaries("axisrates", ranges)
+    ]
+    return (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
+
+
+def _dictionaries(name: str, items: object) -> list[dict[str, Any]]:
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise _garbage(name, items)
+    return items
+
+
+def _garbage(name: str, value: object) -> Doubtful:
+    return Doubtful(DoubtReason.GARBAGE, f"{name}: {repr(value)[:_SHOWN]}")

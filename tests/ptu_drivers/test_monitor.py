@@ -1,0 +1,76 @@
+"""What `groundstation ptu jog` says of a move, in virtual time: arrived, missed, or nobody knows."""
+
+from collections.abc import Callable
+
+import pytest
+
+from ptu_drivers import Axis, PanTiltUnit, UnitSettings
+from ptu_drivers.errors import LineError
+from ptu_drivers.flir import connect
+from ptu_drivers.monitor import Moved, format_moved, move
+from ptu_drivers.pelco import PelcoOptions, connect_pelco
+from ptu_drivers.pelco_codec import PelcoFraming
+from ptu_drivers.simulated_flir import FlirModel
+from ptu_drivers.simulated_line import VirtualLine
+from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
+from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+
+FAR_RAD = 2.5
+
+
+def flir(homing_s: float = 3.0) -> tuple[VirtualLine, PanTiltUnit]:
+    line = VirtualLine(SimulatedUnit(FlirModel(homing_s=homing_s), LineModel(), seed=1))
+    return line, connect(line, UnitSettings())
+
+
+def pelco() -> tuple[VirtualLine, PanTiltUnit]:
+    line = VirtualLine(SimulatedPelco(PelcoModel(), seed=1))
+    options = PelcoOptions(max_rate_deg_s=60.0, max_acceleration_deg_s2=120.0)
+    return line, connect_pelco(line, UnitSettings(), options, PelcoFraming.D, watch=False)
+
+
+def moved(line: VirtualLine, unit: PanTiltUnit, after_s: float = 0.0, act: Callable[[], None] | None = None) -> Moved:
+    if act is not None:
+        line.at(line.now() + after_s, act)
+    (pan,) = move(unit, {Axis.PAN: FAR_RAD}, None, line.now, line.wait)
+    return pan
+
+
+def test_arrived() -> None:
+    pan = moved(*flir())
+    assert pan.lost_steps <= 1
+    assert not pan.lost_line
+    assert ": reached; moved after" in format_moved(pan)
+
+
+@pytest.mark.parametrize("make", [flir, pelco])
+def test_a_line_that_stays_lost_is_no_missed_target(make: Callable[[], tuple[VirtualLine, PanTiltUnit]]) -> None:
+    """Nobody knows where it is: no number of steps is said, and it is not waited for for ever."""
+    line, unit = make()
+    began = line.now()
+    with pytest.raises(
+        LineError, match=r"the line lost on the way: no angle for 5.* it may still move; wanted an angle"
+    ):
+        moved(line, unit, 1.0, lambda: setattr(line, "dead", True))
+    assert line.now() - began < 10.0
+
+
+def test_a_line_that_comes_back_is_said_beside_the_steps() -> None:
+    line, unit = flir()
+    line.at(line.now() + 2.0, lambda: setattr(line, "gone", False))
+    pan = moved(line, unit, 1.0, lambda: setattr(line, "gone", True))
+    assert pan.lost_line
+    # this unit is halted when it is heard again
+    assert pan.lost_steps > 100
+    assert f"MISSED by {pan.lost_steps} steps; THE LINE WAS LOST on the way" in format_moved(pan)
+
+
+def test_a_unit_that_homes_on_the_way() -> None:
+    line, unit = flir()
+    pan = moved(line, unit, 0.5, lambda: line.unit.power_cycle(line.now(), 0.5))
+    assert pan.lost_line
+    assert "MISSED by" in format_moved(pan)
+    # as long as it is deaf, it is a line that is lost
+    line, unit = flir(homing_s=30.0)
+    with pytest.raises(LineError, match="the line lost on the way"):
+        moved(line, unit, 0.5, lambda: line.unit.power_cycle(line.now(), 0.5))
