@@ -4,7 +4,8 @@
 
 Heads with every error that is sought (0.3° boresight and base, 1 cm lever arm, 300 ppm scales, 0.05° lean, backlash
 up to 0.06°), encoders of 0.01° noise and 0.00625° steps, pixels of 0.3 px, twelve marks of known place or direction
-over pan ±60° and tilt −10 to 58°, each place approached from either side.
+over pan ±60° and tilt −10 to 58°, each place approached from either side. First the bound on the boresight by where
+marks are, and the grid of docs/calibration.md.
 """
 
 import argparse
@@ -15,12 +16,17 @@ import numpy as np
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from calibration.mount_parameters import USUAL_WORDS
+from calibration.mount_covariance import information, scaled_inverse
+from calibration.mount_parameters import USUAL_WORDS, choose_mount
+from calibration.mount_problem import MountProblem
 from calibration.mount_report import pointing_sigma
 from calibration.mount_session import calibrate_station
 from groundstation.rig import Station
 from tests.calibration.mounts import look, marks_around, off_by, plain_station, spoiled
 
+ASKED_DEG = 0.003
+LOW_DEG, HIGH_DEG = (-10.0, 10.0, 35.0, 58.0), (-10.0, 20.0, 50.0, 75.0)
+GRID = 1600
 COUNTS = (50, 100, 200, 400, 800, 1600, 6400)
 
 
@@ -93,10 +99,59 @@ def counts(rigs: int) -> None:
         )
 
 
+def bounds(rigs: int) -> None:
+    """Print the bound on the boresight of 400 sightings, by where the marks stand and where in the picture they are."""
+    print(f"\nbound on the boresight from 400 sightings over {rigs} heads, degrees; sightings for {ASKED_DEG} deg")
+    for tilts in (LOW_DEG, HIGH_DEG):
+        for in_corners in (False, True):
+            variances = []
+            for seed in range(rigs):
+                rng = np.random.default_rng([9, seed])
+                true = spoiled(plain_station(), rng)
+                marks = marks_around(true, rng, tilts_deg=tilts)
+                seen = look(true, marks, rng, 400, in_corners=in_corners)
+                free = choose_mount(true, marks, USUAL_WORDS)
+                prior = np.array(list(free.values()))
+                problem = MountProblem(station=true, sightings=seen, marks=marks, names=tuple(free), prior_sigma=prior)
+                known = information(problem, np.zeros(len(prior)), np.ones(len(seen), dtype=np.bool_))
+                with np.errstate(divide="ignore"):
+                    covariance = scaled_inverse(known + np.diag(1.0 / prior**2))
+                places = [problem.names.index(f"head_from_camera.{axis}") for axis in "xyz"]
+                variances.append(np.diag(covariance)[places])
+            sigma = np.degrees(np.sqrt(np.mean(variances, axis=0)))
+            needed = 400 * (sigma / ASKED_DEG) ** 2
+            where = "near the corners" if in_corners else "anywhere in the picture"
+            print(
+                f"  tilts {tilts}, {where}: "
+                + ", ".join(f"{s:.4f} ({n:.0f})" for s, n in zip(sigma, needed, strict=True))
+            )
+
+
+def designed(rigs: int) -> None:
+    """Print the boresight's errors by the grid that the documentation asks for."""
+    errors, sigmas = [], []
+    for seed in range(rigs):
+        rng = np.random.default_rng([10, seed])
+        station = plain_station()
+        true = spoiled(station, rng)
+        marks = marks_around(true, rng, tilts_deg=HIGH_DEG)
+        one = calibrate_station(station, look(true, marks, rng, GRID, in_corners=True), marks, USUAL_WORDS)
+        names = [f"head_from_camera.{axis}" for axis in "xyz"]
+        errors.append([off_by(one.after, true)[name] for name in names])
+        sigmas.append([one.fit.sigma(name) for name in names])
+    rms = np.degrees(np.sqrt(np.mean(np.square(errors), axis=0)))
+    square = np.mean(np.square(np.array(errors) / sigmas), axis=0)
+    low, high = chi2.ppf([0.001, 0.999], rigs) / rigs
+    print(f"\n{rigs} heads, {GRID} sightings near the picture's corners, tilts {HIGH_DEG}")
+    print(f"  boresight rms {np.round(rms, 4)} deg; chi2/n {np.round(square, 2)}, 99.8 %: {low:.2f} to {high:.2f}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rigs", type=int, default=120)
     options = parser.parse_args()
+    bounds(3)
+    designed(options.rigs)
     chi_squares(options.rigs, 300)
     counts(max(options.rigs // 6, 3))
 

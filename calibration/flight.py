@@ -1,19 +1,20 @@
 """Solving a flight: robustly, then without what is grossly off, with a covariance that allows for lasting errors."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 
+from calibration.flight_paths import PathPart, PathResiduals, path_parts
 from calibration.flight_problem import FlightProblem, left_jacobian
-from calibration.flight_whitening import JointResiduals
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
 
 LEAST_LOOKS = 20
 _ROBUST_ROUNDS = 4
-_FINAL_ROUNDS = 2
+_FINAL_ROUNDS = 3
 # soft-L1 bends here, in sigmas
 _BEND_SIGMA = 1.5
 # the length of a two-dimensional normal residual: its median, and what one in 25 000 exceeds
@@ -22,6 +23,8 @@ _GROSS_SIGMA = 4.5
 # errors that last are seen as blocks that do not average out
 _BLOCK_S = 1.0
 _LEAST_BLOCKS = 6
+# chance leaves less than this in so many cases
+_CHANCE = 0.95
 _SCALES = {
     "runway_from_base": 1e-3,
     "head_from_camera": 1e-3,
@@ -66,6 +69,7 @@ class FlightFit:
     reduced_chi_square : of the kept residuals by the assumed noise.
     lasting_factor : (p,) by how much errors that last have raised each sigma.
     condition : of the information, its parameters scaled to unit diagonal.
+    parts : the paths of aircraft and heads, with their smoothness.
     """
 
     problem: FlightProblem
@@ -75,6 +79,7 @@ class FlightFit:
     lasting_factor: FloatArray
     condition: float
     stations: Mapping[str, StationFit] = field(default_factory=dict)
+    parts: tuple[PathPart, ...] = ()
 
     @property
     def sigma(self) -> FloatArray:
@@ -130,26 +135,41 @@ def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> Fli
     """Find the parameters from a start (p,), zero by default; raises `FlightFitError` where looks are too few."""
     change = np.zeros(len(problem.names)) if start is None else start.copy()
     factors = dict.fromkeys(problem.looks, 1.0)
-    for round_ in range(_ROBUST_ROUNDS + _FINAL_ROUNDS):
-        robust = round_ < _ROBUST_ROUNDS
-        fits = {name: _station_fit(problem, name, change, factors[name], gross=not robust) for name in problem.looks}
+    for _ in range(_ROBUST_ROUNDS):
+        fits = {name: _station_fit(problem, name, change, factors[name], gross=False) for name in problem.looks}
         _require_enough(problem, fits)
         # the scale follows the residuals down from a start that may be far off
         factors = {name: fit.noise_factor for name, fit in fits.items()}
-        weighted = _weighted(problem, change, fits) if robust else _joint(problem, change, fits)
-        found = least_squares(
-            weighted.residual,
-            change,
-            jac=weighted.jacobian,
-            loss="soft_l1" if robust else "linear",
-            f_scale=_BEND_SIGMA,
-            x_scale=np.array([_scale(name) for name in problem.names]),
-            max_nfev=60 if robust else 12,
-        )
-        change = np.asarray(found.x, dtype=np.float64)
-    fits = {name: _station_fit(problem, name, change, factors[name], gross=True) for name in problem.looks}
-    _require_enough(problem, fits)
-    return _with_covariance(problem, change, fits)
+        change = _minimised(problem, _weighted(problem, change, fits), change, "soft_l1", 60)
+    parts = path_parts(problem)
+    for _ in range(_FINAL_ROUNDS):
+        fits = {name: _station_fit(problem, name, change, factors[name], gross=True) for name in problem.looks}
+        _require_enough(problem, fits)
+        joint = _joint(problem, change, fits, factors, parts)
+        change = _minimised(problem, joint, change, "linear", 12)
+        factors, parts = _noise(joint, change), joint.loosened(change)
+    fits = {name: replace(fit, noise_factor=factors[name]) for name, fit in fits.items()}
+    return _with_covariance(_joint(problem, change, fits, factors, parts), change, fits)
+
+
+def _minimised(
+    problem: FlightProblem, weighted: "_Weighted | PathResiduals", start: FloatArray, loss: str, most: int
+) -> FloatArray:
+    found = least_squares(
+        weighted.residual,
+        start,
+        jac=weighted.jacobian,
+        loss=loss,
+        f_scale=_BEND_SIGMA,
+        x_scale=np.array([_scale(name) for name in problem.names]),
+        max_nfev=most,
+    )
+    return np.asarray(found.x, dtype=np.float64)
+
+
+def _noise(joint: PathResiduals, change: FloatArray) -> dict[str, float]:
+    given = {name: looks.sigma_given for name, looks in joint.problem.looks.items()}
+    return {name: max(found, 1.0 if given[name] else 1e-6) for name, found in joint.noise(change).items()}
 
 
 def _scale(name: str) -> float:
@@ -182,9 +202,14 @@ def _weighted(problem: FlightProblem, change: FloatArray, fits: Mapping[str, Sta
     return _Weighted(problem=problem, whitening=whitening, kept={name: fit.kept for name, fit in fits.items()})
 
 
-def _joint(problem: FlightProblem, change: FloatArray, fits: Mapping[str, StationFit]) -> JointResiduals:
-    factors = {name: fit.noise_factor for name, fit in fits.items()}
-    return JointResiduals(problem, factors, {name: fit.kept for name, fit in fits.items()}, change)
+def _joint(
+    problem: FlightProblem,
+    change: FloatArray,
+    fits: Mapping[str, StationFit],
+    factors: Mapping[str, float],
+    parts: tuple[PathPart, ...],
+) -> PathResiduals:
+    return PathResiduals(problem, factors, {name: fit.kept for name, fit in fits.items()}, change, parts)
 
 
 def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> None:
@@ -195,19 +220,20 @@ def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> N
             raise FlightFitError(f"station {name}: got {got}; wanted at least {LEAST_LOOKS}")
 
 
-def _with_covariance(problem: FlightProblem, change: FloatArray, fits: Mapping[str, StationFit]) -> FlightFit:
+def _with_covariance(joint: PathResiduals, change: FloatArray, fits: Mapping[str, StationFit]) -> FlightFit:
     """Return the fit with (JᵀWJ)⁻¹, raised by the reduced chi-square and by what lasts."""
-    weighted = _joint(problem, change, fits)
-    residual, jacobian = weighted.residual(change), weighted.jacobian(change)
+    problem = joint.problem
+    residual, jacobian = joint.residual(change), joint.jacobian(change)
     information = jacobian.T @ jacobian
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     unit = information / np.outer(scale, scale)
     condition = float(np.linalg.cond(unit))
     covariance = np.linalg.pinv(unit, rcond=1e-14, hermitian=True) / np.outer(scale, scale)
+    lasting = _lasting_factor(joint, change, covariance)
     count = 2 * sum(int(fit.kept.sum()) for fit in fits.values())
-    chi_square = float((residual[:count] ** 2).sum()) / max(count - len(change), 1)
+    # what the pixels add to that which fixes and readings leave over by themselves
+    chi_square = (float(residual @ residual) - joint.base) / max(count - len(change), 1)
     covariance = covariance * max(1.0, chi_square)
-    lasting = _lasting_factor(weighted.t_s, residual[:count], jacobian[:count], covariance)
     covariance = covariance * np.outer(lasting, lasting)
     turned = np.eye(len(change))
     for name in problem.looks:
@@ -224,23 +250,24 @@ def _with_covariance(problem: FlightProblem, change: FloatArray, fits: Mapping[s
         lasting_factor=lasting,
         condition=condition,
         stations=dict(fits),
+        parts=joint.parts,
     )
 
 
-def _lasting_factor(t: FloatArray, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return by how much (p,) errors that last raise each sigma: the sandwich over blocks of time, never below 1.
+def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return by how much (p,) errors that last raise each sigma: blocks of time against their expectation.
 
-    Pixels of one block, of all stations, count as one observation: steps of an encoder, the reference's own
-    wandering and a biased target point do not average out within it.
+    Looks of one block, of all stations, count as one observation: steps of an encoder and a biased target point do
+    not average out within it. What chance makes of so few blocks raises nothing.
     """
-    block = np.floor((t - t.min()) / _BLOCK_S).astype(np.int64)
-    _, block = np.unique(block, return_inverse=True)
-    blocks = int(block.max()) + 1
     p = len(covariance)
-    if blocks < max(_LEAST_BLOCKS, p // 2):
+    blocks = joint.scores(change, covariance, _BLOCK_S)
+    if len(blocks.seen) < max(_LEAST_BLOCKS, p // 2):
         return np.ones(p)
-    scores = np.zeros((blocks, p))
-    np.add.at(scores, np.repeat(block, 2), jacobian * residual[:, None])
-    meat = scores.T @ scores * blocks / max(blocks - 1, 1)
-    sandwich = covariance @ meat @ covariance
-    return np.asarray(np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(covariance), 1e-300), 1.0)))
+    seen = (blocks.seen @ covariance) ** 2
+    expected = np.maximum(np.einsum("ki,nij,jk->nk", covariance, blocks.expected, covariance), 0.0)
+    total = np.maximum(expected.sum(axis=0), 1e-300)
+    ratio = seen.sum(axis=0) / total
+    # of a sum of squares of unequal size (Satterthwaite 1946)
+    freedom = total**2 / np.maximum((expected**2).sum(axis=0), 1e-300)
+    return np.asarray(np.where(ratio > chi2.ppf(_CHANCE, freedom) / freedom, np.sqrt(np.maximum(ratio, 1.0)), 1.0))

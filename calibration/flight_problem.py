@@ -85,12 +85,16 @@ class StationLooks:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AnglesAtLooks:
-    """Pan and tilt (n, 2) rad, their rates (n, 2) rad/s, share (n,) of one reading's variance, ``usable`` (n,)."""
+    """Pan and tilt (n, 2) rad, their rates (n, 2) rad/s, share (n,) of one reading's variance, ``usable`` (n,).
+
+    ``curved`` (n,): they are those of a curve.
+    """
 
     angles_rad: FloatArray
     rates_rad_s: FloatArray
     variance_share: FloatArray
     usable: MaskArray
+    curved: MaskArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,8 +103,9 @@ class Predicted:
 
     ``pixel_px`` (n, 2); ``jacobian`` (n, 2, p); ``covariance_px2`` (n, 2, 2) of pixel, angle and reference;
     ``usable`` (n,): there are angles and reference, and the point is in front of the camera. ``own_px2`` (n, 2, 2) is
-    the covariance without the reference's, which stations and frames share: ``by_reference_px`` (n, 2, 3) what one
-    sigma of each of a fix's axes does, at ``reference_s`` (n,) of its clock.
+    the covariance without that of the paths, which frames share: of the antenna at ``reference_s`` (n,) of its clock,
+    with ``by_point_px_m`` (n, 2, 3), and of a head that has a curve, at ``reading_s`` (n,), with ``by_angle_px_rad``
+    (n, 2, 2).
     """
 
     pixel_px: FloatArray
@@ -108,8 +113,10 @@ class Predicted:
     covariance_px2: FloatArray
     usable: MaskArray
     own_px2: FloatArray
-    by_reference_px: FloatArray
+    by_point_px_m: FloatArray
+    by_angle_px_rad: FloatArray
     reference_s: FloatArray
+    reading_s: FloatArray
 
 
 def angles_at(looks: StationLooks, t_s: FloatArray) -> AnglesAtLooks:
@@ -118,14 +125,22 @@ def angles_at(looks: StationLooks, t_s: FloatArray) -> AnglesAtLooks:
     t, angles = looks.readings_s, looks.readings_rad
     if len(t) < 2:
         nothing, there = np.zeros((n, 2)), np.full(n, len(t) == 0)
-        return AnglesAtLooks(angles_rad=nothing, rates_rad_s=nothing, variance_share=np.zeros(n), usable=there)
+        return AnglesAtLooks(
+            angles_rad=nothing,
+            rates_rad_s=nothing,
+            variance_share=np.zeros(n),
+            usable=there,
+            curved=np.zeros(n, dtype=np.bool_),
+        )
     right = np.clip(np.searchsorted(t, t_s, side="left"), 1, len(t) - 1)
     gap = t[right] - t[right - 1]
     share = (t_s - t[right - 1]) / gap
     rates = (angles[right] - angles[right - 1]) / gap[:, None]
     found = angles[right - 1] + (t_s - t[right - 1])[:, None] * rates
+    curved = np.zeros(n, dtype=np.bool_)
     for curve in looks.curves:
         inside = (t_s >= curve.from_s) & (t_s <= curve.to_s)
+        curved |= inside
         for axis, spline in enumerate(curve.axes):
             found[inside, axis], rates[inside, axis] = spline(t_s[inside]), spline(t_s[inside], nu=1)
     return AnglesAtLooks(
@@ -133,6 +148,7 @@ def angles_at(looks: StationLooks, t_s: FloatArray) -> AnglesAtLooks:
         rates_rad_s=rates,
         variance_share=np.clip((1.0 - share) ** 2 + share**2, 0.5, 1.0),
         usable=(share >= -1e-9) & (share <= 1.0 + 1e-9) & (gap <= looks.max_gap_s + 1e-9),
+        curved=curved,
     )
 
 
@@ -182,7 +198,8 @@ class FlightProblem:
         exposed = looks.t_s + self.value(change, f"{station}.camera_clock.offset")
         exposed = exposed + self.value(change, f"{station}.camera_clock.drift") * from_middle
         exposed = exposed + looks.row_share * (rig.readout_s + self.value(change, f"{station}.readout"))
-        angles = angles_at(looks, exposed - self.value(change, f"{station}.ptu_clock.offset"))
+        by_unit = exposed - self.value(change, f"{station}.ptu_clock.offset")
+        angles = angles_at(looks, by_unit)
         by_log = exposed + self.value(change, DGPS_OFFSET)
         track = self.track.at(by_log)
         antenna = self.antenna_in_body_m + np.array([self.value(change, name) for name in ANTENNA])
@@ -221,9 +238,10 @@ class FlightProblem:
         jacobian[~usable] = 0.0
         noise = looks.sigma_px[:, :, None] ** 2 * np.eye(2)
         encoder = rig.angle_sigma_rad**2 * angles.variance_share
-        noise = noise + by_angle @ np.swapaxes(by_angle, 1, 2) * encoder[:, None, None]
-        own = noise.copy()
+        by_readings = by_angle @ np.swapaxes(by_angle, 1, 2) * encoder[:, None, None]
+        own = noise + np.where(angles.curved[:, None, None], 0.0, by_readings)
         own[~usable] = np.eye(2)
+        noise = noise + by_readings
         # pixels between the same two fixes share these fixes' noise
         crowd = max(1.0, self.track.step_s * (n - 1) / max(float(np.ptp(looks.t_s)), 1e-9)) if n > 1 else 1.0
         blurred = by_point * track.sigma_m[:, None, :]
@@ -235,8 +253,10 @@ class FlightProblem:
             covariance_px2=noise,
             usable=usable,
             own_px2=own,
-            by_reference_px=np.where(usable[:, None, None], blurred, 0.0),
+            by_point_px_m=np.where(usable[:, None, None], by_point, 0.0),
+            by_angle_px_rad=np.where((usable & angles.curved)[:, None, None], by_angle, 0.0),
             reference_s=by_log,
+            reading_s=by_unit,
         )
 
 

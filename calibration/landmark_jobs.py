@@ -6,6 +6,7 @@ from pathlib import Path
 
 from calibration.check import Check, solve_check
 from calibration.check_record import append_record, check_record, record_path
+from calibration.check_reference import Reference, find_reference, keep_reference, other_set_up
 from calibration.check_report import format_check, write_check_report
 from calibration.sightings import Sighting, read_landmarks, read_sightings
 from calibration.survey import Survey, solve_survey, survey_words
@@ -46,7 +47,7 @@ def run_survey(request: SurveyRequest) -> SurveyDone:
     text = format_survey(survey)
     header = rig_header(survey, request.sightings.name, request.landmarks.name)
     _write(request.out, header + rig_to_toml(survey.rig))
-    written = [request.out]
+    written = [request.out, keep_reference(request.sightings, request.out)]
     if request.report is not None:
         written += write_survey_report(request.report, survey, request.sightings.stem)
     return SurveyDone(survey=survey, text=text, written=tuple(written))
@@ -54,7 +55,10 @@ def run_survey(request: SurveyRequest) -> SurveyDone:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckRequest:
-    """What to check; ``out`` None refuses what has moved, a path corrects it."""
+    """What to check; ``out`` None refuses what has moved, a path corrects it.
+
+    Without a ``reference`` the survey's table beside the rig is taken, where there is one; ``none`` takes none.
+    """
 
     sightings: Path
     landmarks: Path
@@ -83,20 +87,17 @@ def run_check(request: CheckRequest) -> CheckDone:
     """
     record = request.record or record_path(request.rig)
     files = {"rig": request.rig, "sightings": request.sightings, "landmarks": request.landmarks}
-    if request.reference is not None:
-        files["reference"] = request.reference
+    reference = find_reference(request.rig, request.reference)
+    if reference.path is not None:
+        files["reference"] = reference.path
     sightings: Sequence[Sighting] = ()
     try:
         if request.out is not None:
             _require_toml(request.out)
         if not 0.0 < request.alarm_deg <= 10.0:
             raise InputError("--alarm-deg", got=f"{request.alarm_deg:g}", wanted="a number above 0 to 10")
-        rig = load_rig(request.rig)
-        sightings, landmarks = read_sightings(request.sightings), read_landmarks(request.landmarks)
-        reference = () if request.reference is None else read_sightings(request.reference)
-        check = solve_check(
-            rig, sightings, landmarks, reference, request.sightings, request.reference or Path("reference.csv")
-        )
+        sightings = read_sightings(request.sightings)
+        check, reference = _compared(request, sightings, reference)
     except GroundstationError as error:
         append_record(record, check_record(files, sightings, None, "refused", str(error)))
         raise
@@ -105,12 +106,29 @@ def run_check(request: CheckRequest) -> CheckDone:
     if request.out is not None and not check.unseen:
         _write(request.out, _header(check, request) + rig_to_toml(check.corrected))
         written.append(request.out)
+        # what has moved is seen by today's sightings only
+        table = request.sightings if check.moved or reference.path is None else reference.path
+        written.append(keep_reference(table, request.out))
     append_record(record, check_record(files, sightings, check, word, decision))
     if request.report is not None:
         name = request.sightings.stem
         written.append(write_check_report(request.report, check, request.alarm_deg, decision, name))
-    text = format_check(check, request.alarm_deg, decision)
+    text = "\n".join([reference.note, format_check(check, request.alarm_deg, decision)])
     return CheckDone(check=check, text=text, good=word != "refused", written=(*written, record))
+
+
+def _compared(request: CheckRequest, sightings: Sequence[Sighting], reference: Reference) -> tuple[Check, Reference]:
+    """Check against the reference; one kept from another set-up of the stations is none, and the note says so."""
+    rig, landmarks = load_rig(request.rig), read_landmarks(request.landmarks)
+    if reference.path is not None:
+        then = read_sightings(reference.path)
+        check = solve_check(rig, sightings, landmarks, then, request.sightings, reference.path)
+        otherwise = other_set_up(check) if reference.kept else None
+        if otherwise is None:
+            return check, reference
+        note = f"compared with the rig alone: {reference.path.name} is of another set-up, {otherwise}"
+        reference = Reference(path=None, kept=False, note=note)
+    return solve_check(rig, sightings, landmarks, (), request.sightings), reference
 
 
 def _decide(check: Check, request: CheckRequest) -> tuple[str, str]:

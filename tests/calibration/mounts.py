@@ -11,6 +11,8 @@ from groundstation.geometry.camera import Lens
 from groundstation.ptu_axes import PtuAxes
 from groundstation.rig import ClockModel, Station
 
+# of the span of a look anywhere: near the corners of the picture, with the boresight off by a degree
+_CORNER = 1.1
 STEP_DEG, NOISE_DEG, NOISE_PX = 0.00625, 0.01, 0.3
 
 
@@ -61,12 +63,18 @@ def spoiled(station: Station, rng: np.random.Generator) -> Station:
     return replace(station.changed(change), ptu_axes=axes)
 
 
-def marks_around(station: Station, rng: np.random.Generator, count: int = 12, known: bool = True) -> tuple[Mark, ...]:
-    """Return distant marks over pan ± 60° and tilt −15 to 60°: as many directions (stars, masts) as points."""
+def marks_around(
+    station: Station,
+    rng: np.random.Generator,
+    count: int = 12,
+    known: bool = True,
+    tilts_deg: tuple[float, ...] = (-10.0, 10.0, 35.0, 58.0),
+) -> tuple[Mark, ...]:
+    """Return distant marks over pan ± 60° at these tilts, within 2°: three directions (stars, masts) for each point."""
     marks = []
     for k in range(count):
         pan = np.radians(-60.0 + 120.0 * (k + 0.5) / count)
-        tilt = np.radians((-10.0, 10.0, 35.0, 58.0)[k % 4] + rng.uniform(-2, 2))
+        tilt = np.radians(tilts_deg[k % len(tilts_deg)] + rng.uniform(-2, 2))
         unit = np.array([-np.sin(pan) * np.cos(tilt), np.cos(pan) * np.cos(tilt), np.sin(tilt)])
         point = k % 4 == 0
         if point:
@@ -95,8 +103,12 @@ def look(
     pointings: int,
     noise: Noise = Noise(),
     bodies: dict[str, np.ndarray] | None = None,
+    in_corners: bool = False,
 ) -> MountSightings:
-    """Return what is seen where the head looks near each mark in turn, coming from either side."""
+    """Return what is seen where the head looks near each mark in turn, coming from either side.
+
+    The mark is anywhere in the picture, or near its corners in turn.
+    """
     rows, geometry = [], true.geometry()
     truth = [
         m if m.kind is not MarkKind.POINT else replace(m, place_m=m.place_m + m.sigma * rng.normal(size=3))
@@ -110,7 +122,12 @@ def look(
         centre = true.ptu_position_m + 1e8 * mark.place_m if far else mark.place_m
         aim = aim_at(geometry, centre)
         assert aim is not None
-        angles = np.array([aim.pan_rad, aim.tilt_rad]) + np.radians(rng.uniform(-1, 1, 2) * (4.0, 3.0))
+        away = rng.uniform(-1, 1, 2)
+        if in_corners:
+            round_ = pointing // len(truth)
+            away = np.array([(-1) ** round_, (-1) ** (round_ // 2)]) * rng.uniform(0.85, 1.0, 2) * _CORNER
+            away[0] /= max(np.cos(aim.tilt_rad), 0.2)
+        angles = np.array([aim.pan_rad, aim.tilt_rad]) + np.radians(away * (4.0, 3.0))
         sense = rng.choice([-1.0, 1.0], 2)
         body = (bodies or {}).get(mark.name, np.zeros((1, 3)))
         points = centre + (body @ mark.runway_from_board.T if mark.kind is MarkKind.BOARD else 0.0 * body)

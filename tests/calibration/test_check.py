@@ -215,3 +215,48 @@ def test_a_station_that_was_not_looked_at_is_not_passed(
     assert "right: not looked at" in capsys.readouterr().out
     assert not (tmp_path / "new.toml").exists()
     assert json.loads((tmp_path / "log.jsonl").read_text())["not_checked"] == ["right"]
+
+
+def test_the_survey_s_own_sightings_are_found_beside_the_rig(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A knock of 0.01 degrees: seen without a word about the table, not without the table."""
+    day = morning(rng)
+    write_landmarks(tmp_path / "marks.csv", day.table)
+    (tmp_path / "lenses.toml").write_text(rig_to_toml(day.believed))
+    write_sightings(tmp_path / "first.csv", look(day.true, day.stands, rng, 40))
+    write_sightings(tmp_path / "today.csv", look(knocked(day.true, "left", 2, KNOCK_RAD), day.stands, rng, 40))
+    marks, rig = f"--landmarks {tmp_path / 'marks.csv'}", tmp_path / "rig.toml"
+    assert (
+        main(f"calibrate survey {tmp_path / 'first.csv'} {marks} --rig {tmp_path / 'lenses.toml'} --out {rig}".split())
+        == 0
+    )
+    assert (tmp_path / "rig.sightings.csv").read_bytes() == (tmp_path / "first.csv").read_bytes()
+    check = f"calibrate check {tmp_path / 'today.csv'} {marks} --rig {rig}"
+    capsys.readouterr()
+    assert main(check.split()) == 1
+    assert "compared with rig.sightings.csv" in capsys.readouterr().out
+    assert main([*check.split(), "--reference", "none"]) == 0
+    # what is corrected goes by today's sightings from now on, and they agree with it
+    assert main([*check.split(), "--out", str(tmp_path / "today.toml")]) == 0
+    assert (tmp_path / "today.sightings.csv").read_bytes() == (tmp_path / "today.csv").read_bytes()
+    assert main(f"calibrate check {tmp_path / 'today.csv'} {marks} --rig {tmp_path / 'today.toml'}".split()) == 0
+
+
+def test_sightings_of_another_set_up_are_no_reference(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Stations put up anew, calibrated without a survey, and the old table still beside the rig."""
+    day = morning(rng)
+    moved = knocked(day.true, "left", 2, np.radians(0.4))
+    write_landmarks(tmp_path / "marks.csv", day.table)
+    write_sightings(tmp_path / "rig.sightings.csv", look(day.true, day.stands, rng, 24))
+    today = look(moved, day.stands, rng, 24)
+    write_sightings(tmp_path / "today.csv", today)
+    rig = solve_survey(day.believed, today, day.table).rig
+    (tmp_path / "rig.toml").write_text(rig_to_toml(rig))
+    check = (
+        f"calibrate check {tmp_path / 'today.csv'} --landmarks {tmp_path / 'marks.csv'} --rig {tmp_path / 'rig.toml'}"
+    )
+    assert main(check.split()) == 0
+    assert "is of another set-up, left stood 0.4" in capsys.readouterr().out
