@@ -1,11 +1,15 @@
 """A program that moves a unit and ends badly, for `test_lifecycle.py`; arguments: URL, how to move, how to end."""
 
 import math
+import signal
 import sys
 import time
 
 from ptu_drivers import UnitSettings, open_ptu
 
+# whoever runs the tests in the background or under nohup has these ignored, and children inherit that
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 url, motion, end = sys.argv[1:]
 # only silence is for the watchdog; a busy machine is not what is tested
 unit = open_ptu(url, settings=UnitSettings() if end == "silence" else UnitSettings(watchdog_s=60.0))
