@@ -29,7 +29,7 @@ URL: /dev/ttyUSB0, a pty, socket://HOST:PORT, rfc2217://HOST:PORT; for Alpaca
 http://HOST:PORT
 
 exit code: 0 done; 1 the unit or its line is at fault, or a move missed its
-target; 2 wrong usage; 130 interrupted, and halted"""
+target; 2 wrong usage; 130 interrupted"""
 
 
 def add_ptu(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -122,7 +122,7 @@ def run_ptu(options: argparse.Namespace) -> int:
     except errors.PtuError as fault:
         raise GroundstationError(str(fault)) from fault
     except KeyboardInterrupt:
-        print("groundstation: interrupted, and halted", file=sys.stderr)
+        print("groundstation: interrupted", file=sys.stderr)
         return 130
 
 
@@ -180,7 +180,7 @@ def _monitor(options: argparse.Namespace) -> int:
 def _jog(options: argparse.Namespace) -> int:
     """Turn it, and print how that went; 1 if it missed its target."""
     from ptu_drivers import Axis, Capability
-    from ptu_drivers.monitor import Moved, first_reading, format_moved, move
+    from ptu_drivers.monitor import Moved, first_reading, format_moved, halted, move
 
     wanted = {axis: math.radians(v) for axis, v in zip(Axis, (options.pan, options.tilt), strict=True) if v is not None}
     if not wanted:
@@ -197,10 +197,14 @@ def _jog(options: argparse.Namespace) -> int:
         rate: float | None = math.radians(options.rate) if options.rate else slow
         if options.rate is None and Capability.SPEED not in said.capabilities:
             rate = None
-        for targets in (wanted, {axis: at[axis] for axis in wanted}) if options.back else (wanted,):
-            for moved in move(unit, targets, rate, time.monotonic, time.sleep):
-                print(format_moved(moved), flush=True)
-                reports.append(moved)
+        try:
+            for targets in (wanted, {axis: at[axis] for axis in wanted}) if options.back else (wanted,):
+                for moved in move(unit, targets, rate, time.monotonic, time.sleep):
+                    print(format_moved(moved), flush=True)
+                    reports.append(moved)
+        except KeyboardInterrupt:
+            print(f"groundstation: interrupted; {halted(unit)}", file=sys.stderr)
+            return 130
     return 1 if any(m.lost_steps > 1 for m in reports) else 0
 
 

@@ -14,6 +14,7 @@ from ptu_drivers.messages import Axis, NoReading, Reading, UnitDescription
 _BAR = 40
 _STUCK_S = 0.2
 _STILL_S = 0.3
+_TREMBLE_RAD = 1e-6  # some mounts compute their angles: the last digits change at rest
 _IDLE_S = 0.01
 # a line that is back is answered within 2 s
 _SILENT_S = 5.0
@@ -159,6 +160,7 @@ def move(
     begun, breaks = now(), _breaks(unit)
     unit.move_to(pan_rad=targets_rad.get(Axis.PAN), tilt_rad=targets_rad.get(Axis.TILT), rate_rad_s=rate_rad_s)
     path: list[Reading] = [before]
+    still = _angles(before)
     changed = heard = now()
     while now() - changed < _STILL_S or (_far(path[-1], targets_rad, unit.describe()) and now() - changed < 2.0):
         if now() - begun > timeout_s:
@@ -173,8 +175,9 @@ def move(
             wait(_IDLE_S)
             continue
         heard = now()
-        if _angles(got) != _angles(path[-1]):
-            changed = heard
+        # against where it last moved to: what trembles in the last digits rests, what creeps does not
+        if any(abs(a - b) > _TREMBLE_RAD for a, b in zip(_angles(got), still, strict=True)):
+            changed, still = heard, _angles(got)
         path.append(got)
     lost = _breaks(unit) != breaks
     return tuple(_moved(axis, begun, wanted, path, unit.describe(), lost) for axis, wanted in targets_rad.items())
@@ -186,14 +189,18 @@ def _breaks(unit: PanTiltUnit) -> int:
     return health.reconnects + health.restarts
 
 
-def _lost(unit: PanTiltUnit, got: NoReading, silent_s: float) -> LineError:
-    """Try to halt what is no longer heard of, and return what is to be said of it."""
+def halted(unit: PanTiltUnit) -> str:
+    """Halt it, and return in words whether it heard that."""
     try:
         unit.halt()
-        halted = "it was halted"
     except PtuError:
-        halted = "nobody answered to a halt: it may still move"
-    said = f"the line lost on the way: no angle for {silent_s:.1f} s ({got.reason}); {halted}"
+        return "nobody answered to a halt: it may still move"
+    return "it was halted"
+
+
+def _lost(unit: PanTiltUnit, got: NoReading, silent_s: float) -> LineError:
+    """Try to halt what is no longer heard of, and return what is to be said of it."""
+    said = f"the line lost on the way: no angle for {silent_s:.1f} s ({got.reason}); {halted(unit)}"
     return LineError(unit.describe().url, got=said, wanted="an angle")
 
 

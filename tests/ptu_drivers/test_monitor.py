@@ -1,13 +1,16 @@
 """What `groundstation ptu jog` says of a move, in virtual time: arrived, missed, or nobody knows."""
 
+import itertools
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
-from ptu_drivers import Axis, PanTiltUnit, UnitSettings
+from ptu_drivers import Axis, NoReading, PanTiltUnit, UnitSettings
 from ptu_drivers.errors import LineError
 from ptu_drivers.flir import connect
-from ptu_drivers.monitor import Moved, format_moved, move
+from ptu_drivers.messages import Reading
+from ptu_drivers.monitor import Moved, format_moved, halted, move
 from ptu_drivers.pelco import PelcoOptions, connect_pelco
 from ptu_drivers.pelco_codec import PelcoFraming
 from ptu_drivers.simulated_flir import FlirModel
@@ -74,3 +77,30 @@ def test_a_unit_that_homes_on_the_way() -> None:
     line, unit = flir(homing_s=30.0)
     with pytest.raises(LineError, match="the line lost on the way"):
         moved(line, unit, 0.5, lambda: line.unit.power_cycle(line.now(), 0.5))
+
+
+def test_angles_that_tremble_in_their_last_digits_are_at_rest() -> None:
+    """A mount that computes its angles never gives the same number twice."""
+    line, unit = flir()
+    read, turns = unit.read, itertools.count()
+
+    def trembling() -> Reading | NoReading:
+        got = read()
+        if isinstance(got, NoReading):
+            return got
+        return replace(got, pan=replace(got.pan, angle_rad=got.pan.angle_rad + 1e-8 * (next(turns) % 2)))
+
+    unit.read = trembling  # type: ignore[method-assign]
+    began = line.now()
+    assert moved(line, unit).lost_steps <= 1
+    assert line.now() - began < 60.0
+
+
+def test_a_halt_that_nobody_hears_is_not_called_one() -> None:
+    line, unit = flir()
+    unit.move_to(pan_rad=FAR_RAD)
+    line.wait(0.5)
+    assert halted(unit) == "it was halted"
+    unit.move_to(pan_rad=-FAR_RAD)
+    line.dead = True
+    assert halted(unit) == "nobody answered to a halt: it may still move"
