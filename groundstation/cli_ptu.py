@@ -28,8 +28,8 @@ _MORE = """examples:
 URL: /dev/ttyUSB0, a pty, socket://HOST:PORT, rfc2217://HOST:PORT; for Alpaca
 http://HOST:PORT
 
-exit code: 0 done; 1 the unit or its line is at fault, or a move missed its
-target; 2 wrong usage; 130 interrupted"""
+exit code: 0 done; 1 the unit, its line or a setting for it is at fault, or a
+move missed its target; 2 wrong usage; 130 interrupted"""
 
 
 def add_ptu(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -47,7 +47,8 @@ def add_ptu(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> 
     jog.add_argument("--pan", type=_finite, metavar="DEG", help="pan to turn to, deg")
     jog.add_argument("--tilt", type=_finite, metavar="DEG", help="tilt to turn to, deg")
     jog.add_argument("--by", action="store_true", help="turn by so much, from where it stands")
-    jog.add_argument("--rate", type=_positive, metavar="DEG_S", help="speed, deg/s; else a tenth of its fastest")
+    slowly = "speed, deg/s; else a tenth of its fastest, or its own where it takes none"
+    jog.add_argument("--rate", type=_positive, metavar="DEG_S", help=slowly)
     jog.add_argument("--back", action="store_true", help="and turn back, to see what was lost")
     _add_simulate(kinds)
 
