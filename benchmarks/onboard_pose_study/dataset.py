@@ -5,9 +5,9 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
+from groundstation.experiments.nose_pose import opencv_range
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
 from groundstation.onboard.pose.files import Runways, read_corners
@@ -20,7 +20,6 @@ CENTRE = np.array([1224.0, 1324.0])
 LENS = Lens(
     image_size_px=(2448, 2648), focal_px=np.array([FOCAL, FOCAL]), principal_point_px=CENTRE, distortion=np.zeros(5)
 )
-K = np.array([[FOCAL, 0, CENTRE[0]], [0, FOCAL, CENTRE[1]], [0, 0, 1]])
 BINS = ((0, 500), (500, 1000), (1000, 2000), (2000, 4000), (4000, 10000))
 # the true ranges stand in steps of 0.01 nautical miles
 STEP_M = 18.52
@@ -50,21 +49,6 @@ def load(folder: Path) -> list[Case]:
 def view(corners_m: np.ndarray, pixels: np.ndarray) -> SeenPoints:
     covariance = np.broadcast_to(ROUNDING_SIGMA_PX**2 * np.eye(2), (4, 2, 2))
     return SeenPoints(points_m=corners_m, pixels=pixels, covariance_px2=covariance, lens=LENS)
-
-
-def opencv_range(seen: SeenPoints) -> float:
-    """solvePnP and its Levenberg-Marquardt, the better of two starts."""
-    best, range_m = np.inf, np.nan
-    for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_EPNP):
-        good, r, t = cv2.solvePnP(seen.points_m, seen.pixels, K, None, flags=method)
-        if not good:
-            continue
-        r, t = cv2.solvePnPRefineLM(seen.points_m, seen.pixels, K, None, r, t, (3, 200, 1e-12))
-        again, _ = cv2.projectPoints(seen.points_m, r, t, K, None)
-        cost = float(((again[:, 0] - seen.pixels) ** 2).sum())
-        if cost < best:
-            best, range_m = cost, float(np.linalg.norm(t))
-    return range_m
 
 
 def by_bin(true: np.ndarray, error: np.ndarray) -> dict[str, float]:

@@ -91,11 +91,11 @@ def _somewhere(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
 def _ranges(seen: SeenPoints) -> list[float]:
     found = [solve_pose(seen), solve_paper(seen, SIX_PAIRS), solve_paper(seen, FOUR_SIDES)]
     ranges = [np.nan if pose is None else float(np.linalg.norm(pose.position_m)) for pose in found]
-    return [*ranges, _opencv(seen)]
+    return [*ranges, opencv_range(seen)]
 
 
-def _opencv(seen: SeenPoints) -> float:
-    """Return the range by OpenCV, the better of two starts."""
+def opencv_range(seen: SeenPoints) -> float:
+    """Return the range in m by OpenCV's solvePnP and its Levenberg-Marquardt, the better of two starts."""
     K, best, range_m = intrinsic_matrix(seen.lens), np.inf, np.nan
     for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_EPNP):
         good, r, t = cv2.solvePnP(seen.points_m, seen.pixels, K, None, flags=method)
