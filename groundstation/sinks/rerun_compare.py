@@ -18,15 +18,16 @@ from groundstation.sinks.rerun_scene import EXPECTED_RANGE_M
 
 APPLICATION = "groundstation"
 RUNS = "runs"
+# apart for eyes without one kind of cone, too: by lightness where the hue does not tell
 RUN_COLOURS = (
     tree.EKF_COLOUR,
-    tree.Colour((255, 165, 70)),
-    tree.Colour((240, 130, 220)),
-    tree.Colour((190, 230, 90)),
-    tree.Colour((150, 160, 255)),
-    tree.Colour((255, 105, 95)),
+    tree.Colour((233, 130, 20)),
+    tree.Colour((200, 140, 183)),
+    tree.Colour((191, 220, 150)),
+    tree.Colour((151, 90, 255)),
+    tree.Colour((200, 69, 77)),
 )
-_COLOUR_NAMES = ("cyan", "orange", "pink", "lime", "lavender", "red")
+_COLOUR_NAMES = ("cyan", "orange", "pink", "light green", "violet", "red")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
