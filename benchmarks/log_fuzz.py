@@ -10,6 +10,7 @@ import random
 import sys
 import tempfile
 import time
+import traceback
 import warnings
 from pathlib import Path
 
@@ -29,6 +30,9 @@ OPTIONS = (
     LogOptions(geoid_separation_m=37.7, base_deg_m=(35.68, 139.76, 60.0)),
     LogOptions(instance=1, height="ellipsoid"),
 )
+
+FOREIGN = "foreign error"
+MOST_KEPT = 50
 
 
 def check(log: GnssLog) -> None:
@@ -71,16 +75,19 @@ def fuzz_logs(inputs: int, chance: random.Random, folder: Path, counts: collecti
         except GroundstationError as fault:
             check_line(fault)
             counts[f"{suffix} refused"] += 1
-        except BaseException:
-            keep(path, f"input {k} of {name}")
-            raise
+        except Exception as error:  # noqa: BLE001 - counted, kept, and the run fails
+            keep(path, f"input {k} of {name}", error, counts)
 
 
-def keep(path: Path, what: str) -> None:
-    """Put an input that brought another error where it can be looked at."""
-    kept = Path(tempfile.gettempdir()) / f"fuzz_failure_{path.name}"
+def keep(path: Path, what: str, error: Exception, counts: collections.Counter[str]) -> None:
+    """Put an input that brought another error where it can be looked at, and go on: a long run finds more than one."""
+    counts[FOREIGN] += 1
+    if counts[FOREIGN] > MOST_KEPT:
+        raise error
+    kept = Path(tempfile.mkdtemp(prefix="fuzz_failure_")) / path.name
     kept.write_bytes(path.read_bytes())
-    print(f"{what}: kept as {kept}", file=sys.stderr)
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    print(f"{what}: {type(error).__name__}: {error} ({last.filename}:{last.lineno}); kept as {kept}", file=sys.stderr)
 
 
 def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: collections.Counter[str]) -> None:
@@ -107,9 +114,8 @@ def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: coll
         except InputError as fault:
             check_line(fault)
             counts[f"{kind} refused"] += 1
-        except BaseException:
-            keep(path, f"input {k}, {kind}")
-            raise
+        except Exception as error:  # noqa: BLE001 - counted, kept, and the run fails
+            keep(path, f"input {k}, {kind}", error, counts)
         path.write_bytes(whole[name])
 
 
@@ -130,9 +136,14 @@ def main() -> None:
         session = Path(name) / "session"
         session.mkdir()
         fuzz_sessions(options.inputs - options.inputs * 2 // 3, chance, session, counts)
+    foreign = counts.pop(FOREIGN, 0)
     for kind in sorted({key.rsplit(" ", 1)[0] for key in counts}):
         print(f"{kind:<15} read {counts[f'{kind} read']:>8}  refused {counts[f'{kind} refused']:>8}")
-    print(f"{sum(counts.values())} inputs, no error that is not ours, {time.perf_counter() - began:.0f} s")
+    print(
+        f"{sum(counts.values()) + foreign} inputs, {foreign or 'no'} errors that are not ours, "
+        f"{time.perf_counter() - began:.0f} s"
+    )
+    sys.exit(foreign > 0)
 
 
 if __name__ == "__main__":
