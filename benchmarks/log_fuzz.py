@@ -5,6 +5,7 @@ python benchmarks/log_fuzz.py [--inputs N] [--seed S]
 
 import argparse
 import collections
+import contextlib
 import os
 import random
 import sys
@@ -12,6 +13,7 @@ import tempfile
 import time
 import traceback
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -45,9 +47,16 @@ def check(log: GnssLog) -> None:
     assert np.all(log.sigma_enu_m > 0)
 
 
-def check_line(fault: GroundstationError) -> None:
-    """Raise `AssertionError` for an error that is not one printable line."""
-    assert str(fault).isprintable(), repr(str(fault))
+@contextlib.contextmanager
+def refused_in_words(ours: type[GroundstationError]) -> Iterator[list[str]]:
+    """Take an error of our own as an answer, "refused"; raises `AssertionError` if it is not one printable line."""
+    outcome = ["read"]
+    try:
+        yield outcome
+    except ours as fault:
+        if not str(fault).isprintable():
+            raise AssertionError(f"an error of more than one line: {fault!r}") from fault
+        outcome.append("refused")
 
 
 def tell(done: int, what: str) -> None:
@@ -70,11 +79,9 @@ def fuzz_logs(inputs: int, chance: random.Random, folder: Path, counts: collecti
         path = folder / f"log{suffix}"
         path.write_bytes(content)
         try:
-            check(read_log(path, OPTIONS[k // len(kinds) % len(OPTIONS)]))
-            counts[f"{suffix} read"] += 1
-        except GroundstationError as fault:
-            check_line(fault)
-            counts[f"{suffix} refused"] += 1
+            with refused_in_words(GroundstationError) as outcome:
+                check(read_log(path, OPTIONS[k // len(kinds) % len(OPTIONS)]))
+            counts[f"{suffix} {outcome[-1]}"] += 1
         except Exception as error:  # noqa: BLE001 - counted, kept, and the run fails
             keep(path, f"input {k} of {name}", error, counts)
 
@@ -109,11 +116,9 @@ def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: coll
             spoil = altered if path.suffix in (".csv", ".toml") and chance.random() < 0.5 else damaged
             path.write_bytes(spoil(whole[name], chance))
         try:
-            targets[name]()
-            counts[f"{kind} read"] += 1
-        except InputError as fault:
-            check_line(fault)
-            counts[f"{kind} refused"] += 1
+            with refused_in_words(InputError) as outcome:
+                targets[name]()
+            counts[f"{kind} {outcome[-1]}"] += 1
         except Exception as error:  # noqa: BLE001 - counted, kept, and the run fails
             keep(path, f"input {k}, {kind}", error, counts)
         path.write_bytes(whole[name])
