@@ -8,6 +8,7 @@ import collections
 import contextlib
 import os
 import random
+import signal
 import sys
 import tempfile
 import time
@@ -35,6 +36,8 @@ OPTIONS = (
 
 FOREIGN = "foreign error"
 MOST_KEPT = 50
+# thousands of times what any of these small files takes
+MOST_S = 60.0
 
 
 def check(log: GnssLog) -> None:
@@ -51,12 +54,20 @@ def check(log: GnssLog) -> None:
 def refused_in_words(ours: type[GroundstationError]) -> Iterator[list[str]]:
     """Take an error of our own as an answer, "refused"; raises `AssertionError` if it is not one printable line."""
     outcome = ["read"]
+    signal.setitimer(signal.ITIMER_REAL, MOST_S)
     try:
         yield outcome
     except ours as fault:
         if not str(fault).isprintable():
             raise AssertionError(f"an error of more than one line: {fault!r}") from fault
         outcome.append("refused")
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def no_end(signum: int, frame: object) -> None:
+    """Turn a reader that does not come to an end into a foreign error."""
+    raise RuntimeError(f"no end after {MOST_S:.0f} s")
 
 
 def tell(done: int, what: str) -> None:
@@ -132,6 +143,7 @@ def main() -> None:
     options = parser.parse_args()
     counts: collections.Counter[str] = collections.Counter()
     chance = random.Random(options.seed)
+    signal.signal(signal.SIGALRM, no_end)
     # a number that is none is to be refused before it is reckoned with
     warnings.simplefilter("error")
     shared = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
