@@ -30,8 +30,8 @@ class ApproachConfig:
         wrong ones.
     corners : how corners are found.
     reach_px : how far from the seen thresholds a side or a corner is looked for, at least and at most.
-    search_px : how far up and down both thresholds are looked for at most; while the pose comes from outside the far one
-        then by itself within ``height_share`` of the runway's picture.
+    search_px : how far up and down both thresholds are looked for at most; while the pose comes from outside the far
+        one then by itself within ``height_share`` of the runway's picture.
     settled_after, width_share : so many frames in a row the edges must have been tracked, and so close to the runway's
         width, before the first pose is believed.
     least_height_px : the thresholds' distance in the picture below which no corners are taken.
@@ -40,7 +40,9 @@ class ApproachConfig:
         ground and, for blur and haze, in the picture.
     clear_levels, most_faint : pavement that differs from the ground beside it by fewer grey levels (over brightness
         and colours, both sides) has edges less sure in the picture, by the ratio, at most so much.
-    dark_grey, lamp_sigma_m : a darker picture is taken by night, and what its edges are drawn to are lamps.
+    dark_grey, lamp_sigma_m, lamp_sigma_px : a darker picture is taken by night, and its edges are drawn to lamps.
+    scatter_share, most_share, most_scatter : how fast the covariance that pictures have anew follows the innovations'
+        mean normalised square over its expectation, what one counts at most, and how far the factor may grow.
     near_sigma_m, end_sigma_px : the same of a threshold: paint and slabs, and blur; ``far_end_…`` of the far one.
     faint_px : what a threshold's rows are anew besides, over the rise of the difference in units of its noise.
     trusted_after : so many poses since the filter's start, and the tracker is told its pose, not the one from outside.
@@ -68,6 +70,10 @@ class ApproachConfig:
     most_faint: float = 2.5
     dark_grey: float = 85.0
     lamp_sigma_m: float = 1.5
+    lamp_sigma_px: float = 2.5
+    scatter_share: float = 0.1
+    most_share: float = 10.0
+    most_scatter: float = 100.0
     far_end_sigma_px: float = 1.5
     trusted_after: int = 10
     trusted_attitude_rad: float = math.radians(0.6)

@@ -100,7 +100,7 @@ def find_corners(
     height = float(start[[0, 3], 1].mean() - start[[1, 2], 1].mean())
     if height < config.least_height_px:
         return NoCorners.FLAT
-    near, far = _thresholds(image.astype(np.float64), start, height, row_sigma_px, config)
+    near, far = _thresholds(image, start, height, row_sigma_px, config)
     if near is None and not inside:
         return NoCorners.NO_NEAR
     if near is None and far is None:
@@ -139,8 +139,10 @@ def lasting_sigmas(config: ApproachConfig, levels: float, *, dark: bool) -> Appr
     The fainter the pavement, the farther is its edge drawn aside by what else is there; by night it is drawn to lamps.
     """
     faint = float(np.clip(config.clear_levels / max(levels, 1.0), 1.0, config.most_faint))
-    side_m = config.lamp_sigma_m if dark else config.side_sigma_m
-    return replace(config, side_sigma_m=side_m, side_sigma_px=faint * config.side_sigma_px)
+    side_m, side_px = config.side_sigma_m, faint * config.side_sigma_px
+    if dark:
+        side_m, side_px = max(side_m, config.lamp_sigma_m), max(side_px, config.lamp_sigma_px)
+    return replace(config, side_sigma_m=side_m, side_sigma_px=side_px)
 
 
 def start_corners(edges: Edges, pose: CameraPose, runway: Runway, kappa: FloatArray) -> FloatArray | None:
@@ -194,7 +196,7 @@ def _corrected(pose: CameraPose, edges: Edges) -> CameraPose:
 
 
 def _thresholds(
-    image: FloatArray, start: FloatArray, height: float, row_sigma_px: FloatArray | None, config: ApproachConfig
+    image: ImageArray, start: FloatArray, height: float, row_sigma_px: FloatArray | None, config: ApproachConfig
 ) -> tuple[SeenThreshold | None, SeenThreshold | None]:
     """Return the near and the far threshold as far as they are confirmed, relative to ``start``.
 

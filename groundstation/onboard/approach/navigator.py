@@ -116,6 +116,7 @@ class NoseNavigator:
         self._inside = self._alone = False
         self._used = 0
         self._in_a_row = 0
+        self._scatter = 1.0
         self._last: ImuSample | None = None
         self._begin()
 
@@ -124,6 +125,7 @@ class NoseNavigator:
         self._filter = InertialFilter(self._config.inertial, self._mount)
         self._lasting = LastingErrors(self._config.inertial, self._mount, LASTING_COUNT)
         self._used = self._refused = 0
+        self._scatter = 1.0
         if self._last is not None:
             self.feel(self._last)
 
@@ -250,7 +252,7 @@ class NoseNavigator:
 
     def _correct(self, t_s: float, corners: FoundCorners, pose: RunwayPose) -> PoseInnovation | None:
         """Hand the pose to the filter with the part of its covariance that each picture has anew; keep the rest."""
-        anew = corners.covariance_px2
+        anew = self._scatter * corners.covariance_px2
         D = self._sensitivity(pose, corners)
         if D is None:
             return None
@@ -264,6 +266,7 @@ class NoseNavigator:
         )
         innovation = self._filter.see(observation)
         self._lasting.see(observation, D @ corners.lasting_px)
+        self._learn_scatter(innovation, observation)
         if innovation.outcome in (Outcome.USED, Outcome.STARTED, Outcome.RESTARTED):
             self._used += 1
         self._refused = self._refused + 1 if innovation.outcome is Outcome.GATED else 0
@@ -273,6 +276,15 @@ class NoseNavigator:
             # its velocity is unknown again: the tracker goes back to what it was told before
             self._used, self._inside = 1, False
         return innovation
+
+    def _learn_scatter(self, innovation: PoseInnovation, observation: PoseObservation) -> None:
+        """Let the covariance that each picture has anew follow what innovations show, never below what fits say."""
+        if innovation.outcome not in (Outcome.USED, Outcome.GATED) or observation.lasting is None:
+            return
+        value = innovation.value
+        share = float(value @ np.linalg.solve(innovation.covariance - observation.lasting, value)) / value.size
+        step = self._config.scatter_share * (min(share, self._config.most_share) - 1.0)
+        self._scatter = float(np.clip(self._scatter * (1.0 + step), 1.0, self._config.most_scatter))
 
     def _sensitivity(self, pose: RunwayPose, corners: FoundCorners) -> FloatArray | None:
         """Return how the pose moves with its pixels; where the filter knows better, at the filter's pose."""

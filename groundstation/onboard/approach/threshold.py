@@ -3,8 +3,8 @@ than the ground beside them.
 
 Between the edges there is pavement, beside them is not; before the near threshold and behind the far one both are the
 same ground. Paint lies inside, a slab of another colour still differs from the grass, and a road that crosses looks
-alike on both sides of an edge line: none of them is taken for the end. A threshold is *confirmed* only if the difference
-rises, on both sides at one place, clearly out of the noise, and if it has fallen to what is seen well outside.
+alike on both sides of an edge line: none of them is taken for the end. A threshold is *confirmed* only if the
+difference rises, on both sides at one place, clearly out of the noise, and is beyond it what it is well outside.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, map_coordinates
 
-from groundstation.arrays import FloatArray
+from groundstation.arrays import FloatArray, ImageArray
 
 _STEP_PX = 0.5
 _SMOOTH_PX = 0.5
@@ -49,13 +49,13 @@ class SeenThreshold:
 
 
 def seen_threshold(
-    image: FloatArray, corners_px: FloatArray, reach_px: float, window_px: float, *, far: bool = False
+    image: ImageArray, corners_px: FloatArray, reach_px: float, window_px: float, *, far: bool = False
 ) -> SeenThreshold | None:
     """Return where a threshold is seen, or None where none is confirmed within reach.
 
     Parameters
     ----------
-    image : (h, w, channels) brightness.
+    image : (h, w, 3) uint8 BGR, or (h, w, 1).
     corners_px : (4, 2) predicted, as `runway.CORNERS`, on the tracked edges.
     reach_px : how far up and down from the prediction it may lie. window_px : rows on either side that are compared.
     far : the far threshold instead of the near one.
@@ -64,8 +64,8 @@ def seen_threshold(
     # outward: down the picture for the near threshold, up for the far one
     outward = np.arange(-reach_px - window_px, margin + 0.5 * _STEP_PX, _STEP_PX)
     shifts = -outward if far else outward
-    sides = _differences(_by_colour(image), corners_px, shifts, far)
-    usable = np.isfinite(sides).all(axis=0)
+    sides = _differences(image, corners_px, shifts, far)
+    usable = np.asarray(np.isfinite(sides).all(axis=0))
     count = max(round(window_px / _STEP_PX), 3)
     if not usable[: 2 * count].all() or usable.sum() < 2 * count + 4:
         return None
@@ -80,10 +80,10 @@ def seen_threshold(
     rise = float(np.median(both[k - count : k])) - level
     if rise < _LEAST_RISE * noise:
         return None
-    found = [_crossing(side, outward, k, count) for side in sides]
-    if found[0] is None or found[1] is None:
+    on_left, on_right = (_crossing(side, outward, k, count) for side in sides)
+    if on_left is None or on_right is None:
         return None
-    (left, left_sigma), (right, right_sigma) = found
+    (left, left_sigma), (right, right_sigma) = on_left, on_right
     if abs(left - right) > _MOST_APART + 2.0 * float(np.hypot(left_sigma, right_sigma)):
         return None
     sign = -1.0 if far else 1.0
@@ -132,13 +132,20 @@ def _crossing(side: FloatArray, outward: FloatArray, k: int, count: int) -> tupl
     return place, noise / slope
 
 
-def _by_colour(image: FloatArray) -> FloatArray:
+def _sampled(image: ImageArray, points: FloatArray) -> list[FloatArray]:
+    """Return each channel (n, m) at points (n, m, 2), NaN out of the picture."""
+    places = [points[..., 1], points[..., 0]]
+    return [
+        map_coordinates(image[..., k], places, output=np.float64, order=1, cval=np.nan) for k in range(image.shape[2])
+    ]
+
+
+def _by_colour(channels: list[FloatArray]) -> list[FloatArray]:
     """Return brightness and two differences of colours, weighed: light and shade change brightness more than colour."""
-    if image.shape[2] < 3:
-        return image
-    blue, green, red = (image[..., k] for k in range(3))
-    first, second = _COLOUR * (red - blue), _COLOUR * (green - 0.5 * (red + blue))
-    return np.stack([(blue + green + red) / 3.0, first, second], axis=2)
+    if len(channels) < 3:
+        return channels
+    blue, green, red = channels[:3]
+    return [(blue + green + red) / 3.0, _COLOUR * (red - blue), _COLOUR * (green - 0.5 * (red + blue))]
 
 
 def _spread(values: FloatArray) -> float:
@@ -146,7 +153,7 @@ def _spread(values: FloatArray) -> float:
     return 1.4826 * float(np.median(np.abs(values - np.median(values)))) + 1e-9
 
 
-def _differences(image: FloatArray, corners_px: FloatArray, shifts: FloatArray, far: bool) -> FloatArray:
+def _differences(image: ImageArray, corners_px: FloatArray, shifts: FloatArray, far: bool) -> FloatArray:
     """Return (2, n): how differently each row looks inside and beside, left and right; NaN out of the picture."""
     near_left, far_left, far_right, near_right = corners_px
     ends = []
@@ -157,8 +164,7 @@ def _differences(image: FloatArray, corners_px: FloatArray, shifts: FloatArray, 
     points = middle[:, None] + _COLUMNS[None, :, None] * half[:, None]
     b, i = len(_BESIDE), len(_INSIDE)
     out = np.zeros((2, len(shifts)))
-    for channel in range(image.shape[2]):
-        seen = map_coordinates(image[..., channel], [points[..., 1], points[..., 0]], order=1, cval=np.nan)
+    for seen in _by_colour(_sampled(image, points)):
         inside = seen[:, b : b + i]
         for number, beside in enumerate((seen[:, :b], seen[:, b + i :])):
             # sample by sample: white bars on dark asphalt are on average like sand
