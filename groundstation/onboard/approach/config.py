@@ -40,10 +40,10 @@ class ApproachConfig:
         ground and, for blur and haze, in the picture.
     clear_levels, most_faint : pavement that differs from the ground beside it by fewer grey levels (over brightness
         and colours, both sides) has edges less sure in the picture, by the ratio, at most so much.
-    dark_grey, lamp_sigma_m, lamp_sigma_px : a darker picture is taken by night, and its edges are drawn to lamps.
+    dark_grey, lamp_sigma_m, lamp_sigma_px : in a darker picture lamps are lit, and edges are drawn to them.
     scatter_share, most_share, most_scatter : how fast the covariance that pictures have anew follows the innovations'
         mean normalised square over its expectation, what one counts at most, and how far the factor may grow.
-    near_sigma_m, end_sigma_px : the same of a threshold: paint and slabs, and blur; ``far_end_…`` of the far one.
+    near_sigma_m, end_sigma_px : the same of a threshold: its bars begin 6 m behind it, and blur; ``far_end_…`` of the far one.
     faint_px : what a threshold's rows are anew besides, over the rise of the difference in units of its noise.
     trusted_after : so many poses since the filter's start, and the tracker is told its pose, not the one from outside.
     trusted_attitude_rad, trusted_share : and its attitude and position (share of the range) are known to this.
@@ -63,12 +63,12 @@ class ApproachConfig:
     susan_sigma_px: float = 1.0
     side_sigma_m: float = 0.7
     side_sigma_px: float = 1.2
-    near_sigma_m: float = 0.7
+    near_sigma_m: float = 3.0
     end_sigma_px: float = 0.7
     faint_px: float = 5.0
     clear_levels: float = 150.0
     most_faint: float = 2.5
-    dark_grey: float = 85.0
+    dark_grey: float = 115.0
     lamp_sigma_m: float = 1.5
     lamp_sigma_px: float = 2.5
     scatter_share: float = 0.1

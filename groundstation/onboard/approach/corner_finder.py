@@ -66,6 +66,12 @@ class FoundCorners:
     far_seen: bool = True
 
     @property
+    def seen_px(self) -> FloatArray:
+        """Return the corners (4, 2) whose threshold is confirmed, NaN for the others."""
+        seen = np.array([self.near_seen, self.far_seen, self.far_seen, self.near_seen])
+        return np.where(seen[:, None], self.pixels, np.nan)
+
+    @property
     def whole_covariance_px2(self) -> FloatArray:
         """Return both parts together, (4, 2, 2)."""
         rows = self.lasting_px.reshape(4, 2, -1)
