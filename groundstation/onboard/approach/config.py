@@ -43,7 +43,9 @@ class ApproachConfig:
     dark_grey, lamp_sigma_m, lamp_sigma_px : in a darker picture lamps are lit, and edges are drawn to them.
     scatter_share, most_share, most_scatter : how fast the covariance that pictures have anew follows the innovations'
         mean normalised square over its expectation, what one counts at most, and how far the factor may grow.
-    near_sigma_m, end_sigma_px : the same of a threshold: its bars begin 6 m behind it, and blur; ``far_end_…`` of the far one.
+    changing_s, changing_share : edges also lie wrong for some seconds: period, and size beside what lasts.
+    near_sigma_m, end_sigma_px : the same of a threshold, whose bars begin 6 m behind it, and of its blur;
+        ``far_end_…`` of the far one.
     faint_px : what a threshold's rows are anew besides, over the rise of the difference in units of its noise.
     trusted_after : so many poses since the filter's start, and the tracker is told its pose, not the one from outside.
     trusted_attitude_rad, trusted_share : and its attitude and position (share of the range) are known to this.
@@ -71,6 +73,8 @@ class ApproachConfig:
     dark_grey: float = 115.0
     lamp_sigma_m: float = 1.5
     lamp_sigma_px: float = 2.5
+    changing_s: float = 8.0
+    changing_share: float = 0.7
     scatter_share: float = 0.1
     most_share: float = 10.0
     most_scatter: float = 100.0

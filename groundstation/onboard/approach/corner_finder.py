@@ -29,7 +29,8 @@ _LEAST_REACH_PX = 2.5
 # a threshold that is not seen: its corners lie on the tracked edges, anywhere along them
 _ANYWHERE_PX = 40.0
 # ways in which edges may lie wrong for good: both on the ground, four ends, two thresholds shifted and turned
-LASTING_COUNT = 10
+EDGE_MODES = 6
+LASTING_COUNT = EDGE_MODES + 4
 _NEAR, _FAR = (0, 3), (1, 2)
 
 

@@ -12,7 +12,13 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.approach.config import ApproachConfig
-from groundstation.onboard.approach.corner_finder import LASTING_COUNT, FoundCorners, NoCorners, find_corners
+from groundstation.onboard.approach.corner_finder import (
+    EDGE_MODES,
+    LASTING_COUNT,
+    FoundCorners,
+    NoCorners,
+    find_corners,
+)
 from groundstation.onboard.approach.lasting import LastingErrors
 from groundstation.onboard.approach.sensitivity import pixels_by_pose, pose_by_pixels
 from groundstation.onboard.edges.config import TrackerConfig
@@ -123,7 +129,7 @@ class NoseNavigator:
     def _begin(self) -> None:
         """Make the filters new; the next pose starts them."""
         self._filter = InertialFilter(self._config.inertial, self._mount)
-        self._lasting = LastingErrors(self._config.inertial, self._mount, LASTING_COUNT)
+        self._lasting = LastingErrors(self._config.inertial, self._mount, LASTING_COUNT + 2 * EDGE_MODES)
         self._used = self._refused = 0
         self._scatter = 1.0
         if self._last is not None:
@@ -257,15 +263,16 @@ class NoseNavigator:
         if D is None:
             return None
         covariance = sum((D[:, 2 * k : 2 * k + 2] @ anew[k] @ D[:, 2 * k : 2 * k + 2].T for k in range(4)), np.zeros(1))
+        lasting = D @ self._in_time(t_s, corners.lasting_px)
         observation = PoseObservation(
             t_s=t_s,
             position_m=pose.position_m,
             runway_from_camera_wxyz=pose.runway_from_camera_wxyz,
             covariance=np.asarray(covariance),
-            lasting=D @ corners.lasting_px @ corners.lasting_px.T @ D.T,
+            lasting=lasting @ lasting.T,
         )
         innovation = self._filter.see(observation)
-        self._lasting.see(observation, D @ corners.lasting_px)
+        self._lasting.see(observation, lasting)
         self._learn_scatter(innovation, observation)
         if innovation.outcome in (Outcome.USED, Outcome.STARTED, Outcome.RESTARTED):
             self._used += 1
@@ -276,6 +283,16 @@ class NoseNavigator:
             # its velocity is unknown again: the tracker goes back to what it was told before
             self._used, self._inside = 1, False
         return innovation
+
+    def _in_time(self, t_s: float, lasting_px: FloatArray) -> FloatArray:
+        """Return what lasts, and beside it the edges' part that comes and goes within the flight: two phases of a wave.
+
+        A constant error of an edge may cancel in the state; one that is there for some seconds does not.
+        """
+        config, edges = self._config, lasting_px[:, :EDGE_MODES]
+        angle = 2.0 * np.pi * t_s / config.changing_s
+        waves = [config.changing_share * float(wave) * edges for wave in (np.cos(angle), np.sin(angle))]
+        return np.hstack([lasting_px, *waves])
 
     def _learn_scatter(self, innovation: PoseInnovation, observation: PoseObservation) -> None:
         """Let the covariance that each picture has anew follow what innovations show, never below what fits say."""
