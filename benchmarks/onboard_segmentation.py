@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
 from groundstation.onboard.edges.descent import DescentConfig, Energy, descend
-from groundstation.onboard.edges.lines import line_map
+from groundstation.onboard.edges.lines import crossings_at, line_map
 from groundstation.onboard.edges.pose import CameraPose
 from groundstation.onboard.edges.search_band import across_direction
 from groundstation.onboard.scenes.sequences import SEQUENCES, NoseFrame, Renderer, Sequence, varied
@@ -48,7 +48,7 @@ def from_last(sequence: Sequence, first: CameraPose, energy: Energy, *, across: 
         now = study.rows_said(frame)
         if now is None:
             return None
-        start = study.crossings_at(last, rows, now)
+        start = crossings_at(last, rows, now)
         widths = np.repeat(study.band_px(frame, now)[None, :], 2, axis=0)
         along = across_direction(line_map(frame.said, study.KAPPA)) if across else None
         last, rows = descend(frame.image, start, now, widths, config, along).crossings_px, now
@@ -83,7 +83,7 @@ def errors_of(step: Step, sequence: Sequence, frames: list[NoseFrame]) -> NDArra
         if last is None:
             own.append(np.full(4, study.LOST_PX))
             continue
-        own.append(np.clip(study.crossings_at(last[0], last[1], rows) - wanted, -study.LOST_PX, study.LOST_PX))
+        own.append(np.clip(crossings_at(last[0], last[1], rows) - wanted, -study.LOST_PX, study.LOST_PX))
     return np.array(own)
 
 

@@ -47,7 +47,7 @@ class ApproachConfig:
     near_sigma_m, end_sigma_px : the same of a threshold, whose bars begin 6 m behind it, and of its blur;
         ``far_end_…`` of the far one.
     faint_px : what a threshold's rows are anew besides, over the rise of the difference in units of its noise.
-    trusted_after : so many poses since the filter's start, and the tracker is told its pose, not the one from outside.
+    trusted_after : so many poses since the filter's start, and it says where thresholds are looked for.
     trusted_attitude_rad, trusted_share : and its attitude and position (share of the range) are known to this.
     """
 
@@ -62,7 +62,7 @@ class ApproachConfig:
     least_height_px: float = 5.0
     near_sigma_px: float = 0.3
     far_sigma_px: float = 0.6
-    susan_sigma_px: float = 1.0
+    susan_sigma_px: float = 2.5
     side_sigma_m: float = 0.7
     side_sigma_px: float = 1.2
     near_sigma_m: float = 3.0

@@ -1,7 +1,8 @@
 """The nose camera and the inertial unit together: picture by picture edges, corners, pose, filter, and where it is.
 
-Before the filter has started, the edge tracker is told a pose from outside (a navigation log, or the pictures' own
-motion); once the filter is trusted, the filter's.
+The edge tracker is told a pose from outside (a navigation log, or the pictures' own motion) as long as there is one:
+told the filter's, edges and filter would confirm each other. Where there is none, it is told the filter's, once that
+is trusted.
 """
 
 from dataclasses import dataclass, replace
