@@ -7,6 +7,8 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from groundstation.cli_simulate import wind_m_s
+
 if TYPE_CHECKING:
     from groundstation.live.board import LiveStatus
     from groundstation.live.command import LiveResult
@@ -17,6 +19,7 @@ _LIVE_MORE = """examples:
   groundstation live field.toml --view
   groundstation live field.toml --for 1800 --web
   groundstation live --simulate --out out/live --for 60 --web
+  groundstation live --simulate --out out/gusts --for 60 --aircraft jsbsim --wind 6
 
 --simulate needs no hardware: simulated PTUs on real serial lines (ptys), rendered
 cameras that look where the PTUs look, one landing after the other.
@@ -49,6 +52,15 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     live.add_argument("--rig", type=Path, metavar="FILE", help="with --simulate: another rig than the built-in one")
     live.add_argument("--rate", type=_seconds, default=30.0, metavar="HZ", help="with --simulate: pairs a second (30)")
     live.add_argument("--seed", type=int, default=0, metavar="N", help="with --simulate: of noise and weather")
+    live.add_argument(
+        "--wind", type=wind_m_s, default=0.0, metavar="M_S", help="with --simulate: gusts, as in simulate"
+    )
+    live.add_argument(
+        "--aircraft",
+        choices=("waves", "jsbsim"),
+        default="waves",
+        help="with --simulate: what moves it in the wind: waves, or JSBSim's C172 in turbulence, an optional extra",
+    )
     live.add_argument(
         "--ptu-fault",
         action="append",
@@ -87,6 +99,7 @@ def run_live(options: argparse.Namespace) -> int:
     """Operate until the time is over or somebody says so."""
     from groundstation.live.command import LiveRequest, live
     from groundstation.live.simulated_receiver import ReceiverModel
+    from groundstation.simulation.flights import Aircraft
     from ptu_drivers.simulated_faults import FAULTS
 
     if options.station is None and not options.simulate:
@@ -110,6 +123,8 @@ def run_live(options: argparse.Namespace) -> int:
         seed=options.seed,
         ptu_faults=tuple(options.ptu_fault),
         receiver=ReceiverModel() if options.dgps else None,
+        wind_m_s=options.wind,
+        aircraft=Aircraft(options.aircraft),
     )
     stop = threading.Event()
     before: dict[signal.Signals, Any] = {}

@@ -49,7 +49,7 @@ def add_simulate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]"
     simulate.add_argument("--rate", type=_rate, default=10.0, metavar="HZ", help="stereo pairs per s (default: 10)")
     simulate.add_argument("--duration", type=_positive, metavar="S", help="only the first so many s of the flight")
     simulate.add_argument(
-        "--wind", type=_wind, default=0.0, metavar="M_S", help="gusts as in such a wind, up to 15 m/s (default: 0)"
+        "--wind", type=wind_m_s, default=0.0, metavar="M_S", help="gusts as in such a wind, up to 15 m/s (default: 0)"
     )
     simulate.add_argument(
         "--aircraft",
@@ -86,7 +86,8 @@ def _rate(text: str) -> float:
     return _number(text, f"pairs per s, above 0, up to {_MAX_RATE_HZ:g}", 0.0, _MAX_RATE_HZ, above=True)
 
 
-def _wind(text: str) -> float:
+def wind_m_s(text: str) -> float:
+    """Return the wind that --wind asks for, m/s."""
     return _number(text, f"m/s from 0 to {_MAX_WIND_M_S:g}", 0.0, _MAX_WIND_M_S)
 
 

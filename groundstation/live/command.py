@@ -21,7 +21,7 @@ from groundstation.live.memory import settle_memory
 from groundstation.live.operation import Operation, OperationResult, StatusSink
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import Reference, reference_tuning
-from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, score, simulated_set_up
+from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, landings, score, simulated_set_up
 from groundstation.live.simulated_range import RangeConfig, SimulatedRange
 from groundstation.live.simulated_receiver import ReceiverModel
 from groundstation.live.station_file import StationFile, load_station
@@ -29,6 +29,7 @@ from groundstation.live.timed_faults import TimedFault
 from groundstation.messages import StepReport
 from groundstation.recording.contents import RecordingHeader
 from groundstation.rig import Rig, load_rig
+from groundstation.simulation.flights import Aircraft
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.sources.cameras.camera import CameraCare, CameraError, CameraEvent, CameraTiming, StampPoint
@@ -44,7 +45,8 @@ class LiveRequest:
 
     ``station`` None only with ``simulate``. ``out`` None is a folder of its own below the station file's [record]
     folder. ``seconds`` None goes on until ``stop`` says so. ``screen`` is "desktop", "browser" or "none". With
-    ``simulate``, ``receiver`` is a reference receiver on the aircraft and ``timetable`` says what fails when.
+    ``simulate``, ``receiver`` is a reference receiver on the aircraft, ``timetable`` says what fails when, and
+    ``wind_m_s`` and ``aircraft`` are what moves the aircraft.
     """
 
     station: Path | None
@@ -59,6 +61,8 @@ class LiveRequest:
     ptu_faults: tuple[str, ...] = ()
     receiver: ReceiverModel | None = None
     timetable: tuple[TimedFault, ...] = ()
+    wind_m_s: float = 0.0
+    aircraft: Aircraft = Aircraft.WAVES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +87,7 @@ def live(
     """
     settle_memory()
     out = _folder(request)
-    flight = Landings(request.seconds or 1e9)
+    flight = landings(request.seconds or 1e9, seed=request.seed, wind_m_s=request.wind_m_s, aircraft=request.aircraft)
     file = _file(request, out)
     rig = load_rig(file.rig)
     check_against_rig(file, rig)
