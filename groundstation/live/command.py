@@ -17,6 +17,7 @@ from groundstation.live.camera_worker import said
 from groundstation.live.core import in_operation
 from groundstation.live.devices import DeviceError, camera_of, check_against_rig
 from groundstation.live.head_process import Heads
+from groundstation.live.lent_range import LentRange
 from groundstation.live.memory import settle_memory
 from groundstation.live.operation import Operation, OperationResult, StatusSink
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
@@ -79,16 +80,22 @@ class LiveResult:
 
 
 def live(
-    request: LiveRequest, stop: Callable[[], bool], tell: Callable[[LiveStatus], None], say: Callable[[str], None]
+    request: LiveRequest,
+    stop: Callable[[], bool],
+    tell: Callable[[LiveStatus], None],
+    say: Callable[[str], None],
+    lent: LentRange | None = None,
 ) -> LiveResult:
     """Operate a station. ``tell`` gets the status twice a second, ``say`` a line while things are being opened.
+
+    ``lent`` is a simulated range that somebody else runs, in place of the request's own.
 
     Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin.
     """
     settle_memory()
     out = _folder(request)
     flight = landings(request.seconds or 1e9, seed=request.seed, wind_m_s=request.wind_m_s, aircraft=request.aircraft)
-    file = _file(request, out)
+    file = _file(request, out) if lent is None else lent.file
     rig = load_rig(file.rig)
     check_against_rig(file, rig)
     config = in_operation(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
@@ -98,7 +105,7 @@ def live(
     with ExitStack() as opened:
         say("compiling, once")
         warm_up()
-        simulated = _range(request, file, flight, out, opened, say) if request.simulate else None
+        simulated = lent or (_range(request, file, flight, out, opened, say) if request.simulate else None)
         faults: list[str] = []
         tables = GuardedSink(TrackFilesSink(out), faults)
         opened.callback(tables.close)
@@ -127,7 +134,7 @@ def live(
         cameras = opened.enter_context(_cameras(file, operation, simulated))
         begin_s = time.monotonic() + _BEGIN_AFTER_S
         if simulated is not None:
-            simulated.begin(begin_s)
+            begin_s = simulated.begin(begin_s)
         end_s = math.inf if request.seconds is None else begin_s + request.seconds
         result = operation.run(cameras, heads, lambda: stop() or time.monotonic() >= end_s, reference.worker)
         reference.close(recorder)
@@ -224,7 +231,7 @@ def _file(request: LiveRequest, out: Path) -> StationFile:
 
 @contextmanager
 def _cameras(
-    file: StationFile, operation: Operation, simulated: SimulatedRange | None
+    file: StationFile, operation: Operation, simulated: SimulatedRange | LentRange | None
 ) -> Iterator[Mapping[str, LiveCamera]]:
     """Open all cameras; raises `DeviceError` for the first that fails."""
 
