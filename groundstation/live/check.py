@@ -13,8 +13,9 @@ from groundstation.config import load_config
 from groundstation.errors import GroundstationError
 from groundstation.live.check_line import CheckLine, well, wrong
 from groundstation.live.check_reference import check_reference
-from groundstation.live.devices import camera_of, check_against_rig, open_head
-from groundstation.live.station_file import HeadDevice, StationDevices, StationFile, load_station
+from groundstation.live.devices import camera_of, check_against_rig
+from groundstation.live.head_device import HeadDevice, open_head
+from groundstation.live.station_file import StationDevices, StationFile, load_station
 from groundstation.rig import Rig, load_rig
 from groundstation.sources.cameras.camera import CameraError, CameraEvent
 from ptu_drivers.errors import PtuError

@@ -15,7 +15,8 @@ from groundstation.errors import InputError
 from groundstation.live.board import LiveStatus
 from groundstation.live.camera_worker import said
 from groundstation.live.core import in_operation
-from groundstation.live.devices import DeviceError, camera_of, check_against_rig
+from groundstation.live.devices import camera_of, check_against_rig
+from groundstation.live.head_device import DeviceError
 from groundstation.live.head_process import Heads
 from groundstation.live.lent_range import LentRange
 from groundstation.live.memory import settle_memory
@@ -103,9 +104,14 @@ def live(
     known = live_reference(header, rig, config)
     keeper = EstimateKeeper()
     with ExitStack() as opened:
+        simulated = lent or (_range(request, file, flight, out, opened, say) if request.simulate else None)
+        start_s = time.monotonic()
+        # they are opened while this process compiles
+        heads = Heads({s.name: s.head for s in file.stations if s.head is not None}, start_s)
+        opened.callback(heads.close)
+        heads.begin()
         say("compiling, once")
         warm_up()
-        simulated = lent or (_range(request, file, flight, out, opened, say) if request.simulate else None)
         faults: list[str] = []
         tables = GuardedSink(TrackFilesSink(out), faults)
         opened.callback(tables.close)
@@ -121,15 +127,17 @@ def live(
             sinks=sinks,
             recorders=[] if recorder is None else [recorder],
             operators=operators,
+            start_s=start_s,
             recorder_words=lambda: ", ".join(w for w in (_recording(recorder), *faults) if w),
             keep_images=request.screen != "none",
             reference_errors=known.errors if header.taught else None,
         )
-        start_s = operation.start_s
         reference = Reference(file, known, operation.inbox, start_s=start_s, folder=out, faults=faults)
         opened.callback(reference.close)
         say("opening the PTUs")
-        heads = opened.enter_context(Heads({s.name: s.head for s in file.stations if s.head is not None}, start_s))
+        heads.opened()
+        # halted before the files are closed
+        opened.callback(heads.close)
         say("opening the cameras")
         cameras = opened.enter_context(_cameras(file, operation, simulated))
         begin_s = time.monotonic() + _BEGIN_AFTER_S

@@ -19,10 +19,9 @@ from types import TracebackType
 
 from groundstation.errors import GroundstationError
 from groundstation.hand_over import quick_hand_over
-from groundstation.live.devices import DeviceError, open_head
+from groundstation.live.head_device import DeviceError, HeadDevice, open_head
 from groundstation.live.head_worker import HeadWorker, head_limits
 from groundstation.live.inbox import Inbox, Item, Said
-from groundstation.live.station_file import HeadDevice
 from groundstation.messages import PointingCommand, PtuSample
 from groundstation.pointing import HeadLimits
 from ptu_drivers.messages import UnitDescription
@@ -94,8 +93,13 @@ class Heads:
         self._heard_s = -math.inf
 
     def __enter__(self) -> "Heads":
+        self.begin()
+        return self.opened()
+
+    def begin(self) -> None:
+        """Start the process, which opens the heads while its parent does something else; `close` is due from then."""
         if not self._heads:
-            return self
+            return
         context = mp.get_context("spawn")
         self._pipe, other = context.Pipe()
         process = context.Process(
@@ -104,6 +108,12 @@ class Heads:
         process.start()
         self._process = process
         other.close()
+
+    def opened(self) -> "Heads":
+        """Wait until the heads are opened; raises `DeviceError` where one cannot be."""
+        process = self._process
+        if process is None or self._pipe is None:
+            return self
         try:
             if not self._pipe.poll(_OPEN_S):
                 raise DeviceError(f"PTUs: got no answer within {_OPEN_S:.0f} s; wanted them opened")
@@ -112,9 +122,9 @@ class Heads:
             raise DeviceError("PTUs: their process ended while opening them") from fault
         finally:
             if not self._pipe.poll(0) and not process.is_alive():
-                self._close()
+                self.close()
         if isinstance(answer, str):
-            self._close()
+            self.close()
             raise DeviceError(answer)
         self.states = {name: HeadState(description=about, limits=limits) for name, (about, limits) in answer.items()}
         return self
@@ -122,7 +132,7 @@ class Heads:
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._close()
+        self.close()
 
     def start(self, inbox: Inbox) -> None:
         """Let readings come into an inbox from now on."""
@@ -168,7 +178,8 @@ class Heads:
             now_s = time.monotonic() - self._start_s
             inbox.put(Said(t_s=now_s, level="error", text="the PTUs' process has ended: no angles, and nothing turns"))
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """Halt the heads and end their process."""
         self._stopping = True
         if self._pipe is not None:
             with contextlib.suppress(OSError):

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
+from groundstation.live.head_device import HeadDevice
 from groundstation.live.simulated_range import Told
 from groundstation.live.simulated_receiver import SIMULATED_ORIGIN
-from groundstation.live.station_file import HeadDevice, ReferenceDevice, StationDevices, StationFile
+from groundstation.live.station_file import ReferenceDevice, StationDevices, StationFile
 from groundstation.messages import StepReport
 from groundstation.pointing import PointingConfig
 from groundstation.rig import Rig
