@@ -25,7 +25,8 @@ _LIVE_MORE = """examples:
 cameras that look where the PTUs look, one landing after the other.
 The station file: docs/live.md
 
-exit code: 0 done; 1 a device or a file is at fault; 2 wrong usage"""
+exit code: 0 done; 1 a device or a file is at fault; 2 wrong usage; 130 interrupted
+before it had begun"""
 _CHECK = """Test each device of a station before the flight: is it there, does it answer,
 how fast, does its clock hold; one line each, and what to do about it."""
 _CHECK_MORE = """example:

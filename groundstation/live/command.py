@@ -91,8 +91,10 @@ def live(
 
     ``lent`` is a simulated range that somebody else runs, in place of the request's own.
 
-    Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin.
+    Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin, and KeyboardInterrupt
+    where ``stop`` says so before it has begun.
     """
+    say = partial(_step, stop, say)
     settle_memory()
     out = _folder(request)
     flight = landings(request.seconds or 1e9, seed=request.seed, wind_m_s=request.wind_m_s, aircraft=request.aircraft)
@@ -151,6 +153,13 @@ def live(
             found = score(flight, begin_s - start_s, keeper.rows(), simulated.truth, rig, begin_s)
     files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
     return LiveResult(operation=result, files=files, score=found, begin_s=begin_s - start_s)
+
+
+def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> None:
+    """Say what is done next, unless nobody wants it any more."""
+    if stop():
+        raise KeyboardInterrupt
+    say(text)
 
 
 def _range(

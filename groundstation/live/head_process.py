@@ -8,7 +8,6 @@ pipe closes and every unit is halted.
 import contextlib
 import math
 import multiprocessing as mp
-import signal
 import threading
 import time
 from collections.abc import Mapping
@@ -19,6 +18,7 @@ from types import TracebackType
 
 from groundstation.errors import GroundstationError
 from groundstation.hand_over import quick_hand_over
+from groundstation.live.child import deaf_to_ctrl_c
 from groundstation.live.head_device import DeviceError, HeadDevice, open_head
 from groundstation.live.head_worker import HeadWorker, head_limits
 from groundstation.live.inbox import Inbox, Item, Said
@@ -105,7 +105,8 @@ class Heads:
         process = context.Process(
             target=serve_heads, args=(self._heads, self._start_s, other), name="ptus", daemon=True
         )
-        process.start()
+        with deaf_to_ctrl_c():
+            process.start()
         self._process = process
         other.close()
 
@@ -196,8 +197,6 @@ class Heads:
 
 def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, pipe: Connection) -> None:
     """Open the heads, tell what they are, then read and move them until told to stop, or nobody is there any more."""
-    # Ctrl-C goes to the whole group: the pipeline's process parks the heads first
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.ExitStack() as stack:
         try:
             units = {name: stack.enter_context(open_head(name, h, time.monotonic)) for name, h in heads.items()}
@@ -205,7 +204,11 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, pipe: Connectio
             with contextlib.suppress(OSError):
                 pipe.send(str(fault))
             return
-        pipe.send({name: (unit.describe(), head_limits(unit)) for name, unit in units.items()})
+        try:
+            pipe.send({name: (unit.describe(), head_limits(unit)) for name, unit in units.items()})
+        except OSError:
+            # nobody waits for it any more
+            return
         outbox = _Outbox(pipe)
         workers = {
             name: HeadWorker(

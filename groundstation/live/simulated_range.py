@@ -23,6 +23,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.hand_over import quick_hand_over
+from groundstation.live.child import deaf_to_ctrl_c
 from groundstation.live.simulated_receiver import ReceiverModel, SimulatedReceiver
 from groundstation.live.timed_faults import CAMERA_FROZEN, CAMERA_LOST, TimedFault, is_there, strike
 from groundstation.picture import BayerPattern
@@ -121,7 +122,8 @@ class SimulatedRange:
         self._control, other = context.Pipe()
         blocks = {name: memory.name for name, memory in self._memory.items()}
         process = context.Process(target=serve_range, args=(self._config, blocks, ends, other), daemon=True)
-        process.start()
+        with deaf_to_ctrl_c():
+            process.start()
         self._process = process
         for end in (*ends.values(), other):
             end.close()
@@ -251,8 +253,8 @@ def serve_range(
     for thread in threads:
         thread.daemon = True
         thread.start()
-    control.send("ready")
-    with quick_hand_over(), contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
+    with quick_hand_over(), contextlib.suppress(EOFError, OSError):
+        control.send("ready")
         while (told := control.recv()) != "stop":
             flight.start_s = float(told)
             for number, s in enumerate(stations):
