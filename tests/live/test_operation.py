@@ -114,6 +114,39 @@ def test_without_a_station_file_it_says_what_it_needs(capsys: pytest.CaptureFixt
     assert "nowhere.toml: got no such file" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["field.toml", "--simulate", "--out", "x"], "got field.toml and --simulate; wanted one of them"),
+        (["field.toml", "--ptu-fault", "noise"], "got --ptu-fault without --simulate; wanted both"),
+        (["field.toml", "--aircraft", "jsbsim"], "got --aircraft without --simulate; wanted both"),
+        (["--simulate"], "got no --out; wanted a folder"),
+        (["--simulate", "--out", "x", "--ptu-fault", "bogus"], "got 'bogus'; wanted one of banner, "),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["live", *words]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--seed", "-1"], ["--rate", "1e9"], ["--wind", "99"], ["--aircraft", "kite"]])
+def test_what_no_range_can_do_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["live", "--simulate", "--out", "x", *words])
+    assert ended.value.code == 2
+    assert words[1] in capsys.readouterr().err
+
+
+def test_without_jsbsim_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "jsbsim", None)
+    assert main(["live", "--simulate", "--out", str(tmp_path / "x"), "--aircraft", "jsbsim"]) == 1
+    assert "pip install 'groundstation[jsbsim]'" in capsys.readouterr().err
+
+
 def test_check_says_what_is_wrong_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "rig.toml").write_text(rig_to_toml(small_rig()), encoding="utf-8")
     (tmp_path / "station.toml").write_text(
