@@ -105,6 +105,8 @@ def live(
     header = live_header(file, config)
     known = live_reference(header, rig, config)
     keeper = EstimateKeeper()
+    # not before all files are known to be good
+    out.mkdir(parents=True, exist_ok=True)
     with ExitStack() as opened:
         simulated = lent or (_range(request, file, flight, out, opened, say) if request.simulate else None)
         start_s = time.monotonic()
@@ -220,7 +222,7 @@ class _Teller:
 
 
 def _folder(request: LiveRequest) -> Path:
-    """Return a new folder for this operation."""
+    """Return the folder of this operation, which is still to be made."""
     if request.out is not None:
         out = request.out
     elif request.station is not None:
@@ -233,7 +235,6 @@ def _folder(request: LiveRequest) -> Path:
         raise InputError("--out", got="none", wanted="a folder for what is recorded")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(str(out), got="something that is there already", wanted="a new or empty folder")
-    out.mkdir(parents=True, exist_ok=True)
     return out
 
 

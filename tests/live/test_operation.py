@@ -105,11 +105,15 @@ def test_a_folder_that_is_in_use_is_refused(flown: tuple[Path, str, int], capsys
     assert "wanted a new or empty folder" in capsys.readouterr().err
 
 
-def test_without_a_station_file_it_says_what_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_station_file_it_says_what_it_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
     assert main(["live"]) == 2
     assert "--simulate" in capsys.readouterr().err
     assert main(["live", "nowhere.toml", "--out", "x"]) == 1
     assert "nowhere.toml: got no such file" in capsys.readouterr().err
+    assert not Path("x").exists()
     assert main(["check", "nowhere.toml"]) == 1
     assert "nowhere.toml: got no such file" in capsys.readouterr().out
 
