@@ -152,7 +152,7 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
     if not options.simulate:
         if options.station is None:
             return "got no STATION; wanted a station file, or --simulate"
-        defaults = {
+        defaults: dict[str, object] = {
             "rig": None,
             "rate": _RATE_HZ,
             "seed": 0,

@@ -91,16 +91,14 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float) -
             counts, clock = camera.counts, camera.clock_state
     except (CameraError, GroundstationError) as fault:
         return wrong(f"{name}: {fault}")
-    if len(stamps) < 2:
-        why = told[-1].text if told else "nothing came"
-        return CheckLine(
-            good=False, text=f"{name}: no pictures in {seconds:.0f} s: {why}; is it triggered, and allowed?"
-        )
     wanted = rig[station.name].lens.image_size_px
-    if frames[-1] != wanted:
+    if frames and frames[-1] != wanted:
         got = f"{frames[-1][0]} × {frames[-1][1]} px"
         text = f"{name}: got pictures of {got}; wanted {wanted[0]} × {wanted[1]} px as in the rig"
         return wrong(text)
+    if len(stamps) < 2:
+        why = told[-1].text if told else "nothing came"
+        return wrong(f"{name}: no pictures in {seconds:g} s: {why}; is it triggered, and allowed?")
     rate = (len(stamps) - 1) / (stamps[-1] - stamps[0])
     text = f"{name}: {rate:.1f} Hz, {wanted[0]} × {wanted[1]} px"
     if rate < _LEAST_RATE_SHARE * rate_hz:

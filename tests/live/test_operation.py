@@ -166,7 +166,7 @@ ptu = "{tmp_path}/nothing"
 """,
         encoding="utf-8",
     )
-    assert main(["check", str(tmp_path / "station.toml"), "--for", "0.5"]) == 1
+    assert main(["check", str(tmp_path / "station.toml"), "--for", "2"]) == 1
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "ok     station file, rig and tuning: left, right"
     assert said[1].startswith("WRONG  rig: left, right without a covariance")
