@@ -47,7 +47,7 @@ def textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], 
             if keep_out[0] <= x < keep_out[2] and keep_out[1] <= y < keep_out[3]:
                 continue
             # grey changes by no more than the colour that changes most: that alone rules out most of a sky
-            if 4.0 * _MIN_TEXTURE * _MIN_TEXTURE > _most(image, y, x + 1, y, x - 1) + _most(image, y + 1, x, y - 1, x):
+            if _most(image, y, x + 1, y, x - 1) + _most(image, y + 1, x, y - 1, x) < 4.0 * _MIN_TEXTURE * _MIN_TEXTURE:
                 continue
             gx = 0.5 * (_grey(image, y, x + 1) - _grey(image, y, x - 1))
             gy = 0.5 * (_grey(image, y + 1, x) - _grey(image, y - 1, x))
