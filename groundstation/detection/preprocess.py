@@ -131,7 +131,7 @@ def _clutter_variance(plane: Float32Array, keep_out: Box, clip: float) -> float:
             for j in range(first, last, 2):
                 value = min(max(row[j], -limit), limit)
                 of_row += value * value
-            total += of_row
+            total += float(of_row)
             n += max(last - first + 1, 0) // 2
     return total / max(n, 1)
 
@@ -140,8 +140,9 @@ def _clutter_variance(plane: Float32Array, keep_out: Box, clip: float) -> float:
 def _with_noise(moments: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the inverse (3, 3) of moments with the noise that there always is, and their sigmas (3,)."""
     spread = moments + _NOISE_FLOOR**2 * np.eye(3)
-    sigmas = np.sqrt(np.diag(spread))
-    return np.linalg.inv(spread), sigmas
+    sigmas: FloatArray = np.sqrt(np.diag(spread))
+    inverse: FloatArray = np.linalg.inv(spread)
+    return inverse, sigmas
 
 
 @njit(cache=True, nogil=True, fastmath=True)

@@ -246,7 +246,12 @@ def _is_new(members: NDArray[np.bool_], n: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def _grow(
-    members: NDArray[np.bool_], seed: int, keep: NDArray[np.int64], table: FloatArray, span: float, tallest: float
+    members: NDArray[np.bool_],
+    seed: int | np.int64,
+    keep: NDArray[np.int64],
+    table: FloatArray,
+    span: float,
+    tallest: float,
 ) -> None:
     """Take in the pieces that lie close enough to a seed to belong to it."""
     x0, y0, x1, y1 = table[seed, _X0], table[seed, _Y0], table[seed, _X1], table[seed, _Y1]

@@ -30,7 +30,7 @@ def _most(image: ImageArray, y: int, x: int, y_0: int, x_0: int) -> int:
     """Return the square of the greatest difference of one colour between two pixels."""
     most = 0
     for c in range(3):
-        most = max(most, abs(np.int64(image[y, x, c]) - np.int64(image[y_0, x_0, c])))
+        most = max(most, abs(int(image[y, x, c]) - int(image[y_0, x_0, c])))
     return most * most
 
 

@@ -15,7 +15,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.compiled_filter import BoolArray, CompiledKalmanFilter, carry, correct, log_likelihood
 
 _LEAST_WEIGHT = 1e-6
-# states (r, n) and covariances (r, n, n) of the modes, their weights (r,), the mixture's mean (n,) and covariance (n, n)
+# of the modes: states (r, n), covariances (r, n, n), weights (r,); of their mixture: mean (n,), covariance (n, n)
 Moved = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
