@@ -141,7 +141,7 @@ def _with_noise(moments: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the inverse (3, 3) of moments with the noise that there always is, and their sigmas (3,)."""
     spread = moments + _NOISE_FLOOR**2 * np.eye(3)
     sigmas: FloatArray = np.sqrt(np.diag(spread))
-    inverse: FloatArray = np.linalg.inv(spread)
+    inverse: FloatArray = np.linalg.inv(spread).astype(np.float64)
     return inverse, sigmas
 
 
