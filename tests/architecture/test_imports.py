@@ -64,6 +64,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.pointing",
     ),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
+    ("groundstation.leave_one_out",),
     ("groundstation.recording",),
     ("groundstation.rig_toml",),
     ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.rig_reference"),
