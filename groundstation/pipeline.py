@@ -107,7 +107,7 @@ class Pipeline:
 
     @property
     def counts(self) -> dict[str, int]:
-        """What was refused: what came too late even to go back for, PTU spikes, references, stations, pixels, starts."""
+        """What was refused: what came too late even to go back for, PTU spikes, references, stations, starts."""
         late, fused, health = self._synchroniser.late, self._fused_late, self._health
         return {
             "late_ptu": late.ptu - fused["fused_late_ptu"],
