@@ -169,6 +169,15 @@ def test_ulog_without_utc_or_fix_or_topic(tmp_path: Path) -> None:
 
 
 # -------------------------------------------------------------------------------- ArduPilot
+@pytest.mark.parametrize("claimed", [1, 200, 1000, 65535])
+def test_a_ulog_whose_last_message_claims_more_than_there_is_ends(tmp_path: Path, claimed: int) -> None:
+    """A message of a type that pyulog does not know, where it went back to the same place for ever."""
+    header = b"ULog\x01\x12\x35\x01" + bytes(8)
+    message = claimed.to_bytes(2, "little") + b"\x00"
+    assert "got no positions" in complaint(LogError, lambda: log_of(tmp_path, header + message, ".ulg"))
+    assert "got no positions" in complaint(LogError, lambda: log_of(tmp_path, header + 3 * message, ".ulg"))
+
+
 def test_dataflash_by_week_and_milliseconds(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     log = log_of(tmp_path, dataflash(flight()), ".bin", GIVEN)
     same_flight(log, metres=6e-3)
