@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from filter_flights import adaptation, calibration, consistency, out_of_view, peer, through_pipeline
 
-from groundstation.estimation.config import CalibrationUse, OutOfViewWeighting
+from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 
 RANGES_M = (500.0, 400.0, 300.0, 200.0, 100.0)
 BINS_M = ((400, 600), (250, 400), (150, 250), (60, 150))
@@ -120,7 +120,11 @@ def borders(runs: int, _: Path | None) -> None:
 def modes(runs: int, data: Path | None) -> None:
     few = max(runs // 20, 2)
     glide, medium, large = (0.05, 0.1, 0.05), (0.3, 0.6, 0.3), (1.0, 4.0, 2.0)
+    shipped = EstimationConfig()
+    brisk = shipped.manoeuvre_psd_m2_s3
     tunings = {
+        "shipped": shipped,
+        "its manoeuvre alone": adaptation.tuning(brisk, brisk),
         "glide alone": adaptation.tuning(glide, glide),
         "medium alone": adaptation.tuning(medium, medium),
         "manoeuvre alone": adaptation.tuning(large, large),
