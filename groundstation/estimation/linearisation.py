@@ -88,8 +88,9 @@ class PixelLinearisation:
     ) -> tuple[FloatArray, FloatArray]:
         """Return residual and Jacobian at the state, of a look from ``away`` (n,) of it; offsets' columns of the first."""
         H = seen.jacobian
+        residual = pixel - seen.pixel + H @ away
         H[:, own] = first[:, own]
-        return pixel - seen.pixel + H @ away, H
+        return residual, H
 
     def _likeliest(
         self,
