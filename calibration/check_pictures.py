@@ -1,6 +1,7 @@
 """The pictures of a check: where each landmark was expected by the rig, and where it was seen."""
 
 import io
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -14,7 +15,7 @@ from calibration.report_picture import ReportPicture
 from groundstation.arrays import FloatArray, MaskArray
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-_STYLE = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}
+_STYLE: dict[Any, Any] = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}
 _LEAST_SPAN_DEG = 0.015
 _CAPTION = (
     "The cross is where the rig expects every landmark; small dots are the sightings, large ones each landmark's mean, "

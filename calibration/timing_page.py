@@ -3,6 +3,7 @@
 import io
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -21,7 +22,7 @@ _BLUE, _ORANGE, _GREY = "#0072B2", "#D55E00", "#9aa0a6"
 _AXES = ("pan", "tilt")
 # more than this of a recording is a picture without detail
 _SHOWN_S = 6.0
-_STYLE = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}
+_STYLE: dict[Any, Any] = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}
 _MOTION = (
     "Dots: how fast the head turns by the pictures, each between two frames. Grey: by the readings as they are stamped, "
     "with what the rig said before. Blue: the same readings {later:+.1f} ms later, as found. The quickest {shown:.0f} s."

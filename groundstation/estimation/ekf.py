@@ -143,7 +143,9 @@ class StationEkf(FilterCore):
         if held is None:
             return None
         try:
-            rays = [self._stations[v.station].ray(*v.pixel, *self.angles(v.station)) for v in (held, seen)]
+            rays = [
+                self._stations[v.station].ray(v.pixel[0], v.pixel[1], *self.angles(v.station)) for v in (held, seen)
+            ]
         except LensError:
             return None
         meeting = midpoint(rays)

@@ -20,9 +20,9 @@ from groundstation.estimation.measurement import PixelModel, PixelPrediction
 from groundstation.estimation.needle import Needle
 from groundstation.estimation.state import StateLayout
 
-# a pixel's model is bent where one sigma along the needle bends it by more sigmas of a pixel's noise, …
-_BENT_SIGMA = 3.0
-# … and pinned by a camera in whose image the needle is straight to this, and known to so many sigmas of noise
+# a pixel meets a needle where one sigma along that bends it by more sigmas of its noise, or is more of the depth, …
+_BENT_SIGMA, _LONG_SHARE = 1.0, 0.1
+# … and that is pinned by a camera in whose image it is straight to this, and known to so many sigmas of noise
 _STRAIGHT_SIGMA, _PINNED_SIGMA = 1.0, 10.0
 # a prior that is off by more sigmas of its length is none of this target
 _MOST_SIGMA = 6.0
@@ -67,10 +67,12 @@ class SecondView:
     def holder(self, seen: Seen, x: FloatArray, P: FloatArray, age_s: float) -> Seen | None:
         """Return another camera that pins the target, with the pixel where the filter (n,), (n, n) has it there.
 
-        None where it takes none: the second camera's pixel must be bent over the prior, and that of the other straight.
+        None where it takes none: the prior must be long, or bent for this pixel, and straight for the other camera.
         """
         noise = float(np.sqrt(np.trace(seen.covariance_px2) / 2.0))
-        if self._bend(seen.station, x, P, age_s) <= _BENT_SIGMA * noise:
+        own = self._pixels[seen.station].predict(x, 0.0, age_s)
+        long = own is not None and self._axis(P)[0] > _LONG_SHARE * own.depth_m
+        if not long and self._bend(seen.station, x, P, age_s) <= _BENT_SIGMA * noise:
             return None
         best, least = None, _PINNED_SIGMA * noise
         for name, model in self._pixels.items():
@@ -122,12 +124,16 @@ class SecondView:
             square=2.0 * float(fit.cost),
         )
 
+    def _axis(self, P: FloatArray) -> tuple[float, FloatArray]:
+        """Return one sigma of the position along its longest axis, m, and that axis (3,)."""
+        values, axes = np.linalg.eigh(P[self._layout.position, self._layout.position])
+        return float(np.sqrt(max(values[-1], 0.0))), axes[:, -1]
+
     def _bend(self, station: str, x: FloatArray, P: FloatArray, age_s: float) -> float:
-        """Return by how much one sigma along the position's longest axis bends a pixel, px; inf where it goes behind."""
-        here = self._layout.position
-        values, axes = np.linalg.eigh(P[here, here])
+        """Return how much one sigma along the longest axis bends a pixel, px; inf where it goes behind."""
+        sigma, axis = self._axis(P)
         off = np.zeros_like(x)
-        off[here] = np.sqrt(max(values[-1], 0.0)) * axes[:, -1]
+        off[self._layout.position] = sigma * axis
         model = self._pixels[station]
         at = [p.pixel for s in (x - off, x, x + off) if (p := model.predict(s, 0.0, age_s)) is not None]
         return float(np.linalg.norm(at[0] - 2.0 * at[1] + at[2])) / 2.0 if len(at) == 3 else float("inf")
@@ -169,7 +175,7 @@ class _Meeting:
             angles = self._layout.angles.get(view.station)
             if angles is not None:
                 R = R + look.jacobian[:, angles] @ P[angles, angles] @ look.jacobian[:, angles].T
-            self._roots.append(np.linalg.cholesky(R))
+            self._roots.append(np.asarray(np.linalg.cholesky(R), dtype=np.float64))
         return True
 
     def residuals(self, point_m: FloatArray) -> FloatArray:
