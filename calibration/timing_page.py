@@ -24,12 +24,13 @@ _AXES = ("pan", "tilt")
 _SHOWN_S = 6.0
 _STYLE: dict[Any, Any] = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}
 _MOTION = (
-    "Dots: how fast the head turns by the pictures, each between two frames. Grey: by the readings as they are stamped, "
-    "with what the rig said before. Blue: the same readings {later:+.1f} ms later, as found. The quickest {shown:.0f} s."
+    "Dots: how fast the head turns by the pictures, each between two frames. Grey: by the readings as they are "
+    "stamped, with what the rig said before. Blue: the same readings {later:+.1f} ms later, as found. "
+    "The quickest {shown:.0f} s."
 )
 _LEFT = (
-    "What is left over between pictures and readings, against how quickly it changed its speed. Grey: as stamped; blue: as "
-    "found. A clock that is off shows as a slope; orange, left out: the scene moved, or did not fit."
+    "What is left over between pictures and readings, against how quickly the head changed its speed. Grey: as "
+    "stamped; blue: as found. A clock that is off shows as a slope. Orange, left out: the scene moved, or did not fit."
 )
 
 

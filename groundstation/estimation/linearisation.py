@@ -86,7 +86,7 @@ class PixelLinearisation:
     def _from(
         seen: PixelPrediction, pixel: FloatArray, away: FloatArray, first: FloatArray, own: slice
     ) -> tuple[FloatArray, FloatArray]:
-        """Return residual and Jacobian at the state, of a look from ``away`` (n,) of it; offsets' columns of the first."""
+        """Return residual and Jacobian at the state, of a look from ``away`` (n,) of it."""
         H = seen.jacobian
         residual = pixel - seen.pixel + H @ away
         H[:, own] = first[:, own]

@@ -218,7 +218,7 @@ class RecordedEkf(StationEkf):
         row_dt_s: float = 0.0,
         lasting_share: float = 0.0,
     ) -> Innovation | None:
-        """Fuse one camera's target pixel, as `StationEkf` does; one that places the target anew ends what was before."""
+        """Fuse one camera's pixel, as `StationEkf` does; one that places the target anew ends what was before."""
         step = PixelStep(
             station=station,
             pixel=pixel,
