@@ -5,12 +5,17 @@ python benchmarks/log_fuzz.py [--inputs N] [--seed S]
 
 import argparse
 import collections
+import contextlib
 import os
 import random
+import resource
+import signal
 import sys
 import tempfile
 import time
+import traceback
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +35,12 @@ OPTIONS = (
     LogOptions(instance=1, height="ellipsoid"),
 )
 
+FOREIGN = "foreign error"
+MOST_KEPT = 50
+# thousands of times what any of these small files takes
+MOST_S = 60.0
+MOST_BYTES = 8 << 30
+
 
 def check(log: GnssLog) -> None:
     """Raise `AssertionError` for a log whose numbers cannot be."""
@@ -41,9 +52,24 @@ def check(log: GnssLog) -> None:
     assert np.all(log.sigma_enu_m > 0)
 
 
-def check_line(fault: GroundstationError) -> None:
-    """Raise `AssertionError` for an error that is not one printable line."""
-    assert str(fault).isprintable(), repr(str(fault))
+@contextlib.contextmanager
+def refused_in_words(ours: type[GroundstationError]) -> Iterator[list[str]]:
+    """Take an error of our own as an answer, "refused"; raises `AssertionError` if it is not one printable line."""
+    outcome = ["read"]
+    signal.setitimer(signal.ITIMER_REAL, MOST_S)
+    try:
+        yield outcome
+    except ours as fault:
+        if not str(fault).isprintable():
+            raise AssertionError(f"an error of more than one line: {fault!r}") from fault
+        outcome.append("refused")
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def no_end(signum: int, frame: object) -> None:
+    """Turn a reader that does not come to an end into a foreign error."""
+    raise RuntimeError(f"no end after {MOST_S:.0f} s")
 
 
 def tell(done: int, what: str) -> None:
@@ -66,21 +92,22 @@ def fuzz_logs(inputs: int, chance: random.Random, folder: Path, counts: collecti
         path = folder / f"log{suffix}"
         path.write_bytes(content)
         try:
-            check(read_log(path, OPTIONS[k // len(kinds) % len(OPTIONS)]))
-            counts[f"{suffix} read"] += 1
-        except GroundstationError as fault:
-            check_line(fault)
-            counts[f"{suffix} refused"] += 1
-        except BaseException:
-            keep(path, f"input {k} of {name}")
-            raise
+            with refused_in_words(GroundstationError) as outcome:
+                check(read_log(path, OPTIONS[k // len(kinds) % len(OPTIONS)]))
+            counts[f"{suffix} {outcome[-1]}"] += 1
+        except Exception as error:  # noqa: BLE001 - counted, kept, and the run fails
+            keep(path, f"input {k} of {name}", error, counts)
 
 
-def keep(path: Path, what: str) -> None:
-    """Put an input that brought another error where it can be looked at."""
-    kept = Path(tempfile.gettempdir()) / f"fuzz_failure_{path.name}"
+def keep(path: Path, what: str, error: Exception, counts: collections.Counter[str]) -> None:
+    """Put an input that brought another error where it can be looked at, and go on: a long run finds more than one."""
+    counts[FOREIGN] += 1
+    if counts[FOREIGN] > MOST_KEPT:
+        raise error
+    kept = Path(tempfile.mkdtemp(prefix="fuzz_failure_")) / path.name
     kept.write_bytes(path.read_bytes())
-    print(f"{what}: kept as {kept}", file=sys.stderr)
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    print(f"{what}: {type(error).__name__}: {error} ({last.filename}:{last.lineno}); kept as {kept}", file=sys.stderr)
 
 
 def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: collections.Counter[str]) -> None:
@@ -102,14 +129,11 @@ def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: coll
             spoil = altered if path.suffix in (".csv", ".toml") and chance.random() < 0.5 else damaged
             path.write_bytes(spoil(whole[name], chance))
         try:
-            targets[name]()
-            counts[f"{kind} read"] += 1
-        except InputError as fault:
-            check_line(fault)
-            counts[f"{kind} refused"] += 1
-        except BaseException:
-            keep(path, f"input {k}, {kind}")
-            raise
+            with refused_in_words(InputError) as outcome:
+                targets[name]()
+            counts[f"{kind} {outcome[-1]}"] += 1
+        except Exception as error:  # noqa: BLE001 - counted, kept, and the run fails
+            keep(path, f"input {k}, {kind}", error, counts)
         path.write_bytes(whole[name])
 
 
@@ -121,6 +145,9 @@ def main() -> None:
     options = parser.parse_args()
     counts: collections.Counter[str] = collections.Counter()
     chance = random.Random(options.seed)
+    signal.signal(signal.SIGALRM, no_end)
+    # room that a small file asks for is an error as well
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     # a number that is none is to be refused before it is reckoned with
     warnings.simplefilter("error")
     shared = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
@@ -130,9 +157,14 @@ def main() -> None:
         session = Path(name) / "session"
         session.mkdir()
         fuzz_sessions(options.inputs - options.inputs * 2 // 3, chance, session, counts)
+    foreign = counts.pop(FOREIGN, 0)
     for kind in sorted({key.rsplit(" ", 1)[0] for key in counts}):
         print(f"{kind:<15} read {counts[f'{kind} read']:>8}  refused {counts[f'{kind} refused']:>8}")
-    print(f"{sum(counts.values())} inputs, no error that is not ours, {time.perf_counter() - began:.0f} s")
+    print(
+        f"{sum(counts.values()) + foreign} inputs, {foreign or 'no'} errors that are not ours, "
+        f"{time.perf_counter() - began:.0f} s"
+    )
+    sys.exit(foreign > 0)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,8 @@ _MORE = """examples:
   groundstation view out/a out/b --save both.rrd
 
 SOURCE is the output folder of a replay, its session.rrd, a session folder or a
-recording (.mcap); the last two are replayed first.
+recording (.mcap); the last two are replayed first. A run without an estimate, or a
+session that cannot be replayed yet, shows what it has, and a note says what is missing.
 
 exit code: 0 done; 1 a source is at fault, or there is no display; 2 wrong usage;
 130 interrupted"""

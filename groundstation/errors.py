@@ -1,6 +1,11 @@
 """Every error that Groundstation raises on purpose: one root, and what was got against what was wanted."""
 
 
+def printable(text: str) -> str:
+    """Return a text with what cannot be printed, line ends too, written as Python's escapes."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 class GroundstationError(Exception):
     """Root of all errors of this package; its text is one line that a user can act upon."""
 
@@ -18,7 +23,8 @@ class InputError(GroundstationError):
         self.where = where
         self.got = got
         self.wanted = wanted
-        super().__init__(f"{where}: got {got}; wanted {wanted}")
+        # what a damaged file or a strange file name says may stand in it; an error is one line all the same
+        super().__init__(printable(f"{where}: got {got}; wanted {wanted}"))
 
 
 class RigError(InputError):

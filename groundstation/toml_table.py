@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, printable
 from groundstation.text_file import TextFile
 
 MAX_TOML_BYTES = 4_000_000
@@ -17,7 +17,7 @@ MAX_TOML_BYTES = 4_000_000
 
 def shown(text: str, most: int = 60) -> str:
     """Return what a file says as it fits into one line of an error: nothing unprintable, cut at ``most``."""
-    clean = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text[: most + 1])
+    clean = printable(text[: most + 1])
     return clean if len(clean) <= most else clean[: most - 1] + "…"
 
 

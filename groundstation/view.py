@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from groundstation.compared_runs import RECORDING, PlannedRun, SourceKind, planned_runs, results_of
-from groundstation.errors import InputError
-from groundstation.sinks.rerun_compare import shown_runs, together_in_time, write_comparison
+from groundstation.errors import InputError, RigError, SessionError
+from groundstation.session import load_session
+from groundstation.sinks.rerun_compare import ShownRun, shown_runs, together_in_time, write_comparison
 from groundstation.sinks.rerun_merge import Align
 from groundstation.sinks.rerun_results import recording_of_results
+from groundstation.sinks.rerun_unplayed import recording_of_session
 
 _VIEW = "view.rrd"
 
@@ -56,6 +58,7 @@ def prepare_view(
     for run in runs:
         recordings[run.name] = _recording(run, request, progress, notes)
     made = {name for name, path in recordings.items() if path == request.work / f"{name}.rrd"}
+    unplayed = {run.name for run in runs if run.name in made and run.kind is SourceKind.SESSION}
     # one made of tables has no layout of its own
     if len(recordings) == 1 and request.align in (None, Align.NONE) and runs[0].name not in made:
         path = next(iter(recordings.values()))
@@ -68,6 +71,7 @@ def prepare_view(
         align = Align.START
         notes.append("the runs have no time in common: shown from each one's start (--align none keeps their times)")
         shown = shown_runs(recordings, align)
+    notes += _missing([run for run in shown if run.name not in unplayed], align)
     path = request.save if request.save is not None else request.work / _VIEW
     _make_folder(path.parent)
     write_comparison(path, shown, align)
@@ -80,14 +84,17 @@ def _recording(
     """Return the Rerun recording of a run, replaying or making it if there is none."""
     if run.kind is SourceKind.RERUN:
         return run.source
-    folder, fault = results_of(
-        run,
-        request.work,
-        rig=request.rig,
-        rerun=True,
-        smooth=True,
-        progress=lambda done, total: progress(run.name, done, total),
-    )
+    try:
+        folder, fault = results_of(
+            run,
+            request.work,
+            rig=request.rig,
+            rerun=True,
+            smooth=True,
+            progress=lambda done, total: progress(run.name, done, total),
+        )
+    except (RigError, SessionError) as unusable:
+        return _unplayed(run, request, unusable, notes)
     if fault is not None:
         notes.append(f"{run.name}: fault in the recording: {fault}")
     if (folder / RECORDING).is_file():
@@ -97,6 +104,23 @@ def _recording(
     recording_of_results(folder, made, run.name)
     notes.append(f"{run.name}: replayed without a Rerun recording; its tables are shown")
     return made
+
+
+def _unplayed(run: PlannedRun, request: ViewRequest, why: InputError, notes: list[str]) -> Path:
+    """Return a recording of what a session holds that cannot be replayed; raises ``why`` where that is nothing."""
+    made = request.work / f"{run.name}.rrd"
+    _make_folder(made.parent)
+    shown = recording_of_session(load_session(run.source, request.rig), made)
+    if not shown:
+        raise why
+    notes.append(f"{run.name}: not replayed, so {', '.join(shown)} alone: {why}")
+    return made
+
+
+def _missing(shown: Sequence[ShownRun], align: Align) -> list[str]:
+    """Say which runs have no track, and how they are put in time."""
+    where = "" if align is Align.NONE else ", put by the first time in it"
+    return [f"{run.name}: no estimate in it, so no track{where}" for run in shown if not len(run.track)]
 
 
 def _kept(path: Path, save: Path | None) -> Path:

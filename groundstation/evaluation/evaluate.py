@@ -62,7 +62,6 @@ def evaluate_run(
 ) -> Evaluation:
     """Compare a run, and ``smoothed``, its epochs smoothed, with the references there are and with what is possible."""
     epochs, cameras = collector.epochs(), collector.cameras()
-    track, triangulated = track_series(epochs), triangulated_series(epochs)
     reference = None
     comparisons: dict[str, Comparison] = {}
     later: dict[str, Comparison] = {}
@@ -75,8 +74,15 @@ def evaluate_run(
         comparisons["truth"] = _compare(epochs, at.position_m, at.usable, at.sigma_m)
         if after is not None:
             later["truth"] = _compare(after, at.position_m, at.usable, at.sigma_m)
-    if len(dgps) >= 2 and len(track):
-        reference = check_reference(dgps, track, triangulated, run.antenna_in_body_m, config, run.clocks_given)
+    if len(dgps) >= 2 and np.any(_estimated(epochs)):
+        reference = check_reference(
+            dgps,
+            track_series(epochs),
+            triangulated_series(epochs),
+            run.antenna_in_body_m,
+            config,
+            run.clocks_given,
+        )
         at = reference.at(epochs["t_s"])
         comparisons["dgps"] = _compare(epochs, at.position_m, at.usable, at.sigma_m)
         if after is not None:

@@ -42,17 +42,19 @@ figure{margin:0;break-inside:avoid}figure svg{width:100%;height:auto;display:blo
 pre{background:var(--panel);padding:.7rem;font-size:.82rem;border-radius:6px;white-space:pre-wrap;
 overflow-wrap:anywhere}
 summary{cursor:pointer;font-weight:600;padding:.5rem 0}
-@media(max-width:760px){
+@media screen and (max-width:760px){
 .stack,.stack tbody,.stack tr,.stack td{display:block;width:100%}.stack thead{display:none}
 .stack tr{padding:.5rem 0;border-bottom:1px solid var(--line)}
 .stack td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.08rem 0;text-align:right}
 .stack td:first-child{font-weight:600;white-space:normal}.stack .narrow{display:inline-grid;color:var(--soft);
 font-weight:400}.stack td[data-label]::before{content:attr(data-label);color:var(--soft);
 text-align:left;font-weight:400}.stack td.empty{display:none}.stack td.text{min-width:0}}
-@media print{@page{margin:14mm}body{max-width:none;font-size:10.5pt;padding:0}
+@media print{@page{margin:14mm}html{font-size:12px}body{max-width:none;font-size:10.5pt;padding:0}
 .pictures{grid-template-columns:1fr 1fr}h2,h3{break-after:avoid}tr,.tile,.verdict{break-inside:avoid}
-.tile,.bar,pre{-webkit-print-color-adjust:exact;print-color-adjust:exact}table{font-size:8.5pt}
-.axes{grid-template-columns:repeat(3,3.6em)}}
+.tile,.bar,pre{-webkit-print-color-adjust:exact;print-color-adjust:exact}table{font-size:6.8pt}
+th,td{padding:.15rem .2rem}td.text{min-width:0}
+.axes{grid-template-columns:repeat(3,minmax(2.4em,max-content));column-gap:.4em}
+h2{margin-top:1.2rem}.columns{grid-template-columns:1fr 1fr}}
 """
 
 

@@ -53,7 +53,11 @@ class TimeScale(StrEnum):
 
 def day_number(year: int, month: int, day: int) -> int:
     """Return days since 1980-01-06; raises `ValueError` for a date that does not exist."""
-    return (date(year, month, day) - _EPOCH).days
+    try:
+        return (date(year, month, day) - _EPOCH).days
+    except OverflowError as error:
+        # a year of twenty digits does not fit the calendar's own integer
+        raise ValueError(f"year {year} is out of range") from error
 
 
 def date_of(day: int) -> date:

@@ -160,6 +160,10 @@ def _take(message: Any, cells: list[str], found: Gathered, heights: Heights, rem
 def _take_gga(
     message: Any, cells: list[str], second: float, found: Gathered, heights: Heights, remarks: Remarks, where: str
 ) -> None:
+    # a sentence with too few fields is a message with too few of its values
+    if not all(hasattr(message, name) for name in ("quality", "lat", "lon", "alt", "sep")):
+        remarks.count("GGA without a whole position", where)
+        return
     if message.quality in (0, 6) or message.quality not in _QUALITY:
         words = {0: "GGA without a fix", 6: "GGA of dead reckoning"}
         remarks.count(words.get(message.quality, "GGA of an unknown quality"), where)

@@ -40,6 +40,7 @@ _SEPARATOR = re.compile(r"[ ]*[,;\t][ ]*|[ ]+")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)", re.ASCII)
 _DATE = re.compile(r"(\d{4})/(\d{1,2})/(\d{1,2})", re.ASCII)
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)", re.ASCII)
+_MAX_BASELINE_M = 2e7
 _EAST_OF_UTC_S = {"JST": 9 * 3600.0}
 _ANGLE = re.compile(r"([+-]?)(\d{1,3}):(\d{1,2}):(\d{1,2}(?:\.\d*)?)", re.ASCII)
 
@@ -154,7 +155,11 @@ class _PosReader:
             if base is None:
                 wanted = "a '% ref pos' line, or the base's place: base in [dgps] of session.toml, or --base"
                 raise LogError(where, got="a baseline from a base at an unknown place", wanted=wanted)
-            ecef = ecef_from_enu(np.array([values[f"{axis}-baseline"] for axis in "enu"]), base)
+            baseline = np.array([values[f"{axis}-baseline"] for axis in "enu"])
+            # farther than any two places on Earth; products of far larger numbers are none
+            if not np.all(np.abs(baseline) < _MAX_BASELINE_M):
+                raise _BadRowError("row that is no place on Earth")
+            ecef = ecef_from_enu(baseline, base)
         if not 6.2e6 < float(np.linalg.norm(ecef)) < 6.6e6:
             raise _BadRowError("row that is no place on Earth")
         place = geodetic_from_ecef(ecef)

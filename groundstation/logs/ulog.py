@@ -4,7 +4,7 @@ import contextlib
 import io
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def read_ulog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
     try:
         # a file of ours: pyulog leaves its own open where it stumbles
         with path.open("rb") as stream, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            log = ULog(stream, list(TOPICS), disable_str_exceptions=True)
+            log = ULog(_Onward(stream), list(TOPICS), disable_str_exceptions=True)
     except Exception as error:
         got = f"no ULog that pyulog reads ({shown(f'{type(error).__name__}: {error}', 120)})"
         raise LogError(path.name, got=got, wanted="a ULog of PX4") from error
@@ -44,6 +44,25 @@ def read_ulog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
         remarks.count("stretch that the logger dropped", f"{1e-6 * drop.timestamp:.1f} s after boot")
     data = _chosen(path, log, options)
     return _fixes(path, data.data, options, remarks)
+
+
+class _Onward:
+    """A file whose place moves on by all that was asked for, past its end too.
+
+    pyulog goes back by a message's whole length after reading what there was of it: where a damaged length reaches past
+    the end it would come to the same place, or an earlier one, for ever.
+    """
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self.seek, self.tell, self.close = stream.seek, stream.tell, stream.close
+
+    def read(self, size: int = -1) -> bytes:
+        """Return up to ``size`` bytes; what is missing of them is passed over."""
+        data = self._stream.read(size)
+        if len(data) < size:
+            self._stream.seek(size - len(data), io.SEEK_CUR)
+        return data
 
 
 def _chosen(path: Path, log: Any, options: LogOptions) -> Any:

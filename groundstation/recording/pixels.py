@@ -1,6 +1,5 @@
 """Pixels in a recording, without loss: PNG, or as they are where there is no time for more."""
 
-import struct
 from typing import Any
 
 import cv2
@@ -10,11 +9,11 @@ from google.protobuf.message import DecodeError
 from groundstation.arrays import ImageArray
 from groundstation.errors import RecordingError
 from groundstation.picture import BayerPattern
+from groundstation.png_file import png_size_px
 from groundstation.recording import schemas
 
 # runs of equal differences: on noisy pictures quicker than PNG's usual search, and no larger
 _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _ENCODINGS = {
     BayerPattern.RG: "bayer_rggb8",
     BayerPattern.GR: "bayer_grbg8",
@@ -62,7 +61,7 @@ def decoded(message: bytes, *, png: bool, size_px: tuple[int, int], colour: bool
 
 def _unpacked(data: bytes, size_px: tuple[int, int]) -> Any:
     """Return a PNG's pixels, or None where it is none or of another size."""
-    if len(data) < 33 or not data.startswith(_PNG_SIGNATURE) or struct.unpack(">II", data[16:24]) != size_px:
+    if png_size_px(data) != size_px:
         return None
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from groundstation.errors import SessionError
+from groundstation.png_file import PNG_SIGNATURE, png_size_px
 from groundstation.rig import Rig
 
 # two of these for one station are a doubt that only the user can settle
@@ -104,6 +105,8 @@ def read_image(path: Path) -> object:
         return None
     # a JPEG cut short is decoded without complaint, the rest grey; only its end marker tells
     if path.suffix.lower() in (".jpg", ".jpeg") and encoded.find(b"\xff\xd9", len(encoded) // 2) < 0:
+        return None
+    if encoded.startswith(PNG_SIGNATURE) and png_size_px(encoded) is None:
         return None
     return cv2.imdecode(np.frombuffer(encoded, dtype=np.uint8), cv2.IMREAD_COLOR) if encoded else None
 

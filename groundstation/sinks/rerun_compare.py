@@ -14,18 +14,20 @@ from groundstation.errors import InputError
 from groundstation.sinks import rerun_tree as tree
 from groundstation.sinks.rerun_blueprint import EYE_FROM_MIDDLE, MAX_NIS_SHOWN, TARGET_FROM_MIDDLE
 from groundstation.sinks.rerun_merge import Align, RecordedTrack, read_track, send_run
+from groundstation.sinks.rerun_scene import EXPECTED_RANGE_M
 
 APPLICATION = "groundstation"
 RUNS = "runs"
+# apart for eyes without one kind of cone, too: by lightness where the hue does not tell
 RUN_COLOURS = (
     tree.EKF_COLOUR,
-    tree.Colour((255, 165, 70)),
-    tree.Colour((240, 130, 220)),
-    tree.Colour((190, 230, 90)),
-    tree.Colour((150, 160, 255)),
-    tree.Colour((255, 105, 95)),
+    tree.Colour((233, 130, 20)),
+    tree.Colour((200, 140, 183)),
+    tree.Colour((191, 220, 150)),
+    tree.Colour((151, 90, 255)),
+    tree.Colour((200, 69, 77)),
 )
-_COLOUR_NAMES = ("cyan", "orange", "pink", "lime", "lavender", "red")
+_COLOUR_NAMES = ("cyan", "orange", "pink", "light green", "violet", "red")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,7 +43,7 @@ class ShownRun:
 def shown_runs(recordings: Mapping[str, Path], align: Align) -> list[ShownRun]:
     """Read the tracks and put the event at time 0 in each; with `Align.NONE` nothing is moved.
 
-    Raises `InputError` where a recording holds no track of ours.
+    A run without an estimate is put by its first picture. Raises `InputError` where a recording is none of ours.
     """
     runs = []
     for name, path in recordings.items():
@@ -53,7 +55,7 @@ def shown_runs(recordings: Mapping[str, Path], align: Align) -> list[ShownRun]:
 
 def together_in_time(runs: Sequence[ShownRun]) -> bool:
     """Return whether the tracks, unmoved, all have a time in common."""
-    return max(r.track.start_s for r in runs) <= min(float(r.track.t_s[-1]) for r in runs)
+    return max(r.track.start_s for r in runs) <= min(r.track.end_s for r in runs)
 
 
 def write_comparison(path: Path, runs: Sequence[ShownRun], align: Align) -> None:
@@ -67,7 +69,7 @@ def write_comparison(path: Path, runs: Sequence[ShownRun], align: Align) -> None
         raise InputError(str(path), got=str(fault).splitlines()[0], wanted="a file that can be written") from fault
     stream.send_recording_name(" and ".join(run.name for run in runs))
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    longest = max(range(len(runs)), key=lambda k: float(runs[k].track.position_runway_m[:, 1].max()))
+    longest = max(range(len(runs)), key=lambda k: float(runs[k].track.position_runway_m[:, 1].max(initial=-np.inf)))
     for number, run in enumerate(runs):
         send_run(stream, run.path, run.name, run.shift_s, runway=number == longest)
         _log_run_styles(stream, run, _colour(number))
@@ -105,7 +107,8 @@ def _log_run_styles(stream: rr.RecordingStream, run: ShownRun, colour: tree.Colo
 def _words(runs: Sequence[ShownRun], align: Align) -> str:
     """Say which run has which colour, and how their times were moved."""
     rows = [
-        f"| **{run.name}** | {_COLOUR_NAMES[k % len(_COLOUR_NAMES)]} | {run.track.start_s:.2f} | {run.shift_s:+.2f} |"
+        f"| **{run.name}** | {_COLOUR_NAMES[k % len(_COLOUR_NAMES)]} | "
+        f"{f'{run.track.start_s:.2f}' if len(run.track) else 'none'} | {run.shift_s:+.2f} |"
         for k, run in enumerate(runs)
     ]
     at = "each in its own time" if align is Align.NONE else f"time 0 is each one's {align.value}"
@@ -120,9 +123,10 @@ def _colour(number: int) -> tree.Colour:
 
 def comparison_blueprint(runs: Sequence[ShownRun]) -> rrb.Blueprint:
     """Return the layout: the runway with all tracks, what is overlaid, and a column of pictures for each run."""
-    low = np.min([r.track.position_runway_m.min(axis=0) for r in runs], axis=0)
-    high = np.max([r.track.position_runway_m.max(axis=0) for r in runs], axis=0)
-    scene = _scene(runs, np.minimum(low, 0.0), high)
+    points = np.concatenate([r.track.position_runway_m for r in runs])
+    # without any track, the strip up to where one is to be expected
+    shown = points if len(points) else np.array([[0.0, 0.0, 0.0], [0.0, EXPECTED_RANGE_M, 0.0]])
+    scene = _scene(runs, np.minimum(shown.min(axis=0), 0.0), shown.max(axis=0))
     plotted = any(run.track.has_plots for run in runs)
     left = rrb.Vertical(scene, _plots(runs), row_shares=[6, 5]) if plotted else rrb.Vertical(scene)
     pictures = [_pictures(run) for run in runs if run.track.stations]
@@ -132,7 +136,7 @@ def comparison_blueprint(runs: Sequence[ShownRun]) -> rrb.Blueprint:
     below = rrb.Horizontal(words, rrb.Tabs(*states, logs), column_shares=[1, 1])
     right = rrb.Vertical(rrb.Horizontal(*pictures), below, row_shares=[3, 1]) if pictures else below
     start_s = min(r.track.start_s + r.shift_s for r in runs)
-    end_s = max(float(r.track.t_s[-1]) + r.shift_s for r in runs)
+    end_s = max(r.track.end_s + r.shift_s for r in runs)
     loop = rrb.components.AbsoluteTimeRange(min=rr.TimeInt(seconds=start_s), max=rr.TimeInt(seconds=end_s))
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1] if pictures else [3, 2]),

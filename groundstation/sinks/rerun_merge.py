@@ -37,25 +37,37 @@ class Align(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordedTrack:
-    """The filter's track in a recording: ``t_s`` (n,) session time, ``position_runway_m`` (n, 3).
+    """The filter's track in a recording: ``t_s`` (n,) session time, ``position_runway_m`` (n, 3); n may be 0.
 
-    ``stations`` that have a picture or an overlay; whether there are errors against a reference, and other plots.
+    ``span_s`` is the first and the last session time of anything, ``stations`` those that have a picture or an
+    overlay; whether there are errors against a reference, and other plots.
     """
 
     t_s: FloatArray
     position_runway_m: FloatArray
+    span_s: tuple[float, float]
     stations: tuple[str, ...]
     has_errors: bool
     has_plots: bool
 
+    def __len__(self) -> int:
+        return len(self.t_s)
+
     @property
     def start_s(self) -> float:
-        """Return the first time at which there is an estimate."""
-        return float(self.t_s[0])
+        """Return the first time at which there is an estimate; without any, that of anything."""
+        return float(self.t_s[0]) if len(self) else self.span_s[0]
+
+    @property
+    def end_s(self) -> float:
+        """Return the last time at which there is an estimate; without any, that of anything."""
+        return float(self.t_s[-1]) if len(self) else self.span_s[1]
 
     @property
     def touchdown_s(self) -> float:
-        """Return the first time at which the track is within `TOUCHDOWN_M` of its lowest height."""
+        """Return the first time at which the track is within `TOUCHDOWN_M` of its lowest height; else the start."""
+        if not len(self):
+            return self.start_s
         z = self.position_runway_m[:, 2]
         return float(self.t_s[np.flatnonzero(z <= z.min() + TOUCHDOWN_M)[0]])
 
@@ -65,15 +77,19 @@ class RecordedTrack:
 
 
 def read_track(path: Path) -> RecordedTrack:
-    """Read the track from a recording; raises `InputError` if it is damaged or holds none of ours."""
+    """Read the track from a recording; raises `InputError` if it is damaged or none of ours."""
     t_ns: list[np.ndarray] = []
     points: list[np.ndarray] = []
+    spans_ns: list[tuple[int, int]] = []
+    ours = False
     stations: dict[str, None] = {}
     has_errors = has_plots = False
     for chunk in _chunks(path):
         entity = chunk.entity_path
         if entity.startswith("/cameras/"):
             stations[entity.split("/")[2]] = None
+        ours |= entity.startswith((f"/{tree.RUNWAY}", f"/{tree.EKF}"))
+        spans_ns += _span_ns(chunk)
         has_errors |= entity.startswith(f"/{tree.ERROR}/")
         has_plots |= entity == f"/{tree.PAIR_LATENCY}" and not chunk.is_static
         if entity == f"/{tree.EKF}" and not chunk.is_static:
@@ -84,17 +100,30 @@ def read_track(path: Path) -> RecordedTrack:
             known = pc.greater(pc.list_value_length(column), 0).to_numpy(zero_copy_only=False)
             t_ns.append(rows.column(tree.TIMELINE).cast(pa.int64()).to_numpy()[known])
             points.append(column.flatten().flatten().to_numpy().reshape(-1, 3))
-    if not sum(map(len, t_ns)):
-        raise InputError(str(path), got="no track in it", wanted="a recording of groundstation with a track")
-    t, xyz = np.concatenate(t_ns), np.concatenate(points).astype(np.float64)
+    if not ours:
+        raise InputError(str(path), got="no track in it and no runway", wanted="a recording of groundstation")
+    t = np.concatenate([np.zeros(0, dtype=np.int64), *t_ns])
+    xyz = np.concatenate([np.zeros((0, 3)), *points])
     order = np.argsort(t, kind="stable")
     return RecordedTrack(
         t_s=t[order] / 1e9,
         position_runway_m=xyz[order],
+        span_s=(min((a for a, _ in spans_ns), default=0) / 1e9, max((b for _, b in spans_ns), default=0) / 1e9),
         stations=tuple(stations),
         has_errors=has_errors,
         has_plots=has_plots,
     )
+
+
+def _span_ns(chunk: Chunk) -> list[tuple[int, int]]:
+    """Return a chunk's first and last session time in a list, which is empty for what has none."""
+    if chunk.is_static:
+        return []
+    rows = chunk.to_record_batch()
+    if tree.TIMELINE not in rows.schema.names or not rows.num_rows:
+        return []
+    found = pc.min_max(rows.column(tree.TIMELINE).cast(pa.int64()))
+    return [(found["min"].as_py(), found["max"].as_py())]
 
 
 def send_run(stream: rr.RecordingStream, path: Path, name: str, shift_s: float, *, runway: bool) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from groundstation.errors import InputError
 from groundstation.messages import Kinematics, TrackEstimate, TrackEvent, TrackStatus, TriangulationStatus
 from groundstation.session.tables import CsvTable
 from groundstation.sinks.rerun_reference import ReferenceLine, log_reference_line
@@ -20,7 +19,10 @@ _NOTE = "made of track.csv: pictures, stations and references are in the session
 
 
 def recording_of_results(folder: Path, path: Path, name: str) -> None:
-    """Write a recording of what the tables in ``folder`` hold; raises `InputError` where there is no usable track."""
+    """Write a recording of what the tables in ``folder`` hold; a track without an estimate leaves its statuses.
+
+    Raises `InputError` where there is no track.csv, or one that cannot be read.
+    """
     stream = rr.RecordingStream("groundstation", send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
@@ -29,16 +31,16 @@ def recording_of_results(folder: Path, path: Path, name: str) -> None:
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     log_styles(stream)
     channel = TrackChannel()
+    newest_s = 0.0
     for estimate in _estimates(folder / "track.csv"):
+        newest_s = estimate.t_s
         channel.add_estimate(estimate)
         if len(channel) >= _FLUSH_EPOCHS:
             _send(stream, channel)
-    if channel.last_t_s is None:
-        raise InputError(str(folder / "track.csv"), got="no estimate in it", wanted="a track")
-    channel.add_event(TrackEvent(t_s=channel.last_t_s, level="info", text=_NOTE))
+    channel.add_event(TrackEvent(t_s=newest_s, level="info", text=_NOTE))
     _send(stream, channel)
     outline = RunwayOutline(left_m=-_HALF_WIDTH_M, right_m=_HALF_WIDTH_M)
-    log_runway(stream, long_enough(outline, float(channel.upper_m[1])))
+    log_runway(stream, long_enough(outline, max(float(channel.upper_m[1]), 0.0)))
     if (folder / "smoothed.csv").is_file():
         rows = [e for e in _estimates(folder / "smoothed.csv") if e.kinematics is not None]
         points = [e.kinematics.position_runway_m for e in rows if e.kinematics is not None]

@@ -105,8 +105,8 @@ def log_runway(stream: rr.RecordingStream, outline: RunwayOutline) -> None:
     )
 
 
-def log_station(stream: rr.RecordingStream, station: Station, number: int, middle_m: FloatArray) -> None:
-    """Draw a station's pedestal and name, and the frustum that its camera's pose will turn.
+def log_pedestal(stream: rr.RecordingStream, station: Station, number: int, middle_m: FloatArray) -> None:
+    """Draw a station's pedestal and name.
 
     ``middle_m`` (3,) is the middle of all stations; names stand outside of it, clear of each other.
     """
@@ -128,6 +128,12 @@ def log_station(stream: rr.RecordingStream, station: Station, number: int, middl
         ),
         static=True,
     )
+
+
+def log_station(stream: rr.RecordingStream, station: Station, number: int, middle_m: FloatArray) -> None:
+    """Draw a station's pedestal and name (`log_pedestal`), and the frustum that its camera's pose will turn."""
+    log_pedestal(stream, station, number, middle_m)
+    colour = tree.station_colour(number)
     _log_frames(stream, station)
     width, height = station.lens.image_size_px
     stream.log(

@@ -46,7 +46,8 @@ from groundstation.sinks.rerun_track import TrackChannel
 __all__ = ["AxisErrors", "ImageFolder", "Media", "ReferenceLine", "ReferenceTracks", "RerunSink", "VideoAsset"]
 
 APPLICATION = "groundstation"
-FLUSH_EPOCHS = 200
+# few large pieces: the file ends with a list of all of them, which is kept in memory until then
+FLUSH_EPOCHS = 500
 
 
 class RerunSink:

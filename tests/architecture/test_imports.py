@@ -71,7 +71,13 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.toml_table",),
     ("groundstation.text_file",),
     ("groundstation.geometry", "groundstation.picture"),
-    ("groundstation.errors", "groundstation.arrays", "groundstation.hand_over", "groundstation.__version__"),
+    (
+        "groundstation.errors",
+        "groundstation.arrays",
+        "groundstation.hand_over",
+        "groundstation.png_file",
+        "groundstation.__version__",
+    ),
 )
 # tuning of a component is read by the layer that gathers all tuning, wherever the component lives
 LEAVES = ("groundstation.evaluation.config",)

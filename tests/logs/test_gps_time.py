@@ -35,6 +35,12 @@ def test_leap_seconds_of_the_bulletins(date: tuple[int, int, int], seconds: int)
     assert leap_seconds(day_number(*date)) == seconds
 
 
+@pytest.mark.parametrize("date", [(2026, 2, 29), (2026, 13, 1), (0, 1, 1), (10**30, 1, 1)])
+def test_a_date_that_does_not_exist_is_a_value_error_however_large(date: tuple[int, int, int]) -> None:
+    with pytest.raises(ValueError, match=r"out of range|must be in|day is"):
+        day_number(*date)
+
+
 def test_a_leap_second_is_a_second_of_its_own() -> None:
     texts = ["2016-12-31T23:59:59.5Z", "2016-12-31T23:59:60.5Z", "2017-01-01T00:00:00.5Z"]
     before, during, after = (gps_from_text(t) for t in texts)

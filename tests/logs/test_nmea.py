@@ -123,6 +123,15 @@ def test_a_cut_line_is_no_position(tmp_path: Path, cut: int) -> None:
     assert "1 × sentence cut short, garbled or without a checksum (first: line 3)" in log.remarks[0]
 
 
+@pytest.mark.parametrize("fields", [2, 4, 6, 9])
+def test_a_sentence_with_too_few_fields_is_no_position(tmp_path: Path, fields: int) -> None:
+    a, b, c = flight(3)
+    short = with_checksum(",".join(gga(b)[1:].rpartition(b"*")[0].decode().split(",")[:fields]))
+    log = log_of(tmp_path, rmc(a) + gga(a) + short + gga(c))
+    assert len(log.gps_s) == 2
+    assert "(first: line 3)" in log.remarks[0]
+
+
 def test_a_garbled_digit_is_caught_by_the_checksum(tmp_path: Path) -> None:
     a, b = flight(2)
     log = log_of(tmp_path, rmc(a) + gga(a) + gga(b).replace(b"3540.", b"3546."))

@@ -158,6 +158,16 @@ def test_a_baseline_from_nowhere(tmp_path: Path) -> None:
     same_flight(read_log(path, LogOptions(base_deg_m=(35.68, 139.76, 60.0))))
 
 
+def test_a_baseline_beyond_the_earth_costs_its_row_only(tmp_path: Path) -> None:
+    text = (DATA / "enu.pos").read_text().replace("45.1730", "9" * 308)
+    assert "9" * 308 in text
+    (tmp_path / "far.pos").write_text(text)
+    with np.errstate(all="raise"):
+        log = read_log(tmp_path / "far.pos")
+    assert len(log.gps_s) == 11
+    assert "1 × row that is no place on Earth" in log.remarks[0]
+
+
 def test_another_datum_and_other_columns(tmp_path: Path) -> None:
     text = (DATA / "calendar.pos").read_text()
     path = tmp_path / "log.pos"

@@ -33,6 +33,17 @@ def test_only_our_own_errors_come_out(tmp_path: Path) -> None:
     assert all(line.isprintable() for line in refused)
 
 
+def test_what_cannot_be_printed_is_shown_as_an_escape(tmp_path: Path) -> None:
+    targets = session_targets(tmp_path)
+    path = tmp_path / "angles.csv"
+    lines = path.read_bytes().split(b"\n", 1)
+    path.write_bytes(lines[0].replace(b"utc", b"u\xcac") + b"\n" + lines[1])
+    with pytest.raises(InputError, match=r"angles\.csv: line 1: got u\\udccac, left_pan_deg") as fault:
+        targets["angles.csv"]()
+    assert str(fault.value).isprintable()
+    assert str(InputError("a\nfile.csv", got="\x00", wanted="text")) == r"a\nfile.csv: got \x00; wanted text"
+
+
 def test_an_archive_of_silhouettes_that_is_none_is_named(tmp_path: Path) -> None:
     targets = session_targets(tmp_path)
     targets["masks.npz"]()

@@ -161,6 +161,54 @@ def test_tables_alone_give_the_same_track(two: tuple[Path, Path], tmp_path: Path
         np.testing.assert_allclose(rows[0], rows[1], rtol=1e-5, atol=1e-5)
 
 
+def searching(start_s: float) -> list[TrackEstimate]:
+    """Six seconds of nothing."""
+    return [replace(e, status=TrackStatus.SEARCHING, kinematics=None) for e in estimates(start_s)]
+
+
+@pytest.mark.parametrize("tables", [False, True])
+def test_a_run_without_an_estimate_is_shown_beside_the_others_and_said(
+    two: tuple[Path, Path], tmp_path: Path, tables: bool
+) -> None:
+    empty = tmp_path / "empty"
+    rig = Landing(ROOT / "recordings" / "landing-1").rig
+    empty.mkdir()
+    sink = TrackFilesSink(empty) if tables else RerunSink(empty / "session.rrd", rig, session_name="empty")
+    for estimate in searching(40.0):
+        sink.write(StepReport(estimates=(estimate,)))
+    sink.close()
+    out = tmp_path / "both.rrd"
+    result = prepare_view(ViewRequest(sources=(two[0], empty), work=tmp_path / "work", align=Align.START, save=out))
+    assert any(note.startswith("empty: no estimate in it, so no track") for note in result.notes)
+    assert not any(note.startswith("monday") for note in result.notes)
+    np.testing.assert_allclose(seconds(moving(out, "/empty/status/track"))[0], 0.0, atol=1e-6)
+    assert len(seconds(moving(out, "/monday/aircraft/ekf/path"))) == PAIRS - 2
+    alone = prepare_view(ViewRequest(sources=(empty, empty), work=tmp_path / "work"))
+    assert len([note for note in alone.notes if "no track" in note]) == 2
+
+
+def test_a_session_that_cannot_be_replayed_shows_its_pictures_and_references(tmp_path: Path) -> None:
+    landing = ROOT / "recordings" / "landing-1"
+    session = tmp_path / "uncalibrated"
+    session.mkdir()
+    for name in ("session.toml", "frames.csv", "ptu.csv", "dgps.csv", "left.mp4", "right.mp4"):
+        (session / name).symlink_to(landing / name)
+    rig = (landing / "rig.toml").read_text().replace('name = "left"', 'name = "left"\nknown = ["position", "lens"]')
+    (session / "rig.toml").write_text(rig)
+    result = prepare_view(ViewRequest(sources=(session,), work=tmp_path / "work"))
+    assert "not replayed, so pictures of left and right, the DGPS path alone" in result.notes[0]
+    assert "calibrated orientation" in result.notes[0]
+    assert len(result.notes) == 1
+    pairs = len((landing / "frames.csv").read_text().split()) - 1
+    assert len(seconds(moving(result.recording, "/uncalibrated/cameras/left/image"))) == pairs
+    fixes = len((landing / "dgps.csv").read_text().split()) - 1
+    assert len(seconds(moving(result.recording, "/uncalibrated/aircraft/dgps"))) == fixes
+    for name in ("frames.csv", "dgps.csv"):
+        (session / name).unlink()
+    with pytest.raises(InputError, match="uncalibrated"):
+        prepare_view(ViewRequest(sources=(session,), work=tmp_path / "work"))
+
+
 def test_what_holds_no_track_of_ours_is_named(two: tuple[Path, Path], tmp_path: Path) -> None:
     other = tmp_path / "other.rrd"
     stream = rr.RecordingStream("other", send_properties=False)
