@@ -169,9 +169,9 @@ def test_the_picture_shifts_the_readings_as_found(rng) -> None:
     how = Recorder(seconds=6.0, offset_s=0.030)
     readings, motion = recorded(Swing(), how, rng)
     one = StationMotion(station=plain_station(), readings=readings, motion=motion)
-    off = [np.degrees(np.abs(turned_by_readings(one, later) - motion.turn_rad)[5:-5]).max() for later in (0.03, 0.0)]
-    assert off[0] < 6.0 * np.hypot(how.reading_deg, how.reading_deg)
-    assert off[1] > 2.0 * off[0]
+    off = [np.degrees(np.std((turned_by_readings(one, later) - motion.turn_rad)[5:-5])) for later in (0.03, 0.0)]
+    assert off[0] < 1.2 * np.hypot(how.reading_deg, how.reading_deg)
+    assert off[1] > 1.5 * off[0]
 
 
 def test_the_bundled_landing_has_no_offset(landing_1) -> None:
