@@ -15,6 +15,7 @@ from groundstation.estimation.measurement import EncoderModel, PixelModel, Pixel
 from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior, clock_places
+from groundstation.estimation.second_view import SecondView
 from groundstation.estimation.silhouette import WidthModel
 from groundstation.estimation.state import EkfState, StateLayout, state_layout
 from groundstation.estimation.young_track import YoungTrack
@@ -70,6 +71,7 @@ class FilterCore:
         self._width_gate = float(chi2.ppf(config.gate_probability, 1))
         self._reference = ReferenceModel(self.layout)
         self._bends = PixelLinearisation(self.layout, self._pixels)
+        self._second = SecondView(self.layout, self._pixels)
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
