@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from calibration.check import EFFECT_RANGE_M, Check, Movement
-from calibration.report_page import report_list, report_page, report_table
+from calibration.check_pictures import check_pictures
+from calibration.report_page import report_figure, report_list, report_page, report_table
+from calibration.report_picture import write_page
 from calibration.survey_report import rejected
 from groundstation.errors import InputError
 from groundstation.rig import Rig
@@ -81,21 +83,21 @@ def table_rows(check: Check) -> list[tuple[str, ...]]:
     ]
 
 
-def write_check_report(folder: Path, check: Check, alarm_deg: float, decision: str, name: str) -> Path:
-    """Write report.html into ``folder``, made if missing."""
+def write_check_report(folder: Path, check: Check, alarm_deg: float, decision: str, name: str) -> list[Path]:
+    """Write report.html and its pictures into ``folder``, made if missing; returns what was written."""
+    pictures = check_pictures(check, alarm_deg)
+    figures = "".join(report_figure(p.title, p.caption, p.png) for p in pictures)
     body = "\n".join(
         [
             f"<p class='soft'>Groundstation · check before a session</p><h1>{escape(name)}</h1>",
             f"<p class='verdict'>{escape(decision)}</p>",
             report_list([station_line(check, m) for m in check.movements]),
+            f"<h2>Where landmarks were seen</h2><div class='pictures'>{figures}</div>",
             "<h2>Figures</h2>" + report_table(TABLE_HEAD, table_rows(check)),
             "<h2>Notes</h2>" + report_list([*notes(check, alarm_deg), *rejected(check.fit)] or ["none"]),
         ]
     )
-    path = folder / "report.html"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(report_page(f"{name} – check", body), encoding="utf-8")
+        return write_page(folder, report_page(f"{name} – check", body), pictures)
     except OSError as error:
         raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
-    return path

@@ -112,7 +112,7 @@ def run_check(request: CheckRequest) -> CheckDone:
     append_record(record, check_record(files, sightings, check, word, decision))
     if request.report is not None:
         name = request.sightings.stem
-        written.append(write_check_report(request.report, check, request.alarm_deg, decision, name))
+        written += write_check_report(request.report, check, request.alarm_deg, decision, name)
     text = "\n".join([reference.note, format_check(check, request.alarm_deg, decision)])
     return CheckDone(check=check, text=text, good=word != "refused", written=(*written, record))
 

@@ -58,7 +58,7 @@ def add_landmark_kinds(kinds: "argparse._SubParsersAction[argparse.ArgumentParse
     check.add_argument(
         "--record", type=Path, metavar="FILE", help="where to add the record (default: beside the rig, .checks.jsonl)"
     )
-    check.add_argument("--report", type=Path, metavar="DIR", help="write report.html there")
+    check.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
     check.add_argument(
         "--runway",
         metavar="NAMES",

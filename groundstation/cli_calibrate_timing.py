@@ -12,7 +12,8 @@ stands still and has texture all over (a sine of 5 deg at 0.3 Hz or so, 20 s), r
 as a session; the pictures' motion against the readings tells the offset. Any session
 whose heads turn will do, if less well."""
 _TIMING_MORE = """examples:
-  groundstation calibrate timing SESSION --rig rig.toml --out timed.toml
+  groundstation calibrate timing SESSION --rig rig.toml --out timed.toml \\
+      --report out/timing
   groundstation calibrate timing SESSION --from-flight \\
       --detections out/detections.csv --out timed.toml
 
@@ -36,6 +37,7 @@ def add_timing(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> 
     timing.add_argument("session", type=Path, metavar="SESSION", help="session folder with pictures and ptu.csv")
     timing.add_argument("--rig", type=Path, metavar="RIG", help="another rig than the session's rig.toml")
     timing.add_argument("--out", type=Path, required=True, metavar="FILE", help="the rig file to write")
+    timing.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
     timing.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
     timing.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
     timing.add_argument("--from-flight", action="store_true", help="by the aircraft's track instead of the pictures")
@@ -71,4 +73,9 @@ def run_timing(options: argparse.Namespace) -> int:
         found = calibrate_timing(request, lambda n: line.update(n, None))
     print(format_timing(found))
     print(f"\nwrote {options.out}")
+    if options.report is not None:
+        from calibration.timing_page import write_timing_page
+
+        for path in write_timing_page(options.report, found):
+            print(f"wrote {path}")
     return 0

@@ -1,4 +1,4 @@
-"""One station's pixel held against the fix of the others: the algebra of `groundstation.integrity`, compiled."""
+"""One station's pixel against the fix of the others: the algebra of `groundstation.solution_separation`, compiled."""
 
 import math
 

@@ -6,6 +6,7 @@ docs/derivation.md.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,8 +16,12 @@ from groundstation.estimation.config import CalibrationUse, OutOfViewWeighting
 from groundstation.estimation.field_of_view import moments_after_miss, paper_weight, probability_in_view
 from groundstation.estimation.filter_core import FilterCore
 from groundstation.estimation.linearisation import Linearised
+from groundstation.estimation.second_view import Seen
+from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.angles import wrap_rad
+from groundstation.geometry.station import LensError
 from groundstation.messages import Innovation
+from groundstation.triangulation import midpoint
 
 # start of an axis that has been read once: it may turn at up to this rate (1 sigma)
 _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
@@ -27,6 +32,8 @@ _OPEN_SHARE = 0.5  # of the sigma before
 _NOTHING = np.zeros((2, 2))
 # a pixel is not looked at twice where its prediction is no more uncertain than so many sigmas of its noise
 _SETTLED_SIGMA = 2.0
+# where the prediction is more uncertain by so much, the target may have to be placed anew
+_VAGUE_SIGMA = 2.0
 # so near to none or all of the prediction inside the image, a miss does not change its shape
 _HARDLY = 0.02
 
@@ -100,6 +107,12 @@ class StationEkf(FilterCore):
             H[:, offset] = np.linalg.cholesky(lasting_share * covariance_px2)
             measured = pixel - H[:, offset] @ x[offset]
             R = (1.0 - lasting_share) * covariance_px2
+        if np.trace(in_view) > _VAGUE_SIGMA**2 * np.trace(covariance_px2):
+            placed = self._placed_anew(
+                Seen(station=station, pixel=pixel, covariance_px2=covariance_px2, row_dt_s=row_dt_s)
+            )
+            if placed is not None:
+                return placed
         residual = measured - prediction.pixel
         S = innovation_covariance(P, H, R)
         nis = squared_sigmas(residual, S)
@@ -123,7 +136,43 @@ class StationEkf(FilterCore):
             if self._bends.carries_clock(station):
                 R = R + self._bends.speed_noise(station, H, P, self._age_s())
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
+        if self._young is not None:
+            self._grow_up(self._young.after(accepted=accepted))
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
+
+    def _grow_up(self, track: YoungTrack) -> None:
+        """Judge a young track by its pixels; begin it again where the first of them were the wrong ones."""
+        self._young = None if track.grown_up else track
+        if track.refuted:
+            self._begin_again(track)
+
+    def _begin_again(self, start: YoungTrack) -> None:
+        self.starts_taken_back += 1
+        self._young = replace(start, accepted=0, refused=0, in_a_row=0)
+        self._place_target(start, 0.0 if self.time_s is None else self.time_s - start.t_s)
+
+    def _placed_anew(self, seen: Seen) -> Innovation | None:
+        """Put a target that one other camera has held alone to where the two rays meet; None where it is not so."""
+        x, P, age_s = self.state, self.covariance, self._age_s()
+        held = self._second.holder(seen, x, P, age_s)
+        if held is None:
+            return None
+        try:
+            rays = [
+                self._stations[v.station].ray(v.pixel[0], v.pixel[1], *self.angles(v.station)) for v in (held, seen)
+            ]
+        except LensError:
+            return None
+        meeting = midpoint(rays)
+        if meeting is None:
+            return None
+        placed = self._second.place((held, seen), rays[0].origin_runway_m, meeting[0], (x, P), age_s)
+        if placed is None or placed.square > self._width_gate:
+            return None
+        self._bank.place(self.layout.target, placed.target, placed.covariance)
+        self._bank.share(self.layout.target, self.layout.constant, placed.sensitivity)
+        R = placed.residual_covariance
+        return Innovation(residual=placed.residual, covariance=R, nis=placed.square, dof=1, accepted=True)
 
     def update_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0) -> Innovation:
         """Fuse a reference position of the target (3,) with covariance (3, 3), stamped ``ahead_s`` after now.
@@ -149,6 +198,7 @@ class StationEkf(FilterCore):
         self._references_refused = 0 if accepted else self._references_refused + 1
         if accepted:
             self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
+            self._young = None
             self._bank.correct(residual, expected.jacobian, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
 
@@ -180,6 +230,7 @@ class StationEkf(FilterCore):
         self._bank.share(self.layout.position, self.layout.constant, -expected.jacobian[:, self.layout.constant])
         self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
         self._references_refused = 0
+        self._young = None
         return Innovation(residual=residual, covariance=around, nis=0.0, dof=0, accepted=True)
 
     def update_width(self, station: str, width_px: float, span_m: float, *, alone: bool) -> Innovation | None:

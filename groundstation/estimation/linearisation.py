@@ -6,16 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, trial_state
-from groundstation.estimation.measurement import PixelModel
+from groundstation.estimation.measurement import PixelModel, PixelPrediction
 from groundstation.estimation.parameters import clock_places
 from groundstation.estimation.state import StateLayout
 
 # a pixel is linearised anew until that changes it by less than so many sigmas of its noise, or so many times
 _LINEAR_SIGMA = 0.1
 _MAX_LINEARISATIONS = 5
+_BEHIND = 1e6  # residual of a trial state that is behind the camera, sigmas
 _MOMENT_S = 0.05
 _UNDETERMINED = 1e12  # condition of the normal equations
 
@@ -66,17 +68,65 @@ class PixelLinearisation:
             seen = self._pixels[station].predict(there, *times)
             if seen is None:
                 break
-            again = pixel - seen.pixel + seen.jacobian @ (there - x)
-            there_H = seen.jacobian
-            there_H[:, own] = H[:, own]
+            again, there_H = self._from(seen, pixel, there - x, H, own)
             # what the new look makes of the state as it is, and of all that the state may be
             change = again - residual
             turned = innovation_covariance(P, there_H - H, np.zeros((2, 2)))
             off = float(change @ np.linalg.solve(R, change))
             if off + turned[0, 0] / R[0, 0] + turned[1, 1] / R[1, 1] < _LINEAR_SIGMA**2:
-                break
+                return Linearised(jacobian=H, residual=residual)
             H, residual = there_H, again
+        there = self._likeliest(station, pixel, first.jacobian, (x, P), R, times)
+        seen = self._pixels[station].predict(there, *times)
+        if seen is not None:
+            residual, H = self._from(seen, pixel, there - x, first.jacobian, own)
         return Linearised(jacobian=H, residual=residual)
+
+    @staticmethod
+    def _from(
+        seen: PixelPrediction, pixel: FloatArray, away: FloatArray, first: FloatArray, own: slice
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return residual and Jacobian at the state, of a look from ``away`` (n,) of it."""
+        H = seen.jacobian
+        residual = pixel - seen.pixel + H @ away
+        H[:, own] = first[:, own]
+        return residual, H
+
+    def _likeliest(
+        self,
+        station: str,
+        pixel: FloatArray,
+        H: FloatArray,
+        prior: tuple[FloatArray, FloatArray],
+        R: FloatArray,
+        times: tuple[float, float],
+    ) -> FloatArray:
+        """Return the state (n,) whose target is the likeliest after a pixel, where plain steps jump about.
+
+        What the pixel says of anything but the target counts as its noise, by the first look's Jacobian ``H``.
+        """
+        x, P = prior
+        target = self._layout.target
+        others = H.copy()
+        others[:, target] = 0.0
+        L, W = np.linalg.cholesky(P[target, target]), np.linalg.cholesky(innovation_covariance(P, others, R))
+
+        def at(y: FloatArray) -> FloatArray:
+            state = x.copy()
+            state[target] += L @ y
+            return state
+
+        def residuals(y: FloatArray) -> FloatArray:
+            seen = self._pixels[station].predict(at(y), *times)
+            off = np.full(2, _BEHIND) if seen is None else np.linalg.solve(W, pixel - seen.pixel)
+            return np.concatenate([y, off])
+
+        def jacobian(y: FloatArray) -> FloatArray:
+            seen = self._pixels[station].predict(at(y), *times)
+            own = np.zeros((2, len(y))) if seen is None else -np.linalg.solve(W, seen.jacobian[:, target] @ L)
+            return np.vstack([np.eye(len(y)), own])
+
+        return at(least_squares(residuals, np.zeros(target.stop - target.start), jac=jacobian).x)
 
     def carries_clock(self, station: str) -> bool:
         """Return whether an error of one of the station's clocks is a state of the filter."""

@@ -12,6 +12,7 @@ from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.state import EkfState
 from groundstation.estimation.tape import Cut, Tape, Transition, back, back_into
+from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Innovation, Kinematics
 
@@ -109,6 +110,11 @@ class DropStep:
 FilterStep = PixelStep | WidthStep | MissStep | ReferenceStep | StartStep | DropStep
 
 
+def _replaced(innovation: Innovation) -> bool:
+    """Return whether a measurement has placed the target anew: some of its numbers went into the place."""
+    return innovation.dof < innovation.residual.size
+
+
 class RecordedEkf(StationEkf):
     """`StationEkf` that notes what is done to it in ``steps`` and what it goes through on its ``tape``.
 
@@ -138,6 +144,8 @@ class RecordedEkf(StationEkf):
             s.read,
             s.newest_reference_s,
             s.references_refused,
+            s.young,
+            s.starts_taken_back,
             self.tape.mark,
             len(self.steps),
         )
@@ -199,6 +207,11 @@ class RecordedEkf(StationEkf):
         self._cut()
         super().start_target(position_m, velocity_m_s, covariance, age_s, triangulated=triangulated)
 
+    def _begin_again(self, start: YoungTrack) -> None:
+        """Begin again, as `StationEkf` does; it follows from the steps that are noted and is none itself."""
+        self._cut()
+        super()._begin_again(start)
+
     def drop_target(self) -> None:
         """Forget the target; the PTUs' angles and what was learnt of the rig stay."""
         self.steps.append(DropStep())
@@ -213,7 +226,7 @@ class RecordedEkf(StationEkf):
         row_dt_s: float = 0.0,
         lasting_share: float = 0.0,
     ) -> Innovation | None:
-        """Fuse one camera's target pixel, as `StationEkf` does."""
+        """Fuse one camera's pixel, as `StationEkf` does; one that places the target anew ends what was before."""
         step = PixelStep(
             station=station,
             pixel=pixel,
@@ -222,7 +235,11 @@ class RecordedEkf(StationEkf):
             lasting_share=lasting_share,
         )
         self.steps.append(step)
-        return super().update_pixel(station, pixel, covariance_px2, row_dt_s, lasting_share)
+        x, P = self.state, self.covariance
+        innovation = super().update_pixel(station, pixel, covariance_px2, row_dt_s, lasting_share)
+        if innovation is not None and _replaced(innovation):
+            self._began_anew(x, P)
+        return innovation
 
     def update_width(self, station: str, width_px: float, span_m: float, *, alone: bool) -> Innovation | None:
         """Fuse a silhouette's width, as `StationEkf` does."""
@@ -239,10 +256,8 @@ class RecordedEkf(StationEkf):
         self.steps.append(ReferenceStep(position_m=position_m, covariance_m2=covariance_m2, ahead_s=ahead_s))
         x, P = self.state, self.covariance
         innovation = super().update_reference(position_m, covariance_m2, ahead_s)
-        if innovation.dof == 0:
-            F = np.eye(self.layout.size)
-            F[self.layout.target, self.layout.target] = 0.0
-            self._went(self.time_s, x, P, F)
+        if _replaced(innovation):
+            self._began_anew(x, P)
         return innovation
 
     # --------------------------------------------------------------------------------- what is asked
@@ -277,6 +292,12 @@ class RecordedEkf(StationEkf):
     def _cut(self) -> None:
         if self.has_target and self.time_s is not None:
             self.tape.append(Cut(t_s=self.time_s, x=self.state, P=self.covariance))
+
+    def _began_anew(self, x: FloatArray, P: FloatArray) -> None:
+        """Put on the tape that nothing of the target before is in the target now."""
+        F = np.eye(self.layout.size)
+        F[self.layout.target, self.layout.target] = 0.0
+        self._went(self.time_s, x, P, F)
 
     def _went(self, from_s: float | None, x: FloatArray, P: FloatArray, F: FloatArray) -> None:
         """Put a step from ``x``, ``P`` to the present state on the tape."""

@@ -11,6 +11,7 @@ from landmark_study.simulated import knocked, look, morning, turned_rad, write_l
 from scipy.stats import chi2
 
 from calibration.check import solve_check
+from calibration.check_pictures import expected_px
 from calibration.check_report import station_line
 from calibration.rig_reach import approach_point
 from calibration.survey import solve_survey
@@ -110,6 +111,23 @@ def test_a_corrected_rig_localises_better_than_the_spoilt_one(rng: np.random.Gen
     assert off @ np.linalg.solve(after.matrix[np.ix_(places, places)], off) < chi2.ppf(0.9999, 3)
 
 
+def test_the_picture_has_landmarks_where_the_rig_expects_them(rng: np.random.Generator) -> None:
+    """Turned by 0.03° of pan, the base sees all landmarks 0.03° aside of where the rig as it was expects them."""
+    day = morning(rng)
+    first = look(day.true, day.stands, rng, READINGS)
+    rig = solve_survey(day.believed, first, day.table).rig
+    found = solve_check(
+        rig, look(knocked(day.true, "left", 2, 3 * KNOCK_RAD), day.stands, rng, READINGS), day.table, first
+    )
+    expected, start = expected_px(found), 0
+    for looks in found.fit.problem.looks:
+        off = (looks.pixel_px - expected[start : start + len(looks)]) / rig[looks.station].lens.focal_px
+        start += len(looks)
+        aside = abs(float(np.degrees(off[:, 0].mean())))
+        assert aside == pytest.approx(0.03 if looks.today and looks.station == "left" else 0.0, abs=0.004)
+        assert abs(float(np.degrees(off[:, 1].mean()))) < 0.004
+
+
 @pytest.mark.parametrize("with_reference", [True, False])
 def test_a_camera_that_slipped_on_its_head_is_told_from_a_base_that_turned(
     rng: np.random.Generator, with_reference: bool
@@ -188,7 +206,10 @@ def test_the_command_accepts_refuses_corrects_and_records(
     assert check("moved.csv", "--out", str(tmp_path / "new.toml"), "--report", str(tmp_path / "report")) == 0
     moved = turned_rad(load_rig(tmp_path / "new.toml")["left"], rig["left"])
     assert np.degrees(np.linalg.norm(moved)) == pytest.approx(0.03, abs=0.01)
-    assert "corrected: left moved" in (tmp_path / "report" / "report.html").read_text()
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "corrected: left moved" in page
+    assert page.count("<img") == 2
+    assert (tmp_path / "report" / "left-landmarks.png").stat().st_size > 10_000
     assert check("nothing.csv") == 1
     assert check("still.csv", "--alarm-deg", "0") == 1
     errors = capsys.readouterr().err.splitlines()

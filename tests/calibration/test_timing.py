@@ -2,13 +2,15 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from calibration.image_motion import ImageMotion, gather_motion
+from calibration.image_motion import ImageMotion, StationMotion, gather_motion
 from calibration.motion_spline import CUBIC, MotionSpline
 from calibration.timing import TimingFitError, solve_timing
+from calibration.timing_page import turned_by_readings
 from calibration.timing_session import timed_rig
 from groundstation.cli import main
 from groundstation.rig import ClockModel, Rig, load_rig
@@ -142,9 +144,17 @@ def test_a_rendered_swing_gives_its_offset_back(tmp_path, rng, readout_s: float,
     how = Recorder(seconds=3.0, frame_hz=15.0, offset_s=0.040)
     folder = write_session(tmp_path / "swing", stations, Swing(pan_deg=3.0, pan_hz=0.5), how, rng)
     out = tmp_path / "timed.toml"
-    code = main(["calibrate", "timing", str(folder), "--out", str(out)])
+    code = main(["calibrate", "timing", str(folder), "--out", str(out), "--report", str(tmp_path / "report")])
     text = capsys.readouterr().out
     assert code == 0, text
+    page = (tmp_path / "report" / "report.html").read_text()
+    for station in stations:
+        for kind in ("motion", "left-over"):
+            picture = cv2.imread(str(tmp_path / "report" / f"{station.name}-{kind}.png"))
+            assert picture is not None
+            assert picture.std() > 10.0
+    assert page.count("<img") == 2 * len(stations)
+    assert "+40.0 ms later, as found" in page or "+39.9 ms later" in page or "+40.1 ms later" in page
     found = load_rig(out)
     # the right camera's stamps are 10 ms late
     for name, offset in zip(found.names, (0.040, 0.050), strict=False):
@@ -152,6 +162,16 @@ def test_a_rendered_swing_gives_its_offset_back(tmp_path, rng, readout_s: float,
         assert clock.sigma_s < 1e-3
         assert clock.offset_s == pytest.approx(offset, abs=max(4.0 * clock.sigma_s, 2e-4)), text
     assert ("camera right against camera left" in text) == (len(stations) == 2)
+
+
+def test_the_picture_shifts_the_readings_as_found(rng) -> None:
+    """Readings moved by the offset turn as the pictures do; as stamped they do not."""
+    how = Recorder(seconds=6.0, offset_s=0.030)
+    readings, motion = recorded(Swing(), how, rng)
+    one = StationMotion(station=plain_station(), readings=readings, motion=motion)
+    off = [np.degrees(np.std((turned_by_readings(one, later) - motion.turn_rad)[5:-5])) for later in (0.03, 0.0)]
+    assert off[0] < 1.2 * np.hypot(how.reading_deg, how.reading_deg)
+    assert off[1] > 1.5 * off[0]
 
 
 def test_the_bundled_landing_has_no_offset(landing_1) -> None:
