@@ -41,7 +41,8 @@ def draw_sight(
         words += f"  x {x:.1f}+-{sx:.1f}  y {y:.0f}+-{sy:.0f}  z {z:.1f}+-{sz:.1f} m"
     scale = max(0.5, picture.shape[1] / 1400)
     place = (6, picture.shape[0] - 10)
-    cv2.putText(picture, words, place, cv2.FONT_HERSHEY_SIMPLEX, scale, (0, 0, 0), 3, cv2.LINE_AA)
+    (w, h), below = cv2.getTextSize(words, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
+    cv2.rectangle(picture, (0, place[1] - h - 6), (w + 12, place[1] + below + 4), (0, 0, 0), cv2.FILLED)
     cv2.putText(picture, words, place, cv2.FONT_HERSHEY_SIMPLEX, scale, (255, 255, 255), 1, cv2.LINE_AA)
     return picture
 

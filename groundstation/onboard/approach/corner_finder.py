@@ -21,8 +21,8 @@ from groundstation.onboard.pose.susan import susan_corner
 
 # a corner's start is known to this of the runway's height in the picture
 _REACH_SHARE = 0.25
-# far corners differ from the ground beside them by little more
-_SUSAN_THRESHOLD = 8.0
+# less finds more corners, and none of them is the pavement's: better none
+_SUSAN_THRESHOLD = 25.0
 _BORDER_PX = 2.0
 # rows compared on either side of a threshold, of the runway's height; and how far from its prediction at least
 _NEAR_WINDOW, _FAR_WINDOW = 0.08, 0.05
