@@ -8,6 +8,7 @@ import collections
 import contextlib
 import os
 import random
+import resource
 import signal
 import sys
 import tempfile
@@ -38,6 +39,7 @@ FOREIGN = "foreign error"
 MOST_KEPT = 50
 # thousands of times what any of these small files takes
 MOST_S = 60.0
+MOST_BYTES = 8 << 30
 
 
 def check(log: GnssLog) -> None:
@@ -144,6 +146,8 @@ def main() -> None:
     counts: collections.Counter[str] = collections.Counter()
     chance = random.Random(options.seed)
     signal.signal(signal.SIGALRM, no_end)
+    # room that a small file asks for is an error as well
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     # a number that is none is to be refused before it is reckoned with
     warnings.simplefilter("error")
     shared = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None

@@ -2,10 +2,11 @@
 
     python benchmarks/long_session.py [--hours H] [--keep DIR]
 
-An aircraft holds in front of two stations (case B, exact truth, no DGPS). Memory is the process's own resident set:
-from the tenth part of the session, when everything is loaded and compiled, to the last pair, which is judged; and the
-most of all, while evaluation and report have the whole session at once, which is printed beside. Exit code 1 where the
-replay grows by more than `GROWTH_MB`, the report is above `REPORT_MB`, or Rerun finds a fault in the recording.
+An aircraft holds in front of two stations (case B, exact truth, no DGPS). Memory is the process's own resident set,
+sampled by a thread: from the end of the session's first minute, when everything is loaded and compiled, to the most of
+all, wherever that is: replay, evaluation, closing the Rerun recording, report. Exit code 1 where that is more than
+`GROWTH_MB`, the report is above `REPORT_MB`, or Rerun finds a fault in the recording. Run it twice where the kernels
+have changed: the first time they are compiled in this process, which takes some 100 MB from the beginning.
 """
 
 import argparse
@@ -98,7 +99,7 @@ def measure(root: Path, span_s: float) -> int:
     result = replay(ReplayRequest(session=session, out=out), progress)
     elapsed = time.perf_counter() - began
     most_mb = watch.stop()
-    early_mb = next(mb for done, mb in readings if done >= total / 10)
+    early_mb = next(mb for done, mb in readings if done >= 60 * RATE_HZ)
     late_mb = readings[-1][1]
     tracked = result.evaluation.summary["counts"]["track"]["tracking"]
     rrd, report = out / "session.rrd", out / "report.html"
@@ -107,12 +108,13 @@ def measure(root: Path, span_s: float) -> int:
     report_mb = report.stat().st_size / 1e6
     print(f"pairs, tracked        {total}, {tracked}")
     print(f"replay                {elapsed:.0f} s, {total / elapsed:.0f} pairs/s, everything included")
-    print(f"resident memory       {early_mb:.0f} MB after a tenth, {late_mb:.0f} MB at the last pair")
+    print(f"resident memory       {early_mb:.0f} MB after a minute, {late_mb:.0f} MB at the last pair")
     print(f"  most, with report   {most_mb:.0f} MB")
     print(f"session.rrd           {rrd.stat().st_size / 1e6:.1f} MB, {'sound' if sound else 'NOT SOUND'}")
     print(f"report.html           {report_mb:.2f} MB")
-    grown_mb = late_mb - early_mb
-    print(f"grown in the replay   {grown_mb:.0f} MB (at most {GROWTH_MB:.0f}); in all {most_mb - early_mb:.0f} MB")
+    grown_mb = most_mb - early_mb
+    print(f"grown in the replay   {late_mb - early_mb:.0f} MB")
+    print(f"grown in all          {grown_mb:.0f} MB (at most {GROWTH_MB:.0f})")
     return 0 if grown_mb <= GROWTH_MB and report_mb <= REPORT_MB and sound else 1
 
 

@@ -144,7 +144,7 @@ class _Flight:
             try:
                 for frame, report in self._reports(samples):
                     corners = report.corners
-                    seen = self._flat.original(corners.pixels) if isinstance(corners, FoundCorners) else None
+                    seen = self._flat.original(corners.seen_px) if isinstance(corners, FoundCorners) else None
                     tables.write(frame.index, report, seen)
                     overlay.write(draw_sight(frame.image, frame.index, report, seen, self._flat))
                     if recording is not None:

@@ -32,7 +32,7 @@ def draw_sight(
     """Return a copy of a frame (h, w, 3) BGR with edges, corners (4, 2) px and what became of it."""
     picture = draw_edges(image, index, report.t_s, report.edges, _edge_ends(report, flat))
     if corners_px is not None:
-        for corner in np.round(corners_px * 2**_SHIFT).astype(int):
+        for corner in np.round(corners_px[np.isfinite(corners_px).all(axis=1)] * 2**_SHIFT).astype(int):
             cv2.circle(picture, (int(corner[0]), int(corner[1])), 5 * 2**_SHIFT, _CORNER_BGR, 1, cv2.LINE_AA, _SHIFT)
     words = report.outcome
     if report.fix is not None:
@@ -100,8 +100,12 @@ class FlyRecording:
         if corners_px is None:
             send.log("camera/image/corners", rr.Clear(recursive=False))
         else:
+            seen = np.flatnonzero(np.isfinite(corners_px).all(axis=1))
             points = rr.Points2D(
-                corners_px + _CORNER_FROM_CENTRE_PX, colors=[_CORNER_RGB], radii=[-4.0], labels=list(CORNERS)
+                corners_px[seen] + _CORNER_FROM_CENTRE_PX,
+                colors=[_CORNER_RGB],
+                radii=[-4.0],
+                labels=[CORNERS[k] for k in seen],
             )
             send.log("camera/image/corners", points)
         send.log("status", rr.TextLog(report.outcome))

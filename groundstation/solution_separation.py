@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.leave_one_out import LEAST_SHARE, explained, leave_out, whitened
 
 # an epoch's own T counts at most so much: a single gross outlier is not a fault
 _MOST_OF_ONE = 36.0
-# a direction with a smaller share of the pixel's own information is not tested
-_LEAST_SHARE = 1e-2
 # an innovation beyond this (χ² of 2 degrees, one in a thousand) jumps; two of three in a row are no chance
 _JUMP = 13.8
 
@@ -87,10 +86,15 @@ class StationWindow:
         """Take the station's pixel of one epoch, to be held against the others ``among`` whom it is."""
         own = self._epochs
         if len(among) >= 2:
-            A, g = _leave_out(sight, [s for s in among if s is not sight])
+            others = [s for s in among if s is not sight]
+            A, g = leave_out(
+                np.array([s.noise_px2 for s in (sight, *others)]),
+                np.array([s.jacobian_px_per_m for s in (sight, *others)]),
+                np.array([s.residual_px for s in (sight, *others)]),
+            )
             noise = 0.5 * float(np.trace(sight.noise_px2))
             constant = self._constant_px2 + sight.constant_px2
-            square = _explained(A, g)
+            square = explained(A, g)
             share = min(1.0, (_MOST_OF_ONE * (1.0 + constant / noise) / max(square, 1e-12)) ** 0.5)
             own.append(_Part(t_s=t_s, A=A, g=g * share, noise_px2=noise, constant_px2=constant))
         while own and own[0].t_s < t_s - self._length_s:
@@ -107,7 +111,7 @@ class StationWindow:
         noise = float(np.mean([e.noise_px2 for e in epochs]))
         values, vectors = np.linalg.eigh(A)
         # a direction that the others say nothing of: across the line of sight of two stations
-        sound = values > _LEAST_SHARE * n / noise
+        sound = values > LEAST_SHARE * n / noise
         root = np.where(sound, 1.0 / np.where(sound, values, 1.0), 0.0)
         bias = (vectors * root) @ (vectors.T @ g)
         rho = float(np.mean([e.constant_px2 for e in epochs])) / noise
@@ -116,8 +120,8 @@ class StationWindow:
 
     def judged(self, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray) -> None:
         """Take an innovation of the filter, accepted or not."""
-        white = np.linalg.solve(np.linalg.cholesky(covariance_px2), residual_px)
-        length = float(np.hypot(*white))
+        white = whitened(residual_px, covariance_px2)
+        length = math.hypot(float(white[0]), float(white[1]))
         own = self._innovations
         own.append((t_s, white * min(1.0, _MOST_OF_ONE**0.5 / max(length, 1e-12))))
         while own[0][0] < t_s - 2.0 * self._length_s:
@@ -130,34 +134,3 @@ class StationWindow:
             if jump and any(again for _, again in times[k + 1 : k + 3]):
                 return t_s
         return None
-
-
-def _leave_out(sight: Sight, others: Sequence[Sight]) -> tuple[FloatArray, FloatArray]:
-    """Return A (2, 2) and g (2,) of one station against the fix of the others.
-
-    With the others' information J = Σ Hᵀ W H and pull c = Σ Hᵀ W r, and the station's own H₀, W₀, r₀: eliminating the
-    target from all of them, g = W₀ (r₀ − H₀ δ̂) and A = W₀ − W₀ H₀ (J + H₀ᵀ W₀ H₀)⁻¹ H₀ᵀ W₀.
-    """
-    own = np.linalg.inv(sight.noise_px2)
-    H = sight.jacobian_px_per_m
-    J, c = H.T @ own @ H, H.T @ own @ sight.residual_px
-    for other in others:
-        W = np.linalg.inv(other.noise_px2)
-        J += other.jacobian_px_per_m.T @ W @ other.jacobian_px_per_m
-        c += other.jacobian_px_per_m.T @ W @ other.residual_px
-    moved = np.linalg.solve(J, c)
-    A = own - own @ H @ np.linalg.solve(J, H.T @ own)
-    return 0.5 * (A + A.T), own @ (sight.residual_px - H @ moved)
-
-
-def _explained(A: FloatArray, g: FloatArray) -> float:
-    """Return gᵀ A⁺ g of a symmetric A (2, 2); directions of less than `_LEAST_SHARE` of the largest count as none."""
-    a, b, c = float(A[0, 0]), float(A[0, 1]), float(A[1, 1])
-    middle, radius = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
-    turn = 0.5 * math.atan2(2.0 * b, a - c)
-    along = math.cos(turn) * float(g[0]) + math.sin(turn) * float(g[1])
-    across = math.cos(turn) * float(g[1]) - math.sin(turn) * float(g[0])
-    large, small = middle + radius, middle - radius
-    if large <= 0.0:
-        return 0.0
-    return along**2 / large + (across**2 / small if small > _LEAST_SHARE * large else 0.0)

@@ -224,7 +224,7 @@ class FilterCore:
         for axis in ("x", "z"):
             names = (f"{station}.{part}.{axis}" for part in ("runway_from_base", "head_from_camera"))
             places = [self.layout.parameters[name] for name in names if name in self.layout.parameters]
-            sums.append(float(self.covariance[np.ix_(places, places)].sum()))
+            sums.append(sum(float(self.covariance[a, b]) for a in places for b in places))
         return math.sqrt(max(*sums, 0.0))
 
     def drop_target(self) -> None:

@@ -72,6 +72,8 @@ class Picture:
             text, pixels = io.StringIO(), io.BytesIO()
             figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
             figure.savefig(pixels, format="png", dpi=_PNG_DPI, metadata={"Software": None})
+            # most of what it holds is let go now, instead of when somebody collects rings
+            figure.clear()
         svg = text.getvalue()
         label = escape(f"{self.title}. {self.alt}", quote=True)
         element = svg[svg.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{label}"', 1)

@@ -1,4 +1,4 @@
-"""Structured rows appended one by one and kept compactly: blocks of numpy memory instead of Python objects."""
+"""Structured rows appended one by one and kept compactly: one piece of numpy memory instead of Python objects."""
 
 from typing import Any
 
@@ -9,34 +9,37 @@ _BLOCK_ROWS = 2048
 
 
 class GrowingTable:
-    """A table of one structured dtype that grows by blocks; `rows` makes one of them."""
+    """A table of one structured dtype that grows in its place; `rows` shows what is in it."""
 
     def __init__(self, dtype: DTypeLike) -> None:
         self.dtype = np.dtype(dtype)
-        self._blocks: list[NDArray[Any]] = []
+        self._table: NDArray[Any] = np.zeros(0, self.dtype)
         self._used = 0
 
     def __len__(self) -> int:
-        return sum(len(block) for block in self._blocks[:-1]) + (self._used if self._blocks else 0)
+        return self._used
 
     @property
     def nbytes(self) -> int:
         """Memory held, in bytes."""
-        return sum(block.nbytes for block in self._blocks)
+        return self._table.nbytes
 
     def append(self, *cells: Any) -> None:
         """Append one row, its cells in the dtype's order."""
-        if not self._blocks or self._used == len(self._blocks[-1]):
-            self._blocks.append(np.zeros(_BLOCK_ROWS, self.dtype))
-            self._used = 0
-        self._blocks[-1][self._used] = cells
+        if self._used == len(self._table):
+            self._grow()
+        self._table[self._used] = cells
         self._used += 1
 
     def rows(self) -> NDArray[Any]:
-        """Return all rows as one array, not to be written to: the table keeps no other."""
-        if not self._blocks:
-            return np.zeros(0, self.dtype)
-        if len(self._blocks) > 1 or self._used < len(self._blocks[0]):
-            self._blocks = [np.concatenate([*self._blocks[:-1], self._blocks[-1][: self._used]])]
-            self._used = len(self._blocks[0])
-        return self._blocks[0]
+        """Return all rows so far as one array, not to be written to: it is the table's own memory."""
+        return self._table[: self._used]
+
+    def _grow(self) -> None:
+        """Make room for another block of rows."""
+        try:
+            # in place: a copy would need the table twice, at the end of a session when there is most of it
+            self._table.resize(len(self._table) + _BLOCK_ROWS)
+        except ValueError:
+            # somebody still looks at the rows so far, and keeps them
+            self._table = np.concatenate([self._table, np.zeros(_BLOCK_ROWS, self.dtype)])

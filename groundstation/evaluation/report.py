@@ -1,7 +1,8 @@
 """report.html: one self-contained page on one run, for a screen, a phone or paper; its figures as files beside it."""
 
+import gc
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,16 @@ from typing import Any
 from groundstation.errors import InputError
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation
-from groundstation.evaluation.figure_style import Drawn
+from groundstation.evaluation.figure_style import Drawn, Picture
 from groundstation.evaluation.figures import pictures
 from groundstation.evaluation.page_tables import Column, page_table, plain
 from groundstation.evaluation.report_tables import accuracy_section, calibration_section, latency_section
 from groundstation.evaluation.verdict import verdict
 
 FIGURES = "figures"
+# sweeping takes a tenth of a second, which a short flight is not worth
+_MANY_EPOCHS = 10_000
+_END = "\n</body></html>\n"
 PAGE_CSS = """
 :root{--ink:#1b1f24;--soft:#515a64;--line:#d9dde2;--panel:#f6f8fa;--accent:#0072B2}
 *{box-sizing:border-box}
@@ -63,34 +67,47 @@ def write_report(path: Path, evaluation: Evaluation, config: EvaluationConfig) -
 
     Raises `InputError` if a file can't be written. A run without pictures leaves no folder.
     """
-    shown = [picture.drawn() for picture in pictures(evaluation, config.range_bins_m)]
+    shown = pictures(evaluation, config.range_bins_m)
     folder = path.parent / FIGURES
     try:
-        path.write_text(_page(evaluation, shown), encoding="utf-8")
-        if not shown:
-            return (path,)
-        folder.mkdir(exist_ok=True)
-        for each in shown:
-            (folder / f"{each.picture.name}.svg").write_text(_svg_file(each), encoding="utf-8")
-            (folder / f"{each.picture.name}.png").write_bytes(each.png)
+        if shown:
+            folder.mkdir(exist_ok=True)
+        with path.open("w", encoding="utf-8") as page:
+            # a figure is drawn when its turn comes and then let go: of an hour's flight all of them are large
+            page.writelines(_page(evaluation, _in_turn(shown, folder, long=len(evaluation.epochs) > _MANY_EPOCHS)))
     except OSError as fault:
         raise InputError(str(path), got=str(fault), wanted="a file that can be written") from fault
-    return path, folder
+    return (path, folder) if shown else (path,)
 
 
 def report_page(evaluation: Evaluation, config: EvaluationConfig) -> str:
     """Return the whole page; it loads nothing from anywhere."""
-    return _page(evaluation, [picture.drawn() for picture in pictures(evaluation, config.range_bins_m)])
+    return "".join(_page(evaluation, (picture.drawn() for picture in pictures(evaluation, config.range_bins_m))))
 
 
-def _svg_file(drawn: Drawn) -> str:
-    return f"<?xml version='1.0' encoding='utf-8'?>\n{drawn.svg}"
+def _in_turn(shown: Sequence[Picture], folder: Path, *, long: bool) -> Iterator[Drawn]:
+    """Draw each figure when it is asked for; of a ``long`` flight, sweep up after each."""
+    for picture in shown:
+        yield _kept(picture.drawn(), folder)
+        if long:
+            # a figure's parts know one another and would lie about, 5 to 10 MB of each, until somebody collects rings
+            gc.collect()
 
 
-def _page(evaluation: Evaluation, shown: Sequence[Drawn]) -> str:
+def _kept(drawn: Drawn, folder: Path) -> Drawn:
+    """Write a figure's two files and hand it on."""
+    name = drawn.picture.name
+    (folder / f"{name}.svg").write_text(f"<?xml version='1.0' encoding='utf-8'?>\n{drawn.svg}", encoding="utf-8")
+    (folder / f"{name}.png").write_bytes(drawn.png)
+    return drawn
+
+
+def _page(evaluation: Evaluation, shown: Iterable[Drawn]) -> Iterator[str]:
+    """Return the page piece by piece."""
     summary = evaluation.summary
     name = escape(str(summary["session"]["name"]))
-    body = "\n".join(
+    yield _head(f"{name} – Groundstation")
+    yield "\n".join(
         [
             f"<header><p class='soft'>Groundstation · replay report</p><h1>{name}</h1></header>",
             "<main>",
@@ -98,7 +115,13 @@ def _page(evaluation: Evaluation, shown: Sequence[Drawn]) -> str:
             *(f"<p class='fault'>{escape(fault)}</p>" for fault in summary["faults"]),
             _tiles(summary),
             *(accuracy_section(name, table) for name, table in summary["accuracy"].items()),
-            _gallery(shown),
+            "",
+        ]
+    )
+    yield from _gallery(shown)
+    yield "\n".join(
+        [
+            "",
             _reference(summary["reference"]),
             calibration_section(summary["calibration"]),
             _counts(summary),
@@ -108,15 +131,19 @@ def _page(evaluation: Evaluation, shown: Sequence[Drawn]) -> str:
             "</main>",
         ]
     )
-    return html_page(f"{name} – Groundstation", body)
+    yield _END
 
 
 def html_page(title: str, body: str) -> str:
     """Return a whole page around ``body``, both HTML, in the report's style."""
+    return f"{_head(title)}{body}{_END}"
+
+
+def _head(title: str) -> str:
     return (
         "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{title}</title><style>{PAGE_CSS}</style></head><body>\n{body}\n</body></html>\n"
+        f"<title>{title}</title><style>{PAGE_CSS}</style></head><body>\n"
     )
 
 
@@ -147,15 +174,17 @@ def _tiles(summary: dict[str, Any]) -> str:
     return f"<div class='tiles'>{cells}</div>"
 
 
-def _gallery(shown: Sequence[Drawn]) -> str:
-    """Return the pictures with their captions."""
-    if not shown:
-        return ""
-    figures = "".join(
-        f"<figure><h3>{escape(d.picture.title)}</h3>{d.svg}<figcaption>{escape(d.picture.caption)}</figcaption></figure>"
-        for d in shown
-    )
-    return f"<h2>Pictures</h2><div class='pictures'>{figures}</div>"
+def _gallery(shown: Iterable[Drawn]) -> Iterator[str]:
+    """Return the pictures with their captions, one after the other."""
+    start = "<h2>Pictures</h2><div class='pictures'>"
+    for d in shown:
+        title, caption = escape(d.picture.title), escape(d.picture.caption)
+        yield f"{start}<figure><h3>{title}</h3>"
+        yield d.svg
+        yield f"<figcaption>{caption}</figcaption></figure>"
+        start = ""
+    if not start:
+        yield "</div>"
 
 
 def _reference(reference: dict[str, Any]) -> str:

@@ -26,6 +26,7 @@ from groundstation.toml_table import shown
 _QUALITY = {3: FixQuality.SINGLE, 4: FixQuality.DGPS, 5: FixQuality.FLOAT, 6: FixQuality.FIX}
 _MAX_BYTES = 4_000_000_000
 _MAX_WEEK = 10_000
+_HEAD_BYTES = 3
 
 
 def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
@@ -62,6 +63,8 @@ def _opener() -> Any:
         raise MissingExtraError("reading ArduPilot logs", "logs") from error
 
     class Reader(DFReader_binary):  # type: ignore[misc]
+        formats: dict[int, Any]
+
         def __init__(self, name: str) -> None:
             try:
                 super().__init__(name)
@@ -73,7 +76,22 @@ def _opener() -> Any:
         def init_arrays_fast(self, progress_callback: Any = None) -> None:
             self.init_arrays(progress_callback=progress_callback)
 
+        def init_arrays(self, progress_callback: Any = None) -> None:
+            self.formats = _Formats(self.formats)
+            super().init_arrays(progress_callback=progress_callback)
+
     return Reader
+
+
+class _Formats(dict[int, Any]):
+    """Descriptions of messages by type; one whose messages are shorter than their own head is not taken.
+
+    With a damaged length of nothing the same message would be read for ever.
+    """
+
+    def __setitem__(self, kind: int, description: Any) -> None:
+        if description.len >= _HEAD_BYTES:
+            super().__setitem__(kind, description)
 
 
 class _Rows:

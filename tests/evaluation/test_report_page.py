@@ -133,7 +133,7 @@ def test_every_table_fits_a_phone(page: str) -> None:
 
 
 def test_the_style_knows_phone_and_paper() -> None:
-    assert "@media(max-width:760px)" in PAGE_CSS
+    assert "@media screen and (max-width:760px)" in PAGE_CSS
     assert "@media print" in PAGE_CSS
     assert PAGE_CSS.count("{") == PAGE_CSS.count("}")
 

@@ -1,5 +1,6 @@
 """UBX, ULog, ArduPilot's .bin and .tlog: units, times, qualities, damage."""
 
+import contextlib
 import io
 import math
 import struct
@@ -168,7 +169,6 @@ def test_ulog_without_utc_or_fix_or_topic(tmp_path: Path) -> None:
     assert "no ULog that pyulog reads" in complaint(LogError, lambda: log_of(tmp_path, b"ULog\x01\x12\x35\x01", ".ulg"))
 
 
-# -------------------------------------------------------------------------------- ArduPilot
 @pytest.mark.parametrize("claimed", [1, 200, 1000, 65535])
 def test_a_ulog_whose_last_message_claims_more_than_there_is_ends(tmp_path: Path, claimed: int) -> None:
     """A message of a type that pyulog does not know, where it went back to the same place for ever."""
@@ -178,6 +178,7 @@ def test_a_ulog_whose_last_message_claims_more_than_there_is_ends(tmp_path: Path
     assert "got no positions" in complaint(LogError, lambda: log_of(tmp_path, header + 3 * message, ".ulg"))
 
 
+# -------------------------------------------------------------------------------- ArduPilot
 def test_dataflash_by_week_and_milliseconds(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     log = log_of(tmp_path, dataflash(flight()), ".bin", GIVEN)
     same_flight(log, metres=6e-3)
@@ -190,6 +191,19 @@ def test_dataflash_heights_are_above_sea_level_and_und_is_shown_not_used(tmp_pat
     assert "(Und = -37.73 m, its sign depends on the receiver)" in said
     said = complaint(LogError, lambda: log_of(tmp_path, dataflash(flight(), und=None), ".bin"))
     assert "no geoid separation;" in said
+
+
+@pytest.mark.parametrize("length", [0, 1, 2])
+@pytest.mark.parametrize("kind", [0x80, 0x81, 0x82])
+def test_dataflash_whose_messages_are_shorter_than_their_head_ends(tmp_path: Path, kind: int, length: int) -> None:
+    """A damaged description, behind which the same message came for ever."""
+    content = dataflash(flight())
+    at = content.index(bytes([0xA3, 0x95, 0x80, kind]))
+    content = content[: at + 4] + bytes([length]) + content[at + 5 :]
+    told = (content, content + content, content[at:] + content)
+    for log in told:
+        with contextlib.suppress(LogError):
+            assert len(log_of(tmp_path, log, ".bin", GIVEN).gps_s) <= 12
 
 
 def test_dataflash_without_a_fix_and_of_two_receivers(tmp_path: Path) -> None:

@@ -4,27 +4,35 @@ All pixels are those of a picture without distortion.
 """
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.approach.config import ApproachConfig, CornerMethod
-from groundstation.onboard.approach.strip_end import strip_end_shift
+from groundstation.onboard.approach.threshold import SeenThreshold, seen_threshold
 from groundstation.onboard.edges.lines import PITCH, ROLL, UP
 from groundstation.onboard.edges.pose import CameraPose, corrected_pose, pixels_from_points
 from groundstation.onboard.edges.report import Edges
-from groundstation.onboard.pose.corners import Side, corners_from_lines, fit_side, meet, refine_corners
+from groundstation.onboard.pose.corners import corners_from_lines, refine_corners
 from groundstation.onboard.pose.runway import Runway
 from groundstation.onboard.pose.susan import susan_corner
 
-# a threshold's prediction is known to this of the band that is left of the edges
+# a corner's start is known to this of the runway's height in the picture
 _REACH_SHARE = 0.25
-_SUSAN_THRESHOLD = 25.0
+# far corners differ from the ground beside them by little more
+_SUSAN_THRESHOLD = 8.0
 _BORDER_PX = 2.0
+# rows compared on either side of a threshold, of the runway's height; and how far from its prediction at least
+_NEAR_WINDOW, _FAR_WINDOW = 0.08, 0.05
+_LEAST_REACH_PX = 2.5
+# a threshold that is not seen: its corners lie on the tracked edges, anywhere along them
+_ANYWHERE_PX = 40.0
 # ways in which edges may lie wrong for good: both on the ground, four ends, two thresholds shifted and turned
-LASTING_COUNT = 10
+EDGE_MODES = 6
+LASTING_COUNT = EDGE_MODES + 4
+_NEAR, _FAR = (0, 3), (1, 2)
 
 
 class NoCorners(enum.StrEnum):
@@ -34,6 +42,7 @@ class NoCorners(enum.StrEnum):
     FLAT = "flat"
     NO_NEAR = "no_near_threshold"
     NO_FAR = "no_far_threshold"
+    NO_THRESHOLD = "no_threshold"
     NO_CORNER = "no_corner"
     TURNED = "turned"
 
@@ -45,14 +54,24 @@ class FoundCorners:
     Attributes
     ----------
     pixels : (4, 2) px. start_px : (4, 2) where they were looked for.
-    covariance_px2 : (4, 2, 2) of what each picture has anew.
+    covariance_px2 : (4, 2, 2) of what each picture has anew; a threshold that is not confirmed leaves its corners open
+        along the edges.
     lasting_px : (8, m) what lasts for the flight: columns of one sigma each, u and v of one corner after the other.
+    near_seen, far_seen : whether the thresholds are confirmed in this picture.
     """
 
     pixels: FloatArray
     start_px: FloatArray
     covariance_px2: FloatArray
     lasting_px: FloatArray
+    near_seen: bool = True
+    far_seen: bool = True
+
+    @property
+    def seen_px(self) -> FloatArray:
+        """Return the corners (4, 2) whose threshold is confirmed, NaN for the others."""
+        seen = np.array([self.near_seen, self.far_seen, self.far_seen, self.near_seen])
+        return np.where(seen[:, None], self.pixels, np.nan)
 
     @property
     def whole_covariance_px2(self) -> FloatArray:
@@ -68,7 +87,7 @@ def find_corners(
     runway: Runway,
     kappa: FloatArray,
     config: ApproachConfig,
-    pose_fits: bool = False,
+    row_sigma_px: FloatArray | None = None,
 ) -> FoundCorners | NoCorners:
     """Return the runway's corners in a picture.
 
@@ -77,10 +96,11 @@ def find_corners(
     image : (h, w, 3) uint8 BGR.
     edges : tracked in this picture, with what the tracker knows to be wrong with ``pose``.
     pose : what the tracker was told.
-    pose_fits : whether that pose is made of such corners itself: then it shows the thresholds' places as it is, and
-        closely.
+    row_sigma_px : (2,) how well that pose, made of such corners itself, tells the near and the far threshold's row;
+        None for a pose from outside, of which only the edges are known.
     """
-    start = start_corners(edges, pose if pose_fits else _corrected(pose, edges), runway, kappa)
+    inside = row_sigma_px is not None
+    start = start_corners(edges, pose if inside else _corrected(pose, edges), runway, kappa)
     grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.float64)
     h, w = grey.shape
     if start is None or not _inside(start, w, h):
@@ -88,32 +108,49 @@ def find_corners(
     height = float(start[[0, 3], 1].mean() - start[[1, 2], 1].mean())
     if height < config.least_height_px:
         return NoCorners.FLAT
-    if not pose_fits:
-        moved = _by_strip(image.astype(np.float64), start, height, config)
-        if isinstance(moved, NoCorners):
-            return moved
-        start = moved
-        if not _inside(start, w, h):
-            return NoCorners.OUT_OF_PICTURE
+    near, far = _thresholds(image, start, height, row_sigma_px, config)
+    if near is None and not inside:
+        return NoCorners.NO_NEAR
+    if near is None and far is None:
+        return NoCorners.NO_THRESHOLD
+    moved = _moved(start, near, far, together=not inside)
+    if not _inside(moved, w, h):
+        return NoCorners.OUT_OF_PICTURE
     reach = float(np.clip(_REACH_SHARE * height, *config.reach_px))
     if config.corners is CornerMethod.EDGES:
-        found = _from_edges(grey, edges, start, reach, config)
+        found: tuple[FloatArray, FloatArray] | NoCorners = (moved, _along_edges(edges, moved, near, far, config))
     elif config.corners is CornerMethod.SIDES:
-        refined = refine_corners(grey, start, reach)
+        refined = refine_corners(grey, moved, reach)
         found = NoCorners.NO_CORNER if refined is None else (refined.pixels, refined.covariance_px2)
     else:
-        found = _susan(grey, start, reach, config)
+        found = _susan(grey, moved, reach, config)
     if isinstance(found, NoCorners):
         return found
     pixels, covariance = found
-    if np.linalg.norm(pixels - start, axis=1).max() > 4.0 * config.reach_px[1]:
+    if np.linalg.norm(pixels - moved, axis=1).max() > 4.0 * config.reach_px[1]:
         return NoCorners.TURNED
+    dark = float(np.median(grey[h // 2 :: 4, ::4])) < config.dark_grey
+    levels = min(seen.levels for seen in (near, far) if seen is not None)
     return FoundCorners(
         pixels=pixels,
         start_px=start,
         covariance_px2=covariance + _anew(config),
-        lasting_px=lasting_modes(pixels, runway, config),
+        lasting_px=lasting_modes(pixels, runway, lasting_sigmas(config, levels, dark=dark)),
+        near_seen=near is not None,
+        far_seen=far is not None,
     )
+
+
+def lasting_sigmas(config: ApproachConfig, levels: float, *, dark: bool) -> ApproachConfig:
+    """Return the tuning with what edges may lie wrong by in this light.
+
+    The fainter the pavement, the farther is its edge drawn aside by what else is there; by night it is drawn to lamps.
+    """
+    faint = float(np.clip(config.clear_levels / max(levels, 1.0), 1.0, config.most_faint))
+    side_m, side_px = config.side_sigma_m, faint * config.side_sigma_px
+    if dark:
+        side_m, side_px = max(side_m, config.lamp_sigma_m), max(side_px, config.lamp_sigma_px)
+    return replace(config, side_sigma_m=side_m, side_sigma_px=side_px)
 
 
 def start_corners(edges: Edges, pose: CameraPose, runway: Runway, kappa: FloatArray) -> FloatArray | None:
@@ -166,25 +203,52 @@ def _corrected(pose: CameraPose, edges: Edges) -> CameraPose:
     return corrected_pose(pose, *(float(v) for v in mean[[ROLL, PITCH, UP]])) if mean.size > UP else pose
 
 
-def _by_strip(image: FloatArray, start: FloatArray, height: float, config: ApproachConfig) -> FloatArray | NoCorners:
-    """Return the start moved to where the strip between the edges is seen to end, first near, then far."""
-    shift = strip_end_shift(image, start, config.search_px, float(np.clip(0.12 * height, 2.5, 5.0)))
-    if shift is None:
-        return NoCorners.NO_NEAR
-    start = _moved_down(start, shift, (0, 1, 2, 3))
-    # what is left at the far end is the height's error, a share of the picture of the runway
+def _thresholds(
+    image: ImageArray, start: FloatArray, height: float, row_sigma_px: FloatArray | None, config: ApproachConfig
+) -> tuple[SeenThreshold | None, SeenThreshold | None]:
+    """Return the near and the far threshold as far as they are confirmed, relative to ``start``.
+
+    With a pose from outside the near one is looked for first: the pitch's error moves both alike, and what is left at
+    the far end is the height's, a share of the runway's picture.
+    """
+    near_window = float(np.clip(_NEAR_WINDOW * height, 1.5, 4.0))
+    far_window = float(np.clip(_FAR_WINDOW * height, 1.5, 3.0))
+    if row_sigma_px is not None:
+        near_reach, far_reach = np.clip(3.0 * row_sigma_px, _LEAST_REACH_PX, config.search_px)
+        # both thresholds are never taken for each other
+        near_reach, far_reach = min(near_reach, 0.4 * height), min(far_reach, 0.4 * height)
+        near = seen_threshold(image, start, float(near_reach), near_window)
+        return near, seen_threshold(image, start, float(far_reach), far_window, far=True)
+    near = seen_threshold(image, start, min(config.search_px, 0.4 * height), near_window)
+    if near is None:
+        return None, None
+    shift = float(near.shift_px.mean())
     reach = float(np.clip(config.height_share * height, 2.0, config.search_px))
-    shift = strip_end_shift(image, start, reach, float(np.clip(0.06 * height, 1.5, 3.0)), far=True)
-    return NoCorners.NO_FAR if shift is None else _moved_down(start, shift, (1, 2))
+    far = seen_threshold(image, _moved_down(start, np.full(4, shift)), reach, far_window, far=True)
+    if far is not None:
+        far = replace(far, shift_px=far.shift_px + shift)
+    return near, far
 
 
-def _moved_down(corners: FloatArray, rows: float, which: tuple[int, ...]) -> FloatArray:
-    """Return corners (4, 2), some of them moved down along their sides by so many rows."""
+def _moved(start: FloatArray, near: SeenThreshold | None, far: SeenThreshold | None, *, together: bool) -> FloatArray:
+    """Return corners (4, 2) moved to the seen thresholds; ``together``: one that is not seen moves with the other."""
+    rows = np.zeros(4)
+    if together and near is not None:
+        rows[:] = near.shift_px.mean()
+    for seen, which in ((near, _NEAR), (far, _FAR)):
+        if seen is not None:
+            # the left corner's row, and the right one's
+            rows[[which[0], which[1]]] = seen.shift_px
+    return _moved_down(start, rows)
+
+
+def _moved_down(corners: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return corners (4, 2) moved down along their sides by so many rows (4,)."""
     moved = corners.copy()
     for near, far in ((0, 1), (3, 2)):
         along = (corners[near] - corners[far]) / (corners[near, 1] - corners[far, 1])
-        for k in {near, far} & set(which):
-            moved[k] += rows * along
+        for k in (near, far):
+            moved[k] += rows[k] * along
     return moved
 
 
@@ -209,36 +273,27 @@ def _line(first: FloatArray, second: FloatArray) -> FloatArray:
     return np.cross([*first, 1.0], [*second, 1.0])
 
 
-def _tracked_side(edges: Edges, number: int) -> Side:
-    """Return a tracked edge as a side: offset and slope about its middle."""
-    lower, upper = _ends(edges)[number]
-    span = upper - lower
-    length = float(np.linalg.norm(span))
-    along = span / length
-    # a shift along the row, as an offset across the line
-    across_u = -along[1]
-    block = edges.covariance_px2[2 * number : 2 * number + 2, 2 * number : 2 * number + 2]
-    # the ends as crossings are ordered: upper, lower
-    to_line = across_u * np.array([[0.5, 0.5], [1.0 / length, -1.0 / length]])
-    return Side(point=0.5 * (lower + upper), along=along, covariance=to_line @ block @ to_line.T, contrast=1.0)
-
-
-def _from_edges(
-    grey: FloatArray, edges: Edges, start: FloatArray, reach: float, config: ApproachConfig
-) -> tuple[FloatArray, FloatArray] | NoCorners:
-    """Return corners (4, 2) and covariances (4, 2, 2): tracked edges, thresholds measured between them."""
-    left, right = (_tracked_side(edges, number) for number in (0, 1))
-    pixels, covariance = np.empty((4, 2)), np.empty((4, 2, 2))
-    for (a, b), missing in (((0, 3), NoCorners.NO_NEAR), ((1, 2), NoCorners.NO_FAR)):
-        threshold = fit_side(grey, start[a], start[b], reach)
-        if threshold is None:
-            return missing
-        for k, side in ((a, left), (b, right)):
-            met = meet(side, threshold)
-            if met is None:
-                return missing
-            pixels[k], covariance[k] = met
-    return pixels, covariance
+def _along_edges(
+    edges: Edges, corners: FloatArray, near: SeenThreshold | None, far: SeenThreshold | None, config: ApproachConfig
+) -> FloatArray:
+    """Return covariances (4, 2, 2) of corners on the tracked edges: across by these, along by the thresholds."""
+    upper, lower = edges.rows_px
+    covariance = np.empty((4, 2, 2))
+    for seen, which in ((near, _NEAR), (far, _FAR)):
+        for number, k in enumerate(which):
+            share = (corners[k, 1] - upper) / (lower - upper)
+            # crossings of one edge: upper, lower
+            weights = np.array([1.0 - share, share])
+            block = edges.covariance_px2[2 * number : 2 * number + 2, 2 * number : 2 * number + 2]
+            side = corners[_NEAR[number]] - corners[_FAR[number]]
+            along = side / side[1]
+            if seen is None:
+                sigma = _ANYWHERE_PX
+            else:
+                sigma = float(np.hypot(seen.sigma_px[number], config.faint_px / seen.rise))
+            covariance[k] = sigma**2 * np.outer(along, along)
+            covariance[k, 0, 0] += float(weights @ block @ weights)
+    return covariance
 
 
 def _susan(

@@ -44,6 +44,7 @@ class LastingErrors:
                     position_m=observation.position_m + error[:3],
                     runway_from_camera_wxyz=wxyz_from_matrix(turned),
                     covariance=observation.covariance,
+                    lasting=observation.lasting,
                 )
             )
 

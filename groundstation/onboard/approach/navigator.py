@@ -1,7 +1,8 @@
 """The nose camera and the inertial unit together: picture by picture edges, corners, pose, filter, and where it is.
 
-Before the filter has started, the edge tracker is told a pose from outside (a navigation log, or the pictures' own
-motion); once the filter is trusted, the filter's.
+The edge tracker is told a pose from outside (a navigation log, or the pictures' own motion) as long as there is one:
+told the filter's, edges and filter would confirm each other. Where there is none, it is told the filter's, once that
+is trusted.
 """
 
 from dataclasses import dataclass, replace
@@ -12,11 +13,18 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.approach.config import ApproachConfig
-from groundstation.onboard.approach.corner_finder import LASTING_COUNT, FoundCorners, NoCorners, find_corners
+from groundstation.onboard.approach.corner_finder import (
+    EDGE_MODES,
+    LASTING_COUNT,
+    FoundCorners,
+    NoCorners,
+    find_corners,
+)
 from groundstation.onboard.approach.lasting import LastingErrors
-from groundstation.onboard.approach.sensitivity import pose_by_pixels
+from groundstation.onboard.approach.sensitivity import pixels_by_pose, pose_by_pixels
 from groundstation.onboard.edges.config import TrackerConfig
-from groundstation.onboard.edges.lines import C, D
+from groundstation.onboard.edges.kalman import LineState
+from groundstation.onboard.edges.lines import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix
 from groundstation.onboard.edges.report import EdgeReport, Edges
 from groundstation.onboard.edges.search_band import RunwayGuess
@@ -36,6 +44,10 @@ from groundstation.onboard.pose.inertial import (
 )
 from groundstation.onboard.pose.runway import Runway
 from groundstation.onboard.pose.solve import PoseStatus, RunwayPose, SeenPoints, solve_pose
+
+# how far the edges may seem to lie from their surveyed place when the filter takes over
+_START_TURN_RAD = 0.02
+_START_SHIFT_M = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,17 +120,19 @@ class NoseNavigator:
         # what edges may be wrong by for good is counted once, with the corners
         self._tracker_config = TrackerConfig(guess=guess, edge_sigma_m=0.0, edge_sigma_px=0.0)
         self._tracker = EdgeTracker(self._kappa, lens.image_size_px, self._tracker_config)
-        self._inside = False
+        self._inside = self._alone = False
         self._used = 0
         self._in_a_row = 0
+        self._scatter = 1.0
         self._last: ImuSample | None = None
         self._begin()
 
     def _begin(self) -> None:
         """Make the filters new; the next pose starts them."""
         self._filter = InertialFilter(self._config.inertial, self._mount)
-        self._lasting = LastingErrors(self._config.inertial, self._mount, LASTING_COUNT)
+        self._lasting = LastingErrors(self._config.inertial, self._mount, LASTING_COUNT + 2 * EDGE_MODES)
         self._used = self._refused = 0
+        self._scatter = 1.0
         if self._last is not None:
             self.feel(self._last)
 
@@ -152,9 +166,11 @@ class NoseNavigator:
             return self._report(t_s, told, edges, None, None, None)
         if not self._settled(edges.edges):
             return self._report(t_s, told, edges, None, None, None)
+        own = self._own() if self._inside else None
         corners = find_corners(
-            image, edges.edges, told, self._runway, self._kappa, self._config, pose_fits=self._inside
-        )
+            image, edges.edges, own or told, self._runway, self._kappa, self._config,
+            None if own is None else self._row_sigmas(own),
+        )  # fmt: skip
         if isinstance(corners, NoCorners):
             return self._report(t_s, told, edges, corners, None, None)
         pose = self._solve(corners)
@@ -164,16 +180,49 @@ class NoseNavigator:
         return self._report(t_s, told, edges, corners, pose, innovation)
 
     def _told(self, outside: CameraPose | None) -> CameraPose | None:
-        """Return the pose for the tracker; with the first of the filter's own the tracker begins anew."""
+        """Return the pose for the tracker: that from outside as long as there is one, so that nothing feeds itself.
+
+        With the first of the filter's own the tracker begins anew, where the survey says.
+        """
         if not self._inside and self._trusted():
             self._inside = True
-            self._tracker = EdgeTracker(self._kappa, self._lens.image_size_px, self._tracker_config)
-        if not self._inside:
+        if outside is not None or not self._inside:
+            self._alone = False
             return outside
+        own = self._own()
+        if own is not None and not self._alone:
+            self._alone = True
+            self._tracker = EdgeTracker(self._kappa, self._lens.image_size_px, self._tracker_config)
+            self._tracker.start(self._surveyed())
+        return own
+
+    def _own(self) -> CameraPose | None:
+        """Return where the filter puts the camera; None below the ground."""
         position, wxyz = self._filter.camera_pose()
         if position[2] <= 0.0:
             return None
         return CameraPose(threshold_from_camera=matrix_from_wxyz(wxyz), camera_threshold_m=position)
+
+    def _surveyed(self) -> LineState:
+        """Return the edges' place by the survey: in the filter's own frame they lie there, to what it is wrong by."""
+        tracker, half = self._tracker_config, 0.5 * self._runway.width_m
+        covariance = np.zeros((7, 7))
+        covariance[1, 1] = _START_TURN_RAD**2
+        covariance[C, C] = covariance[D, D] = _START_SHIFT_M**2
+        covariance[ROLL, ROLL] = covariance[PITCH, PITCH] = tracker.lasting_attitude_rad**2
+        covariance[UP, UP] = tracker.lasting_height_m**2
+        return LineState(mean=np.array([1.0, 0.0, -half, half, 0.0, 0.0, 0.0]), covariance=covariance)
+
+    def _row_sigmas(self, told: CameraPose) -> FloatArray | None:
+        """Return how well the filter knows the thresholds' rows, (2,) px; None while it is not trusted."""
+        fix = self._fix(self._filter.navigation, 0.0) if self._inside else None
+        H = None
+        if fix is not None:
+            H = pixels_by_pose(self._runway.corners_m, self._kappa, told.camera_threshold_m, told.threshold_from_camera)
+        if fix is None or H is None:
+            return None
+        rows = np.sqrt(np.einsum("ij,jk,ik->i", H[1::2], fix.covariance[:6, :6], H[1::2]))
+        return np.array([max(rows[0], rows[3]), max(rows[1], rows[2])])
 
     def _settled(self, edges: Edges) -> bool:
         """Return whether the edges may start a filter, or go on with one that is trusted."""
@@ -210,19 +259,22 @@ class NoseNavigator:
 
     def _correct(self, t_s: float, corners: FoundCorners, pose: RunwayPose) -> PoseInnovation | None:
         """Hand the pose to the filter with the part of its covariance that each picture has anew; keep the rest."""
-        anew = corners.covariance_px2
+        anew = self._scatter * corners.covariance_px2
         D = self._sensitivity(pose, corners)
         if D is None:
             return None
         covariance = sum((D[:, 2 * k : 2 * k + 2] @ anew[k] @ D[:, 2 * k : 2 * k + 2].T for k in range(4)), np.zeros(1))
+        lasting = D @ self._in_time(t_s, corners.lasting_px)
         observation = PoseObservation(
             t_s=t_s,
             position_m=pose.position_m,
             runway_from_camera_wxyz=pose.runway_from_camera_wxyz,
             covariance=np.asarray(covariance),
+            lasting=lasting @ lasting.T,
         )
         innovation = self._filter.see(observation)
-        self._lasting.see(observation, D @ corners.lasting_px)
+        self._lasting.see(observation, lasting)
+        self._learn_scatter(innovation, observation)
         if innovation.outcome in (Outcome.USED, Outcome.STARTED, Outcome.RESTARTED):
             self._used += 1
         self._refused = self._refused + 1 if innovation.outcome is Outcome.GATED else 0
@@ -232,6 +284,25 @@ class NoseNavigator:
             # its velocity is unknown again: the tracker goes back to what it was told before
             self._used, self._inside = 1, False
         return innovation
+
+    def _in_time(self, t_s: float, lasting_px: FloatArray) -> FloatArray:
+        """Return what lasts, and beside it the edges' part that comes and goes within the flight: two phases of a wave.
+
+        A constant error of an edge may cancel in the state; one that is there for some seconds does not.
+        """
+        config, edges = self._config, lasting_px[:, :EDGE_MODES]
+        angle = 2.0 * np.pi * t_s / config.changing_s
+        waves = [config.changing_share * float(wave) * edges for wave in (np.cos(angle), np.sin(angle))]
+        return np.hstack([lasting_px, *waves])
+
+    def _learn_scatter(self, innovation: PoseInnovation, observation: PoseObservation) -> None:
+        """Let the covariance that each picture has anew follow what innovations show, never below what fits say."""
+        if innovation.outcome not in (Outcome.USED, Outcome.GATED) or observation.lasting is None:
+            return
+        value = innovation.value
+        share = float(value @ np.linalg.solve(innovation.covariance - observation.lasting, value)) / value.size
+        step = self._config.scatter_share * (min(share, self._config.most_share) - 1.0)
+        self._scatter = float(np.clip(self._scatter * (1.0 + step), 1.0, self._config.most_scatter))
 
     def _sensitivity(self, pose: RunwayPose, corners: FoundCorners) -> FloatArray | None:
         """Return how the pose moves with its pixels; where the filter knows better, at the filter's pose."""

@@ -57,7 +57,7 @@ class NoseFiles:
         self._stack.close()
 
     def write(self, frame: int, report: NoseReport, corners_px: FloatArray | None) -> None:
-        """Append a picture's rows; ``corners_px`` (4, 2) are those of the picture as it was taken."""
+        """Append a picture's rows; ``corners_px`` (4, 2) are those of the picture as it was taken, NaN if not seen."""
         fix = report.fix
         if fix is None:
             self._track.writerow([f"{report.t_s:.6f}", *[""] * (len(TRACK_COLUMNS) - 2), "waiting"])
@@ -70,7 +70,8 @@ class NoseFiles:
         cells = [str(frame), f"{report.t_s:.6f}", NO_POSE if report.edges is None else report.edges.status.value]
         cells += [report.outcome, "" if math.isnan(nis) else f"{nis:.3f}"]
         found = corners_px is not None and isinstance(report.corners, FoundCorners)
-        cells += [f"{value:.3f}" for value in corners_px.ravel()] if found and corners_px is not None else [""] * 8
+        pixels = corners_px.ravel() if found and corners_px is not None else np.full(8, np.nan)
+        cells += ["" if math.isnan(value) else f"{value:.3f}" for value in pixels]
         pose = report.pose
         cells += [""] * 4 if pose is None else [*(f"{v:.3f}" for v in pose.position_m), f"{pose.reprojection_px:.3f}"]
         self._pictures.writerow(cells)

@@ -72,12 +72,17 @@ class ImuSample:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoseObservation:
-    """A camera's pose in the runway frame: position (3,), quaternion (4,), covariance (6, 6) as in `RunwayPose`."""
+    """A camera's pose in the runway frame: position (3,), quaternion (4,), covariance (6, 6) as in `RunwayPose`.
+
+    ``lasting`` (6, 6): what it may be wrong by for a long time. The gate allows for it, the weight does not: who gives
+    it keeps account of what it does to the state.
+    """
 
     t_s: float
     position_m: FloatArray
     runway_from_camera_wxyz: FloatArray
     covariance: FloatArray
+    lasting: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -199,15 +204,18 @@ class InertialFilter:
         value, H = self._innovation(observation)
         S = H @ self._P @ H.T + observation.covariance
         innovation = PoseInnovation(outcome=Outcome.USED, value=value, covariance=S)
-        if innovation.nis > _GATE:
+        allowed = innovation
+        if observation.lasting is not None:
+            allowed = PoseInnovation(outcome=Outcome.USED, value=value, covariance=S + observation.lasting)
+        if allowed.nis > _GATE:
             self._refused += 1
             if self._refused >= self._config.restart_after:
                 return self._start(observation, Outcome.RESTARTED)
-            return PoseInnovation(outcome=Outcome.GATED, value=value, covariance=S)
+            return PoseInnovation(outcome=Outcome.GATED, value=value, covariance=allowed.covariance)
         self._refused = 0
         self._correct(H, value, S, observation.covariance)
         self._seen_s = observation.t_s
-        return innovation
+        return allowed
 
     def camera_pose(self) -> tuple[FloatArray, FloatArray]:
         """Return where the state puts the camera: position (3,) and runway_from_camera_wxyz (4,)."""

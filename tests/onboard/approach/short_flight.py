@@ -16,6 +16,13 @@ FRAMES = 24
 
 
 @cache
+def night_flight() -> tuple[NoseFlight, list[ImageArray]]:
+    """Return the first pictures of a flight by night from 150 m on."""
+    flight = nose_flight(SEQUENCES[3], nose_setup(SEQUENCES[3], 1.4, from_m=150.0))
+    return flight, [picture for _, picture in flight.pictures()]
+
+
+@cache
 def short_flight() -> tuple[NoseFlight, list[ImageArray]]:
     """Return a flight by day from 200 m before the threshold on, and its pictures."""
     flight = nose_flight(SEQUENCES[0], nose_setup(SEQUENCES[0], FRAMES / 10.0, from_m=200.0))

@@ -14,10 +14,11 @@ from groundstation.onboard.approach.corner_finder import (
     NoCorners,
     find_corners,
     lasting_modes,
+    lasting_sigmas,
     start_corners,
 )
 from groundstation.onboard.approach.sensitivity import pixels_by_pose, pose_by_pixels
-from groundstation.onboard.approach.strip_end import strip_end_shift
+from groundstation.onboard.approach.threshold import seen_threshold
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.lines import line_map, project_lines
 from groundstation.onboard.edges.pose import Attitude, CameraPose, intrinsic_matrix, nose_pose, pixels_from_points
@@ -70,7 +71,8 @@ def test_corners_are_measured(method: str, most_px: float, rng: np.random.Genera
     # SUSAN wants room and contrast: its mask is seven pixels wide
     susan = method == "susan"
     config = ApproachConfig(corners=CornerMethod(method), reach_px=(6.0, 7.0) if susan else (2.0, 3.5))
-    found = find_corners(picture(rng, 240 if susan else 150), edges(), wrong, RUNWAY, KAPPA, config, pose_fits=True)
+    known = np.array([1.0, 1.0])
+    found = find_corners(picture(rng, 240 if susan else 150), edges(), wrong, RUNWAY, KAPPA, config, known)
     assert isinstance(found, FoundCorners)
     assert np.abs(found.start_px - CORNERS)[:, 1].max() > 1.2
     assert np.linalg.norm(found.pixels - CORNERS, axis=1).max() < most_px
@@ -86,8 +88,95 @@ def test_a_pose_that_is_pitched_wrong_finds_the_strips_end(rng: np.random.Genera
     assert np.abs(found.pixels - CORNERS).max() < 0.4
     start = start_corners(edges(), wrong, RUNWAY, KAPPA)
     assert start is not None
-    shift = strip_end_shift(image.astype(np.float64), start, 12.0, 4.0)
-    assert shift == pytest.approx(float((CORNERS - start)[[0, 3], 1].mean()), abs=1.5)
+    near = seen_threshold(image, start, 12.0, 4.0)
+    assert near is not None
+    np.testing.assert_allclose(near.shift_px, (CORNERS - start)[[0, 3], 1], atol=0.5)
+
+
+def painted(rng: np.random.Generator, level: int, noise: float, road: bool = False) -> np.ndarray:
+    """The runway with a slab at its near end that is close to the grass, bars, a blotch before it, and a road."""
+    scale = 4
+    big = np.full((480 * scale, 640 * scale, 3), (60, 120, 90), np.uint8)
+
+    def paint(x0: float, x1: float, y0: float, y1: float, colour: tuple[int, int, int]) -> None:
+        ground = np.array([[x0, y0, 0.0], [x1, y0, 0.0], [x1, y1, 0.0], [x0, y1, 0.0]])
+        pixels = (pixels_from_points(POSE, KAPPA, ground) + 0.5) * scale
+        cv2.fillPoly(big, [np.round(pixels).astype(np.int32)], colour)
+
+    if road:
+        paint(-200.0, 200.0, 22.0, 32.0, (100, 100, 100))
+    paint(-8.0, -4.0, 6.0, 9.0, (25, 50, 38))
+    paint(-10.0, 10.0, 0.0, -400.0, (100, 100, 100))
+    paint(-10.0, 10.0, 0.0, -50.0, (level, level + 20, level + 10))
+    for x in (-7.5, -4.5, 3.0, 6.0):
+        paint(x, x + 1.6, -5.0, -19.0, (210, 210, 210))
+    small = cv2.GaussianBlur(cv2.resize(big, (640, 480), interpolation=cv2.INTER_AREA), (0, 0), 0.7)
+    return np.clip(small + noise * rng.standard_normal(small.shape), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("level", "noise", "road"), [(150, 2.0, True), (100, 3.0, False), (120, 6.0, True)])
+def test_neither_bars_nor_slab_nor_road_is_the_threshold(
+    level: int, noise: float, road: bool, rng: np.random.Generator
+) -> None:
+    """Expected: from predictions up to 7 px off both thresholds are seen within their sigmas, or none is."""
+    image = painted(rng, level, noise, road)
+    seen = 0
+    for off in np.linspace(-7.0, 7.0, 8):
+        start = CORNERS.copy()
+        for near, far in ((0, 1), (3, 2)):
+            start[[near, far]] += off * (CORNERS[near] - CORNERS[far]) / (CORNERS[near, 1] - CORNERS[far, 1])
+        for end in (False, True):
+            found = seen_threshold(image, start, 9.0, 4.0 if not end else 2.0, far=end)
+            if found is not None:
+                seen += 1
+                sigma = np.hypot(found.sigma_px, np.hypot(0.5, ApproachConfig().faint_px / found.rise))
+                assert (np.abs(found.shift_px + off) < 3.0 * sigma).all()
+    assert seen >= 12
+
+
+def test_grass_without_a_runway_confirms_next_to_nothing(rng: np.random.Generator) -> None:
+    """Expected: at most one of ten places in blotched grass has one by chance; the filter's gate is for these."""
+    confirmed = 0
+    for _ in range(15):
+        rough = cv2.GaussianBlur(rng.standard_normal((480, 640, 3)), (0, 0), 4.0)
+        image = np.clip(90.0 + 60.0 * rough + 4.0 * rng.standard_normal(rough.shape), 0, 255).astype(np.uint8)
+        confirmed += sum(seen_threshold(image, CORNERS, 8.0, 3.0, far=end) is not None for end in (False, True))
+    assert confirmed <= 3
+
+
+def test_a_threshold_that_is_not_seen_leaves_the_edges_alone(rng: np.random.Generator) -> None:
+    """Expected: with its far end in fog the corners there are open along the edges, and the pose does not need them."""
+    image = picture(rng)
+    cut = int(CORNERS[[1, 2], 1].mean() + 0.4 * (CORNERS[0, 1] - CORNERS[1, 1]))
+    image[:cut] = np.clip(120 + 2.0 * rng.standard_normal((cut, 640, 3)), 0, 255).astype(np.uint8)
+    found = find_corners(image, edges(), POSE, RUNWAY, KAPPA, ApproachConfig(), np.array([1.0, 1.0]))
+    assert isinstance(found, FoundCorners)
+    assert found.near_seen
+    assert not found.far_seen
+    along = (CORNERS[0] - CORNERS[1]) / np.linalg.norm(CORNERS[0] - CORNERS[1])
+    across = np.array([-along[1], along[0]])
+    assert along @ found.covariance_px2[1] @ along > 30.0**2
+    assert across @ found.covariance_px2[1] @ across < 2.0**2
+    pose = solve_pose(
+        SeenPoints(
+            points_m=RUNWAY.corners_m, pixels=found.pixels, covariance_px2=found.whole_covariance_px2, lens=NOSE_LENS
+        )
+    )
+    assert pose is not None
+    error = pose.position_m - POSE.camera_threshold_m
+    assert error @ np.linalg.solve(pose.covariance[:3, :3], error) < 16.3
+    blind = np.full_like(image, 100)
+    assert find_corners(blind, edges(), POSE, RUNWAY, KAPPA, ApproachConfig(), np.ones(2)) is NoCorners.NO_THRESHOLD
+
+
+def test_fainter_and_darker_edges_are_less_sure() -> None:
+    config = ApproachConfig()
+    clear, faint = (lasting_sigmas(config, levels, dark=False) for levels in (400.0, 75.0))
+    assert clear.side_sigma_px == config.side_sigma_px
+    assert faint.side_sigma_px == pytest.approx(2.0 * config.side_sigma_px)
+    night = lasting_sigmas(config, 400.0, dark=True)
+    assert night.side_sigma_m == config.lamp_sigma_m
+    assert night.side_sigma_px == config.lamp_sigma_px
 
 
 def test_no_end_no_corners(rng: np.random.Generator) -> None:

@@ -24,7 +24,7 @@ from groundstation.onboard.pose.simulated_approach import RUNWAY_FROM_LEVEL_BODY
 from groundstation.onboard.scenes.jsbsim_flight import jsbsim_nose_flight
 from groundstation.onboard.scenes.nose_flight import NoseFlight, attitude_of, nose_flight, nose_setup
 from groundstation.onboard.scenes.sequences import SEQUENCES
-from tests.onboard.approach.short_flight import FRAMES, ground_series, short_flight
+from tests.onboard.approach.short_flight import FRAMES, ground_series, night_flight, short_flight
 
 
 @pytest.mark.parametrize("make", [nose_flight, jsbsim_nose_flight])
@@ -65,6 +65,15 @@ def test_a_short_approach_is_followed_with_errors_as_said() -> None:
     assert one.nees[-5:].max() < 22.5
     assert one.nees[-5:].min() > 0.0
     assert one.sigma_m[-1, 1] < one.sigma_m[0, 1]
+
+
+def test_by_night_the_covariance_covers_what_lamps_do_to_edges() -> None:
+    """Expected: poses are used from the seventh picture on; errors inside 3 σ, NEES inside a single draw's 99.9 %."""
+    flight, pictures = night_flight()
+    one = follow(flight, pictures)
+    assert one.outcomes.get("used", 0) >= 4
+    assert (np.abs(one.error_m) < 3.0 * one.sigma_m).all()
+    assert one.nees.max() < 22.5
 
 
 def test_without_pictures_it_coasts_and_says_so() -> None:
