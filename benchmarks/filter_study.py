@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from filter_flights import adaptation, calibration, consistency, out_of_view, peer, through_pipeline
 
-from groundstation.estimation.config import CalibrationUse, OutOfViewWeighting
+from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 
 RANGES_M = (500.0, 400.0, 300.0, 200.0, 100.0)
 BINS_M = ((400, 600), (250, 400), (150, 250), (60, 150))
@@ -26,22 +26,27 @@ def numbers(values: Sequence[float], digits: int = 2) -> str:
 
 
 def bounds(runs: int, _: Path | None) -> None:
-    for case in ("B", "C"):
-        for rate_hz in (10.0, 30.0):
-            sample = consistency.sample_case(case, rate_hz, range(runs))
-            ratios = "  ".join(f"{a}-{b} m {numbers(sample.rmse_over_bound(a, b))}" for a, b in BINS_M)
-            print(f"case {case}, {rate_hz:.0f} Hz, {runs} flights: RMSE/bound {ratios}")
-            low, high = consistency.chi2_range(6, runs)
-            nees = numbers([sample.anees(y, 6) for y in (590.0, *RANGES_M)])
-            print(f"  ANEES (6) at 590/500/400/300/200/100 m {nees}, 95 % {low:.3f} … {high:.3f}")
-            low, high = consistency.chi2_range(2, sample.nis_count())
-            print(f"  NIS {sample.nis():.4f}, 95 % {low:.4f} … {high:.4f}")
+    for drawn in (True, False):
+        heads = "drawn" if drawn else "aimed"
+        for case in ("B", "C"):
+            for rate_hz in (10.0, 30.0):
+                sample = consistency.sample_case(case, rate_hz, range(runs), drawn_heads=drawn)
+                ratios = "  ".join(f"{a}-{b} m {numbers(sample.rmse_over_bound(a, b), 3)}" for a, b in BINS_M)
+                print(f"case {case}, {rate_hz:.0f} Hz, heads {heads}, {runs} flights: RMSE/bound {ratios}")
+                low, high = consistency.chi2_range(6, runs)
+                nees = numbers([sample.anees(y, 6) for y in (590.0, *RANGES_M)], 3)
+                print(f"  ANEES (6) at 590/500/400/300/200/100 m {nees}, 95 % {low:.3f} … {high:.3f}")
+                low, high = consistency.chi2_range(2, sample.nis_count())
+                print(f"  NIS {sample.nis():.4f}, 95 % {low:.4f} … {high:.4f}, {sample.refused()} pixels refused")
 
 
 def gain(runs: int, _: Path | None) -> None:
-    found = consistency.gain_over_triangulation(10.0, range(runs))
-    print(f"gain over triangulation, case B, 10 Hz, {runs} flights: {numbers(found.filtered)}")
-    print(f"  of the bounds themselves: {numbers(found.bound)}")
+    for rate_hz in (10.0, 30.0):
+        for start_y_m in (600.0, 450.0):
+            found = consistency.gain_over_triangulation(rate_hz, range(runs), start_y_m)
+            begun = f"{runs} flights from y = {start_y_m:.0f} m"
+            print(f"gain over triangulation, case B, {rate_hz:.0f} Hz, {begun}: {numbers(found.filtered)}", end=" ")
+            print(f"of the bounds themselves: {numbers(found.bound)}")
 
 
 def pipeline(runs: int, _: Path | None) -> None:
@@ -115,7 +120,11 @@ def borders(runs: int, _: Path | None) -> None:
 def modes(runs: int, data: Path | None) -> None:
     few = max(runs // 20, 2)
     glide, medium, large = (0.05, 0.1, 0.05), (0.3, 0.6, 0.3), (1.0, 4.0, 2.0)
+    shipped = EstimationConfig()
+    brisk = shipped.manoeuvre_psd_m2_s3
     tunings = {
+        "shipped": shipped,
+        "its manoeuvre alone": adaptation.tuning(brisk, brisk),
         "glide alone": adaptation.tuning(glide, glide),
         "medium alone": adaptation.tuning(medium, medium),
         "manoeuvre alone": adaptation.tuning(large, large),

@@ -2,10 +2,11 @@
 
     python benchmarks/live_serial_faults.py [--rate HZ] [--only WORD]
 
-Pictures of a quarter of the size, so that two cores render and track in real time. For each case: what the status said
-while the fault was there, how soon it tracked again after it, ANEES of all answers of the approach, and what the
-recording lacks of what was consumed, in s at its end. "disk full" lets no file grow beyond 3 MB; "killed" is kill -9
-of the station's process group, what is left then is recovered.
+Pictures of a quarter of the size, so that two cores render and track in real time. For each case: until when the fault
+lasts (a unit that lost power homes, answers that are late hold each other up), what the status said meanwhile, how soon
+after that it tracked, ANEES of all answers of the approach, and what the recording lacks of what was consumed, in s at
+its end. "disk full" lets no file grow beyond 3 MB. "killed" is kill -9 of the station's process group in mid-flight, on
+a range that goes on; what is left of the recording is recovered, and the station is begun again at once.
 """
 
 import argparse
@@ -14,12 +15,14 @@ import json
 import math
 import multiprocessing as mp
 import os
+import random
 import resource
 import signal
 import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,16 +30,32 @@ import numpy as np
 
 from groundstation.errors import RecordingError
 from groundstation.geometry.camera import Lens
+from groundstation.live.board import LiveStatus
 from groundstation.live.command import LiveRequest, live
+from groundstation.live.lent_range import LentRange
+from groundstation.live.simulated_day import Landings, simulated_set_up
+from groundstation.live.simulated_range import RangeConfig, SimulatedRange
 from groundstation.live.simulated_receiver import ReceiverModel
-from groundstation.live.timed_faults import TimedFault
+from groundstation.live.timed_faults import TimedFault, struck_at
+from groundstation.messages import TrackStatus
+from groundstation.recover import recover
 from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
 from groundstation.session import load_session
 from groundstation.simulation.cases import standard_rig
 from groundstation.sources.session_source import session_source
+from ptu_drivers.simulated_faults import FAULTS
+from ptu_drivers.simulated_flir import FlirModel
+from ptu_drivers.simulated_line import VirtualLine
+from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
 
-FROM_S, TO_S, END_S = 8.0, 10.0, 14.0
+FROM_S, TO_S = 8.0, 10.0
+# flown after a fault's end
+AFTER_S = 4.0
+# a station needs so long to begin; one that is begun again has this approach or the next, and ends after so many lines
+BEGINS_S, TWO_LAPS_S, ENOUGH_LINES = 25.0, 76.0, 12
+SIMULATED_BAUD = 115200
+RANGE_UNIT = FlirModel(homing_s=8.0)
 # a receiver is gone after two seconds
 DGPS_LONGER_S = 1.0
 DISK_BYTES = 3_000_000
@@ -73,6 +92,24 @@ CASES = (
 )
 
 
+def lasts_until(case: Case) -> float:
+    """Return when the last of a case's faults is over, s of the flight, as the range draws them."""
+    ends_s = [TO_S]
+    for number, name in enumerate(small_rig().names):
+        random_ = random.Random(number)
+        for fault in (f for f in timetable(case) if f.station == name and f.what in FAULTS):
+            line = VirtualLine(SimulatedUnit(RANGE_UNIT, LineModel(baud=SIMULATED_BAUD)), SIMULATED_BAUD)
+            lengths = [FAULTS[fault.what](line, random_) for _ in struck_at(fault)]
+            # one late answer holds up the next
+            ends_s.append(FROM_S + (sum(lengths) if fault.what == "late answer" else lengths[0]))
+    return max(ends_s)
+
+
+def timetable(case: Case) -> tuple[TimedFault, ...]:
+    """Return a case's faults as the range knows them."""
+    return tuple(TimedFault(what=w, station=s, from_s=FROM_S, to_s=TO_S) for w, s in case.faults)
+
+
 def small_rig() -> Rig:
     """Return the standard rig with pictures of a quarter of the size."""
     lens = Lens(
@@ -85,7 +122,7 @@ def small_rig() -> Rig:
     return replace(rig, stations=tuple(replace(s, lens=lens) for s in rig.stations))
 
 
-def fly(case: Case, folder: Path, rate_hz: float) -> None:
+def fly(case: Case, folder: Path, rate_hz: float, lent: LentRange | None = None) -> None:
     """Fly one approach in this process, a line for each status; at the end how it went."""
     os.setsid()
     if case.disk_full:
@@ -95,18 +132,25 @@ def fly(case: Case, folder: Path, rate_hz: float) -> None:
     request = LiveRequest(
         station=None,
         out=folder / "live",
-        seconds=END_S,
-        simulate=True,
+        seconds=TWO_LAPS_S if case.killed else lasts_until(case) + AFTER_S,
+        simulate=lent is None,
         rig=folder / "small.toml",
         rate_hz=rate_hz,
         receiver=ReceiverModel(gone_s=((FROM_S, TO_S + DGPS_LONGER_S),)) if case.dgps_gone else None,
-        timetable=tuple(TimedFault(what=w, station=s, from_s=FROM_S, to_s=TO_S) for w, s in case.faults),
+        timetable=timetable(case),
     )
+    tracks: list[TrackStatus] = []
+
+    def tell(s: LiveStatus) -> None:
+        tracks.append(s.track)
+        print(json.dumps([s.t_s, time.monotonic(), s.track.value, list(s.lines)]), file=told)
+
     result = live(
         request,
-        lambda: False,
-        lambda s: print(json.dumps([s.t_s, time.monotonic(), s.track.value, list(s.lines)]), file=told),
+        lambda: case.killed and tracks.count(TrackStatus.TRACKING) >= ENOUGH_LINES,
+        tell,
         lambda text: None,
+        lent,
     )
     rows = [] if result.score is None else [[r.count, r.anees] for r in result.score.rows]
     (folder / "result.json").write_text(json.dumps({"begin_s": result.begin_s, "rows": rows}), encoding="utf-8")
@@ -129,51 +173,97 @@ def run(case: Case, rate_hz: float) -> str:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "small.toml").write_text(rig_to_toml(small_rig()), encoding="utf-8")
-        child = mp.get_context("spawn").Process(target=fly, args=(case, folder, rate_hz))
-        child.start()
         if case.killed:
-            kill_when_tracking(child, folder)
+            return killed(case, folder, rate_hz)
+        child = begun(case, folder, rate_hz)
         child.join(150.0)
         if child.is_alive():
             os.killpg(child.pid or 0, signal.SIGKILL)
             return f"{case.name:26s} did not end"
-        lines = (folder / "told.jsonl").read_text(encoding="utf-8").splitlines()
-        told = [json.loads(line) for line in lines if line.endswith("]")]
+        told = told_by(folder)
         # a disk that is full takes nothing more, and it is said: what came before is to be there
         ended = [t_s for t_s, _, _, said in told if any("not recording" in w for w in said)]
         last_s = ended[0] if case.disk_full and ended else told[-1][0]
         lost_s = max(last_s - recorded_until(folder / "live" / "flight.mcap"), 0.0)
-        if case.killed:
-            return f"{case.name:26s} {'—':>24s} {'—':>7s} {'—':>6s} {lost_s:6.2f}"
         result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
         return line_of(case, told, result, lost_s)
 
 
-def kill_when_tracking(child: "mp.process.BaseProcess", folder: Path) -> None:
-    """Kill a station and all of its processes once it has tracked for a while."""
+def begun(case: Case, folder: Path, rate_hz: float, lent: LentRange | None = None) -> "mp.process.BaseProcess":
+    """Begin a station in a process of its own."""
+    folder.mkdir(exist_ok=True)
+    child = mp.get_context("spawn").Process(target=fly, args=(case, folder, rate_hz, lent))
+    child.start()
+    return child
+
+
+def told_by(folder: Path) -> list:
+    """Return the lines of the status: session time, host's time, track, words."""
     path = folder / "told.jsonl"
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    return [json.loads(line) for line in lines if line.endswith("]")]
+
+
+def killed(case: Case, folder: Path, rate_hz: float) -> str:
+    """Kill a station in mid-flight, begin another on the same range; return what became of both."""
+    file = simulated_set_up(folder / "range", rate_hz, small_rig())
+    range_ = RangeConfig(rig=file.rig, folder=folder / "range", flight=Landings(1e9), frame_rate_hz=rate_hz)
+    with SimulatedRange(range_) as lender:
+        begin_s = lender.begin(time.monotonic() + BEGINS_S)
+        lent = LentRange(lender, file, begin_s)
+        child = begun(case, folder / "first", rate_hz, lent)
+        wait_until(lambda: sum(track == "tracking" for _, _, track, _ in told_by(folder / "first")) > 3)
+        os.killpg(child.pid or 0, signal.SIGKILL)
+        killed_s = time.monotonic()
+        child.join()
+        path = folder / "first" / "live" / "flight.mcap"
+        left = path.read_bytes()
+        again = begun(case, folder / "second", rate_hz, lent)
+        again.join(150.0)
+    told = told_by(folder / "second")
+    tracking = [host_s - killed_s for _, host_s, track, _ in told if track == "tracking"]
+    done = recover(path)
+    result = json.loads((folder / "second" / "result.json").read_text(encoding="utf-8"))
+    count, anees = summed(result["rows"])
+    lost_s = told_by(folder / "first")[-1][0] - recorded_until(done.out or path)
+    return "\n".join(
+        (
+            f"{case.name} at {killed_s - begin_s:.1f} s of the flight: {max(lost_s, 0.0):.2f} s lost; recovered "
+            f"{done.chunks} chunks, {done.skipped} skipped; the file is as it was left: {path.read_bytes() == left}",
+            f"begun again: opened {told[0][1] - killed_s:.1f} s after the kill, tracking after "
+            + (f"{tracking[0]:.1f} s; " if tracking else "never; ")
+            + f"{count} answers, ANEES {anees:.2f}; its recording holds "
+            f"{recorded_until(folder / 'second' / 'live' / 'flight.mcap') - told[0][0]:.1f} s",
+        )
+    )
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    """Wait, two minutes at the most."""
     end_s = time.monotonic() + 120.0
-    while time.monotonic() < end_s:
-        if path.is_file() and path.read_text(encoding="utf-8").count('"tracking"') > 6:
-            break
+    while time.monotonic() < end_s and not done():
         time.sleep(0.1)
-    os.killpg(child.pid or 0, signal.SIGKILL)
+
+
+def summed(rows: list) -> tuple[int, float]:
+    """Return how many answers there were, and the ANEES of all."""
+    count = sum(n for n, _ in rows)
+    return count, sum(n * a for n, a in rows) / count if count else math.nan
 
 
 def line_of(case: Case, told: list, result: dict, lost_s: float) -> str:
     """Return a line: statuses while the fault was there, time to tracking after it, ANEES, what is lost."""
-    begin_s = result["begin_s"]
-    during = Counter(track for t_s, _, track, _ in told if FROM_S + 0.2 <= t_s - begin_s < TO_S)
+    begin_s, until_s = result["begin_s"], lasts_until(case)
+    during = Counter(track for t_s, _, track, _ in told if FROM_S + 0.2 <= t_s - begin_s < until_s)
     words = ", ".join(f"{n} {track}" for track, n in during.most_common())
-    again = [t_s - begin_s - TO_S for t_s, _, track, _ in told if t_s - begin_s >= TO_S and track == "tracking"]
-    count = sum(n for n, _ in result["rows"])
-    anees = sum(n * a for n, a in result["rows"]) / count if count else math.nan
+    again = [t_s - begin_s - until_s for t_s, _, track, _ in told if t_s - begin_s >= until_s and track == "tracking"]
+    _, anees = summed(result["rows"])
     back = f"{again[0]:.1f}" if again else "never"
     also = [
         w for _, _, _, lines in told for w in lines if "gone since" in w or "not recording" in w or "ends here" in w
     ]
     note = f"  “{also[0][:60]}”" if also else ""
-    return f"{case.name:26s} {words:>24s} {back:>7s} {anees:6.2f} {lost_s:6.2f}{note}"
+    return f"{case.name:26s} {until_s:8.1f} {words:>24s} {back:>7s} {anees:6.2f} {lost_s:6.2f}{note}"
 
 
 def main() -> None:
@@ -182,7 +272,10 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=10.0)
     parser.add_argument("--only", default="", help="cases with this word")
     options = parser.parse_args()
-    print(f"{'fault':26s} {'status meanwhile':>24s} {'back, s':>7s} {'ANEES':>6s} {'lost, s':>6s}", flush=True)
+    print(
+        f"{'fault':26s} {'until, s':>8s} {'status meanwhile':>24s} {'back, s':>7s} {'ANEES':>6s} {'lost, s':>6s}",
+        flush=True,
+    )
     for case in CASES:
         if options.only in case.name:
             print(run(case, options.rate), flush=True)

@@ -2,6 +2,6 @@
 
 import sys
 
-from groundstation.cli import main
+from groundstation.cli_start import main
 
 sys.exit(main())

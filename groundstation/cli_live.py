@@ -4,25 +4,31 @@ import argparse
 import signal
 import sys
 import threading
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from groundstation.cli_simulate import pairs_per_s, whole_number, wind_m_s
 
 if TYPE_CHECKING:
     from groundstation.live.board import LiveStatus
     from groundstation.live.command import LiveResult
 
+_RATE_HZ = 30.0
 _LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, live; heads
 follow it, everything is recorded. Ctrl-C parks the heads and ends it."""
 _LIVE_MORE = """examples:
   groundstation live field.toml --view
   groundstation live field.toml --for 1800 --web
   groundstation live --simulate --out out/live --for 60 --web
+  groundstation live --simulate --out out/gusts --for 60 --aircraft jsbsim --wind 6
 
 --simulate needs no hardware: simulated PTUs on real serial lines (ptys), rendered
 cameras that look where the PTUs look, one landing after the other.
 The station file: docs/live.md
 
-exit code: 0 done; 1 a device or a file is at fault; 2 wrong usage"""
+exit code: 0 done; 1 a device or a file is at fault; 2 wrong usage; 130 interrupted
+before it had begun"""
 _CHECK = """Test each device of a station before the flight: is it there, does it answer,
 how fast, does its clock hold; one line each, and what to do about it."""
 _CHECK_MORE = """example:
@@ -47,8 +53,19 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     live.add_argument("--for", type=_seconds, dest="seconds", metavar="S", help="end after so many seconds")
     live.add_argument("--simulate", action="store_true", help="with a range that is not there")
     live.add_argument("--rig", type=Path, metavar="FILE", help="with --simulate: another rig than the built-in one")
-    live.add_argument("--rate", type=_seconds, default=30.0, metavar="HZ", help="with --simulate: pairs a second (30)")
-    live.add_argument("--seed", type=int, default=0, metavar="N", help="with --simulate: of noise and weather")
+    live.add_argument(
+        "--rate", type=pairs_per_s, default=_RATE_HZ, metavar="HZ", help="with --simulate: pairs a second (30)"
+    )
+    live.add_argument("--seed", type=whole_number, default=0, metavar="N", help="with --simulate: of noise and weather")
+    live.add_argument(
+        "--wind", type=wind_m_s, default=0.0, metavar="M_S", help="with --simulate: gusts, as in simulate"
+    )
+    live.add_argument(
+        "--aircraft",
+        choices=("waves", "jsbsim"),
+        default="waves",
+        help="with --simulate: what moves it in the wind: waves, or JSBSim's C172 in turbulence, an optional extra",
+    )
     live.add_argument(
         "--ptu-fault",
         action="append",
@@ -87,16 +104,12 @@ def run_live(options: argparse.Namespace) -> int:
     """Operate until the time is over or somebody says so."""
     from groundstation.live.command import LiveRequest, live
     from groundstation.live.simulated_receiver import ReceiverModel
+    from groundstation.simulation.flights import Aircraft
     from ptu_drivers.simulated_faults import FAULTS
 
-    if options.station is None and not options.simulate:
-        print("groundstation live: got no STATION; wanted a station file, or --simulate", file=sys.stderr)
-        return 2
-    unknown = [name for name in options.ptu_fault if name not in FAULTS]
-    if unknown:
-        print(
-            f"groundstation live: --ptu-fault: got {unknown[0]!r}; wanted one of {', '.join(FAULTS)}", file=sys.stderr
-        )
+    wrong = _wrong_usage(options, FAULTS)
+    if wrong:
+        print(f"groundstation live: {wrong}", file=sys.stderr)
         return 2
     request = LiveRequest(
         station=options.station,
@@ -110,6 +123,8 @@ def run_live(options: argparse.Namespace) -> int:
         seed=options.seed,
         ptu_faults=tuple(options.ptu_fault),
         receiver=ReceiverModel() if options.dgps else None,
+        wind_m_s=options.wind,
+        aircraft=Aircraft(options.aircraft),
     )
     stop = threading.Event()
     before: dict[signal.Signals, Any] = {}
@@ -130,6 +145,30 @@ def run_live(options: argparse.Namespace) -> int:
     _finish_line()
     print(_words(result))
     return 0
+
+
+def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
+    """Return what is wrong with options that each by itself are right; "" for nothing."""
+    if not options.simulate:
+        if options.station is None:
+            return "got no STATION; wanted a station file, or --simulate"
+        defaults: dict[str, object] = {
+            "rig": None,
+            "rate": _RATE_HZ,
+            "seed": 0,
+            "wind": 0.0,
+            "aircraft": "waves",
+            "ptu_fault": [],
+            "dgps": False,
+        }
+        alone = [name for name, default in defaults.items() if getattr(options, name) != default]
+        return f"got --{alone[0].replace('_', '-')} without --simulate; wanted both" if alone else ""
+    if options.station is not None:
+        return f"got {options.station} and --simulate; wanted one of them: what is simulated has no station file"
+    if options.out is None:
+        return "got no --out; wanted a folder for what is recorded"
+    unknown = [name for name in options.ptu_fault if name not in faults]
+    return f"--ptu-fault: got {unknown[0]!r}; wanted one of {', '.join(faults)}" if unknown else ""
 
 
 def _show(status: "LiveStatus") -> None:

@@ -45,11 +45,13 @@ def add_simulate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--out", type=Path, required=True, metavar="SESSION", help="the folder to write; new or empty"
     )
     simulate.add_argument("--flight", choices=_FLIGHTS, default="landing", help="what is flown (default: landing)")
-    simulate.add_argument("--seed", type=_whole, default=0, metavar="N", help="of everything random (default: 0)")
-    simulate.add_argument("--rate", type=_rate, default=10.0, metavar="HZ", help="stereo pairs per s (default: 10)")
+    simulate.add_argument("--seed", type=whole_number, default=0, metavar="N", help="of everything random (default: 0)")
+    simulate.add_argument(
+        "--rate", type=pairs_per_s, default=10.0, metavar="HZ", help="stereo pairs per s (default: 10)"
+    )
     simulate.add_argument("--duration", type=_positive, metavar="S", help="only the first so many s of the flight")
     simulate.add_argument(
-        "--wind", type=_wind, default=0.0, metavar="M_S", help="gusts as in such a wind, up to 15 m/s (default: 0)"
+        "--wind", type=wind_m_s, default=0.0, metavar="M_S", help="gusts as in such a wind, up to 15 m/s (default: 0)"
     )
     simulate.add_argument(
         "--aircraft",
@@ -82,15 +84,18 @@ def _positive(text: str) -> float:
     return _number(text, "a number of s above 0", 0.0, 1e6, above=True)
 
 
-def _rate(text: str) -> float:
+def pairs_per_s(text: str) -> float:
+    """Return the rate that --rate asks for, Hz."""
     return _number(text, f"pairs per s, above 0, up to {_MAX_RATE_HZ:g}", 0.0, _MAX_RATE_HZ, above=True)
 
 
-def _wind(text: str) -> float:
+def wind_m_s(text: str) -> float:
+    """Return the wind that --wind asks for, m/s."""
     return _number(text, f"m/s from 0 to {_MAX_WIND_M_S:g}", 0.0, _MAX_WIND_M_S)
 
 
-def _whole(text: str) -> int:
+def whole_number(text: str) -> int:
+    """Return the whole number that --seed asks for."""
     value = _number(text, "a whole number from 0", 0.0, 2.0**53)
     if value != int(value):
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted a whole number from 0")

@@ -11,8 +11,6 @@ power Δt/τ. What was not looked at says nothing.
 
 import math
 
-import numpy as np
-
 from groundstation.arrays import FloatArray
 
 _FIRST_DETECTION = 0.8
@@ -58,8 +56,11 @@ class Existence:
         """Note a pixel that the filter has accepted, with its innovation (2,) and that one's covariance (2, 2)."""
         self._learn(station, t_s, 1.0, 1.0)
         P_D = self.detection_probability(station)
-        nis = float(residual_px @ np.linalg.solve(covariance_px2, residual_px))
-        density = math.exp(-0.5 * nis) / (2.0 * math.pi * math.sqrt(float(np.linalg.det(covariance_px2))))
+        a, b, c = float(covariance_px2[0, 0]), float(covariance_px2[1, 1]), float(covariance_px2[0, 1])
+        u, v = float(residual_px[0]), float(residual_px[1])
+        determinant = a * b - c * c
+        nis = (b * u * u - 2.0 * c * u * v + a * v * v) / determinant
+        density = math.exp(-0.5 * nis) / (2.0 * math.pi * math.sqrt(determinant))
         factor = min(1.0 - P_D + P_D * density / _CLUTTER_PER_PX2, _MOST_HIT_FACTOR)
         self._odds = min(self._odds * factor, _MOST_ODDS)
 

@@ -107,6 +107,7 @@ class FrameUpdate:
     def take(self, ready: ReadyFrame) -> CameraReport:
         """Look at one camera's frame and update the filter, which stands at its time, with what was seen."""
         record = ready.record
+        angles = None if ready.late else self._angles(ready)
         report = CameraReport(
             t_s=record.t_s,
             station=record.station,
@@ -116,19 +117,17 @@ class FrameUpdate:
             roi=None,
             predicted_px=None,
             predicted_covariance_px2=None,
-            pan_rad=None,
-            tilt_rad=None,
+            pan_rad=None if angles is None else angles.pan_rad,
+            tilt_rad=None if angles is None else angles.tilt_rad,
             innovation=None,
             elapsed_s=0.0,
             image=record.image if self._keep_images and isinstance(record, Frame) else None,
         )
         if ready.late:
             return report
-        angles = self._angles(ready)
         if angles is None:
             fault = ready.angles.value if isinstance(ready.angles, AngleFault) else "PTU readings do not change"
             return replace(report, result=Miss(reason=MissReason.NO_PTU_ANGLE, detail=fault))
-        report = replace(report, pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad)
         started = self._stopwatch()
         searches = self._keeper.searches(record.t_s) and not ready.revisited
         found = self._search(record, angles) if searches else []
@@ -140,8 +139,7 @@ class FrameUpdate:
         if prediction is None:
             miss = Miss(reason=MissReason.OUT_OF_VIEW, detail="behind the camera")
             return replace(report, status=DetectionStatus.OUT_OF_VIEW, result=miss)
-        report = self._look(record, report, prediction)
-        report = replace(report, elapsed_s=self._stopwatch() - started)
+        report = self._look(record, report, prediction, started)
         return self._judge(record, report, angles) if isinstance(report.result, Detection) else report
 
     def _angles(self, ready: ReadyFrame) -> _Angles | None:
@@ -191,14 +189,23 @@ class FrameUpdate:
         return float(np.hypot(angles.sigma_rad, self._ekf.pointing_sigma_rad(record.station)))
 
     def _look(
-        self, record: Frame | PixelMeasurement, report: CameraReport, prediction: PixelPrediction
+        self,
+        record: Frame | PixelMeasurement,
+        report: CameraReport,
+        prediction: PixelPrediction,
+        started_s: float,
     ) -> CameraReport:
         """A target is known: look where it is predicted; the answer is a detection or a named miss."""
         camera, ekf = self._cameras[record.station], self._ekf
         spread = ekf.pixel_covariance(prediction)
-        report = replace(report, predicted_px=prediction.pixel, predicted_covariance_px2=spread)
         if isinstance(record, PixelMeasurement):
-            return replace(report, result=self._labelled(record))
+            return replace(
+                report,
+                result=self._labelled(record),
+                predicted_px=prediction.pixel,
+                predicted_covariance_px2=spread,
+                elapsed_s=self._stopwatch() - started_s,
+            )
         visible = probability_in_view(prediction.pixel, spread, camera.geometry.image_size_px)
         look = None
         if visible >= self._config.estimation.min_view_probability:
@@ -214,12 +221,28 @@ class FrameUpdate:
             look = camera.look(record, self._roi_centre(record, prediction), spread, hint)
         if look is None:
             miss = Miss(reason=MissReason.OUT_OF_VIEW, detail=f"in view with probability {visible:.2g}")
-            return replace(report, status=DetectionStatus.OUT_OF_VIEW, result=miss)
-        report = replace(report, roi=look.roi, result=look.result, channel_contrast=look.channel_contrast)
+            return replace(
+                report,
+                status=DetectionStatus.OUT_OF_VIEW,
+                result=miss,
+                predicted_px=prediction.pixel,
+                predicted_covariance_px2=spread,
+                elapsed_s=self._stopwatch() - started_s,
+            )
+        status = report.status
         if isinstance(look.result, Miss):
             self._in_vain(record, look.result)
-            return replace(report, status=_MISS_STATUS.get(look.result.reason, DetectionStatus.MISS))
-        return report
+            status = _MISS_STATUS.get(look.result.reason, DetectionStatus.MISS)
+        return replace(
+            report,
+            status=status,
+            roi=look.roi,
+            result=look.result,
+            channel_contrast=look.channel_contrast,
+            predicted_px=prediction.pixel,
+            predicted_covariance_px2=spread,
+            elapsed_s=self._stopwatch() - started_s,
+        )
 
     def _judge(self, record: Frame | PixelMeasurement, report: CameraReport, angles: _Angles) -> CameraReport:
         """Fuse a found pixel if the gate lets it pass, and keep it for the baseline."""

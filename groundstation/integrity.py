@@ -15,22 +15,16 @@ is seen, not whose it is.
 """
 
 import math
-from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
+from groundstation.solution_separation import Separation, Sight, StationWindow
 
-# an epoch's own T counts at most so much: a single gross outlier is not a fault
-_MOST_OF_ONE = 36.0
-# a direction with a smaller share of the pixel's own information is not tested
-_LEAST_SHARE = 1e-2
-# an innovation beyond this (χ² of 2 degrees, one in a thousand) jumps; two of three in a row are no chance
-_JUMP = 13.8
 # jumps within one epoch are simultaneous
 _TOGETHER_S = 0.02
 # windows overlap: so many of them are as good as independent, each window's length
@@ -80,22 +74,6 @@ class Verdict(StrEnum):
     EXCLUDED = "excluded"  # known to be off: watched, not used
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sight:
-    """One station's pixel of an epoch against the filter's prediction at its own exposure.
-
-    ``residual_px`` (2,) found − predicted; ``jacobian_px_per_m`` (2, 3) by the target's position; ``noise_px2`` (2, 2)
-    of the pixel with its angles, the position's own uncertainty not in it; ``constant_px2`` the variance of what the
-    rig's known uncertainty may add to every pixel alike.
-    """
-
-    station: str
-    residual_px: FloatArray
-    jacobian_px_per_m: FloatArray
-    noise_px2: FloatArray
-    constant_px2: float = 0.0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
     """A change of a station's verdict, or of several at once; ``text`` says it in plain words."""
@@ -105,36 +83,6 @@ class Finding:
     text: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Part:
-    """What one epoch says of one station: A (2, 2), g (2,), variance of its noise and of its constant error, px²."""
-
-    t_s: float
-    A: FloatArray
-    g: FloatArray
-    noise_px2: float
-    constant_px2: float
-
-
-@dataclass(slots=True, kw_only=True, eq=False)
-class _Sums:
-    """Of one station in one window: its epochs, and innovations (t, whitened)."""
-
-    epochs: deque["_Part"] = field(default_factory=deque)
-    innovations: deque[tuple[float, FloatArray]] = field(default_factory=deque)
-    agrees_since_s: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Separation:
-    """What a window says of one station: T with its degrees of freedom, the constant error b̂ (2,), epochs counted."""
-
-    statistic: float
-    dof: int
-    bias_px: FloatArray
-    epochs: int
-
-
 class IntegrityWatch:
     """Watches the stations of one rig."""
 
@@ -142,12 +90,13 @@ class IntegrityWatch:
         self.exclusions = 0
         self.doubts = 0
         self._config = config
-        self._sums = {name: _Sums() for name in stations}
+        self._windows = {name: StationWindow(config.window_s, config.constant_px) for name in stations}
+        self._agrees_since: dict[str, float] = {}
         self._verdicts = dict.fromkeys(stations, Verdict.TRUSTED)
         self._since: dict[str, float] = {}
         self._extra: dict[str, FloatArray] = {}
         self._judged_s = -math.inf
-        per_hour = 3600.0 / config.window_s * _INDEPENDENT_PER_WINDOW * max(len(self._sums), 1)
+        per_hour = 3600.0 / config.window_s * _INDEPENDENT_PER_WINDOW * max(len(self._windows), 1)
         tail = min(config.false_alarms_per_hour / per_hour, 0.5)
         self._limits = {dof: float(chi2.isf(tail, dof)) for dof in (1, 2)}
 
@@ -161,39 +110,16 @@ class IntegrityWatch:
 
     def forget(self) -> None:
         """Start the windows anew (another target); verdicts stay."""
-        for sums in self._sums.values():
-            sums.epochs.clear()
-            sums.innovations.clear()
+        for window in self._windows.values():
+            window.forget()
 
     def judged(self, station: str, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray) -> None:
         """Take an innovation of the filter, accepted or not, of a station that is used."""
-        L = np.linalg.cholesky(covariance_px2)
-        white = np.linalg.solve(L, residual_px)
-        length = float(np.hypot(*white))
-        own = self._sums[station].innovations
-        own.append((t_s, white * min(1.0, _MOST_OF_ONE**0.5 / max(length, 1e-12))))
-        while own[0][0] < t_s - 2.0 * self._config.window_s:
-            own.popleft()
+        self._windows[station].judged(t_s, residual_px, covariance_px2)
 
     def jumped_s(self, station: str) -> float | None:
         """Return when a station's innovations began to jump, within the last two windows; None if they did not."""
-        times = [(t_s, float(w @ w) > _JUMP) for t_s, w in self._sums[station].innovations]
-        for k, (t_s, jump) in enumerate(times):
-            if jump and any(again for _, again in times[k + 1 : k + 3]):
-                return t_s
-        return None
-
-    def innovation_square(self, station: str) -> float:
-        """Return n·|mean|² of the whitened innovations of two windows: χ² of 2 degrees for a filter that is right."""
-        own = self._sums[station].innovations
-        if not own:
-            return 0.0
-        return float(len(own) * np.square(np.mean([w for _, w in own], axis=0)).sum())
-
-    def normalised_square(self, station: str) -> float:
-        """Return the mean NIS of two windows per degree of freedom: 1 for a filter that is right."""
-        own = self._sums[station].innovations
-        return 0.0 if not own else float(np.mean([w @ w for _, w in own])) / 2.0
+        return self._windows[station].jumped_s()
 
     def epoch(self, t_s: float, sights: Sequence[Sight]) -> list[Finding]:
         """Take the pixels of one epoch and return which verdicts they change."""
@@ -202,7 +128,7 @@ class IntegrityWatch:
         used = [s for s in sights if self._verdicts[s.station] is not Verdict.EXCLUDED]
         for sight in sights:
             # a station that is left out is held against those that are not
-            self._add(t_s, sight, used if sight in used else [*used, sight])
+            self._windows[sight.station].add(t_s, sight, used if sight in used else [*used, sight])
         if t_s < self._judged_s + _JUDGED_EVERY_S:
             return []
         self._judged_s = t_s
@@ -211,35 +137,9 @@ class IntegrityWatch:
 
     def separation(self, station: str) -> Separation:
         """Return the window's leave-one-out test of one station."""
-        epochs = self._sums[station].epochs
-        n = len(epochs)
-        if n == 0:
-            return Separation(statistic=0.0, dof=1, bias_px=np.zeros(2), epochs=0)
-        A = np.sum([e.A for e in epochs], axis=0)
-        g = np.sum([e.g for e in epochs], axis=0)
-        noise = float(np.mean([e.noise_px2 for e in epochs]))
-        values, vectors = np.linalg.eigh(A)
-        # a direction that the others say nothing of: across the line of sight of two stations
-        sound = values > _LEAST_SHARE * n / noise
-        root = np.where(sound, 1.0 / np.where(sound, values, 1.0), 0.0)
-        bias = (vectors * root) @ (vectors.T @ g)
-        rho = float(np.mean([e.constant_px2 for e in epochs])) / noise
-        statistic = float(g @ bias) / (1.0 + n * rho)
-        return Separation(statistic=statistic, dof=max(int(sound.sum()), 1), bias_px=bias, epochs=n)
+        return self._windows[station].separation()
 
     # ------------------------------------------------------------------------------------------ inside
-    def _add(self, t_s: float, sight: Sight, among: Sequence[Sight]) -> None:
-        own = self._sums[sight.station].epochs
-        if len(among) >= 2:
-            A, g = _leave_out(sight, [s for s in among if s is not sight])
-            noise = 0.5 * float(np.trace(sight.noise_px2))
-            constant = self._config.constant_px**2 + sight.constant_px2
-            square = _explained(A, g)
-            share = min(1.0, (_MOST_OF_ONE * (1.0 + constant / noise) / max(square, 1e-12)) ** 0.5)
-            own.append(_Part(t_s=t_s, A=A, g=g * share, noise_px2=noise, constant_px2=constant))
-        while own and own[0].t_s < t_s - self._config.window_s:
-            own.popleft()
-
     def _alarms(self, names: Sequence[str]) -> dict[str, Separation]:
         """Return those whose separation is beyond what noise makes of it."""
         out = {}
@@ -255,15 +155,16 @@ class IntegrityWatch:
         for name in names:
             if self._verdicts[name] is Verdict.TRUSTED:
                 continue
-            s, sums = self.separation(name), self._sums[name]
+            s = self.separation(name)
             # half of the limit: in and out are not to be the same step
             agrees = s.epochs >= self._config.min_epochs and s.statistic < 0.5 * self._limits[s.dof]
-            sums.agrees_since_s = (sums.agrees_since_s or t_s) if agrees else None
-            if sums.agrees_since_s is not None and t_s - sums.agrees_since_s >= self._config.readmit_s:
+            if not agrees:
+                self._agrees_since.pop(name, None)
+            elif t_s - self._agrees_since.setdefault(name, t_s) >= self._config.readmit_s:
                 back.append(name)
         for name in back:
             self._verdicts[name] = Verdict.TRUSTED
-            self._sums[name].agrees_since_s = None
+            self._agrees_since.pop(name, None)
             self._extra.pop(name, None)
         if not back:
             return []
@@ -275,14 +176,14 @@ class IntegrityWatch:
         alarms = self._alarms(used)
         if not alarms:
             return []
-        first_s = min(self._sums[name].epochs[0].t_s for name in alarms)
+        first_s = min(self._windows[name].first_s for name in alarms)
         guilty = self._guilty(alarms) if len(used) >= 3 else None
         if guilty is not None:
             self._verdicts[guilty] = Verdict.EXCLUDED
             self._extra.pop(guilty, None)
             for name in used:
                 # what the others were held against was wrong
-                self._sums[name].epochs.clear()
+                self._windows[name].forget_epochs()
                 if name != guilty and self._verdicts[name] is Verdict.DOUBTED:
                     self._verdicts[name] = Verdict.TRUSTED
                     self._extra.pop(name, None)
@@ -322,37 +223,6 @@ class IntegrityWatch:
         if not jumps or (len(jumps) > 1 and jumps[1][0] - jumps[0][0] < _TOGETHER_S):
             return None
         return jumps[0][1]
-
-
-def _leave_out(sight: Sight, others: Sequence[Sight]) -> tuple[FloatArray, FloatArray]:
-    """Return A (2, 2) and g (2,) of one station against the fix of the others.
-
-    With the others' information J = Σ Hᵀ W H and pull c = Σ Hᵀ W r, and the station's own H₀, W₀, r₀: eliminating the
-    target from all of them, g = W₀ (r₀ − H₀ δ̂) and A = W₀ − W₀ H₀ (J + H₀ᵀ W₀ H₀)⁻¹ H₀ᵀ W₀.
-    """
-    own = np.linalg.inv(sight.noise_px2)
-    H = sight.jacobian_px_per_m
-    J, c = H.T @ own @ H, H.T @ own @ sight.residual_px
-    for other in others:
-        W = np.linalg.inv(other.noise_px2)
-        J += other.jacobian_px_per_m.T @ W @ other.jacobian_px_per_m
-        c += other.jacobian_px_per_m.T @ W @ other.residual_px
-    moved = np.linalg.solve(J, c)
-    A = own - own @ H @ np.linalg.solve(J, H.T @ own)
-    return 0.5 * (A + A.T), own @ (sight.residual_px - H @ moved)
-
-
-def _explained(A: FloatArray, g: FloatArray) -> float:
-    """Return gᵀ A⁺ g of a symmetric A (2, 2); directions of less than `_LEAST_SHARE` of the largest count as none."""
-    a, b, c = float(A[0, 0]), float(A[0, 1]), float(A[1, 1])
-    middle, radius = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
-    turn = 0.5 * math.atan2(2.0 * b, a - c)
-    along = math.cos(turn) * float(g[0]) + math.sin(turn) * float(g[1])
-    across = math.cos(turn) * float(g[1]) - math.sin(turn) * float(g[0])
-    large, small = middle + radius, middle - radius
-    if large <= 0.0:
-        return 0.0
-    return along**2 / large + (across**2 / small if small > _LEAST_SHARE * large else 0.0)
 
 
 def _named(stations: Sequence[str]) -> str:

@@ -100,12 +100,12 @@ class FlyRecording:
         if corners_px is None:
             send.log("camera/image/corners", rr.Clear(recursive=False))
         else:
-            seen = np.isfinite(corners_px).all(axis=1)
+            seen = np.flatnonzero(np.isfinite(corners_px).all(axis=1))
             points = rr.Points2D(
                 corners_px[seen] + _CORNER_FROM_CENTRE_PX,
                 colors=[_CORNER_RGB],
                 radii=[-4.0],
-                labels=[name for name, is_seen in zip(CORNERS, seen.tolist(), strict=True) if is_seen],
+                labels=[CORNERS[k] for k in seen],
             )
             send.log("camera/image/corners", points)
         send.log("status", rr.TextLog(report.outcome))

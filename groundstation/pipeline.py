@@ -107,7 +107,7 @@ class Pipeline:
 
     @property
     def counts(self) -> dict[str, int]:
-        """What was refused: what came too late even to go back for, PTU spikes, stations lost, doubted, left out."""
+        """What was refused: what came too late even to go back for, PTU spikes, references, stations, starts."""
         late, fused, health = self._synchroniser.late, self._fused_late, self._health
         return {
             "late_ptu": late.ptu - fused["fused_late_ptu"],
@@ -118,6 +118,7 @@ class Pipeline:
             "stations_doubted": health.watch.doubts,
             "stations_excluded": health.watch.exclusions,
             "excluded_pixels": health.excluded_pixels,
+            "starts_taken_back": self._ekf.starts_taken_back,
         }
 
     @property

@@ -43,8 +43,8 @@ def recover(path: Path, out: Path | None = None) -> Recovered:
     ``out`` is a file that does not exist yet, by default NAME-recovered.mcap beside the old one. Raises `InputError`
     where nothing can be recovered, or if the new file does not read as it was written.
     """
-    out = path.with_name(f"{path.stem}-recovered.mcap") if out is None else out
     with ContainerReader(path) as reader:
+        out = path.with_name(f"{path.stem}-recovered.mcap") if out is None else out
         contents = reader.contents()
         skipped: list[RecordingError] = []
         if contents.fault is None:

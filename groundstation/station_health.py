@@ -10,8 +10,9 @@ import numpy as np
 from groundstation.epoch import EpochPage, EpochView
 from groundstation.estimation.ekf import StationEkf
 from groundstation.geometry.station import StationGeometry
-from groundstation.integrity import Finding, IntegrityConfig, IntegrityWatch, Sight, Verdict
+from groundstation.integrity import Finding, IntegrityConfig, IntegrityWatch, Verdict
 from groundstation.messages import TrackEvent
+from groundstation.solution_separation import Sight
 
 
 class StationHealth:

@@ -240,8 +240,12 @@ class Synchroniser:
 
         A frame with a reading at its very stamp needs no other.
         """
-        if any(known.t_s == frame.t_s for known in self._history.get(frame.station, ())):
-            return None
+        for known in reversed(self._history.get(frame.station, ())):
+            if known.t_s == frame.t_s:
+                return None
+            if known.t_s < frame.t_s:
+                # in order: all before it are older still
+                break
         for queued in self._queue:
             candidate = queued.event
             if isinstance(candidate, PtuSample) and candidate.station == frame.station:

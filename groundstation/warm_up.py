@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from groundstation import leave_one_out
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.acquisition import AcquisitionConfig, CandidateFinder
 from groundstation.detection.config import DetectionConfig
@@ -70,6 +71,7 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
         ekf.update_width(geometry.name, 40.0, 2.0, alone=True)
         ekf.absorb_miss(geometry.name, 0.9)
         ekf.update_reference(np.array([0.0, 50.0, 0.0]), np.eye(3))
+        ekf.kinematics_at(0.3)
     target = np.array([2.0, 50.0, 0.0])
     views = []
     for station in (geometry, _station(np.array([5.0, 0.0, 0.0]), geometry.lens)):
@@ -86,6 +88,7 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
                 )
             )
     triangulate(views)
+    leave_one_out.warm_up()
 
 
 def _station(position_m: FloatArray, lens: Lens) -> StationGeometry:

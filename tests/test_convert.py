@@ -104,6 +104,7 @@ def test_the_commands_complain_in_one_line(tmp_path: Path, capsys: pytest.Captur
         (["convert", str(tmp_path / "text.mcap"), str(tmp_path / "other")], "no MCAP"),
         (["convert", str(tmp_path / "none.mcap"), str(tmp_path / "other")], "no such file"),
         (["recover", str(tmp_path / "none.mcap")], "no such file"),
+        (["recover", "."], "no such file"),
         (["recover", str(tmp_path / "text.mcap")], "no MCAP"),
         (["recover", str(folder)], "no such file"),
         (["replay", str(tmp_path / "text.mcap"), "--out", str(tmp_path / "out")], "no MCAP"),

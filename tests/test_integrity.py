@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from groundstation.integrity import IntegrityConfig, IntegrityWatch, Sight, Verdict
+from groundstation.integrity import IntegrityConfig, IntegrityWatch, Verdict
 from groundstation.messages import DetectionStatus, PixelMeasurement
 from groundstation.simulation import StationErrors, perturbed, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.cases import drawn_glide
+from groundstation.solution_separation import Sight
 from tests.faulty_flight import STATIONS, broken, rig_of, scenario, watch
 
 BUMP_S = 4.0

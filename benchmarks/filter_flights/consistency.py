@@ -6,18 +6,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from filter_flights.bounds import joint_series, track_bound
+from filter_flights.bounds import full_bound, joint_series, track_bound
 from filter_flights.drive import Run, drawn_start, drive
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.parameters import ParameterPrior
 from groundstation.messages import Epoch, PixelMeasurement, PtuSample
+from groundstation.rig import Rig, Station
 from groundstation.simulation import Scenario, SimulatedFlight, case_b, case_c, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.cases import BOUND_PSD_M2_S3, drawn_glide
+from groundstation.simulation.disturbance import drawn_deviation
+from groundstation.simulation.pointing import Adrift
 from groundstation.triangulation import View, triangulate
 
 WIDE = (10.0, 5.0)
 NEAR = (0.1, 0.3)
+# heads that drift by it stay within some 30° of the target for an approach
+DRAWN_HEAD_PSD_RAD2_S3 = 1e-5
+_WIDE_IMAGE_PX = 16_000
 
 
 def one_mode(psd: tuple[float, float, float] = BOUND_PSD_M2_S3) -> EstimationConfig:
@@ -31,6 +38,29 @@ def drawn_case(case: str, seed: int, rate_hz: float, nominal: Glide | None = Non
     if case == "B":
         return case_b(seed=seed, rate_hz=rate_hz, trajectory=flight, white_encoder=True)
     return case_c(seed=seed, rate_hz=rate_hz, trajectory=flight)
+
+
+def with_drawn_heads(plain: Scenario, seed: int, psd_rad2_s3: float = DRAWN_HEAD_PSD_RAD2_S3) -> Scenario:
+    """Return the scenario with heads that move as the filter's model of them, too, and pictures that hold the target.
+
+    Nothing turns such a head after the target, so the pictures are ± 50° wide; focal length and noise stay.
+    """
+    start, end = plain.trajectory.span_s
+
+    def adrift(number: int) -> Adrift:
+        generator = np.random.default_rng([seed, 5, number])
+        psd = (psd_rad2_s3, psd_rad2_s3, 0.0)
+        span = (start - plain.lead_s - 1.0, end + plain.lead_s + 1.0)
+        return Adrift(deviation=drawn_deviation(generator, span_s=span, acceleration_psd_m2_s3=psd))
+
+    def widened(station: Station) -> Station:
+        middle = np.full(2, 0.5 * (_WIDE_IMAGE_PX - 1))
+        lens = replace(station.lens, image_size_px=(_WIDE_IMAGE_PX, _WIDE_IMAGE_PX), principal_point_px=middle)
+        return replace(station, lens=lens)
+
+    rig = Rig(stations=tuple(widened(s) for s in plain.rig.stations))
+    ptus = {name: replace(model, pointing=adrift(k)) for k, (name, model) in enumerate(plain.ptus.items())}
+    return replace(plain, rig=rig, true_rig=rig, ptus=ptus)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,6 +103,10 @@ class Sample:
         """Return how many innovations there are."""
         return sum(r.nis.size for r in self.runs)
 
+    def refused(self) -> int:
+        """Return how many pixels the gates refused."""
+        return sum(r.refused for r in self.runs)
+
 
 def chi2_range(dof: int, samples: int, share: float = 0.95) -> tuple[float, float]:
     """Return the two-sided range of the mean of ``samples`` χ² of ``dof``, per degree of freedom."""
@@ -80,13 +114,23 @@ def chi2_range(dof: int, samples: int, share: float = 0.95) -> tuple[float, floa
     return float(low), float(high)
 
 
-def sample_case(case: str, rate_hz: float, seeds: Sequence[int], config: EstimationConfig | None = None) -> Sample:
-    """Fly a case with many seeds, from the bounds' wide start."""
+def sample_case(case: str, rate_hz: float, seeds: Sequence[int], *, drawn_heads: bool = True) -> Sample:
+    """Fly a case with many seeds, from the bounds' wide start.
+
+    With ``drawn_heads`` everything is drawn from the filter's model, and the bound is that of the whole state; without,
+    heads aim exactly, and the bound is that of independent pairs.
+    """
     runs, bounds = [], []
+    config = replace(one_mode(), ptu_acceleration_psd_rad2_s3=DRAWN_HEAD_PSD_RAD2_S3) if drawn_heads else one_mode()
     for seed in seeds:
-        flight = simulate(drawn_case(case, seed, rate_hz))
-        runs.append(drive(flight, one_mode() if config is None else config, drawn_start(flight, seed, *WIDE)))
-        bound = track_bound(flight, BOUND_PSD_M2_S3, WIDE)
+        plain = drawn_case(case, seed, rate_hz)
+        flight = simulate(with_drawn_heads(plain, seed) if drawn_heads else plain)
+        start = drawn_start(flight, seed, *WIDE)
+        runs.append(drive(flight, config, start))
+        if drawn_heads:
+            bound = full_bound(flight, config, start, prior=ParameterPrior.nothing(), truth=np.zeros(0))
+        else:
+            bound = track_bound(flight, BOUND_PSD_M2_S3, WIDE)
         bounds.append(np.diagonal(bound[:, :3, :3], axis1=1, axis2=2))
     return Sample(runs=runs, bound_m2=np.array(bounds))
 
@@ -128,20 +172,33 @@ class Gain:
     bound: FloatArray
 
 
-def gain_over_triangulation(rate_hz: float, seeds: Sequence[int]) -> Gain:
-    """Return the gain in case B, from the near start: mean over epochs of y 40 … 450 m."""
-    nominal = Glide(start_y_m=450.0, end_y_m=40.0)
-    filtered, triangulated, tracked, fixed = [], [], [], []
+def gain_over_triangulation(rate_hz: float, seeds: Sequence[int], start_y_m: float = 600.0) -> Gain:
+    """Return the gain in case B: mean over ranges y of 40 … 450 m, in bins of 10 m of each flight's own.
+
+    Flights begin at ``start_y_m`` with the near start: 600 m is where those of the bounds do. One that begins at 450 m
+    has the start's own 0.1 m in its first bins, where triangulation has 2 m.
+    """
+    nominal = Glide(start_y_m=start_y_m, end_y_m=40.0)
+    edges = np.arange(40.0, 451.0, 10.0)
+    sums, counts = np.zeros((4, edges.size - 1, 3)), np.zeros(edges.size - 1)
     for seed in seeds:
         flight = simulate(drawn_case("B", seed, rate_hz, nominal))
-        filtered.append(drive(flight, one_mode(), drawn_start(flight, seed, *NEAR)).error[:, :3] ** 2)
-        triangulated.append(triangulated_errors(flight) ** 2)
-        bound = track_bound(flight, BOUND_PSD_M2_S3, NEAR)
-        tracked.append(np.diagonal(bound[:, :3, :3], axis1=1, axis2=2))
-        fixed.append(np.diagonal(np.linalg.inv(joint_series(flight)), axis1=1, axis2=2))
-    ratio = np.sqrt(np.nanmean(triangulated, axis=0) / np.mean(filtered, axis=0))
-    best = np.sqrt(np.mean(fixed, axis=0) / np.mean(tracked, axis=0))
-    return Gain(filtered=np.asarray(ratio.mean(axis=0)), bound=np.asarray(best.mean(axis=0)))
+        triangulated = triangulated_errors(flight) ** 2
+        y = flight.truth.position_runway_m[:, 1]
+        used = np.flatnonzero((y >= edges[0]) & (y < edges[-1]) & np.isfinite(triangulated[:, 0]))
+        fixed = np.linalg.inv(joint_series(flight)[used])
+        squares = (
+            drive(flight, one_mode(), drawn_start(flight, seed, *NEAR)).error[used, :3] ** 2,
+            triangulated[used],
+            np.diagonal(track_bound(flight, BOUND_PSD_M2_S3, NEAR)[used, :3, :3], axis1=1, axis2=2),
+            np.diagonal(fixed, axis1=1, axis2=2),
+        )
+        where = np.digitize(y[used], edges) - 1
+        np.add.at(counts, where, 1.0)
+        for total, square in zip(sums, squares, strict=True):
+            np.add.at(total, where, square)
+    filtered, found, tracked, single = np.sqrt(sums / counts[:, None])
+    return Gain(filtered=(found / filtered).mean(axis=0), bound=(single / tracked).mean(axis=0))
 
 
 def outlier_ratio(rate_hz: float, seeds: Sequence[int], share: float = 0.05) -> FloatArray:

@@ -48,10 +48,14 @@ def _distance(seen: FloatArray, mean: FloatArray, variance: FloatArray, slack: f
     return math.sqrt(total / seen.size)
 
 
+@njit(cache=True, nogil=True)
 def features(colour: FloatArray, width: float, height: float, area: float) -> FloatArray:
     """Return the (5,) features of one silhouette."""
-    shape = [math.log(max(height, 1.0) / max(width, 1.0)), math.log(max(area, 1.0) / max(width, 1.0) ** 2)]
-    return np.concatenate([colour, shape])
+    seen = np.empty(5)
+    seen[:3] = colour
+    seen[3] = math.log(max(height, 1.0) / max(width, 1.0))
+    seen[4] = math.log(max(area, 1.0) / max(width, 1.0) ** 2)
+    return seen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -132,32 +132,46 @@ def _compare(
     ground: Planes,
     between: tuple[float, float],
     edge_px: float,
+    shown: tuple[Box, Box],
     residual: Float32Array,
     edge: Float32Array,
+    misfit: Float32Array,
 ) -> None:
     """Write the difference of a window (h, w) from a frame's planes (h + 1, w + 1), taken between their pixels.
 
-    ``between`` is how far right and down of each of the frame's pixels. Each channel is gone through on its own and
-    row by row, so that the compiler works on many pixels at a time.
+    ``between`` is how far right and down of each of the frame's pixels, ``shown`` the part of the window that the frame
+    shows and the hole in it that the target hides; elsewhere the misfit is unknown. Each channel is gone through on its
+    own and row by row, so that the compiler works on many pixels at a time.
     """
+    valid, hole = shown
     h, w = edge.shape
     fx, fy, one = np.float32(between[0]), np.float32(between[1]), np.float32(1)
     w00, w01, w10, w11 = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
     gain = np.float32(0.5 * edge_px)
     apart = np.empty((3, w), np.float32)
     for i in range(h):
+        steep = edge[i]
+        steep[:] = 0.0
         for c in range(3):
             new, upper, lower = window[c][i], ground[c][i], ground[c][i + 1]
             for j in range(w):
                 a, b = np.float32(upper[j]), np.float32(upper[j + 1])
                 d, f = np.float32(lower[j]), np.float32(lower[j + 1])
                 apart[c, j] = np.float32(new[j]) - (w00 * a + w01 * b + w10 * d + w11 * f)
-                edge[i, j] = max(edge[i, j], gain * (abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b)))
+                steep[j] = max(steep[j], gain * (abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b)))
+        grey, blue_red, magenta, unfit = residual[0, i], residual[1, i], residual[2, i], misfit[i]
         for j in range(w):
             b, g, r = apart[0, j], apart[1, j], apart[2, j]
-            residual[0, i, j] = np.float32(0.114) * b + np.float32(0.587) * g + np.float32(0.299) * r
-            residual[1, i, j] = np.float32(0.5) * (b - r)
-            residual[2, i, j] = np.float32(0.5) * g - np.float32(0.25) * (b + r)
+            level = np.float32(0.114) * b + np.float32(0.587) * g + np.float32(0.299) * r
+            one_colour, other_colour = np.float32(0.5) * (b - r), np.float32(0.5) * g - np.float32(0.25) * (b + r)
+            grey[j], blue_red[j], magenta[j] = level, one_colour, other_colour
+            unfit[j] = abs(level) + np.float32(2) * (abs(one_colour) + abs(other_colour))
+        if not valid[1] <= i < valid[3]:
+            unfit[:] = np.float32(_UNKNOWN)
+        unfit[: valid[0]] = np.float32(_UNKNOWN)
+        unfit[max(valid[2], 0) :] = np.float32(_UNKNOWN)
+        if hole[1] <= i < hole[3]:
+            unfit[max(hole[0], 0) : max(hole[2], 0)] = np.float32(_UNKNOWN)
 
 
 def _cut(frame: ImageArray, x: int, y: int, size: tuple[int, int]) -> Planes:
@@ -171,18 +185,6 @@ def _cut(frame: ImageArray, x: int, y: int, size: tuple[int, int]) -> Planes:
     if inside.size:
         window[top : top + inside.shape[0], left : left + inside.shape[1]] = inside
     return planes(window)
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _weigh(residual: Float32Array, valid: Box, hole: Box, misfit: Float32Array) -> None:
-    """Write how badly a frame fits, where it is ``valid`` and does not show the target (``hole``)."""
-    for i in range(valid[1], valid[3]):
-        grey, blue_red, magenta, row = residual[0, i], residual[1, i], residual[2, i], misfit[i]
-        for j in range(valid[0], valid[2]):
-            row[j] = abs(grey[j]) + np.float32(2) * (abs(blue_red[j]) + abs(magenta[j]))
-    for i in range(max(hole[1], 0), min(hole[3], misfit.shape[0])):
-        for j in range(max(hole[0], 0), min(hole[2], misfit.shape[1])):
-            misfit[i, j] = np.float32(_UNKNOWN)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,25 +238,24 @@ class BackgroundMemory:
         if not self._register(_Seen(image, corner), inside, size, target):
             self.reset()
             return None
-        residual = np.zeros((3, h, w), np.float32)
-        edge = np.zeros((h, w), np.float32)
-        misfit = np.full((h, w), np.float32(_UNKNOWN))
+        residual = np.empty((3, h, w), np.float32)
+        edge, misfit = np.empty((h, w), np.float32), np.empty((h, w), np.float32)
         frame, hidden, shift = self._laid_under(self._order[0], corner)
         x0, y0 = inside[0] + shift[0], inside[1] + shift[1]
         ground = _cut(frame, math.floor(x0), math.floor(y0), (w + 1, h + 1))
         window = planes(image[inside[1] : inside[1] + h, inside[0] : inside[0] + w])
-        _compare(window, ground, (x0 - math.floor(x0), y0 - math.floor(y0)), self._edge_px, residual, edge)
         last = (math.floor(frame.shape[1] - 1 - x0), math.floor(frame.shape[0] - 1 - y0))
         valid = (max(math.ceil(-x0), 0), max(math.ceil(-y0), 0), min(last[0], w), min(last[1], h))
         top_left = (math.ceil(hidden[0] - x0), math.ceil(hidden[1] - y0))
         hole = (*top_left, math.ceil(hidden[2] - x0), math.ceil(hidden[3] - y0))
-        _weigh(residual, valid, hole, misfit)
+        between, out = (x0 - math.floor(x0), y0 - math.floor(y0)), (residual, edge, misfit)
+        _compare(window, ground, between, self._edge_px, (valid, hole), *out)
         # older frames serve where the target may be, where the newest one hides the scene, and where it ends
         near = _union(
             (target[0] - origin[0], target[1] - origin[1], target[2] - origin[0], target[3] - origin[1]), hole, size
         )
         whole = (0, 0, w, h)
-        open_px, out = _unexplained(near if valid == whole else whole, misfit), (residual, edge, misfit)
+        open_px = _unexplained(near if valid == whole else whole, misfit)
         for k in self._order[1:]:
             frame, hidden, shift = self._laid_under(k, corner)
             open_px = _difference(image, inside, open_px, frame, shift, hidden, self._edge_px, *out)

@@ -175,8 +175,7 @@ class Detector:
             return Miss(reason=MissReason.NO_REGION, detail=f"the target point is uncertain by {doubt:.0f} px")
         # a bird over the aircraft makes one silhouette with it, in about the right place, but not its nose
         away = point - look.full(look.predicted)
-        spread = covariance + look.covariance * look.scale**2 + np.eye(2)
-        if float(away @ np.linalg.solve(spread, away)) > self._config.gate_sigmas**2:
+        if _squared_sigmas(away, covariance + look.covariance * look.scale**2) > self._config.gate_sigmas**2:
             return Miss(reason=MissReason.NO_REGION, detail="the target point is too far from the prediction")
         size = look.scale
         working = (point - look.full(corner)) / size
@@ -194,6 +193,13 @@ class Detector:
             channel=prepared.channel.value,
             cut=cut,
         )
+
+
+def _squared_sigmas(away_px: FloatArray, covariance_px2: FloatArray) -> float:
+    """Return how far (2,) is in squared sigmas of a covariance (2, 2) and of a pixel more."""
+    x, y = float(away_px[0]), float(away_px[1])
+    a, b, c = float(covariance_px2[0, 0]) + 1.0, float(covariance_px2[1, 1]) + 1.0, float(covariance_px2[0, 1])
+    return (b * x * x - 2.0 * c * x * y + a * y * y) / (a * b - c * c)
 
 
 def _place_of(detection: Detection) -> tuple[int, int, int, int]:

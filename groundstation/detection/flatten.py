@@ -25,12 +25,29 @@ _NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 _FLAT = 6  # grey levels between neighbouring blocks that interpolation bridges
 
 
-def _block_means(image: ImageArray, step: int) -> ImageArray:
-    """Return the (⌈h/step⌉, ⌈w/step⌉, 3) means of square blocks; the last ones repeat the image's edge."""
-    h, w = image.shape[:2]
+@njit(cache=True, nogil=True, fastmath=True)
+def _block_means(colour: Planes, step: int) -> ImageArray:
+    """Return the (⌈h/step⌉, ⌈w/step⌉, 3) means of square blocks of three planes; the last ones repeat their edge."""
+    h, w = colour[0].shape
     rows, columns = (h + step - 1) // step, (w + step - 1) // step
-    padded = cv2.copyMakeBorder(image, 0, rows * step - h, 0, columns * step - w, cv2.BORDER_REPLICATE)
-    return np.asarray(cv2.resize(padded, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
+    means = np.empty((rows, columns, 3), np.uint8)
+    gain = np.float32(1.0 / (step * step))
+    sums = np.empty(columns * step, np.int32)
+    for c in range(3):
+        plane = colour[c]
+        for a in range(rows):
+            sums[:] = 0
+            for k in range(step):
+                line = plane[min(a * step + k, h - 1)]
+                for j in range(w):
+                    sums[j] += np.int32(line[j])
+            sums[w:] = sums[w - 1]
+            for b in range(columns):
+                total = np.int32(0)
+                for k in range(step):
+                    total += sums[b * step + k]
+                means[a, b, c] = np.uint8(np.rint(np.float32(total) * gain))
+    return means
 
 
 def _edges(median: ImageArray) -> NDArray[np.bool_]:
@@ -41,21 +58,39 @@ def _edges(median: ImageArray) -> NDArray[np.bool_]:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def opponents(colour: Planes, ground: Planes, out: Float32Array) -> None:
-    """Write grey, blue minus red and green minus magenta of a colour less another, plane by plane, into (3, h, w).
-
-    The planes may reach beyond h and w.
-    """
-    blue, green, red = colour
-    blue_0, green_0, red_0 = ground
-    for i in range(out.shape[1]):
-        for j in range(out.shape[2]):
-            b = np.float32(blue[i, j]) - np.float32(blue_0[i, j])
-            g = np.float32(green[i, j]) - np.float32(green_0[i, j])
-            r = np.float32(red[i, j]) - np.float32(red_0[i, j])
-            out[0, i, j] = np.float32(0.114) * b + np.float32(0.587) * g + np.float32(0.299) * r
-            out[1, i, j] = np.float32(0.5) * (b - r)
-            out[2, i, j] = np.float32(0.5) * g - np.float32(0.25) * (b + r)
+def _less_median(colour: Planes, median: ImageArray, step: int, out: Float32Array) -> None:
+    """Write the opponents of a colour less the block medians (rows, columns, 3), taken between the blocks' middles."""
+    h, w = out.shape[1], out.shape[2]
+    rows, columns = median.shape[:2]
+    gain, half, one = np.float32(1.0 / step), np.float32(0.5), np.float32(1)
+    # each row of blocks as wide as the image
+    left, right, across = np.empty(w, np.int32), np.empty(w, np.int32), np.empty(w, np.float32)
+    for j in range(w):
+        x = (np.float32(j) + half) * gain - half
+        first = math.floor(x)
+        left[j], right[j], across[j] = max(first, 0), min(first + 1, columns - 1), x - np.float32(first)
+    wide = np.empty((3, rows, w), np.float32)
+    for c in range(3):
+        for a in range(rows):
+            line, row = median[a, :, c].astype(np.float32), wide[c, a]
+            for j in range(w):
+                row[j] = (one - across[j]) * line[left[j]] + across[j] * line[right[j]]
+    for i in range(h):
+        y = (np.float32(i) + half) * gain - half
+        first = math.floor(y)
+        down, upper, lower = y - np.float32(first), max(first, 0), min(first + 1, rows - 1)
+        up = one - down
+        blue, green, red = colour[0][i], colour[1][i], colour[2][i]
+        b0, g0, r0 = wide[0, upper], wide[1, upper], wide[2, upper]
+        b1, g1, r1 = wide[0, lower], wide[1, lower], wide[2, lower]
+        grey, blue_red, magenta = out[0, i], out[1, i], out[2, i]
+        for j in range(w):
+            b = np.float32(blue[j]) - (up * b0[j] + down * b1[j])
+            g = np.float32(green[j]) - (up * g0[j] + down * g1[j])
+            r = np.float32(red[j]) - (up * r0[j] + down * r1[j])
+            grey[j] = np.float32(0.114) * b + np.float32(0.587) * g + np.float32(0.299) * r
+            blue_red[j] = half * (b - r)
+            magenta[j] = half * g - half * half * (b + r)
 
 
 @njit(cache=True, nogil=True)
@@ -128,17 +163,11 @@ def flatten(image: ImageArray, window: float) -> Float32Array:
     """
     image = np.ascontiguousarray(image)
     step = max(math.floor(window / _BLOCKS + 0.5), 1)
-    median = np.asarray(cv2.medianBlur(_block_means(image, step), _BLOCKS), np.uint8)
-    out = np.empty((3, *image.shape[:2]), np.float32)
-    rows, columns = median.shape[:2]
-    size = (columns * step, rows * step)
     # plane by plane: pixels of three bytes would keep the compiler from working on many at a time
-    colours, blocks = planes(image), planes(median)
-    blue, green, red = (
-        np.asarray(cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_LINEAR), np.float32)
-        for plane in blocks
-    )
-    opponents(colours, (blue, green, red), out)
+    colour = planes(image)
+    median = np.asarray(cv2.medianBlur(_block_means(colour, step), _BLOCKS), np.uint8)
+    out = np.empty((3, *image.shape[:2]), np.float32)
+    _less_median(colour, median, step, out)
     edges = _edges(median)
     if edges.any():
         _keep_edges(image, median, edges, step, out)

@@ -254,27 +254,39 @@ def locate_nose(
     forward : (2,) image shift in px of one span's length along the expected body axis; ``sigma`` per component.
     scale : the span in px, and the sigma of an edge's place in px.
     """
-    span, edge = scale
     shape = (_BEHIND, _HALF_WIDTH, _ABOVE, _BELOW, _SIGMA)
+    ends, rows = (outline.top, outline.bottom), np.column_stack((outline.middle, outline.width))
+    weights = _row_weights(outline.width, *scale)
+    found = _weigh(outline.t, rows, weights, ends, wing_middle, thickest, forward, sigma, scale, shape)
+    mean, covariance = _average(*found)
+    return mean, covariance
+
+
+@njit(cache=True, nogil=True)
+def _row_weights(widths: FloatArray, span: float, edge: float) -> FloatArray:
+    """Return the inverse variances of the rows' middles, (n,)."""
+    weights = np.empty(widths.size)
     # neighbouring rows err alike; a row that is too wide holds gear or struts on one of its sides
-    excess = np.maximum(outline.width - _USUAL_WIDTH * span - 1.0, 0.0)
-    variance = edge**2 + (_ROW_SHAPE * span) ** 2 + (_EXCESS_SHARE * excess) ** 2
-    weights = 1.0 / (min(max(outline.t.size / 3.0, 1.0), 3.0) * variance)
-    noses, variances, chi = _weigh(
-        outline.t,
-        np.stack([outline.middle, outline.width], axis=1),
-        weights,
-        (outline.top, outline.bottom),
-        wing_middle,
-        thickest,
-        forward,
-        sigma,
-        scale,
-        shape,
-    )
+    alike = min(max(widths.size / 3.0, 1.0), 3.0)
+    for k in range(widths.size):
+        excess = max(widths[k] - _USUAL_WIDTH * span - 1.0, 0.0)
+        weights[k] = 1.0 / (alike * (edge**2 + (_ROW_SHAPE * span) ** 2 + (_EXCESS_SHARE * excess) ** 2))
+    return weights
+
+
+@njit(cache=True, nogil=True)
+def _average(noses: FloatArray, variances: FloatArray, chi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean (2,) and covariance (2, 2) of noses (n, 2) with variances (n, 2), weighed by their χ² (n,)."""
     weight = np.exp(-0.5 * (chi - chi.min()))
     weight /= weight.sum()
-    mean = weight @ noses
-    deviation = noses - mean
-    covariance = (weight[:, None] * deviation).T @ deviation + np.diag(weight @ variances)
+    mean, covariance = np.zeros(2), np.zeros((2, 2))
+    for k in range(weight.size):
+        mean[0] += weight[k] * noses[k, 0]
+        mean[1] += weight[k] * noses[k, 1]
+    for k in range(weight.size):
+        s, t = noses[k, 0] - mean[0], noses[k, 1] - mean[1]
+        covariance[0, 0] += weight[k] * (s * s + variances[k, 0])
+        covariance[0, 1] += weight[k] * s * t
+        covariance[1, 1] += weight[k] * (t * t + variances[k, 1])
+    covariance[1, 0] = covariance[0, 1]
     return mean, covariance

@@ -1,9 +1,12 @@
 """What one look starts from: the hint, the working image cut out for it, and where in it the target may be."""
 
+import math
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.preprocess import Expectation
@@ -47,6 +50,7 @@ class DetectionHint:
 class Look:
     """The working image of one frame: ``scale`` full-image px per working px, origin in the full image.
 
+    ``offset`` (2,) is the full-image px of the working pixel 0, 0,
     ``forward`` and ``up`` (2,) are the image shift of one span's length along these directions, in spans;
     ``height_per_span`` is the height above the runway in spans.
     """
@@ -55,6 +59,7 @@ class Look:
     scale: int
     image: ImageArray
     image_size_px: tuple[int, int]
+    offset: FloatArray
     predicted: FloatArray
     covariance: FloatArray
     span: float | None
@@ -65,8 +70,7 @@ class Look:
 
     def full(self, point: FloatArray) -> FloatArray:
         """Map a working pixel (2,) to the full image."""
-        offset = 0.5 * (self.scale - 1)
-        return np.asarray(point * self.scale + offset + np.array([self.roi.x, self.roi.y]), np.float64)
+        return np.asarray(point * self.scale + self.offset, np.float64)
 
     def open_edges(self) -> tuple[bool, bool, bool, bool]:
         """Return for left, top, right, bottom whether the image goes on beyond the region of interest."""
@@ -139,6 +143,7 @@ def start_look(
         scale=scale,
         image=np.ascontiguousarray(window),
         image_size_px=picture.size_px,
+        offset=offset,
         predicted=(np.asarray(hint.predicted_px, np.float64) - offset) / scale,
         covariance=np.asarray(hint.predicted_covariance_px2, np.float64) / scale**2,
         span=None if span is None else max(span / scale, limits[0]),
@@ -156,24 +161,31 @@ def _in_spans(shift_px_per_m: FloatArray | None, px_per_m: float | None) -> Floa
     return np.asarray(shift_px_per_m, np.float64) / px_per_m
 
 
+@njit(cache=True, nogil=True)
+def _likely(first: int, last: int, low: float, high: float, sigma: float) -> NDArray[np.float32]:
+    """Return how likely the target reaches each place from ``first`` to before ``last``: surely from low to high."""
+    likely = np.empty(max(last - first, 0), np.float32)
+    for k in range(likely.size):
+        beyond = max(low - (first + k), first + k - high, 0.0) / sigma
+        likely[k] = math.exp(-0.5 * beyond * beyond)
+    return likely
+
+
 def expectation(look: Look) -> Expectation:
     """Return where in the working image the target may be, and how likely each column and row is."""
     h, w = look.image.shape[:2]
     span = look.span if look.span is not None else UNKNOWN_SPAN_PX
-    # the tail trails behind the nose
-    tail = np.zeros(2) if look.forward is None else -_LENGTH_PER_SPAN * span * look.forward
-    sigma = np.sqrt(np.diag(look.covariance)) + 1.0
-    low = look.predicted + np.minimum(tail, 0.0) - np.array([0.7, 0.35]) * span
-    high = look.predicted + np.maximum(tail, 0.0) + np.array([0.7, 0.35]) * span
-    first = np.clip(low - 2.0 * sigma, 0, (w, h)).astype(int)
-    last = np.clip(high + 2.0 * sigma + 1.0, 0, (w, h)).astype(int)
-    likely = []
-    for axis in (0, 1):
-        place = np.arange(first[axis], last[axis])
-        beyond = np.maximum(np.maximum(low[axis] - place, place - high[axis]), 0.0) / sigma[axis]
-        likely.append(np.exp(-0.5 * beyond**2).astype(np.float32))
-    box = (int(first[0]), int(first[1]), int(last[0]), int(last[1]))
+    first, last, likely = [0, 0], [0, 0], []
+    for axis, (size, half) in enumerate(((w, 0.7), (h, 0.35))):
+        # the tail trails behind the nose
+        tail = 0.0 if look.forward is None else -_LENGTH_PER_SPAN * span * float(look.forward[axis])
+        middle, sigma = float(look.predicted[axis]), math.sqrt(float(look.covariance[axis, axis])) + 1.0
+        low, high = middle + min(tail, 0.0) - half * span, middle + max(tail, 0.0) + half * span
+        first[axis] = int(min(max(low - 2.0 * sigma, 0.0), size))
+        last[axis] = int(min(max(high + 2.0 * sigma + 1.0, 0.0), size))
+        likely.append(_likely(first[axis], last[axis], low, high, sigma))
+    box = (first[0], first[1], last[0], last[1])
     # end-on there is a body and a thin wing; from the side or below, or from who knows where, there may be much more
-    length = 1.0 if look.forward is None else min(float(np.hypot(*look.forward)), 1.0)
+    length = 1.0 if look.forward is None else min(math.hypot(float(look.forward[0]), float(look.forward[1])), 1.0)
     thick = None if look.span is None else (_THICK_END_ON + _THICK_PER_LENGTH * length) * look.span
     return Expectation(box=box, columns=likely[0], rows=likely[1], span_px=look.span, thick_px=thick)

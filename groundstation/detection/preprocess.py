@@ -115,6 +115,37 @@ def _clutter_moments(
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _clutter_variance(plane: Float32Array, keep_out: Box, clip: float) -> float:
+    """Return the second moment of one plane (h, w) alone, as `_clutter_moments` does of three."""
+    x0, y0, x1, y1 = keep_out
+    limit = np.float32(clip)
+    total, n = 0.0, 0
+    for i in range(0, plane.shape[0], 2):
+        row = plane[i]
+        for part in range(2):
+            first = 0 if part == 0 else (x1 + 1) // 2 * 2
+            last = row.size if part == 1 else x0
+            if not y0 <= i < y1:
+                first, last = (0, row.size) if part == 0 else (0, 0)
+            of_row = np.float32(0)
+            for j in range(first, last, 2):
+                value = min(max(row[j], -limit), limit)
+                of_row += value * value
+            total += float(of_row)
+            n += max(last - first + 1, 0) // 2
+    return total / max(n, 1)
+
+
+@njit(cache=True, nogil=True)
+def _with_noise(moments: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the inverse (3, 3) of moments with the noise that there always is, and their sigmas (3,)."""
+    spread = moments + _NOISE_FLOOR**2 * np.eye(3)
+    sigmas: FloatArray = np.sqrt(np.diag(spread))
+    inverse: FloatArray = np.linalg.inv(spread).astype(np.float64)
+    return inverse, sigmas
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def _distance(residual: Float32Array, inverse: FloatArray, out: Float32Array) -> None:
     """Write the Mahalanobis length of each residual (3, h, w)."""
     a, b, c = np.float32(inverse[0, 0]), np.float32(inverse[1, 1]), np.float32(inverse[2, 2])
@@ -208,15 +239,15 @@ def prepare(
     else:
         residual = flatten(image, window)
         if wanted in (Channel.AUTO, Channel.GREY):
-            variance = _clutter_moments(residual, target_box, _CLUTTER_CLIP)[0, 0]
+            variance = _clutter_variance(residual[0], target_box, _CLUTTER_CLIP)
             grey = np.empty(image.shape[:2], np.float32)
             _magnitude(residual[0], 1.0 / math.hypot(math.sqrt(variance), _NOISE_FLOOR), grey)
             offer(Channel.GREY, grey)
         if wanted is not Channel.GREY:
             colour = np.empty(image.shape[:2], np.float32)
-            spread = _clutter_moments(residual, target_box, _COLOUR_CLIP) + _NOISE_FLOOR**2 * np.eye(3)
-            _distance(residual, np.asarray(np.linalg.inv(spread), np.float64), colour)
-            discount_common_colours(residual, np.sqrt(np.diag(spread)), target_box, colour)
+            inverse, sigmas = _with_noise(_clutter_moments(residual, target_box, _COLOUR_CLIP))
+            _distance(residual, inverse, colour)
+            discount_common_colours(residual, sigmas, target_box, colour)
             offer(Channel.COLOUR, colour)
             if difference is not None:
                 offer(Channel.BACKGROUND, _learnt_contrast(difference, colour, target_box))
@@ -249,10 +280,10 @@ def _soften(
 def _learnt_contrast(difference: Difference, spatial: Float32Array, target_box: Box) -> Float32Array:
     """Return the distance from the learnt background in its sigmas, the spatial contrast where it is not known."""
     moments = _clutter_moments(difference.residual, target_box, _LEARNT_CLIP, difference.known)
-    moments += _NOISE_FLOOR**2 * np.eye(3)
+    inverse, sigmas = _with_noise(moments)
     contrast = np.empty_like(spatial)
-    _distance(difference.residual, np.asarray(np.linalg.inv(moments), np.float64), contrast)
-    _soften(contrast, difference.edge, moments[0, 0], difference.known, spatial)
+    _distance(difference.residual, inverse, contrast)
+    _soften(contrast, difference.edge, sigmas[0] ** 2, difference.known, spatial)
     return contrast
 
 

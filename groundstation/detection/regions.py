@@ -6,9 +6,7 @@ judged by size, place and contrast; two that explain the prediction about equall
 
 import math
 from dataclasses import dataclass
-from typing import cast
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -16,7 +14,6 @@ from numpy.typing import NDArray
 from groundstation.arrays import FloatArray
 
 LabelArray = NDArray[np.int32]
-Rows = dict[int, list[float]]
 _MAX_REGIONS = 400
 _MAX_SEEDS = 8
 _LEAST_SHARE = 0.01
@@ -54,31 +51,80 @@ class Group:
 
 
 @njit(cache=True, nogil=True)
-def _measure(labels: LabelArray, contrast: NDArray[np.float32], count: int) -> FloatArray:
-    """Return the table of regions, (count, 10); row 0 is the background."""
-    h, w = labels.shape
-    table = np.zeros((count, 10))
+def _root(parent: NDArray[np.int32], k: int) -> int:
+    """Return the first run of the region that run k belongs to, and shorten the way to it."""
+    while parent[k] != k:
+        parent[k] = parent[parent[k]]
+        k = parent[k]
+    return k
+
+
+@njit(cache=True, nogil=True)
+def _runs(phi: NDArray[np.float32], runs: LabelArray, parent: LabelArray) -> int:
+    """Write the rows' runs of φ > 0 as row, first, last + 1 and link those that touch; returns their number."""
+    h, w = phi.shape
+    n, above, own = 0, 0, 0
+    for i in range(h):
+        inside = np.int32(0)
+        for j in range(w):
+            inside += np.int32(phi[i, j] > 0)
+        above, own, j = own, n, 0
+        before = above
+        while inside > 0 and j < w:
+            if phi[i, j] <= 0:
+                j += 1
+                continue
+            first = j
+            while j < w and phi[i, j] > 0:
+                j += 1
+            runs[n, 0], runs[n, 1], runs[n, 2], parent[n] = i, first, j, n
+            inside -= j - first
+            # a run of the row above touches it, if only by a corner
+            while before < own and runs[before, 2] < first:
+                before += 1
+            k = before
+            while k < own and runs[k, 1] <= j:
+                one, other = _root(parent, k), _root(parent, n)
+                parent[max(one, other)] = min(one, other)
+                k += 1
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _label(phi: NDArray[np.float32], contrast: NDArray[np.float32]) -> tuple[LabelArray, FloatArray]:
+    """Return the labels of the 8-connected regions of φ > 0 and their table, (count, 10); row 0 is the background."""
+    h, w = phi.shape
+    most = h * (w // 2 + 1)
+    runs, parent = np.empty((most, 3), np.int32), np.empty(most, np.int32)
+    n = _runs(phi, runs, parent)
+    number = np.zeros(n, np.int32)
+    count = 1
+    for k in range(n):
+        if parent[k] == k:
+            number[k] = count
+            count += 1
+        else:
+            number[k] = number[_root(parent, k)]
+    labels, table = np.zeros((h, w), np.int32), np.zeros((count, 10))
     for k in range(count):
         table[k, _X0], table[k, _Y0] = w, h
-    for i in range(h):
-        for j in range(w):
-            k = labels[i, j]
-            if k == 0:
-                continue
-            row = table[k]
+    for k in range(n):
+        i, first, end = runs[k, 0], runs[k, 1], runs[k, 2]
+        row = table[number[k]]
+        for j in range(first, end):
+            labels[i, j] = number[k]
             c = contrast[i, j]
-            row[_AREA] += 1
             row[_MASS] += c
             row[_MASS_X] += c * j
             row[_MASS_Y] += c * i
-            row[_X0] = min(row[_X0], j)
-            row[_Y0] = min(row[_Y0], i)
-            row[_X1] = max(row[_X1], j + 1)
-            row[_Y1] = max(row[_Y1], i + 1)
             row[_PEAK] = max(row[_PEAK], c)
-            if i == 0 or j == 0 or i == h - 1 or j == w - 1:
-                row[_RIM] = 1
-    return table
+        row[_AREA] += end - first
+        row[_X0], row[_X1] = min(row[_X0], first), max(row[_X1], end)
+        row[_Y0], row[_Y1] = min(row[_Y0], i), i + 1
+        if i == 0 or first == 0 or i == h - 1 or end == w:
+            row[_RIM] = 1
+    return labels, table
 
 
 @njit(cache=True, nogil=True)
@@ -107,9 +153,8 @@ class Regions:
 
 def find_regions(phi: NDArray[np.float32], contrast: NDArray[np.float32]) -> Regions:
     """Label the 8-connected regions of φ > 0 and measure them."""
-    count, found = cv2.connectedComponents((phi > 0).astype(np.uint8), connectivity=8, ltype=cv2.CV_32S)
-    labels = cast(LabelArray, found)
-    return Regions(labels=labels, table=_measure(labels, contrast, count))
+    labels, table = _label(phi, contrast)
+    return Regions(labels=labels, table=table)
 
 
 def groups_around(
@@ -127,54 +172,101 @@ def groups_around(
     ``rim_is_open`` says for the left, top, right and bottom edge
     whether the scene goes on beyond it (a region there is part of something larger).
     """
-    h, w = regions.labels.shape
-    order = (np.argsort(-regions.table[1:, _MASS])[:_MAX_REGIONS] + 1).tolist()
-    # plain numbers: a look has a handful of regions, and every call on an array of ten costs more than the sum
-    rows: Rows = {k: regions.table[k].tolist() for k in order if regions.table[k, _PEAK] >= min_peak}
-    opened = {k for k, row in rows.items() if _touches(row, w, h, rim_is_open)}
-    keep = [k for k in rows if k not in opened]
-    groups: list[Group] = []
-    seen: set[tuple[int, ...]] = set()
+    # of many regions the heaviest are enough
+    order = np.argsort(-regions.table[1:, _MASS])[:_MAX_REGIONS] + 1
+    reach_of = (near[0], near[1], reach)
+    # unknown is NaN inside: a kernel has no None
+    limits = (math.nan if span is None else span, tallest, min_peak)
+    members, sums = _gather(regions.table, order, regions.labels.shape, reach_of, limits, rim_is_open)
+    return [_group(those, row) for those, row in zip(members, sums.tolist(), strict=True)]
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    table: FloatArray,
+    order: NDArray[np.int64],
+    shape: tuple[int, int],
+    near: tuple[float, float, float],
+    limits: tuple[float, float, float],
+    rim_is_open: tuple[bool, bool, bool, bool],
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """Return which labels belong to each group, (g, count), and each group's sums in the columns of the table.
+
+    ``near`` is where seeds are looked for and how far around it, ``limits`` the span (NaN if not known), the greatest
+    height as a share of it, and the contrast that a region must reach.
+    """
+    h, w = shape
+    span, tallest, min_peak = limits
+    left, top, right, bottom = rim_is_open
+    keep = np.empty(order.size, np.int64)
+    kept = 0
+    for k in order:
+        row = table[k]
+        opened = (left and row[_X0] <= 0) or (top and row[_Y0] <= 0)
+        opened = opened or (right and row[_X1] >= w) or (bottom and row[_Y1] >= h)
+        if row[_PEAK] >= min_peak and not opened:
+            keep[kept] = k
+            kept += 1
+    keep = keep[:kept]
+    members = np.zeros((2 * _MAX_SEEDS + 1, table.shape[0]), np.bool_)
+    count = 0
     for seed in keep:
-        row = rows[seed]
+        row = table[seed]
         dx = max(row[_X0] - near[0], near[0] - row[_X1] + 1, 0.0)
         dy = max(row[_Y0] - near[1], near[1] - row[_Y1] + 1, 0.0)
-        if math.hypot(dx, dy) > reach:
+        if math.hypot(dx, dy) > near[2]:
             continue
         # a seed stands for itself, too: what lies close by may be another object
-        for members in (_grow(seed, keep, rows, span, tallest), (seed,)):
-            if members not in seen:
-                seen.add(members)
-                groups.append(_group(members, rows))
-        if len(groups) >= 2 * _MAX_SEEDS:
+        for alone in (False, True):
+            members[count, seed] = True
+            if not alone:
+                _grow(members[count], seed, keep, table, span, tallest)
+            if _is_new(members, count):
+                count += 1
+            else:
+                members[count] = False
+        if count >= 2 * _MAX_SEEDS:
             break
-    return groups
+    return members[:count], _sums(members[:count], table)
 
 
-def _touches(row: list[float], w: int, h: int, edges: tuple[bool, bool, bool, bool]) -> bool:
-    """Return whether a region touches an edge beyond which the scene goes on."""
-    left, top, right, bottom = edges
-    return (
-        (left and row[_X0] <= 0) or (top and row[_Y0] <= 0) or (right and row[_X1] >= w) or (bottom and row[_Y1] >= h)
-    )
+@njit(cache=True, nogil=True)
+def _is_new(members: NDArray[np.bool_], n: int) -> bool:
+    """Return whether row n differs from all before it."""
+    for k in range(n):
+        same = True
+        for label in range(members.shape[1]):
+            if members[k, label] != members[n, label]:
+                same = False
+                break
+        if same:
+            return False
+    return True
 
 
-def _grow(seed: int, keep: list[int], rows: Rows, span: float | None, tallest: float) -> tuple[int, ...]:
-    """Return the seed's label with those of the pieces close enough to belong to it, sorted."""
-    members = {seed}
-    x0, y0, x1, y1 = rows[seed][_X0 : _Y1 + 1]
-    mass = rows[seed][_MASS]
-    largest = 1.25 * span if span is not None else 3.0 * max(x1 - x0, y1 - y0, 8.0)
-    gap = max(2.0, 0.12 * (span if span is not None else max(x1 - x0, y1 - y0)))
+@njit(cache=True, nogil=True)
+def _grow(
+    members: NDArray[np.bool_],
+    seed: int | np.int64,
+    keep: NDArray[np.int64],
+    table: FloatArray,
+    span: float,
+    tallest: float,
+) -> None:
+    """Take in the pieces that lie close enough to a seed to belong to it."""
+    x0, y0, x1, y1 = table[seed, _X0], table[seed, _Y0], table[seed, _X1], table[seed, _Y1]
+    mass = table[seed, _MASS]
+    known = not math.isnan(span)
+    largest = 1.25 * span if known else 3.0 * max(x1 - x0, y1 - y0, 8.0)
+    gap = max(2.0, 0.12 * (span if known else max(x1 - x0, y1 - y0)))
     highest = max(tallest * largest, 8.0)
     changed = True
     while changed:
         changed = False
         for k in keep:
-            row = rows[k]
-            if k in members or row[_MASS] > mass or row[_MASS] < _LEAST_SHARE * mass:
+            if members[k] or table[k, _MASS] > mass or table[k, _MASS] < _LEAST_SHARE * mass:
                 continue
-            a0, b0, a1, b1 = row[_X0 : _Y1 + 1]
+            a0, b0, a1, b1 = table[k, _X0], table[k, _Y0], table[k, _X1], table[k, _Y1]
             apart = max(a0 - x1, x0 - a1, b0 - y1, y0 - b1, 0.0)
             # a speck belongs only if it all but touches; a severed wing may lie farther off
             if apart > max(2.0, min(gap, max(a1 - a0, b1 - b0))):
@@ -182,28 +274,41 @@ def _grow(seed: int, keep: list[int], rows: Rows, span: float | None, tallest: f
             left, top, right, bottom = min(x0, a0), min(y0, b0), max(x1, a1), max(y1, b1)
             if right - left > largest or bottom - top > highest:
                 continue
-            members.add(k)
+            members[k] = True
             x0, y0, x1, y1 = left, top, right, bottom
             changed = True
-    return tuple(sorted(members))
 
 
-def _group(members: tuple[int, ...], rows: Rows) -> Group:
-    """Sum up the members."""
-    those = [rows[k] for k in members]
-    mass, area = sum(r[_MASS] for r in those), sum(r[_AREA] for r in those)
-    x, y = sum(r[_MASS_X] for r in those), sum(r[_MASS_Y] for r in those)
+@njit(cache=True, nogil=True)
+def _sums(members: NDArray[np.bool_], table: FloatArray) -> FloatArray:
+    """Return what the members of each group have together, in the columns of the table."""
+    sums = np.zeros((members.shape[0], table.shape[1]))
+    for g in range(members.shape[0]):
+        own, first = sums[g], True
+        for k in range(1, table.shape[0]):
+            if not members[g, k]:
+                continue
+            row = table[k]
+            for column in (_AREA, _MASS, _MASS_X, _MASS_Y):
+                own[column] += row[column]
+            for column in (_X0, _Y0):
+                own[column] = row[column] if first else min(own[column], row[column])
+            for column in (_X1, _Y1, _PEAK, _RIM):
+                own[column] = max(own[column], row[column])
+            first = False
+    return sums
+
+
+def _group(members: NDArray[np.bool_], sums: list[float]) -> Group:
+    """Give a group's sums their names."""
+    mass, area = sums[_MASS], sums[_AREA]
+    heavy = max(mass, 1e-9)
     return Group(
-        labels=members,
-        box=(
-            int(min(r[_X0] for r in those)),
-            int(min(r[_Y0] for r in those)),
-            int(max(r[_X1] for r in those)),
-            int(max(r[_Y1] for r in those)),
-        ),
+        labels=tuple(np.flatnonzero(members).tolist()),
+        box=(int(sums[_X0]), int(sums[_Y0]), int(sums[_X1]), int(sums[_Y1])),
         area=area,
         mass=mass,
-        centre=np.array([x, y]) / max(mass, 1e-9),
+        centre=np.array([sums[_MASS_X] / heavy, sums[_MASS_Y] / heavy]),
         contrast=mass / max(area, 1.0),
-        rim=any(r[_RIM] > 0 for r in those),
+        rim=sums[_RIM] > 0,
     )

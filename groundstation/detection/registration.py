@@ -25,6 +25,15 @@ def _grey(image: ImageArray, y: int, x: int) -> float:
     return 0.114 * image[y, x, 0] + 0.587 * image[y, x, 1] + 0.299 * image[y, x, 2]
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _most(image: ImageArray, y: int, x: int, y_0: int, x_0: int) -> int:
+    """Return the square of the greatest difference of one colour between two pixels."""
+    most = 0
+    for c in range(3):
+        most = max(most, abs(int(image[y, x, c]) - int(image[y_0, x_0, c])))
+    return most * most
+
+
 @njit(cache=True, nogil=True)
 def textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], keep_out: Box) -> FloatArray:
     """Return the textured pixels of a window as rows x, y, grey, ∂x, ∂y (full-image coordinates)."""
@@ -36,6 +45,9 @@ def textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], 
     for y in range(max(y0, 1), min(y0 + h, height - 1), 2):
         for x in range(max(x0, 1), min(x0 + w, width - 1), 2):
             if keep_out[0] <= x < keep_out[2] and keep_out[1] <= y < keep_out[3]:
+                continue
+            # grey changes by no more than the colour that changes most: that alone rules out most of a sky
+            if _most(image, y, x + 1, y, x - 1) + _most(image, y + 1, x, y - 1, x) < 4.0 * _MIN_TEXTURE * _MIN_TEXTURE:
                 continue
             gx = 0.5 * (_grey(image, y, x + 1) - _grey(image, y, x - 1))
             gy = 0.5 * (_grey(image, y + 1, x) - _grey(image, y - 1, x))

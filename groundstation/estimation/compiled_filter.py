@@ -66,7 +66,7 @@ def trial_state(
 
 
 @njit(cache=True)
-def _correct(
+def correct(
     x: FloatArray,
     P: FloatArray,
     H: FloatArray,
@@ -113,7 +113,7 @@ def _correct(
 
 
 @njit(cache=True)
-def _carry(x: FloatArray, P: FloatArray, F: FloatArray, Q: FloatArray) -> tuple[FloatArray, FloatArray]:
+def carry(x: FloatArray, P: FloatArray, F: FloatArray, Q: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return F x and F P Fᵀ + Q; F is nearly diagonal."""
     n = x.size
     new_x, half, new_P = np.zeros(n), np.zeros((n, n)), Q.copy()
@@ -158,7 +158,7 @@ class CompiledKalmanFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filte
 
     def predict(self, u: object = 0) -> None:
         """Carry state and covariance forward by ``F`` and ``Q``; there is no control input."""
-        self.x, self.P = _carry(self.x, self.P, self.F, self.Q)
+        self.x, self.P = carry(self.x, self.P, self.F, self.Q)
 
     def correct(
         self,
@@ -175,5 +175,5 @@ class CompiledKalmanFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filte
         """
         if estimated is None:
             estimated = np.ones(self.x.size, np.bool_)
-        self.x, self.P, self.K, self.S = _correct(self.x, self.P, H, R, residual, estimated, share)
+        self.x, self.P, self.K, self.S = correct(self.x, self.P, H, R, residual, estimated, share)
         self.y = residual

@@ -6,6 +6,7 @@ docs/derivation.md.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from groundstation.estimation.field_of_view import moments_after_miss, paper_wei
 from groundstation.estimation.filter_core import FilterCore
 from groundstation.estimation.linearisation import Linearised
 from groundstation.estimation.second_view import Seen
+from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import LensError
 from groundstation.messages import Innovation
@@ -134,7 +136,20 @@ class StationEkf(FilterCore):
             if self._bends.carries_clock(station):
                 R = R + self._bends.speed_noise(station, H, P, self._age_s())
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
+        if self._young is not None:
+            self._grow_up(self._young.after(accepted=accepted))
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
+
+    def _grow_up(self, track: YoungTrack) -> None:
+        """Judge a young track by its pixels; begin it again where the first of them were the wrong ones."""
+        self._young = None if track.grown_up else track
+        if track.refuted:
+            self._begin_again(track)
+
+    def _begin_again(self, start: YoungTrack) -> None:
+        self.starts_taken_back += 1
+        self._young = replace(start, accepted=0, refused=0, in_a_row=0)
+        self._place_target(start, 0.0 if self.time_s is None else self.time_s - start.t_s)
 
     def _placed_anew(self, seen: Seen) -> Innovation | None:
         """Put a target that one other camera has held alone to where the two rays meet; None where it is not so."""
@@ -183,6 +198,7 @@ class StationEkf(FilterCore):
         self._references_refused = 0 if accepted else self._references_refused + 1
         if accepted:
             self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
+            self._young = None
             self._bank.correct(residual, expected.jacobian, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
 
@@ -214,6 +230,7 @@ class StationEkf(FilterCore):
         self._bank.share(self.layout.position, self.layout.constant, -expected.jacobian[:, self.layout.constant])
         self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
         self._references_refused = 0
+        self._young = None
         return Innovation(residual=residual, covariance=around, nis=0.0, dof=0, accepted=True)
 
     def update_width(self, station: str, width_px: float, span_m: float, *, alone: bool) -> Innovation | None:

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance
-from groundstation.estimation.config import CalibrationUse, EstimationConfig
+from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.field_of_view import probability_in_view
 from groundstation.estimation.linearisation import PixelLinearisation
 from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
@@ -18,6 +18,7 @@ from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior, clock_
 from groundstation.estimation.second_view import SecondView
 from groundstation.estimation.silhouette import WidthModel
 from groundstation.estimation.state import EkfState, StateLayout, state_layout
+from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import CarriedError, Kinematics
@@ -90,6 +91,8 @@ class FilterCore:
         self._first_s: float | None = None
         self._newest_reference_s = -math.inf
         self._references_refused = 0
+        self._young: YoungTrack | None = None
+        self.starts_taken_back = 0
 
     # ------------------------------------------------------------------------------------------ state
     @property
@@ -143,6 +146,8 @@ class FilterCore:
             frozenset(self._read),
             self._newest_reference_s,
             self._references_refused,
+            self._young,
+            self.starts_taken_back,
         )
 
     def restore(self, saved: EkfState) -> None:
@@ -151,6 +156,7 @@ class FilterCore:
         self._bank.restore(saved.bank)
         self._read, self._newest_reference_s = set(saved.read), saved.newest_reference_s
         self._references_refused = saved.references_refused
+        self._young, self.starts_taken_back = saved.young, saved.starts_taken_back
 
     def angles(self, station: str) -> tuple[float, float]:
         """Return (pan, tilt) in rad; zero for a fixed station."""
@@ -174,10 +180,18 @@ class FilterCore:
         What was ``triangulated`` with this rig has the rig's errors in it, beside the noise that ``covariance`` tells:
         they are added, and the filter knows that they are the same.
         """
-        target = self.layout.target
+        mean = np.concatenate([position_m, velocity_m_s])
+        now_s = 0.0 if self.time_s is None else self.time_s
+        begun = YoungTrack(t_s=now_s - age_s, mean=mean, covariance=covariance, triangulated=triangulated)
+        # the paper's weighting stays the paper's, with what comes of it
+        self._young = None if self._config.out_of_view is OutOfViewWeighting.PAPER else begun
+        self._place_target(begun, age_s)
+
+    def _place_target(self, begun: YoungTrack, age_s: float) -> None:
+        target, covariance = self.layout.target, begun.covariance
         F = self._motions[-1].transition(age_s)[target, target]
         Q = self._motions[-1].process_noise(age_s)[target, target]
-        start = F @ np.concatenate([position_m, velocity_m_s])
+        start = F @ begun.mean
         self._bank.place(target, start, F @ covariance @ F.T + Q)
         for part in self.layout.offsets.values():
             self._bank.place(part, np.zeros(2), np.eye(2))
@@ -187,7 +201,7 @@ class FilterCore:
             self._bank.place(only, np.zeros(1), np.full((1, 1), self._span_variance))
         self._bank.forget_modes()
         self.has_target = True
-        if triangulated and self.layout.parameters:
+        if begun.triangulated and self.layout.parameters:
             self._allow_for_rig(start, F @ covariance @ F.T + Q)
 
     def _allow_for_rig(self, start: FloatArray, covariance: FloatArray) -> None:
@@ -212,13 +226,14 @@ class FilterCore:
         for axis in ("x", "z"):
             names = (f"{station}.{part}.{axis}" for part in ("runway_from_base", "head_from_camera"))
             places = [self.layout.parameters[name] for name in names if name in self.layout.parameters]
-            sums.append(float(self.covariance[np.ix_(places, places)].sum()))
+            sums.append(sum(float(self.covariance[a, b]) for a in places for b in places))
         return math.sqrt(max(*sums, 0.0))
 
     def drop_target(self) -> None:
         """Forget the target; the PTUs' angles and what was learnt of the rig stay."""
         self._bank.place(self.layout.target, np.zeros(6), np.zeros((6, 6)))
         self.has_target = False
+        self._young = None
         self._newest_reference_s = -math.inf
 
     def kinematics_at(self, t_s: float) -> Kinematics:

@@ -12,9 +12,11 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import BoolArray, CompiledKalmanFilter, log_likelihood
+from groundstation.estimation.compiled_filter import BoolArray, CompiledKalmanFilter, carry, correct, log_likelihood
 
 _LEAST_WEIGHT = 1e-6
+# of the modes: states (r, n), covariances (r, n, n), weights (r,); of their mixture: mean (n,), covariance (n, n)
+Moved = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 class ModeBank:
@@ -90,12 +92,12 @@ class ModeBank:
 
     def predict(self, F: FloatArray, noises: Sequence[FloatArray], dt_s: float) -> None:
         """Carry every mode forward by ``F`` and its own process noise over ``dt_s`` seconds."""
-        self._mean = None
         if len(self._filters) > 1:
-            self._mix(dt_s)
-        for each, Q in zip(self._filters, noises, strict=True):
-            each.F, each.Q = F, Q
-            each.predict()
+            self._take(_predicted(*self._all(), self.weights, self._stay_s, F, tuple(noises), dt_s))
+            return
+        only = self._filters[0]
+        only.F, only.Q = F, noises[0]
+        only.predict()
 
     def correct(
         self,
@@ -114,17 +116,7 @@ class ModeBank:
         if len(self._filters) == 1:
             self._filters[0].correct(residual, H, R, estimated, share)
             return
-        x = self.x
-        logs = np.zeros(len(self._filters))
-        for k, each in enumerate(self._filters):
-            own = residual - H @ (each.x - x)
-            each.correct(own, H, R, estimated, share)
-            if telling:
-                logs[k] = log_likelihood(own, each.S)
-        if telling:
-            weights = np.maximum(self.weights * np.exp(logs - logs.max()), _LEAST_WEIGHT)
-            self.weights = weights / weights.sum()
-        self._mean = None
+        self._take(_corrected(*self._all(), self.x, self.weights, residual, H, R, estimated, share, telling))
 
     def reshape(self, H: FloatArray, shift: FloatArray, covariance: FloatArray, estimated: BoolArray) -> None:
         """Give the measured quantity another distribution than predicted, and let the state follow.
@@ -153,23 +145,14 @@ class ModeBank:
 
     def weights_after(self, dt_s: float) -> FloatArray:
         """Return the weights (r,) that a prediction over ``dt_s`` ≥ 0 would leave."""
-        return self.weights if len(self._filters) == 1 else self._joint(dt_s).sum(axis=0)
+        return self.weights if len(self._filters) == 1 else _joint(self.weights, self._stay_s, dt_s).sum(axis=0)
 
-    def _joint(self, dt_s: float) -> FloatArray:
-        """Return how likely each change of mode is, (r, r): from the row's into the column's."""
-        count = len(self._filters)
-        change = 1.0 - np.exp(-dt_s / self._stay_s)
-        switch = np.outer(change, np.ones(count)) / (count - 1)
-        np.fill_diagonal(switch, 1.0 - change)
-        return switch * self.weights[:, None]
-
-    def _mix(self, dt_s: float) -> None:
-        """Let each mode start from where the aircraft may have come from into it."""
-        joint = self._joint(dt_s)
-        self.weights = joint.sum(axis=0)
-        states, covariances = self._all()
-        for k, each in enumerate(self._filters):
-            each.x, each.P = _moments(states, covariances, joint[:, k] / self.weights[k])
+    def _take(self, result: Moved) -> None:
+        """Become what a step has made of the modes."""
+        states, covariances, self.weights, x, P = result
+        for each, own_x, own_P in zip(self._filters, states, covariances, strict=True):
+            each.x, each.P = own_x, own_P
+        self._mean = (x, P)
 
     def _all(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
         return tuple(f.x for f in self._filters), tuple(f.P for f in self._filters)
@@ -177,7 +160,7 @@ class ModeBank:
 
 @njit(cache=True)
 def _moments(
-    states: tuple[FloatArray, ...], covariances: tuple[FloatArray, ...], weights: FloatArray
+    states: tuple[FloatArray, ...] | FloatArray, covariances: tuple[FloatArray, ...] | FloatArray, weights: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean (n,) and covariance (n, n) of a mixture of states (n,) and covariances (n, n)."""
     n = states[0].size
@@ -190,3 +173,69 @@ def _moments(
             for j in range(n):
                 P[i, j] += weights[k] * (own[i, j] + away[i] * away[j])
     return x, P
+
+
+@njit(cache=True)
+def _joint(weights: FloatArray, stay_s: FloatArray, dt_s: float) -> FloatArray:
+    """Return how likely each change of mode is, (r, r): from the row's into the column's."""
+    count = weights.size
+    joint = np.empty((count, count))
+    for a in range(count):
+        change = 1.0 - np.exp(-dt_s / stay_s[a])
+        for b in range(count):
+            joint[a, b] = weights[a] * ((1.0 - change) if a == b else change / (count - 1))
+    return joint
+
+
+@njit(cache=True)
+def _predicted(
+    states: tuple[FloatArray, ...],
+    covariances: tuple[FloatArray, ...],
+    weights: FloatArray,
+    stay_s: FloatArray,
+    F: FloatArray,
+    noises: tuple[FloatArray, ...],
+    dt_s: float,
+) -> Moved:
+    """Return the modes after ``dt_s``: each starts from where the aircraft may have come from into it."""
+    count, n = len(states), states[0].size
+    joint = _joint(weights, stay_s, dt_s)
+    after = joint.sum(axis=0)
+    X, P = np.empty((count, n)), np.empty((count, n, n))
+    for k in range(count):
+        start_x, start_P = _moments(states, covariances, joint[:, k] / after[k])
+        X[k], P[k] = carry(start_x, start_P, F, noises[k])
+    mean, spread = _moments(X, P, after)
+    return X, P, after, mean, spread
+
+
+@njit(cache=True)
+def _corrected(
+    states: tuple[FloatArray, ...],
+    covariances: tuple[FloatArray, ...],
+    x: FloatArray,
+    weights: FloatArray,
+    residual: FloatArray,
+    H: FloatArray,
+    R: FloatArray,
+    estimated: BoolArray,
+    share: float,
+    telling: bool,
+) -> Moved:
+    """Return the modes after a residual (m,) that was taken at ``x`` (n,)."""
+    count, n = len(states), x.size
+    X, P, logs = np.empty((count, n)), np.empty((count, n, n)), np.zeros(count)
+    for k in range(count):
+        own = residual.copy()
+        for a in range(own.size):
+            for j in range(n):
+                own[a] -= H[a, j] * (states[k][j] - x[j])
+        X[k], P[k], _, S = correct(states[k], covariances[k], H, R, own, estimated, share)
+        if telling:
+            logs[k] = log_likelihood(own, S)
+    after = weights
+    if telling:
+        after = np.maximum(weights * np.exp(logs - logs.max()), _LEAST_WEIGHT)
+        after = after / after.sum()
+    mean, spread = _moments(X, P, after)
+    return X, P, after, mean, spread

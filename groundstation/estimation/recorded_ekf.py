@@ -12,6 +12,7 @@ from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.state import EkfState
 from groundstation.estimation.tape import Cut, Tape, Transition, back, back_into
+from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Innovation, Kinematics
 
@@ -143,6 +144,8 @@ class RecordedEkf(StationEkf):
             s.read,
             s.newest_reference_s,
             s.references_refused,
+            s.young,
+            s.starts_taken_back,
             self.tape.mark,
             len(self.steps),
         )
@@ -203,6 +206,11 @@ class RecordedEkf(StationEkf):
         self.steps.append(step)
         self._cut()
         super().start_target(position_m, velocity_m_s, covariance, age_s, triangulated=triangulated)
+
+    def _begin_again(self, start: YoungTrack) -> None:
+        """Begin again, as `StationEkf` does; it follows from the steps that are noted and is none itself."""
+        self._cut()
+        super()._begin_again(start)
 
     def drop_target(self) -> None:
         """Forget the target; the PTUs' angles and what was learnt of the rig stay."""

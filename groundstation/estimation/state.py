@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.young_track import YoungTrack
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +58,8 @@ class EkfState:
     read: frozenset[str]
     newest_reference_s: float
     references_refused: int
+    young: YoungTrack | None
+    starts_taken_back: int
 
 
 def state_layout(

@@ -13,8 +13,9 @@ from groundstation.config import load_config
 from groundstation.errors import GroundstationError
 from groundstation.live.check_line import CheckLine, well, wrong
 from groundstation.live.check_reference import check_reference
-from groundstation.live.devices import camera_of, check_against_rig, open_head
-from groundstation.live.station_file import HeadDevice, StationDevices, StationFile, load_station
+from groundstation.live.devices import camera_of, check_against_rig
+from groundstation.live.head_device import HeadDevice, open_head
+from groundstation.live.station_file import StationDevices, StationFile, load_station
 from groundstation.rig import Rig, load_rig
 from groundstation.sources.cameras.camera import CameraError, CameraEvent
 from ptu_drivers.errors import PtuError
@@ -90,16 +91,14 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float) -
             counts, clock = camera.counts, camera.clock_state
     except (CameraError, GroundstationError) as fault:
         return wrong(f"{name}: {fault}")
-    if len(stamps) < 2:
-        why = told[-1].text if told else "nothing came"
-        return CheckLine(
-            good=False, text=f"{name}: no pictures in {seconds:.0f} s: {why}; is it triggered, and allowed?"
-        )
     wanted = rig[station.name].lens.image_size_px
-    if frames[-1] != wanted:
+    if frames and frames[-1] != wanted:
         got = f"{frames[-1][0]} × {frames[-1][1]} px"
         text = f"{name}: got pictures of {got}; wanted {wanted[0]} × {wanted[1]} px as in the rig"
         return wrong(text)
+    if len(stamps) < 2:
+        why = told[-1].text if told else "nothing came"
+        return wrong(f"{name}: no pictures in {seconds:g} s: {why}; is it triggered, and allowed?")
     rate = (len(stamps) - 1) / (stamps[-1] - stamps[0])
     text = f"{name}: {rate:.1f} Hz, {wanted[0]} × {wanted[1]} px"
     if rate < _LEAST_RATE_SHARE * rate_hz:

@@ -15,13 +15,15 @@ from groundstation.errors import InputError
 from groundstation.live.board import LiveStatus
 from groundstation.live.camera_worker import said
 from groundstation.live.core import in_operation
-from groundstation.live.devices import DeviceError, camera_of, check_against_rig
+from groundstation.live.devices import camera_of, check_against_rig
+from groundstation.live.head_device import DeviceError
 from groundstation.live.head_process import Heads
+from groundstation.live.lent_range import LentRange
 from groundstation.live.memory import settle_memory
 from groundstation.live.operation import Operation, OperationResult, StatusSink
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import Reference, reference_tuning
-from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, score, simulated_set_up
+from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, landings, score, simulated_set_up
 from groundstation.live.simulated_range import RangeConfig, SimulatedRange
 from groundstation.live.simulated_receiver import ReceiverModel
 from groundstation.live.station_file import StationFile, load_station
@@ -29,6 +31,7 @@ from groundstation.live.timed_faults import TimedFault
 from groundstation.messages import StepReport
 from groundstation.recording.contents import RecordingHeader
 from groundstation.rig import Rig, load_rig
+from groundstation.simulation.flights import Aircraft
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.sources.cameras.camera import CameraCare, CameraError, CameraEvent, CameraTiming, StampPoint
@@ -44,7 +47,8 @@ class LiveRequest:
 
     ``station`` None only with ``simulate``. ``out`` None is a folder of its own below the station file's [record]
     folder. ``seconds`` None goes on until ``stop`` says so. ``screen`` is "desktop", "browser" or "none". With
-    ``simulate``, ``receiver`` is a reference receiver on the aircraft and ``timetable`` says what fails when.
+    ``simulate``, ``receiver`` is a reference receiver on the aircraft, ``timetable`` says what fails when, and
+    ``wind_m_s`` and ``aircraft`` are what moves the aircraft.
     """
 
     station: Path | None
@@ -59,6 +63,8 @@ class LiveRequest:
     ptu_faults: tuple[str, ...] = ()
     receiver: ReceiverModel | None = None
     timetable: tuple[TimedFault, ...] = ()
+    wind_m_s: float = 0.0
+    aircraft: Aircraft = Aircraft.WAVES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,26 +81,41 @@ class LiveResult:
 
 
 def live(
-    request: LiveRequest, stop: Callable[[], bool], tell: Callable[[LiveStatus], None], say: Callable[[str], None]
+    request: LiveRequest,
+    stop: Callable[[], bool],
+    tell: Callable[[LiveStatus], None],
+    say: Callable[[str], None],
+    lent: LentRange | None = None,
 ) -> LiveResult:
     """Operate a station. ``tell`` gets the status twice a second, ``say`` a line while things are being opened.
 
-    Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin.
+    ``lent`` is a simulated range that somebody else runs, in place of the request's own.
+
+    Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin, and KeyboardInterrupt
+    where ``stop`` says so before it has begun.
     """
+    say = partial(_step, stop, say)
     settle_memory()
     out = _folder(request)
-    flight = Landings(request.seconds or 1e9)
-    file = _file(request, out)
+    flight = landings(request.seconds or 1e9, seed=request.seed, wind_m_s=request.wind_m_s, aircraft=request.aircraft)
+    file = _file(request, out) if lent is None else lent.file
     rig = load_rig(file.rig)
     check_against_rig(file, rig)
     config = in_operation(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
     header = live_header(file, config)
     known = live_reference(header, rig, config)
     keeper = EstimateKeeper()
+    # not before all files are known to be good
+    out.mkdir(parents=True, exist_ok=True)
     with ExitStack() as opened:
+        simulated = lent or (_range(request, file, flight, out, opened, say) if request.simulate else None)
+        start_s = time.monotonic()
+        # they are opened while this process compiles
+        heads = Heads({s.name: s.head for s in file.stations if s.head is not None}, start_s)
+        opened.callback(heads.close)
+        heads.begin()
         say("compiling, once")
         warm_up()
-        simulated = _range(request, file, flight, out, opened, say) if request.simulate else None
         faults: list[str] = []
         tables = GuardedSink(TrackFilesSink(out), faults)
         opened.callback(tables.close)
@@ -110,20 +131,22 @@ def live(
             sinks=sinks,
             recorders=[] if recorder is None else [recorder],
             operators=operators,
+            start_s=start_s,
             recorder_words=lambda: ", ".join(w for w in (_recording(recorder), *faults) if w),
             keep_images=request.screen != "none",
             reference_errors=known.errors if header.taught else None,
         )
-        start_s = operation.start_s
         reference = Reference(file, known, operation.inbox, start_s=start_s, folder=out, faults=faults)
         opened.callback(reference.close)
         say("opening the PTUs")
-        heads = opened.enter_context(Heads({s.name: s.head for s in file.stations if s.head is not None}, start_s))
+        heads.opened()
+        # halted before the files are closed
+        opened.callback(heads.close)
         say("opening the cameras")
         cameras = opened.enter_context(_cameras(file, operation, simulated))
         begin_s = time.monotonic() + _BEGIN_AFTER_S
         if simulated is not None:
-            simulated.begin(begin_s)
+            begin_s = simulated.begin(begin_s)
         end_s = math.inf if request.seconds is None else begin_s + request.seconds
         result = operation.run(cameras, heads, lambda: stop() or time.monotonic() >= end_s, reference.worker)
         reference.close(recorder)
@@ -132,6 +155,13 @@ def live(
             found = score(flight, begin_s - start_s, keeper.rows(), simulated.truth, rig, begin_s)
     files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
     return LiveResult(operation=result, files=files, score=found, begin_s=begin_s - start_s)
+
+
+def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> None:
+    """Say what is done next, unless nobody wants it any more."""
+    if stop():
+        raise KeyboardInterrupt
+    say(text)
 
 
 def _range(
@@ -192,7 +222,7 @@ class _Teller:
 
 
 def _folder(request: LiveRequest) -> Path:
-    """Return a new folder for this operation."""
+    """Return the folder of this operation, which is still to be made."""
     if request.out is not None:
         out = request.out
     elif request.station is not None:
@@ -205,7 +235,6 @@ def _folder(request: LiveRequest) -> Path:
         raise InputError("--out", got="none", wanted="a folder for what is recorded")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(str(out), got="something that is there already", wanted="a new or empty folder")
-    out.mkdir(parents=True, exist_ok=True)
     return out
 
 
@@ -220,7 +249,7 @@ def _file(request: LiveRequest, out: Path) -> StationFile:
 
 @contextmanager
 def _cameras(
-    file: StationFile, operation: Operation, simulated: SimulatedRange | None
+    file: StationFile, operation: Operation, simulated: SimulatedRange | LentRange | None
 ) -> Iterator[Mapping[str, LiveCamera]]:
     """Open all cameras; raises `DeviceError` for the first that fails."""
 

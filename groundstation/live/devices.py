@@ -1,12 +1,13 @@
-"""The devices of a station file, opened: cameras that deliver on their own threads, PTUs probed and standing still."""
+"""The devices of a station file, opened: cameras that deliver on their own threads."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from groundstation.config import config_from_mapping
-from groundstation.errors import ConfigError, GroundstationError
-from groundstation.live.station_file import HeadDevice, StationDevices, StationFile
+from groundstation.errors import ConfigError
+from groundstation.live.head_device import DeviceError
+from groundstation.live.station_file import StationDevices, StationFile
 from groundstation.rig import Rig
 from groundstation.sources.cameras.camera import (
     CameraCare,
@@ -18,17 +19,9 @@ from groundstation.sources.cameras.camera import (
 )
 from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.sources.cameras.open_camera import open_camera
-from ptu_drivers.errors import PtuError
-from ptu_drivers.interface import PanTiltUnit
-from ptu_drivers.open import open_ptu
-from ptu_drivers.settings import AxisSettings, UnitSettings
 
 T = TypeVar("T")
 Tell = Callable[[CameraEvent], None]
-
-
-class DeviceError(GroundstationError):
-    """A device of the station file cannot be used; one line that says which, and why."""
 
 
 def check_against_rig(file: StationFile, rig: Rig) -> None:
@@ -49,34 +42,6 @@ def check_against_rig(file: StationFile, rig: Rig) -> None:
                 got="none",
                 wanted="the PTU's URL, or fixed = true in the rig",
             )
-
-
-def head_settings(head: HeadDevice) -> UnitSettings:
-    """Return a head's settings as its driver takes them."""
-    pan, tilt = (
-        AxisSettings(
-            sign=head.signs[k],
-            zero_rad=head.zeros_rad[k],
-            low_rad=head.lows_rad[k],
-            high_rad=head.highs_rad[k],
-            max_rate_rad_s=head.rates_rad_s[k],
-        )
-        for k in range(2)
-    )
-    plain = UnitSettings(pan=pan, tilt=tilt, baud=head.baud)
-    if head.latency_s is None:
-        return plain
-    return UnitSettings(pan=pan, tilt=tilt, baud=head.baud, latency_s=head.latency_s)
-
-
-def open_head(name: str, head: HeadDevice, clock: Clock) -> PanTiltUnit:
-    """Open and probe one PTU; raises `DeviceError`."""
-    try:
-        return open_ptu(head.url, head.protocol, head_settings(head), clock=clock, **head.options)
-    except PtuError as fault:
-        raise DeviceError(f"{name}: PTU: {fault}") from fault
-    except TypeError as fault:
-        raise DeviceError(f"{name}: PTU: ptu_options: {fault}") from fault
 
 
 def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: float) -> LiveCamera:

@@ -8,7 +8,6 @@ pipe closes and every unit is halted.
 import contextlib
 import math
 import multiprocessing as mp
-import signal
 import threading
 import time
 from collections.abc import Mapping
@@ -19,10 +18,10 @@ from types import TracebackType
 
 from groundstation.errors import GroundstationError
 from groundstation.hand_over import quick_hand_over
-from groundstation.live.devices import DeviceError, open_head
+from groundstation.live.child import deaf_to_ctrl_c
+from groundstation.live.head_device import DeviceError, HeadDevice, open_head
 from groundstation.live.head_worker import HeadWorker, head_limits
 from groundstation.live.inbox import Inbox, Item, Said
-from groundstation.live.station_file import HeadDevice
 from groundstation.messages import PointingCommand, PtuSample
 from groundstation.pointing import HeadLimits
 from ptu_drivers.messages import UnitDescription
@@ -94,16 +93,28 @@ class Heads:
         self._heard_s = -math.inf
 
     def __enter__(self) -> "Heads":
+        self.begin()
+        return self.opened()
+
+    def begin(self) -> None:
+        """Start the process, which opens the heads while its parent does something else; `close` is due from then."""
         if not self._heads:
-            return self
+            return
         context = mp.get_context("spawn")
         self._pipe, other = context.Pipe()
         process = context.Process(
             target=serve_heads, args=(self._heads, self._start_s, other), name="ptus", daemon=True
         )
-        process.start()
+        with deaf_to_ctrl_c():
+            process.start()
         self._process = process
         other.close()
+
+    def opened(self) -> "Heads":
+        """Wait until the heads are opened; raises `DeviceError` where one cannot be."""
+        process = self._process
+        if process is None or self._pipe is None:
+            return self
         try:
             if not self._pipe.poll(_OPEN_S):
                 raise DeviceError(f"PTUs: got no answer within {_OPEN_S:.0f} s; wanted them opened")
@@ -112,9 +123,9 @@ class Heads:
             raise DeviceError("PTUs: their process ended while opening them") from fault
         finally:
             if not self._pipe.poll(0) and not process.is_alive():
-                self._close()
+                self.close()
         if isinstance(answer, str):
-            self._close()
+            self.close()
             raise DeviceError(answer)
         self.states = {name: HeadState(description=about, limits=limits) for name, (about, limits) in answer.items()}
         return self
@@ -122,7 +133,7 @@ class Heads:
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._close()
+        self.close()
 
     def start(self, inbox: Inbox) -> None:
         """Let readings come into an inbox from now on."""
@@ -168,7 +179,8 @@ class Heads:
             now_s = time.monotonic() - self._start_s
             inbox.put(Said(t_s=now_s, level="error", text="the PTUs' process has ended: no angles, and nothing turns"))
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """Halt the heads and end their process."""
         self._stopping = True
         if self._pipe is not None:
             with contextlib.suppress(OSError):
@@ -185,8 +197,6 @@ class Heads:
 
 def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, pipe: Connection) -> None:
     """Open the heads, tell what they are, then read and move them until told to stop, or nobody is there any more."""
-    # Ctrl-C goes to the whole group: the pipeline's process parks the heads first
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.ExitStack() as stack:
         try:
             units = {name: stack.enter_context(open_head(name, h, time.monotonic)) for name, h in heads.items()}
@@ -194,7 +204,11 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, pipe: Connectio
             with contextlib.suppress(OSError):
                 pipe.send(str(fault))
             return
-        pipe.send({name: (unit.describe(), head_limits(unit)) for name, unit in units.items()})
+        try:
+            pipe.send({name: (unit.describe(), head_limits(unit)) for name, unit in units.items()})
+        except OSError:
+            # nobody waits for it any more
+            return
         outbox = _Outbox(pipe)
         workers = {
             name: HeadWorker(

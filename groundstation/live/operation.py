@@ -84,6 +84,7 @@ class Operation:
     recorders : take every event.
     operators : take the status.
     clock : monotonic, s; the devices stamp with the same one.
+    start_s : the session's time zero on that clock; None for now.
     recorder_words : what the recorder has to say of itself, for the status.
     keep_images : whether reports carry the pictures, for a screen.
     reference_errors : what is not known of a reference receiver that the filter learns from; None without one.
@@ -99,6 +100,7 @@ class Operation:
         recorders: Sequence[EventSink] = (),
         operators: Sequence[StatusSink] = (),
         clock: Callable[[], float] = time.monotonic,
+        start_s: float | None = None,
         recorder_words: Callable[[], str] = lambda: "",
         keep_images: bool = False,
         reference_errors: ParameterPrior | None = None,
@@ -110,7 +112,7 @@ class Operation:
         self._keep_images = keep_images
         self._reference_errors = reference_errors
         self._reference: ReferenceWorker | None = None
-        self.start_s = clock()
+        self.start_s = clock() if start_s is None else start_s
         self.inbox = Inbox()
         self._board = Board()
         self._epochs = self._tracked = 0

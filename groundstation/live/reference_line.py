@@ -5,7 +5,7 @@ import socket
 import time
 from typing import Protocol
 
-from groundstation.live.devices import DeviceError
+from groundstation.live.head_device import DeviceError
 from ptu_drivers.errors import PtuError
 from ptu_drivers.transport import SerialTransport
 

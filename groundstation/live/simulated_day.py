@@ -3,22 +3,26 @@
 import itertools
 import math
 from array import array
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
+from groundstation.live.head_device import HeadDevice
 from groundstation.live.simulated_range import Told
 from groundstation.live.simulated_receiver import SIMULATED_ORIGIN
-from groundstation.live.station_file import HeadDevice, ReferenceDevice, StationDevices, StationFile
+from groundstation.live.station_file import ReferenceDevice, StationDevices, StationFile
 from groundstation.messages import StepReport
 from groundstation.pointing import PointingConfig
 from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
 from groundstation.search_pattern import SearchConfig
+from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN
 from groundstation.simulation.cases import standard_rig
+from groundstation.simulation.flights import Aircraft, Shortened, in_wind
+from groundstation.simulation.trajectory import Trajectory
 
 SPAN_M = 2.3
 _SPEED_M_S = 20.0
@@ -27,6 +31,9 @@ _START_M, _END_M = 560.0, -500.0
 _APPROACH_ENDS_M = 90.0
 _GLIDE_RAD = math.radians(3.5)
 _LEVEL_FROM_M, _LEVEL_M, _ROUNDED_M = 110.0, 5.0, 1.0
+# so many laps differ in a wind, then they come again
+_WINDY_LAPS = 8
+_LAP_ENDS_S = 1e-6
 _BINS_M = (90.0, 100.0, 250.0, 400.0, 600.0)
 
 
@@ -38,10 +45,12 @@ class Landings:
     Parameters
     ----------
     seconds : how long it goes on.
+    laps : what is flown in place of that path, lap after lap and over again; times from the lap's start, s.
     """
 
-    def __init__(self, seconds: float) -> None:
+    def __init__(self, seconds: float, laps: Sequence[Trajectory] = ()) -> None:
         self._lap_s = (_START_M - _END_M) / _SPEED_M_S
+        self._laps = tuple(laps)
         self.span_s = (0.0, seconds)
 
     def approaching(self, t_s: FloatArray) -> MaskArray:
@@ -53,14 +62,26 @@ class Landings:
         """Return positions (n, 3) in m at times (n,); before time 0 it is far away."""
         t = np.asarray(t_s, dtype=np.float64)
         y = np.where(t >= 0.0, self._y(t), _START_M - _SPEED_M_S * t)
-        return np.column_stack([np.zeros_like(y), y, self._height(y)])
+        there = np.column_stack([np.zeros_like(y), y, self._height(y)])
+        for lap, flown in self._windy(t):
+            there[lap] = flown.position(t[lap] % self._lap_s)
+        return there
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
         """Return velocities (n, 3) in m/s at times (n,)."""
-        step = 1e-3
-        y = self.position(t_s)[:, 1]
+        t, step = np.asarray(t_s, dtype=np.float64), 1e-3
+        y = np.where(t >= 0.0, self._y(t), _START_M - _SPEED_M_S * t)
         sink = (self._height(y - step) - self._height(y + step)) / (2.0 * step) * _SPEED_M_S
-        return np.column_stack([np.zeros_like(y), np.full_like(y, -_SPEED_M_S), sink])
+        speeds = np.column_stack([np.zeros_like(y), np.full_like(y, -_SPEED_M_S), sink])
+        for lap, flown in self._windy(t):
+            speeds[lap] = flown.velocity(t[lap] % self._lap_s)
+        return speeds
+
+    def _windy(self, t_s: FloatArray) -> Iterator[tuple[MaskArray, Trajectory]]:
+        """Yield which of the times (n,) are in each lap that has a path of its own."""
+        numbers = np.where(t_s >= 0.0, t_s // self._lap_s, -1)
+        for number, flown in enumerate(self._laps):
+            yield (numbers >= 0) & (numbers % len(self._laps) == number), flown
 
     def _y(self, t_s: FloatArray) -> FloatArray:
         return np.asarray(_START_M - _SPEED_M_S * (t_s % self._lap_s))
@@ -70,6 +91,27 @@ class Landings:
         """Return the height: a glide path rounded off into level flight (softplus)."""
         above = math.tan(_GLIDE_RAD) * (y_m - _LEVEL_FROM_M)
         return np.asarray(_LEVEL_M + _ROUNDED_M * np.logaddexp(0.0, above / _ROUNDED_M))
+
+
+def landings(seconds: float, *, seed: int, wind_m_s: float, aircraft: Aircraft) -> Landings:
+    """Return the landings in a wind; no two of the first eight are alike.
+
+    Raises `NoFlightModelError` where the aircraft is JSBSim's and JSBSim is not installed.
+    """
+    if aircraft is Aircraft.WAVES and wind_m_s == 0.0:
+        return Landings(seconds)
+    lap = Landings((_START_M - _END_M) / _SPEED_M_S)
+    count = min(_WINDY_LAPS, math.ceil(seconds / lap.span_s[1]))
+    rest_m = REST_HEIGHT_PER_SPAN * SPAN_M
+    # a lap's last instant is the next one's first: it ends just before
+    once = Shortened(whole=lap, duration_s=lap.span_s[1] - _LAP_ENDS_S)
+    return Landings(
+        seconds,
+        [
+            in_wind(once, rest_m, seed=seed * _WINDY_LAPS + number + 1, wind_m_s=wind_m_s, aircraft=aircraft)
+            for number in range(count)
+        ],
+    )
 
 
 def simulated_set_up(folder: Path, rate_hz: float, rig: Rig | None, *, dgps: bool = False) -> StationFile:

@@ -23,6 +23,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.hand_over import quick_hand_over
+from groundstation.live.child import deaf_to_ctrl_c
 from groundstation.live.simulated_receiver import ReceiverModel, SimulatedReceiver
 from groundstation.live.timed_faults import CAMERA_FROZEN, CAMERA_LOST, TimedFault, is_there, strike
 from groundstation.picture import BayerPattern
@@ -121,7 +122,8 @@ class SimulatedRange:
         self._control, other = context.Pipe()
         blocks = {name: memory.name for name, memory in self._memory.items()}
         process = context.Process(target=serve_range, args=(self._config, blocks, ends, other), daemon=True)
-        process.start()
+        with deaf_to_ctrl_c():
+            process.start()
         self._process = process
         for end in (*ends.values(), other):
             end.close()
@@ -153,24 +155,27 @@ class SimulatedRange:
         """From mid-exposure to a picture's arrival, at the earliest, s."""
         return self._config.delivery_s
 
-    def begin(self, start_s: float) -> None:
-        """Let the flight's time zero be an instant of the host's clock, s."""
+    def begin(self, start_s: float) -> float:
+        """Let the flight's time zero be an instant of the host's clock, s; returns it."""
         if self._control is not None:
             self._control.send(start_s)
+        return start_s
+
+    def ends(self) -> dict[str, tuple[str, Connection, tuple[int, int]]]:
+        """Return each camera's shared memory by name, its pipe, and its size, px, for another process."""
+        return {name: (self._memory[name].name, self._pipes[name], size) for name, size in self._sizes.items()}
 
     def connect(self, name: str) -> CameraDevice:
         """Return one camera's connection; raises `CameraError` where the range is gone."""
         if self._process is None or not self._process.is_alive():
             raise CameraError(f"{name}: the simulated range has ended")
-        return SimulatedCameraDevice(name, self._memory[name], self._pipes[name], self._sizes[name], self)
+        return SimulatedCameraDevice(name, self._memory[name], self._pipes[name], self._sizes[name], self.truth[name])
 
 
 class SimulatedCameraDevice(CameraDevice):
     """One camera of the range, as `groundstation.sources.cameras` knows cameras."""
 
-    def __init__(
-        self, name: str, memory: SharedMemory, pipe: Connection, size_px: tuple[int, int], told: SimulatedRange
-    ) -> None:
+    def __init__(self, name: str, memory: SharedMemory, pipe: Connection, size_px: tuple[int, int], told: Told) -> None:
         self._name = name
         self._pipe = pipe
         self._told = told
@@ -188,7 +193,7 @@ class SimulatedCameraDevice(CameraDevice):
             slot, number, device_ns, t_s, u_px, v_px = self._pipe.recv()
         except (EOFError, OSError) as fault:
             raise CameraLostError(f"{self._name}: the simulated range has ended") from fault
-        self._told.truth[self._name].add(t_s, u_px, v_px)
+        self._told.add(t_s, u_px, v_px)
         pixels = self._slots[slot].copy()
         return Grab(
             frame_id=number, device_ns=device_ns, pixels=pixels, pattern=_PATTERN, payload_bytes=int(pixels.nbytes)
@@ -248,8 +253,8 @@ def serve_range(
     for thread in threads:
         thread.daemon = True
         thread.start()
-    control.send("ready")
-    with quick_hand_over(), contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
+    with quick_hand_over(), contextlib.suppress(EOFError, OSError):
+        control.send("ready")
         while (told := control.recv()) != "stop":
             flight.start_s = float(told)
             for number, s in enumerate(stations):

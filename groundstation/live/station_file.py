@@ -1,12 +1,13 @@
 """``STATION.toml``: which devices stand at the airstrip and how they are used. The rig file says where they are."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from groundstation.config import config_from_mapping
 from groundstation.errors import ConfigError
+from groundstation.live.head_device import HeadDevice
 from groundstation.pointing import PointingConfig
 from groundstation.search_pattern import SearchConfig
 from groundstation.session.folder import GeoOrigin, parse_origin
@@ -30,35 +31,6 @@ _PTU_SETTINGS = frozenset(
         *("tilt_low_deg", "tilt_high_deg", "pan_rate_deg_s", "tilt_rate_deg_s", "baud", "latency_s", "poll_hz"),
     }
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeadDevice:
-    """One station's PTU.
-
-    Attributes
-    ----------
-    url, protocol, options : as `ptu_drivers.open_ptu` takes them.
-    signs, zeros_rad : of pan and tilt.
-    lows_rad, highs_rad : soft limits of pan and tilt; infinite where the unit's own hold.
-    rates_rad_s : soft limits of the speeds.
-    baud : to raise the line to; 0 keeps it. latency_s : of the unit; None is the driver's default.
-    poll_s : asked no more often.
-    park_rad : where it is left, pan and tilt.
-    """
-
-    url: str
-    protocol: str = "flir"
-    options: dict[str, Any] = field(default_factory=dict)
-    signs: tuple[int, int] = (1, 1)
-    zeros_rad: tuple[float, float] = (0.0, 0.0)
-    lows_rad: tuple[float, float] = (-math.inf, -math.inf)
-    highs_rad: tuple[float, float] = (math.inf, math.inf)
-    rates_rad_s: tuple[float, float] = (math.inf, math.inf)
-    baud: int = 0
-    latency_s: float | None = None
-    poll_s: float = 0.01
-    park_rad: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -42,9 +42,14 @@ def strike(server: SimulatedServer, faults: Sequence[TimedFault], station: str, 
                 line.at(start_s + fault.from_s, lambda: setattr(line, "dead", True))
                 line.at(start_s + fault.to_s, lambda: setattr(line, "dead", False))
             elif fault.what in FAULTS:
-                times = 1 if fault.what in _ONCE else max(1, int((fault.to_s - fault.from_s) / _AGAIN_S))
-                for k in range(times):
-                    line.at(start_s + fault.from_s + k * _AGAIN_S, partial(_do, fault.what, line, rnd))
+                for since_s in struck_at(fault):
+                    line.at(start_s + since_s, partial(_do, fault.what, line, rnd))
+
+
+def struck_at(fault: TimedFault) -> tuple[float, ...]:
+    """Return when a PTU's fault strikes, s of the flight."""
+    times = 1 if fault.what in _ONCE else max(1, int((fault.to_s - fault.from_s) / _AGAIN_S))
+    return tuple(fault.from_s + k * _AGAIN_S for k in range(times))
 
 
 def _do(what: str, line: VirtualLine, rnd: random.Random) -> None:

@@ -63,6 +63,8 @@ def _opener() -> Any:
         raise MissingExtraError("reading ArduPilot logs", "logs") from error
 
     class Reader(DFReader_binary):  # type: ignore[misc]
+        formats: dict[int, Any]
+
         def __init__(self, name: str) -> None:
             try:
                 super().__init__(name)

@@ -19,6 +19,8 @@ _START_FT = 1500.0
 # Milspec: the turbulence's probability of exceedance, and 20 ft wind for each m/s of wind
 _SEVERITY = 4.0
 _SETTLE_S = 4.0
+# its generator takes 0 for 1
+_SEEDS = 2**31 - 1
 # of the autopilot: elevator and aileron by angle (1/rad) and by rate (s/rad), pitch by descent, bank by heading
 _ELEVATOR, _AILERON = (2.5, 1.0), (1.2, 0.4)
 _PITCH_BY_PATH, _BANK_BY_HEADING = 0.6, 0.5
@@ -67,6 +69,9 @@ def _started(seed: int, rate_hz: float, glide_rad: float, wind_m_s: float) -> An
     jsbsim.FGJSBBase().debug_lvl = 0
     model = jsbsim.FGFDMExec(None)
     model.load_model("c172x")
+    # its own table would go into the folder that it is run from; the file is made though nothing is written
+    model.set_output_filename(0, "/dev/null")
+    model.disable_output()
     model.set_dt(1.0 / rate_hz)
     for name, value in (
         ("ic/h-sl-ft", _START_FT), ("ic/vc-kts", _SPEED_KT), ("ic/gamma-deg", -float(np.degrees(glide_rad))),
@@ -76,7 +81,7 @@ def _started(seed: int, rate_hz: float, glide_rad: float, wind_m_s: float) -> An
     model.run_ic()
     # turbulence of type 3 is MIL-F-8785C
     for name, value in (
-        ("simulation/randomseed", float(seed % 2**31)), ("atmosphere/turb-type", 3.0),
+        ("simulation/randomseed", float(seed % _SEEDS or _SEEDS - 1)), ("atmosphere/turb-type", 3.0),
         ("atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps", 2.5 * wind_m_s / _FOOT_M),
         ("atmosphere/turbulence/milspec/severity", _SEVERITY), ("propulsion/set-running", -1.0),
         ("fcs/throttle-cmd-norm", 0.25), ("fcs/mixture-cmd-norm", 0.9),

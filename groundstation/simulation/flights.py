@@ -85,8 +85,6 @@ def flight(
 
     Raises `NoFlightModelError` where the aircraft is JSBSim's and JSBSim is not installed.
     """
-    require_not_negative("flight: wind_m_s", wind_m_s)
-    require(wind_m_s <= MAX_WIND_M_S, "flight: wind_m_s", got=wind_m_s, wanted=f"at most {MAX_WIND_M_S:g} m/s")
     rest_m = REST_HEIGHT_PER_SPAN * SPAN_M
     if name is FlightName.TAKE_OFF:
         flown: Trajectory = take_off(TakeOff(start_y_m=300.0, start_z_m=rest_m, end_y_m=60.0))
@@ -95,17 +93,28 @@ def flight(
         flown = Glide(start_y_m=520.0, end_y_m=85.0, speed_m_s=20.0, aim_y_m=130.0, flare=flare)
     if name is FlightName.WEAVE:
         flown = _near_ground(flown, Weave(), rest_m)
-    if aircraft is Aircraft.JSBSIM:
-        flown = _near_ground(flown, _in_turbulence(flown.span_s, seed, wind_m_s), rest_m)
-    elif wind_m_s > 0.0:
-        generator = np.random.default_rng([seed, _GUST_STREAM])
-        share = wind_m_s / _WIND_M_S
-        gusts = Gusts(sigma_m_s2=(0.6 * share, 0.4 * share, 0.5 * share))
-        flown = _near_ground(flown, gusts.draw(generator, flown.span_s), rest_m)
+    flown = in_wind(flown, rest_m, seed=seed, wind_m_s=wind_m_s, aircraft=aircraft)
     if duration_s is None:
         return flown
     require_positive("flight: duration_s", duration_s)
     return Shortened(whole=flown, duration_s=duration_s)
+
+
+def in_wind(nominal: Trajectory, rest_m: float, *, seed: int, wind_m_s: float, aircraft: Aircraft) -> Trajectory:
+    """Return a flight as the wind leaves it: with gusts that fade out towards the ground, where it is ``rest_m`` high.
+
+    Raises `NoFlightModelError` where the aircraft is JSBSim's and JSBSim is not installed.
+    """
+    require_not_negative("flight: wind_m_s", wind_m_s)
+    require(wind_m_s <= MAX_WIND_M_S, "flight: wind_m_s", got=wind_m_s, wanted=f"at most {MAX_WIND_M_S:g} m/s")
+    if aircraft is Aircraft.JSBSIM:
+        return _near_ground(nominal, _in_turbulence(nominal.span_s, seed, wind_m_s), rest_m)
+    if wind_m_s == 0.0:
+        return nominal
+    generator = np.random.default_rng([seed, _GUST_STREAM])
+    share = wind_m_s / _WIND_M_S
+    gusts = Gusts(sigma_m_s2=(0.6 * share, 0.4 * share, 0.5 * share))
+    return _near_ground(nominal, gusts.draw(generator, nominal.span_s), rest_m)
 
 
 def _in_turbulence(span_s: tuple[float, float], seed: int, wind_m_s: float) -> Sampled:

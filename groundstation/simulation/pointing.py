@@ -120,7 +120,18 @@ class Wandering:
     deviation: Trajectory
 
 
-PointingModel = IdealPointing | Wandering | Parked | FirstOrderLoop | SecondOrderLoop
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adrift:
+    """Aims at the target when the flight begins and is left to itself then: nothing but the filter's own model.
+
+    Constant rates and white acceleration, so that the head does not follow the target: for studies whose truth is to be
+    drawn from the model to the last, with a picture that is wide enough. ``deviation`` is that of `Wandering`.
+    """
+
+    deviation: Trajectory
+
+
+PointingModel = IdealPointing | Wandering | Adrift | Parked | FirstOrderLoop | SecondOrderLoop
 
 
 def pointing_history(
@@ -131,6 +142,11 @@ def pointing_history(
         return _Ideal(geometry=geometry, trajectory=trajectory)
     if isinstance(model, Wandering):
         return _Wandered(aimed=_Ideal(geometry=geometry, trajectory=trajectory), deviation=model.deviation)
+    if isinstance(model, Adrift):
+        first = np.array(trajectory.span_s[:1])
+        aim = _Ideal(geometry=geometry, trajectory=trajectory).at(first).head_rad[0]
+        still = _Still(pan_rad=float(aim[0]), tilt_rad=float(aim[1]))
+        return _Wandered(aimed=still, deviation=model.deviation)
     if isinstance(model, Parked):
         return _Still(pan_rad=model.pan_rad, tilt_rad=model.tilt_rad)
     count = int(np.ceil((span_s[1] - span_s[0] + _SETTLE_S) / STEP_S)) + 2
@@ -166,7 +182,7 @@ class _Ideal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Wandered:
-    aimed: _Ideal
+    aimed: PointingHistory
     deviation: Trajectory
 
     def at(self, t_s: FloatArray) -> Pointing:

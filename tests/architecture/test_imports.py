@@ -10,7 +10,7 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 
 # From the top down: a module may import from its own layer and from those below it, never from above.
 LAYERS: tuple[tuple[str, ...], ...] = (
-    ("groundstation.cli", "groundstation.__main__"),
+    ("groundstation.cli", "groundstation.cli_start", "groundstation.__main__"),
     (
         "groundstation.cli_calibrate",
         "groundstation.cli_calibrate_landmarks",
@@ -63,7 +63,9 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.search_pattern",
         "groundstation.pointing",
     ),
+    ("groundstation.solution_separation",),
     ("groundstation.detection", "groundstation.estimation", "groundstation.triangulation", "groundstation.synchronise"),
+    ("groundstation.leave_one_out",),
     ("groundstation.recording",),
     ("groundstation.rig_toml",),
     ("groundstation.messages", "groundstation.rig", "groundstation.rig_covariance", "groundstation.rig_reference"),
@@ -96,6 +98,7 @@ CORE = (
     "camera_tracker",
     "station_health",
     "integrity",
+    "solution_separation",
     "existence",
     "pointing",
     "search_pattern",

@@ -37,9 +37,9 @@ def test_innovations_are_as_large_as_said(sample: consistency.Sample) -> None:
 
 
 def test_gain_over_triangulation() -> None:
-    """Across, the bound itself gains 1.37; along and upwards twice as much and more."""
+    """From the bounds' start at 600 m: 1.59/2.31/2.04 in 200 flights by the bound itself."""
     found = consistency.gain_over_triangulation(10.0, range(12))
-    assert np.all(found.filtered > [1.2, 2.2, 1.7])
+    assert np.all(found.filtered > [1.4, 2.2, 1.9])
     assert np.all(found.filtered > (1.0 - 2.5 / np.sqrt(2 * 2 * 12)) * found.bound)
 
 
@@ -51,7 +51,10 @@ def test_the_pipeline_is_as_good() -> None:
 
 
 def test_outliers_cost_next_to_nothing() -> None:
-    assert np.all(consistency.outlier_ratio(10.0, range(12))[0] < 1.1)
+    """From a start that is known well, and from one that lets an outlier pass as its first pixel."""
+    near, wide = consistency.outlier_ratio(10.0, range(12))
+    assert np.all(near < 1.1)
+    assert np.all(wide < 1.1)
 
 
 def test_what_is_considered_is_in_the_covariance_and_what_is_ignored_is_not() -> None:

@@ -11,11 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.live.devices import DeviceError
+from groundstation.live.head_device import DeviceError, HeadDevice
 from groundstation.live.head_process import Heads
 from groundstation.live.head_worker import AtOnce
 from groundstation.live.inbox import Inbox
-from groundstation.live.station_file import HeadDevice
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Reading
 from ptu_drivers.simulated_flir import FlirModel

@@ -105,13 +105,50 @@ def test_a_folder_that_is_in_use_is_refused(flown: tuple[Path, str, int], capsys
     assert "wanted a new or empty folder" in capsys.readouterr().err
 
 
-def test_without_a_station_file_it_says_what_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_station_file_it_says_what_it_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
     assert main(["live"]) == 2
     assert "--simulate" in capsys.readouterr().err
     assert main(["live", "nowhere.toml", "--out", "x"]) == 1
     assert "nowhere.toml: got no such file" in capsys.readouterr().err
+    assert not Path("x").exists()
     assert main(["check", "nowhere.toml"]) == 1
     assert "nowhere.toml: got no such file" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["field.toml", "--simulate", "--out", "x"], "got field.toml and --simulate; wanted one of them"),
+        (["field.toml", "--ptu-fault", "noise"], "got --ptu-fault without --simulate; wanted both"),
+        (["field.toml", "--aircraft", "jsbsim"], "got --aircraft without --simulate; wanted both"),
+        (["--simulate"], "got no --out; wanted a folder"),
+        (["--simulate", "--out", "x", "--ptu-fault", "bogus"], "got 'bogus'; wanted one of banner, "),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["live", *words]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--seed", "-1"], ["--rate", "1e9"], ["--wind", "99"], ["--aircraft", "kite"]])
+def test_what_no_range_can_do_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["live", "--simulate", "--out", "x", *words])
+    assert ended.value.code == 2
+    assert words[1] in capsys.readouterr().err
+
+
+def test_without_jsbsim_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "jsbsim", None)
+    assert main(["live", "--simulate", "--out", str(tmp_path / "x"), "--aircraft", "jsbsim"]) == 1
+    assert "pip install 'groundstation[jsbsim]'" in capsys.readouterr().err
 
 
 def test_check_says_what_is_wrong_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -129,7 +166,7 @@ ptu = "{tmp_path}/nothing"
 """,
         encoding="utf-8",
     )
-    assert main(["check", str(tmp_path / "station.toml"), "--for", "0.5"]) == 1
+    assert main(["check", str(tmp_path / "station.toml"), "--for", "2"]) == 1
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "ok     station file, rig and tuning: left, right"
     assert said[1].startswith("WRONG  rig: left, right without a covariance")

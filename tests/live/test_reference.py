@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from groundstation.errors import LogError
 from groundstation.live.check_reference import check_reference
-from groundstation.live.devices import DeviceError
+from groundstation.live.head_device import DeviceError
 from groundstation.live.inbox import Inbox, Item, Said
 from groundstation.live.reference_line import open_reference_line
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace, Refusal

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from groundstation.errors import ConfigError
-from groundstation.live.devices import camera_of, check_against_rig, head_settings
+from groundstation.live.devices import camera_of, check_against_rig
+from groundstation.live.head_device import head_settings
 from groundstation.live.station_file import ReferenceDevice, load_station
 from groundstation.rig import load_rig
 

@@ -1,6 +1,9 @@
 """Flights by JSBSim: they repeat, turbulence grows with the wind, and the path is still a landing's."""
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from groundstation.simulation.flight_model import fly_by_jsbsim
 from groundstation.simulation.flights import Aircraft, FlightName, flight
@@ -21,6 +24,13 @@ def test_turbulence_grows_with_the_wind() -> None:
 def test_it_repeats_and_seeds_differ() -> None:
     assert roughness(3.0) == roughness(3.0)
     assert roughness(3.0) != roughness(3.0, seed=4)
+    assert roughness(3.0, seed=0) != roughness(3.0, seed=1)
+
+
+def test_it_leaves_nothing_where_it_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    roughness(3.0)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_landing_in_turbulence_is_still_one() -> None:

@@ -12,7 +12,9 @@ from groundstation.errors import ScenarioError
 from groundstation.rig import ClockModel
 from groundstation.simulation.approach import Glide, weaving_approach
 from groundstation.simulation.cases import STEP_RAD, standard_rig, standard_station
+from groundstation.simulation.disturbance import drawn_deviation
 from groundstation.simulation.pointing import (
+    Adrift,
     FirstOrderLoop,
     IdealPointing,
     LoopLimits,
@@ -52,6 +54,19 @@ def test_ideal_rates_are_the_derivative_of_the_angles() -> None:
     t, h = np.linspace(0.0, 13.0, 40), 1e-3
     slope = (history.at(t + h).head_rad - history.at(t - h).head_rad) / (2 * h)
     assert history.at(t).head_rate_rad_s == pytest.approx(slope, abs=1e-6)
+
+
+def test_a_head_adrift_is_aimed_once_and_goes_its_own_way() -> None:
+    """Where it looks at the start of the flight, then nothing but the drawn deviation, whatever the target does."""
+    geometry, track = standard_rig()["left"].geometry(), weaving_approach()
+    start, end = track.span_s
+    drawn = drawn_deviation(np.random.default_rng(3), span_s=(start, end), acceleration_psd_m2_s3=(1e-5, 1e-5, 0.0))
+    history = pointing_history(Adrift(deviation=drawn), geometry, track, (start, end))
+    t = np.linspace(start, end, 40)
+    found, aimed = history.at(t), pointing_history(IdealPointing(), geometry, track, (start, end)).at(t)
+    np.testing.assert_allclose(found.head_rad - aimed.head_rad[0], drawn.position(t)[:, :2], atol=1e-12)
+    np.testing.assert_allclose(found.head_rate_rad_s, drawn.velocity(t)[:, :2], atol=1e-12)
+    np.testing.assert_array_equal(found.encoder_rad, found.head_rad)
 
 
 def test_a_parked_head_stands_still() -> None:

@@ -1,0 +1,62 @@
+"""One station's pixel against the fix of the others: the algebra of `groundstation.solution_separation`, compiled."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from groundstation.arrays import FloatArray
+
+LEAST_SHARE = 1e-2  # of the information in one direction: what is less is none
+
+
+@njit(cache=True)
+def leave_out(noises: FloatArray, jacobians: FloatArray, residuals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return A (2, 2) and g (2,) of the first of k stations against the fix of the others.
+
+    With the others' information J = Σ Hᵀ W H and pull c = Σ Hᵀ W r, and the station's own H₀, W₀, r₀: eliminating the
+    target from all of them, g = W₀ (r₀ − H₀ δ̂) and A = W₀ − W₀ H₀ (J + H₀ᵀ W₀ H₀)⁻¹ H₀ᵀ W₀.
+
+    Parameters
+    ----------
+    noises : (k, 2, 2) covariances W⁻¹, px².
+    jacobians : (k, 2, 3) H, px per m.
+    residuals : (k, 2) r, px.
+    """
+    J, c = np.zeros((3, 3)), np.zeros(3)
+    for k in range(len(noises)):
+        H = jacobians[k]
+        HtW = H.T.copy() @ np.linalg.inv(noises[k])
+        J += HtW @ H
+        c += HtW @ residuals[k]
+    own, H = np.linalg.inv(noises[0]), jacobians[0]
+    moved = np.linalg.solve(J, c)
+    A = own - own @ H @ np.linalg.solve(J, H.T.copy() @ own)
+    return 0.5 * (A + A.T), own @ (residuals[0] - H @ moved)
+
+
+@njit(cache=True)
+def whitened(residual: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return L⁻¹ r (2,) of a residual (2,) with covariance (2, 2) = L Lᵀ."""
+    L = np.linalg.cholesky(covariance)
+    first = residual[0] / L[0, 0]
+    return np.array([first, (residual[1] - L[1, 0] * first) / L[1, 1]])
+
+
+def explained(A: FloatArray, g: FloatArray) -> float:
+    """Return gᵀ A⁺ g of a symmetric A (2, 2); directions of less than `LEAST_SHARE` of the largest count as none."""
+    a, b, c = float(A[0, 0]), float(A[0, 1]), float(A[1, 1])
+    middle, radius = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
+    turn = 0.5 * math.atan2(2.0 * b, a - c)
+    along = math.cos(turn) * float(g[0]) + math.sin(turn) * float(g[1])
+    across = math.cos(turn) * float(g[1]) - math.sin(turn) * float(g[0])
+    large, small = middle + radius, middle - radius
+    if large <= 0.0:
+        return 0.0
+    return along**2 / large + (across**2 / small if small > LEAST_SHARE * large else 0.0)
+
+
+def warm_up() -> None:
+    """Compile both kernels."""
+    leave_out(np.tile(np.eye(2), (2, 1, 1)), np.sqrt(np.arange(12.0)).reshape(2, 2, 3), np.zeros((2, 2)))
+    whitened(np.zeros(2), np.eye(2))

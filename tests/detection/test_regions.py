@@ -1,0 +1,88 @@
+"""Regions are those that OpenCV finds, measured as plain sums; groups hold what lies close together."""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from groundstation.detection.regions import find_regions, groups_around
+
+CLOSED = (False, False, False, False)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    size=st.tuples(st.integers(1, 40), st.integers(1, 60)),
+    share=st.floats(0.0, 1.0),
+    smooth=st.booleans(),
+)
+def test_regions_are_opencvs_and_their_table_is_sums(
+    seed: int, size: tuple[int, int], share: float, smooth: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    phi = rng.random(size).astype(np.float32)
+    if smooth:
+        phi = np.asarray(cv2.GaussianBlur(phi, (5, 5), 1.2), np.float32)
+    phi = np.asarray(phi - np.quantile(phi, 1.0 - share), np.float32)
+    contrast = rng.gamma(2.0, 2.0, size).astype(np.float32)
+    count, theirs = cv2.connectedComponents((phi > 0).astype(np.uint8), connectivity=8)
+    ours = find_regions(phi, contrast)
+    assert ours.table.shape == (count, 10)
+    assert np.array_equal(ours.labels > 0, theirs > 0)
+    # one of theirs for each of ours, and the other way round
+    assert (
+        len({(int(a), int(b)) for a, b in zip(ours.labels.ravel(), theirs.ravel(), strict=True)} - {(0, 0)})
+        == count - 1
+    )
+    for k in range(1, count):
+        rows, columns = np.nonzero(ours.labels == k)
+        own = contrast[rows, columns].astype(np.float64)
+        rim = rows.min() == 0 or columns.min() == 0 or rows.max() == size[0] - 1 or columns.max() == size[1] - 1
+        expected = [len(rows), own.sum(), own @ columns, own @ rows, columns.min(), rows.min()]
+        expected += [columns.max() + 1, rows.max() + 1, own.max(), float(rim)]
+        assert ours.table[k] == pytest.approx(expected)
+
+
+def painted(*boxes: tuple[int, int, int, int]) -> np.ndarray:
+    """Return φ (40, 100) with boxes x0, y0, x1, y1 inside."""
+    phi = np.full((40, 100), -1.0, np.float32)
+    for x0, y0, x1, y1 in boxes:
+        phi[y0:y1, x0:x1] = 1.0
+    return phi
+
+
+def test_a_severed_wing_joins_its_body_and_each_part_stands_for_itself_too() -> None:
+    regions = find_regions(
+        painted((20, 18, 40, 22), (42, 18, 60, 22), (80, 2, 84, 6)), np.full((40, 100), 5.0, np.float32)
+    )
+    groups = groups_around(regions, (40.0, 20.0), 12.0, 40.0, 0.5, 2.0, CLOSED)
+    assert [g.box for g in groups] == [(20, 18, 60, 22), (20, 18, 40, 22), (42, 18, 60, 22)]
+    both = groups[0]
+    assert both.area == 4 * 38
+    assert both.mass == pytest.approx(5.0 * both.area)
+    assert both.contrast == pytest.approx(5.0)
+    assert both.centre == pytest.approx([(20 * 29.5 + 18 * 50.5) / 38, 19.5])
+    assert both.labels == (1, 2) or both.labels == (2, 3)
+    assert not both.rim
+
+
+def test_what_is_faint_or_goes_on_beyond_an_open_edge_is_no_group() -> None:
+    phi = painted((0, 10, 12, 14), (30, 10, 40, 14))
+    contrast = np.full((40, 100), 5.0, np.float32)
+    regions = find_regions(phi, contrast)
+    near, reach = (20.0, 12.0), 60.0
+    assert len(groups_around(regions, near, reach, None, 0.5, 2.0, CLOSED)) == 2
+    [inner] = groups_around(regions, near, reach, None, 0.5, 2.0, (True, False, False, False))
+    assert inner.box == (30, 10, 40, 14)
+    assert groups_around(regions, near, reach, None, 0.5, 6.0, CLOSED) == []
+
+
+def test_the_span_bounds_what_grows_together() -> None:
+    regions = find_regions(painted((20, 18, 40, 22), (42, 18, 60, 22)), np.full((40, 100), 5.0, np.float32))
+    for span, widest in ((None, 40), (20.0, 20), (math.inf, 40)):
+        groups = groups_around(regions, (40.0, 20.0), 12.0, span, 0.5, 2.0, CLOSED)
+        assert max(g.width for g in groups) == widest

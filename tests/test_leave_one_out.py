@@ -1,0 +1,39 @@
+"""One station held against the others: the compiled algebra is the least-squares problem's own."""
+
+import numpy as np
+import pytest
+
+from groundstation.leave_one_out import leave_out, whitened
+
+
+@pytest.mark.parametrize("stations", [2, 3, 5])
+def test_it_is_what_eliminating_the_target_leaves_of_a_bias(rng: np.random.Generator, stations: int) -> None:
+    H, r = rng.normal(size=(stations, 2, 3)), rng.normal(size=(stations, 2))
+    roots = rng.normal(size=(stations, 2, 2))
+    noises = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(2)
+    A, g = leave_out(noises, H, r)
+    # target and a bias b of the first station as unknowns of one least-squares problem: b has information A, b̂ = A⁻¹ g
+    whiten = np.linalg.cholesky(np.linalg.inv(noises)).transpose(0, 2, 1)
+    rows = np.zeros((2 * stations, 5))
+    for k in range(stations):
+        rows[2 * k : 2 * k + 2, :3] = whiten[k] @ H[k]
+    rows[:2, 3:] = whiten[0]
+    information = rows.T @ rows
+    solved = np.linalg.lstsq(rows, np.concatenate([w @ v for w, v in zip(whiten, r, strict=True)]), rcond=None)[0]
+    if stations > 2:
+        assert np.linalg.inv(A) == pytest.approx(np.linalg.inv(information)[3:, 3:], rel=1e-6)
+        assert np.linalg.solve(A, g) == pytest.approx(solved[3:], rel=1e-6)
+    else:
+        # two cameras say nothing of a bias along one direction
+        assert abs(np.linalg.det(A)) < 1e-9 * np.trace(A) ** 2
+
+
+def test_a_whitened_residual_has_the_length_of_its_sigmas(rng: np.random.Generator) -> None:
+    covariance, residual = np.array([[4.0, 1.5], [1.5, 2.0]]), rng.normal(size=2)
+    white = whitened(residual, covariance)
+    assert white @ white == pytest.approx(residual @ np.linalg.solve(covariance, residual))
+
+
+def test_a_covariance_that_is_none_is_refused() -> None:
+    with pytest.raises(np.linalg.LinAlgError):
+        whitened(np.ones(2), np.array([[1.0, 2.0], [2.0, 1.0]]))
