@@ -5,6 +5,9 @@ while it lives without, and *lost* when its covariance says that the cameras cou
 look, when it has not been where it should have been seen (`groundstation.existence`), or at the latest after a stated
 time without any accepted pixel.
 
+Once no camera has had a pixel for a while, one pair of pixels that agree may be chance: on ground, each camera finds
+something near a vague prediction. So the track goes on coasting until as many fixes as were asked for have come.
+
 A target that was found by searching has to prove itself. It is *acquiring*, without an estimate, until it has had
 a fix and its velocity has settled; it is dropped as false if a few fixes do not come soon, or if it does not move
 away from where it was found. So is one that has proved itself and then stands still for long: an aeroplane that has
@@ -38,6 +41,8 @@ class TrackLife:
         self._newest_fix_s = 0.0
         self._started_s = 0.0
         self._fixes = 0
+        # fixes since the cameras had nothing for a while
+        self._fixes_back = config.confirm_fixes
         self._settled = False
         self._found_at: FloatArray | None = None
         # where a target that proved itself has lately been, and when
@@ -55,6 +60,7 @@ class TrackLife:
         self._passed = None
         self._settled = found_at_m is None
         self._fixes = 0
+        self._fixes_back = self._config.confirm_fixes
         self.existence.start()
 
     def is_false(self, t_s: float, ekf: StationEkf) -> bool:
@@ -90,12 +96,18 @@ class TrackLife:
 
     def saw(self, t_s: float) -> None:
         """Note that a pixel was accepted."""
+        if self.status is TrackStatus.COASTING and t_s - self._newest_pixel_s > self._config.confirm_after_s:
+            self._fixes_back = 0
         self._newest_pixel_s = max(self._newest_pixel_s, t_s)
 
     def fixed(self, t_s: float) -> None:
         """Note that two or more cameras agreed."""
+        c = self._config
+        if self._fixes_back < c.confirm_fixes and t_s - self._newest_fix_s > c.confirm_after_s:
+            self._fixes_back = 0
         self._newest_fix_s = t_s
         self._fixes += 1
+        self._fixes_back += 1
 
     def follow(self, fixed: bool, ekf: StationEkf) -> TrackStatus:
         """Return the status of a target that lives on, with or without a fix in this epoch.
@@ -108,7 +120,8 @@ class TrackLife:
             self._settled = self._fixes > 0 and sigma < self._config.settled_velocity_sigma_m_s
         if not self._settled:
             return TrackStatus.ACQUIRING
-        return TrackStatus.TRACKING if fixed else TrackStatus.COASTING
+        confirmed = fixed and self._fixes_back >= self._config.confirm_fixes
+        return TrackStatus.TRACKING if confirmed else TrackStatus.COASTING
 
     def needs_search(self, t_s: float) -> bool:
         """Return whether the whole frames are searched beside the prediction: the last fix is old, or belief small."""

@@ -114,3 +114,35 @@ def test_a_found_target_is_reported_once_its_velocity_has_settled() -> None:
     assert life.follow(True, ekf) is TrackStatus.TRACKING
     ekf.covariance[3:6, 3:6] = np.eye(3) * 30.0**2
     assert life.follow(False, ekf) is TrackStatus.COASTING, "settled once, settled for this target"
+
+
+def seen(life: TrackLife, ekf: StationEkf, t_s: float, cameras: int) -> TrackStatus:
+    """Bring a track through one epoch in which so many cameras' pixels were accepted."""
+    for _ in range(cameras):
+        life.saw(t_s)
+    if cameras > 1:
+        life.fixed(t_s)
+    status = life.follow(cameras > 1, ekf)
+    life.change(t_s, status)
+    return status
+
+
+def test_after_a_while_without_a_pixel_one_pair_is_not_yet_a_track() -> None:
+    life, ekf = started(found=False)
+    track, coast = TrackStatus.TRACKING, TrackStatus.COASTING
+    assert [seen(life, ekf, 0.1 * k, 2) for k in range(1, 4)] == [track] * 3
+    assert [seen(life, ekf, 0.1 * k, 0) for k in range(4, 7)] == [coast] * 3
+    assert seen(life, ekf, 0.7, 2) is track, "a short gap needs no proof"
+    assert [seen(life, ekf, 0.1 * k, 0) for k in range(8, 16)] == [coast] * 8
+    assert seen(life, ekf, 1.6, 2) is coast
+    assert seen(life, ekf, 1.7, 0) is coast
+    assert seen(life, ekf, 2.3, 2) is coast, "too long after the first to confirm it"
+    assert seen(life, ekf, 2.4, 2) is track
+
+
+def test_a_second_camera_that_comes_back_to_one_that_held_on_is_believed_at_once() -> None:
+    life, ekf = started(found=False)
+    seen(life, ekf, 0.1, 2)
+    for k in range(2, 40):
+        assert seen(life, ekf, 0.1 * k, 1) is TrackStatus.COASTING
+    assert seen(life, ekf, 4.0, 2) is TrackStatus.TRACKING

@@ -77,6 +77,7 @@ class EstimationConfig:
     lost_existence : … and below this one it is lost.
     lost_sigma_px, lost_sigma_m : the track is lost when the predicted pixel or the position gets this uncertain.
     lost_after_s : and at the latest after so long without any accepted pixel.
+    confirm_after_s, confirm_fixes : after so long without any accepted pixel, tracking is said at so many fixes.
     search_again_s : without a fix for so long, the whole frames are searched again beside the prediction.
     proof_fixes, proof_s : a target found by searching needs so many fixes within so long, or it is dropped.
     settled_velocity_sigma_m_s : and is reported once its velocity is known so well in every direction.
@@ -117,6 +118,8 @@ class EstimationConfig:
     lost_sigma_px: float = 200.0
     lost_sigma_m: float = 60.0
     lost_after_s: float = 8.0
+    confirm_after_s: float = 0.5
+    confirm_fixes: int = 2
     search_again_s: float = 1.0
     proof_fixes: int = 3
     proof_s: float = 1.0
