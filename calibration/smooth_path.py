@@ -21,6 +21,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 from scipy.sparse import csr_matrix, diags
 
+from calibration.banded_inverse import banded_inverse
 from groundstation.arrays import FloatArray
 
 CUBIC = 3
@@ -33,8 +34,6 @@ _BESIDE = 2
 _FREE = 1e-4
 _USUAL = 10.0
 _MOST_BREAKS = 20
-# columns of an inverse
-_AT_ONCE = 500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -150,10 +149,9 @@ class _Evidence:
         penalty = _bands(D.T @ diags(weight) @ D)
         root = cholesky_banded(self._normal + penalty / ratio**2, lower=True)
         found = np.abs(D @ cho_solve_banded((root, True), self._right)) / noise
-        taken = np.zeros(len(found))
-        for first in range(0, len(found), _AT_ONCE):
-            part = D[first : first + _AT_ONCE].T.toarray()
-            taken[first : first + _AT_ONCE] = np.sum(part * cho_solve_banded((root, True), part), axis=0)
+        # a difference touches neighbours only, so that the inverse within the band is all that it asks for
+        Z = _symmetric(banded_inverse(root))
+        taken = np.asarray((D @ Z).multiply(D).sum(axis=1)).ravel()
         variance = ratio**2 / weight - taken
         return np.asarray(found / np.sqrt(np.maximum(variance, 1e-6 * ratio**2)))
 
@@ -178,3 +176,11 @@ def _bands(matrix: csr_matrix) -> FloatArray:
         diagonal = matrix.diagonal(-away)
         bands[away, : len(diagonal)] = diagonal
     return bands
+
+
+def _symmetric(bands: FloatArray) -> csr_matrix:
+    """Return the symmetric matrix of lower bands (b + 1, K)."""
+    n = bands.shape[1]
+    below = [bands[away, : n - away] for away in range(len(bands))]
+    places = [-away for away in range(len(bands))]
+    return diags([*below, *below[1:]], [*places, *(-p for p in places[1:])]).tocsr()
