@@ -61,8 +61,9 @@ def run_reproduce(options: argparse.Namespace) -> int:
 
     names = [e.name for e in EXPERIMENTS]
     if options.list:
+        name_width, number_width = max(map(len, names)), max(len(e.numbers) for e in EXPERIMENTS)
         for e in EXPERIMENTS:
-            print(f"{e.name:<14}{e.numbers:<26}{e.title} ({e.paper.value})")
+            print(f"{e.name:<{name_width}}  {e.numbers:<{number_width}}  {e.title} ({e.paper.value})")
         return 0
     unknown = [name for name in options.only if name not in names]
     if unknown:
