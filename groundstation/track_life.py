@@ -43,6 +43,7 @@ class TrackLife:
         self._fixes = 0
         # fixes since the cameras had nothing for a while
         self._fixes_back = config.confirm_fixes
+        self._was_fixed = False
         self._settled = False
         self._found_at: FloatArray | None = None
         # where a target that proved itself has lately been, and when
@@ -96,14 +97,17 @@ class TrackLife:
 
     def saw(self, t_s: float) -> None:
         """Note that a pixel was accepted."""
-        if self.status is TrackStatus.COASTING and t_s - self._newest_pixel_s > self._config.confirm_after_s:
+        alone = self.status is TrackStatus.COASTING and not self._was_fixed
+        if alone and t_s - self._newest_pixel_s > self._config.confirm_after_s:
             self._fixes_back = 0
         self._newest_pixel_s = max(self._newest_pixel_s, t_s)
 
     def fixed(self, t_s: float) -> None:
         """Note that two or more cameras agreed."""
         c = self._config
-        if self._fixes_back < c.confirm_fixes and t_s - self._newest_fix_s > c.confirm_after_s:
+        # however slow the pictures come, the next epoch's fix confirms
+        alone = not self._was_fixed and t_s - self._newest_fix_s > c.confirm_after_s
+        if self._fixes_back < c.confirm_fixes and alone:
             self._fixes_back = 0
         self._newest_fix_s = t_s
         self._fixes += 1
@@ -114,6 +118,7 @@ class TrackLife:
 
         What was found by searching is acquiring until it has had a fix and its velocity has settled.
         """
+        self._was_fixed = fixed
         if not self._settled:
             where = ekf.layout.velocity
             sigma = float(np.sqrt(np.linalg.eigvalsh(ekf.covariance[where, where]).max()))

@@ -146,3 +146,10 @@ def test_a_second_camera_that_comes_back_to_one_that_held_on_is_believed_at_once
     for k in range(2, 40):
         assert seen(life, ekf, 0.1 * k, 1) is TrackStatus.COASTING
     assert seen(life, ekf, 4.0, 2) is TrackStatus.TRACKING
+
+
+def test_pictures_that_come_once_a_second_are_confirmed_by_the_next() -> None:
+    life, ekf = started(found=False)
+    told = [seen(life, ekf, float(k), cameras) for k, cameras in enumerate([2, 2, 0, 2, 2, 2, 0, 2, 2])]
+    track, coast = TrackStatus.TRACKING, TrackStatus.COASTING
+    assert told == [track, track, coast, coast, track, track, coast, coast, track]
