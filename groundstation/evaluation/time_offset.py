@@ -196,8 +196,8 @@ def estimate_offset(
             return NoOffset(reason="track and reference agree at too few epochs")
         if normal.lag_information <= _MIN_INFORMATION:
             return NoOffset(reason="the aircraft does not move enough to show an offset")
-        solution: FloatArray = np.linalg.solve(normal.information + prior, normal.score)
-        step, bias = float(solution[0]), solution[1:]
+        solution = np.linalg.solve(normal.information + prior, normal.score)
+        step, bias = float(solution[0]), np.asarray(solution[1:], dtype=np.float64)
         offset += float(np.clip(step, -_GRID_STEP_S, _GRID_STEP_S))
         if abs(step) < _CONVERGED_S:
             break
