@@ -2,9 +2,10 @@
 
 import json
 import os
+import select
 import shutil
 import subprocess
-import time
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,8 +26,14 @@ _FLAGS = (
     "--remote-debugging-pipe",
 )
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-# the browser's ends of the two pipes, by its own convention
-_IN_FD, _OUT_FD = 3, 4
+# puts its ends of two pipes where the browser looks for them, 3 and 4, and becomes the browser
+_START = """
+import os, sys
+ends = [os.dup(os.dup(os.dup(int(fd)))) for fd in sys.argv[1:3]]
+for fd, wanted in zip(ends, (3, 4)):
+    os.dup2(fd, wanted)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
 _PATIENCE_S = 120.0
 
 
@@ -88,6 +95,7 @@ class Browser:
     def _messages(self) -> Iterator[dict[str, Any]]:
         while True:
             while b"\0" not in self._rest:
+                assert select.select([self._from], [], [], _PATIENCE_S)[0], "the browser says nothing"
                 part = os.read(self._from, 1 << 20)
                 assert part, "the browser has gone"
                 self._rest += part
@@ -106,9 +114,9 @@ def browser(profile: Path) -> Iterator[Browser]:
         absent("chromium", "apt install chromium")
     theirs_in, ours_out = os.pipe()
     ours_in, theirs_out = os.pipe()
-    redirect = f'exec "$@" {_IN_FD}<&{theirs_in} {_OUT_FD}>&{theirs_out}'
+    start = [sys.executable, "-S", "-c", _START, str(theirs_in), str(theirs_out)]
     process = subprocess.Popen(
-        ["sh", "-c", redirect, "sh", program, *_FLAGS, f"--user-data-dir={profile}"],
+        [*start, program, *_FLAGS, f"--user-data-dir={profile}"],
         pass_fds=(theirs_in, theirs_out),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
