@@ -59,7 +59,7 @@ class Document(HTMLParser):
 def evaluation(
     landing_run: ResultCollector, landing_truth: Path3D, landing_fixes: list[DgpsFix], rig: Rig
 ) -> Evaluation:
-    """A run with phases, both references, a smoothed track and carried errors."""
+    """A run with phases, both references, one of them with a gap, a smoothed track and carried errors."""
     run = RunDescription(
         name="a flight",
         phases=(Phase(from_s=0.5, to_s=26.2, background="sky"), Phase(from_s=26.3, to_s=40.0, background="ground")),
@@ -75,7 +75,7 @@ def evaluation(
         run,
         rig=rig,
         config=EvaluationConfig(),
-        dgps=landing_fixes,
+        dgps=[fix for fix in landing_fixes if not 20.0 < fix.t_s < 23.0],
         truth=landing_truth,
         smoothed=landing_run,
     )
