@@ -17,11 +17,12 @@ from groundstation.onboard_render import render_flight
 from groundstation.replay import ReplayRequest, replay
 from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
-from groundstation.simulation import StationErrors, case_b, perturbed, simulate
+from groundstation.simulation import Scenario, StationErrors, case_b, perturbed, simulate
 from groundstation.simulation.approach import Glide
+from groundstation.simulation.dgps import DgpsModel
 from groundstation.sinks.session_folder import write_session_folder
 from tests.calibration.boards_seen import Pose, a_lens, a_pose, render
-from tests.calibration.flights import approach, unknown
+from tests.calibration.flights import unknown
 from tests.calibration.mounts import look, marks_around, plain_station, spoiled
 from tests.calibration.swings import Recorder, Swing, small_station, write_session
 from tests.docs.pages import ROOT
@@ -115,8 +116,12 @@ def _strip(folder: Path, rng: np.random.Generator) -> None:
         write_sightings(folder / name, look_at_landmarks(day.true, day.stands, rng, 10))
 
 
+def _short_flight() -> Scenario:
+    return replace(case_b(seed=3, trajectory=Glide(start_y_m=350.0, end_y_m=200.0)), dgps=DgpsModel())
+
+
 def _flight(folder: Path, rng: np.random.Generator) -> None:
-    scenario = approach(3, {})
+    scenario = _short_flight()
     scenario = replace(scenario, rig=unknown(scenario.rig, "orientation"))
     folder.mkdir()
     write_session_folder(folder / "session", simulate(scenario), name="simulated")
@@ -148,7 +153,7 @@ def _field(folder: Path, rng: np.random.Generator) -> None:
 
 def _believed(folder: Path, rng: np.random.Generator) -> None:
     """A flight whose rig was believed to stand otherwise by a tenth of a degree, and says that it may."""
-    scenario = approach(3, {})
+    scenario = _short_flight()
     turns = {name: StationErrors(mount_rad=np.radians(rng.normal(0.0, 0.05, 3))) for name in scenario.rig.names}
     known = {
         "covariance_parameters": tuple(f"runway_from_base.{axis}" for axis in "xyz"),
