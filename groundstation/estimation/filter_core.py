@@ -61,6 +61,7 @@ class FilterCore:
         self._motions = [
             MotionModel(self.layout, psd, noise, prior.walk_psd, config.detection_lasting_s) for psd in psds
         ]
+        self._psds = np.array([motion.psd for motion in self._motions])
         self._bank = ModeBank(self.layout.size, (config.steady_s, config.manoeuvre_s)[: len(psds)])
         self._bank.place(self.layout.constant, np.zeros(len(prior.names)), prior.covariance)
         self._gate = float(chi2.ppf(config.gate_probability, 2))
@@ -270,15 +271,17 @@ class FilterCore:
         """Carry the state forward to ``t_s``; an earlier time leaves it where it is."""
         if self.time_s is None:
             self.time_s = self._first_s = t_s
-        dt = t_s - self.time_s
-        if dt <= 0.0:
-            return
-        noises = [motion.process_noise(dt) for motion in self._motions]
+        if t_s > self.time_s:
+            self._carry(self.time_s, t_s)
+
+    def _carry(self, from_s: float, to_s: float) -> FloatArray:
+        """Carry the state from its time to a later one and return the transition F (n, n)."""
+        F, noises = self._motions[0].with_noises(self._psds, to_s - from_s)
         if not self.has_target:
-            for Q in noises:
-                Q[self.layout.target, self.layout.target] = 0.0
-        self._bank.predict(self._motions[0].transition(dt), noises, dt)
-        self.time_s = t_s
+            noises[:, self.layout.target, self.layout.target] = 0.0
+        self._bank.predict(F, noises, to_s - from_s)
+        self.time_s = to_s
+        return F
 
     def predict_pixel(self, station: str, row_dt_s: float = 0.0) -> PixelPrediction | None:
         """Return the target's predicted pixel in one camera now; None if behind it."""
