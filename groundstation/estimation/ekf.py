@@ -18,7 +18,6 @@ from groundstation.estimation.filter_core import FilterCore
 from groundstation.estimation.linearisation import Linearised
 from groundstation.estimation.second_view import Seen
 from groundstation.estimation.young_track import YoungTrack
-from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import LensError
 from groundstation.messages import Innovation
 from groundstation.triangulation import midpoint
@@ -54,24 +53,22 @@ class StationEkf(FilterCore):
             self.set_angles(station, angles_rad, (0.0, 0.0), sigma_rad)
             return Innovation(residual=np.zeros(2), covariance=np.eye(2) * sigma_rad**2, nis=0.0, dof=0, accepted=True)
         model = self._encoders[station]
-        x = self.state
-        expected = model.predict(x, ahead_s)
-        H = expected.jacobian
-        extra = sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
-        R = np.array([[extra, 0.0], [0.0, extra]])
-        if not model.carries_clock and clock_sigma_s > 0.0:
-            R += np.diag((clock_sigma_s * x[self.layout.rates[station]]) ** 2)
-        value = expected.value
-        residual = np.array([wrap_rad(angles_rad[0] - value[0]), wrap_rad(angles_rad[1] - value[1])])
-        S = innovation_covariance(self.covariance, H, R)
-        nis = squared_sigmas(residual, S)
-        allowed = self._config.encoder_gate_sigma**2
-        accepted = bool(residual[0] ** 2 <= allowed * S[0, 0] and residual[1] ** 2 <= allowed * S[1, 1])
-        if accepted:
-            self._bank.correct(residual, H, R, self._estimated(), telling=False)
+        read = model.judge(
+            self.state,
+            self.covariance,
+            angles_rad,
+            ahead_s,
+            sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0,
+            0.0 if model.carries_clock else clock_sigma_s,
+            self._config.encoder_gate_sigma,
+        )
+        if read.accepted:
+            self._bank.correct(read.residual, read.jacobian, read.noise, self._estimated(), telling=False)
         else:
-            self._bank.doubt(self.layout.angles[station], residual**2)
-        return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
+            self._bank.doubt(self.layout.angles[station], read.residual**2)
+        return Innovation(
+            residual=read.residual, covariance=read.covariance, nis=read.nis, dof=2, accepted=read.accepted
+        )
 
     def set_angles(
         self, station: str, angles_rad: tuple[float, float], rates_rad_s: tuple[float, float], sigma_rad: float
