@@ -76,7 +76,7 @@ class StationEkf(FilterCore):
         """Start one PTU's states anew from readings, with no memory of before."""
         self._bank.place(self.layout.angles[station], np.array(angles_rad), np.eye(2) * sigma_rad**2)
         self._bank.place(self.layout.rates[station], np.array(rates_rad_s), np.eye(2) * _INITIAL_RATE_SIGMA_RAD_S**2)
-        self._read.add(station)
+        self._read |= {station}
 
     def update_pixel(
         self,

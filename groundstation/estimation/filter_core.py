@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -88,7 +89,7 @@ class FilterCore:
             self._moving[self._span] = self._span_only[self._span] = True
             own = prior.names.index(LOG_SPAN)
             self._span_variance = float(prior.covariance[own, own])
-        self._read: set[str] = set()
+        self._read: frozenset[str] = frozenset()
         self._first_s: float | None = None
         self._newest_reference_s = -math.inf
         self._references_refused = 0
@@ -139,12 +140,16 @@ class FilterCore:
 
     def snapshot(self) -> EkfState:
         """Return all that the filter is now."""
-        return EkfState(
+        return EkfState(*self._remembered())
+
+    def _remembered(self) -> tuple[Any, ...]:
+        """Return the fields of `EkfState`, in their order; none of them is ever written over."""
+        return (
             self.time_s,
             self._first_s,
             self.has_target,
             self._bank.snapshot(),
-            frozenset(self._read),
+            self._read,
             self._newest_reference_s,
             self._references_refused,
             self._young,
@@ -155,7 +160,7 @@ class FilterCore:
         """Be again what the filter was at a `snapshot`."""
         self.time_s, self._first_s, self.has_target = saved.time_s, saved.first_s, saved.has_target
         self._bank.restore(saved.bank)
-        self._read, self._newest_reference_s = set(saved.read), saved.newest_reference_s
+        self._read, self._newest_reference_s = saved.read, saved.newest_reference_s
         self._references_refused = saved.references_refused
         self._young, self.starts_taken_back = saved.young, saved.starts_taken_back
 

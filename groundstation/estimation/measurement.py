@@ -48,8 +48,9 @@ class LinearPrediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JudgedReading:
-    """A reading of two angles held against the state: ``residual`` (2,), rad, with ``jacobian`` (2, n), ``noise`` R (2, 2)
-    and ``covariance`` S (2, 2), its squared sigmas, and whether both angles are inside the gate.
+    """A reading of two angles held against the state: ``residual`` (2,), rad, with ``jacobian`` (2, n).
+
+    ``noise`` R (2, 2) and ``covariance`` S (2, 2), squared sigmas, and whether both angles are inside the gate.
     """
 
     residual: FloatArray
@@ -218,7 +219,7 @@ def _judge_angles(
     R: FloatArray,
     S: FloatArray,
 ) -> tuple[float, bool]:
-    """Write residual, H, R and S of a reading; return its squared sigmas and whether both angles are inside the gate."""
+    """Write residual, H, R and S of a reading; return its squared sigmas and whether it passes the gate."""
     H[:] = 0.0
     R[:] = 0.0
     inside = True

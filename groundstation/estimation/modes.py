@@ -55,7 +55,10 @@ class ModeBank:
 
     def snapshot(self) -> list[FloatArray]:
         """Return all there is to know, to be given to `restore`; nothing is copied, since nothing is written over."""
-        return [self.weights, *(a for f in self._filters for a in (f.x, f.P))]
+        saved = [self.weights]
+        for each in self._filters:
+            saved += (each.x, each.P)
+        return saved
 
     def restore(self, saved: list[FloatArray]) -> None:
         """Go back to a `snapshot`."""

@@ -81,7 +81,6 @@ class MotionModel:
         )
         return Q
 
-
     def with_noises(self, psds: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
         """Return F (n, n) and Q (r, n, n) for each row of ``psds`` (r, k), as `psd` is of this one, over ``dt_s``."""
         F, noises = np.empty((self._size, self._size)), np.empty((len(psds), self._size, self._size))
@@ -97,6 +96,7 @@ class MotionModel:
             noises,
         )
         return F, noises
+
 
 # matrices are handed in, not returned: returning one takes a compiled function longer than filling it
 @njit(cache=True)
@@ -158,6 +158,4 @@ def _write_motion(
 ) -> None:
     _write_transition(values, slopes, first_offset, first_constant, lasting_s, dt_s, F)
     for mode in range(psds.shape[0]):
-        _write_noise(
-            values, slopes, psds[mode], first_offset, first_constant, walk_psd, lasting_s, dt_s, noises[mode]
-        )
+        _write_noise(values, slopes, psds[mode], first_offset, first_constant, walk_psd, lasting_s, dt_s, noises[mode])

@@ -135,20 +135,7 @@ class RecordedEkf(StationEkf):
 
     def snapshot(self) -> RecordedState:
         """Return all that the filter is now."""
-        s = super().snapshot()
-        return RecordedState(
-            s.time_s,
-            s.first_s,
-            s.has_target,
-            s.bank,
-            s.read,
-            s.newest_reference_s,
-            s.references_refused,
-            s.young,
-            s.starts_taken_back,
-            self.tape.mark,
-            len(self.steps),
-        )
+        return RecordedState(*self._remembered(), self.tape.mark, len(self.steps))
 
     def restore(self, saved: EkfState) -> None:
         """Be again what the filter was at a `snapshot`; what was recorded since then is taken back."""
