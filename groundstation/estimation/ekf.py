@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import innovation_covariance, squared_sigmas
+from groundstation.estimation.compiled_filter import innovation_covariance, lasting_part, squared_sigmas
 from groundstation.estimation.config import CalibrationUse, OutOfViewWeighting
 from groundstation.estimation.field_of_view import moments_after_miss, paper_weight, probability_in_view
 from groundstation.estimation.filter_core import FilterCore
@@ -100,11 +100,10 @@ class StationEkf(FilterCore):
         measured = pixel
         offset = self.layout.offsets.get(station)
         if offset is not None and lasting_share > 0.0:
-            H = H.copy()
-            H[:, offset] = np.linalg.cholesky(lasting_share * covariance_px2)
-            measured = pixel - H[:, offset] @ x[offset]
+            H, measured = H.copy(), pixel.copy()
+            lasting_part(H, x, covariance_px2, offset.start, lasting_share, measured)
             R = (1.0 - lasting_share) * covariance_px2
-        if np.trace(in_view) > _VAGUE_SIGMA**2 * np.trace(covariance_px2):
+        if in_view[0, 0] + in_view[1, 1] > _VAGUE_SIGMA**2 * (covariance_px2[0, 0] + covariance_px2[1, 1]):
             placed = self._placed_anew(
                 Seen(station=station, pixel=pixel, covariance_px2=covariance_px2, row_dt_s=row_dt_s)
             )
