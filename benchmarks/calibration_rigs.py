@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from drawn_rigs import CLOCK_S, beside, draw, errors, loops
+from drawn_rigs import CLOCK_S, beside, draw, errors, loops, unit_of
 from scipy.stats import chi2
 
 from calibration.flight import FlightFit
@@ -51,22 +51,27 @@ _CLOCKS = "\n[clocks]\ndgps = {{ offset_s = 0.0 }}\ndetections = {{ offset_s = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigErrors:
-    """One rig's p errors after calibration, what is claimed of them (p,), and their bounds (p,); 1 sigma each."""
+    """One rig's p errors after calibration, what is claimed of them (p,), and their bounds (p,); 1 sigma each.
+
+    ``together`` is eᵀC⁻¹e of all of them.
+    """
 
     names: tuple[str, ...]
     error: np.ndarray
     sigma: np.ndarray
     bound: np.ndarray
+    together: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """What n rigs of one case gave; (n, p) each."""
+    """What n rigs of one case gave; (n, p) each, ``together`` (n,)."""
 
     names: tuple[str, ...]
     error: np.ndarray
     sigma: np.ndarray
     bound: np.ndarray
+    together: np.ndarray
 
     def normalised(self) -> np.ndarray:
         """Return the mean square of error over claimed sigma, (p,)."""
@@ -94,6 +99,7 @@ def sample(case: str, seeds: Sequence[int]) -> Sample:
         error=np.array([f.error for f in found]),
         sigma=np.array([f.sigma for f in found]),
         bound=np.array([f.bound for f in found]),
+        together=np.array([f.together for f in found]),
     )
 
 
@@ -118,7 +124,11 @@ def one_rig(case: str, seed: int) -> RigErrors:
     error = errors(found.fit, found.rig, drawn)
     names = found.fit.problem.names
     return RigErrors(
-        names=names, error=error, sigma=found.fit.sigma, bound=_bound(found.fit, exact, error + found.fit.change)
+        names=names,
+        error=error,
+        sigma=found.fit.sigma,
+        bound=_bound(found.fit, exact, error + found.fit.change),
+        together=float(error @ np.linalg.solve(found.fit.covariance, error)),
     )
 
 
@@ -167,26 +177,33 @@ def _scenario(case: str, seed: int) -> Scenario:
     return case_b(seed=seed, trajectory=weaving_approach(), pointing=FirstOrderLoop(), ptu_hz=50.0)
 
 
+def show(case: str, found: Sample) -> None:
+    """Print each parameter's rms error, claimed sigma, bound and chi-square, and what is asked of all rigs."""
+    rigs, p = found.error.shape
+    low, high = found.limits()
+    print(f"{case}, {rigs} rigs; mean square of error over sigma, {1 - CHANCE:.1%} of such: {low:.2f} to {high:.2f}")
+    rms, sigma, bound = (np.sqrt(np.mean(v**2, axis=0)) for v in (found.error, found.sigma, found.bound))
+    for k, name in enumerate(found.names):
+        unit, scale = unit_of(name)
+        numbers = " ".join(f"{scale * v[k]:.5g}" for v in (rms, sigma, bound))
+        square = found.normalised()[k]
+        print(f"  {name:<28} rms, sigma, bound {numbers} {unit}; {square:.2f}", end="; ")
+        print(f"rms/bound {found.over_bound()[k]:.2f}" + ("" if low <= square <= high else "  OUTSIDE"))
+    least, most = chi2.ppf([0.5 * CHANCE, 1.0 - 0.5 * CHANCE], rigs * p) / rigs
+    print(f"  all together {np.mean(found.together):.2f} of {p}, {least:.2f} to {most:.2f}")
+    pan = found.degrees("left.runway_from_base.z") - found.degrees("right.runway_from_base.z")
+    tilt = np.concatenate([found.degrees(f"{name}.runway_from_base.x") for name in ("left", "right")])
+    for label, values in (("relative pan", pan), ("tilt", tilt)):
+        print(f"  {label}: rms {np.sqrt(np.mean(values**2)):.5f}, worst {np.abs(values).max():.5f} deg", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rigs", type=int, default=100)
-    parser.add_argument("cases", nargs="*", metavar="CASE", help="mounts, clocks; both by default")
+    parser.add_argument("cases", nargs="*", metavar="CASE", help="mounts, clocks, all; all three by default")
     options = parser.parse_args()
     for case in options.cases or CASES:
-        found = sample(case, range(options.rigs))
-        low, high = found.limits()
-        print(f"{case}, {options.rigs} rigs; mean square of error over sigma, {1 - CHANCE:.1%}: {low:.2f} … {high:.2f}")
-        rms, sigma, bound = (np.sqrt(np.mean(v**2, axis=0)) for v in (found.error, found.sigma, found.bound))
-        for k, name in enumerate(found.names):
-            turn = "runway_from_base" in name
-            unit, scale = ("deg", np.degrees(1.0)) if turn else ("s", 1.0)
-            numbers = " ".join(f"{scale * v[k]:.5f}" for v in (rms, sigma, bound))
-            print(f"  {name:<32} rms, sigma, bound {numbers} {unit}; {found.normalised()[k]:.2f}", end="; ")
-            print(f"rms/bound {found.over_bound()[k]:.2f}")
-        pan = found.degrees("left.runway_from_base.z") - found.degrees("right.runway_from_base.z")
-        tilt = np.concatenate([found.degrees(f"{name}.runway_from_base.x") for name in ("left", "right")])
-        for label, values in (("relative pan", pan), ("tilt", tilt)):
-            print(f"  {label}: rms {np.sqrt(np.mean(values**2)):.5f}, worst {np.abs(values).max():.5f} deg")
+        show(case, sample(case, range(options.rigs)))
 
 
 if __name__ == "__main__":

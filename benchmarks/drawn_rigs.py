@@ -156,3 +156,18 @@ def _of_times(fit: FlightFit, drawn: Drawn, name: str, short: str) -> float:
         "ptu_clock.offset": true.ptu_clock.offset_s,
         "readout": true.readout_s - believed.readout_s,
     }[short]
+
+
+def unit_of(name: str) -> tuple[str, float]:
+    """Return the unit in which a parameter is shown, and what of it is one of ours."""
+    units = {
+        "runway_from_base": ("deg", float(np.degrees(1.0))),
+        "head_from_camera": ("deg", float(np.degrees(1.0))),
+        "ptu_position": ("m", 1.0),
+        "dgps_antenna": ("m", 1.0),
+        "focal": ("px", 1.0),
+        "principal_point": ("px", 1.0),
+        "distortion": ("", 1.0),
+        "drift": ("ppm", 1e6),
+    }
+    return next((unit for part, unit in units.items() if part in name), ("ms", 1e3))

@@ -5,8 +5,9 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline, make_smoothing_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
+from calibration.smoothing_spline import smoothing_spline
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.evaluation.series import ReferenceSeries, nose_from_antenna
 
@@ -135,4 +136,4 @@ def _splines(t_s: FloatArray, position_m: FloatArray) -> list[BSpline]:
 def _spline(t_s: FloatArray, values: FloatArray) -> BSpline:
     if len(t_s) < _LEAST_TO_SMOOTH:
         return make_interp_spline(t_s, values, k=_CUBIC)
-    return make_smoothing_spline(t_s, values)
+    return smoothing_spline(t_s, values)
