@@ -173,7 +173,7 @@ def _scenario(case: str, seed: int) -> Scenario:
     if case == "mounts":
         return case_b(seed=seed)
     if case == "all":
-        return case_b(seed=seed, trajectory=loops(), pointing=Wandering(deviation=beside()), ptu_hz=50.0)
+        return case_b(seed=seed, trajectory=loops(), pointing=Wandering(deviation=beside()), ptu_hz=32.0)
     return case_b(seed=seed, trajectory=weaving_approach(), pointing=FirstOrderLoop(), ptu_hz=50.0)
 
 

@@ -33,7 +33,7 @@ _ADMITTED = {
 }
 _FREED = ("k1", "k2")
 # a flight that tells much: loops near and far, high and low (m), and the craft all over the picture (rad); periods, s
-LOOPS_S = 40.0
+LOOPS_S = 30.0
 _STEP_S = 0.02
 _LOOPS = ((0.0, 50.0, 19.0), (130.0, 60.0, 31.0), (30.0, 15.0, 12.0))
 _BESIDE_RAD = ((0.0, 0.06, 7.0), (0.0, 0.045, 5.3), (0.0, 0.0, 1.0))
