@@ -92,6 +92,15 @@ class FlightFit:
         return np.asarray(self.covariance / np.outer(self.sigma, self.sigma))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightSolution:
+    """What fits best: the change (p,), and how each station fits; how well it is known is `judged`, which takes longer."""
+
+    change: FloatArray
+    stations: Mapping[str, StationFit]
+    joint: PathResiduals
+
+
 @dataclass(slots=True, eq=False)
 class _Weighted:
     """Residuals and Jacobian of the kept looks in sigmas, computed once for each point."""
@@ -133,6 +142,11 @@ class _Weighted:
 
 def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> FlightFit:
     """Find the parameters from a start (p,), zero by default; raises `FlightFitError` where looks are too few."""
+    return judged(find_solution(problem, start))
+
+
+def find_solution(problem: FlightProblem, start: FloatArray | None = None) -> FlightSolution:
+    """Find what fits best, as `solve_flight`, without its covariance."""
     change = np.zeros(len(problem.names)) if start is None else start.copy()
     factors = dict.fromkeys(problem.looks, 1.0)
     for _ in range(_ROBUST_ROUNDS):
@@ -151,7 +165,7 @@ def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> Fli
         change = _minimised(problem, joint, change, "linear", 12)
         factors, parts = _noise(joint, change), joint.loosened(change)
     fits = {name: replace(fit, noise_factor=factors[name]) for name, fit in fits.items()}
-    return _with_covariance(_joint(problem, change, fits, factors, parts), change, fits)
+    return FlightSolution(change=change, stations=fits, joint=_joint(problem, change, fits, factors, parts))
 
 
 def _pointed(problem: FlightProblem, change: FloatArray) -> FlightProblem:
@@ -226,8 +240,9 @@ def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> N
             raise FlightFitError(f"station {name}: got {got}; wanted at least {LEAST_LOOKS}")
 
 
-def _with_covariance(joint: PathResiduals, change: FloatArray, fits: Mapping[str, StationFit]) -> FlightFit:
+def judged(solution: FlightSolution) -> FlightFit:
     """Return the fit with (JᵀWJ)⁻¹, raised by the reduced chi-square and by what lasts, but for what was known before."""
+    joint, change, fits = solution.joint, solution.change, solution.stations
     problem = joint.problem
     residual, jacobian = joint.residual(change), joint.jacobian(change)
     known = np.isfinite(problem.prior_sigma)
