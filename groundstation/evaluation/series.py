@@ -46,7 +46,9 @@ class ReferenceSeries:
         return len(self.t_s)
 
     def keep(self, mask: BoolArray) -> "ReferenceSeries":
-        """Return the fixes of ``mask`` (n,) only."""
+        """Return the fixes of ``mask`` (n,) only; where that is all of them no copy of an hour's is made."""
+        if mask.all():
+            return self
         return ReferenceSeries(t_s=self.t_s[mask], position_m=self.position_m[mask], sigma_m=self.sigma_m[mask])
 
 
