@@ -170,6 +170,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         truth=truth,
         smoothed=given_all,
     )
+    # the fixes of an hour, one object each, would stand beside the figures
+    del dgps
     written = ["track.csv", "triangulation.csv", "detections.csv", "track.tum"]
     if smoothed is not None:
         smoothed.save(request.out / "smoothed.csv")
