@@ -39,7 +39,7 @@ CLOCK_S = 0.04
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Split:
-    """A rendered session whose rig is spoilt: ``free`` is learnt between two times, the replay judged between others."""
+    """A rendered session whose rig is spoilt: ``free`` is learnt between two times, the track judged between others."""
 
     session: Path
     free: str

@@ -94,7 +94,7 @@ class FlightFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightSolution:
-    """What fits best: the change (p,), and how each station fits; how well it is known is `judged`, which takes longer."""
+    """What fits best: the change (p,), and how each station fits; how well it is known, `judged` says."""
 
     change: FloatArray
     stations: Mapping[str, StationFit]
@@ -241,7 +241,7 @@ def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> N
 
 
 def judged(solution: FlightSolution) -> FlightFit:
-    """Return the fit with (JᵀWJ)⁻¹, raised by the reduced chi-square and by what lasts, but for what was known before."""
+    """Return the fit with (JᵀWJ)⁻¹, the flight's part of it raised by the reduced chi-square and by what lasts."""
     joint, change, fits = solution.joint, solution.change, solution.stations
     problem = joint.problem
     residual, jacobian = joint.residual(change), joint.jacobian(change)
@@ -288,9 +288,9 @@ def _inverse(information: FloatArray) -> FloatArray:
 def _raised(joint: PathResiduals, change: FloatArray, covariance: FloatArray, told: FloatArray) -> FloatArray:
     """Return the covariance (p, p), raised by what lasts: combination by combination, never parameter by parameter.
 
-    Parameters that go together are known in combinations a thousand times better than alone: to raise one of them by itself
-    would turn the combination, and state another one as well known. What was known before the flight, and not ``told`` by
-    it (p, p), has no errors that last.
+    Parameters that go together are known in combinations a thousand times better than alone: to raise one of them by
+    itself would turn the combination, and state another one as well known. What was known before the flight, and not
+    ``told`` by it (p, p), has no errors that last.
     """
     sigma = np.sqrt(np.diag(covariance))
     size, axes = np.linalg.eigh(covariance / np.outer(sigma, sigma))
@@ -303,14 +303,12 @@ def _raised(joint: PathResiduals, change: FloatArray, covariance: FloatArray, to
     return np.asarray((spread * (size * (1.0 + (factor**2 - 1.0) * share))) @ spread.T)
 
 
-def _lasting_factor(
-    joint: PathResiduals, change: FloatArray, covariance: FloatArray, gain: FloatArray
-) -> FloatArray:
+def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatArray, gain: FloatArray) -> FloatArray:
     """Return by how much (p,) errors that last raise the sigma of each combination: blocks of time against expectation.
 
-    ``gain`` (p, p) has in each column what a block's gradient does to a combination. Looks of one block, of all stations,
-    count as one observation: steps of an encoder and a biased target point do not average out within it. What chance
-    makes of so few blocks raises nothing.
+    ``gain`` (p, p) has in each column what a block's gradient does to a combination. Looks of one block, of all
+    stations, count as one observation: steps of an encoder and a biased target point do not average out within it. What
+    chance makes of so few blocks raises nothing.
     """
     p = len(covariance)
     blocks = joint.scores(change, covariance, _BLOCK_S)

@@ -159,8 +159,8 @@ def _require_senses(fit: MountFit) -> None:
 def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     """Raise `MountFitError` where so few sightings leave open where the camera looks, with how many would do.
 
-    A standstill tells two angles: with fewer standstills than unknowns of the mount hardly anything would be left over to
-    notice a wrong sighting by.
+    A standstill tells two angles: with fewer standstills than unknowns of the mount hardly anything would be left
+    over to notice a wrong sighting by.
     """
     if "boresight" not in words:
         return

@@ -85,10 +85,10 @@ class ReferenceTrack:
         self._beside = np.zeros((len(t), 3))
 
     def pointed(self, antenna_in_body_m: FloatArray) -> "ReferenceTrack":
-        """Return the same path with the body along its nose's motion, for an antenna (3,) about that place from the nose.
+        """Return the same path with the body along its nose's motion, for an antenna (3,) m there from the nose.
 
-        In a turn the antenna moves elsewhere than the nose: metres of lever arm would be put centimetres wrong. A longer
-        arm also turns the body: ``runway_from_body`` is then what the arm's change does to the antenna's place.
+        In a turn the antenna moves elsewhere than the nose: metres of lever arm would be put centimetres wrong. A
+        longer arm also turns the body: ``runway_from_body`` is then what the arm's change does to the antenna's place.
         """
         other = copy(self)
         steps = _STEP_M * np.eye(3)
