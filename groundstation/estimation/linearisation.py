@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
@@ -140,15 +142,13 @@ class PixelLinearisation:
         """
         noise = np.zeros((2, 2))
         angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
+        turning = (-1, -1) if angles is None or rates is None else (angles.start, rates.start)
+        flying = (self._layout.position.start, self._layout.velocity.start)
         for clock, places in self._clocks[station].items():
-            by_state = np.zeros_like(H)
-            if angles is not None and rates is not None:
-                by_state[:, rates] = H[:, angles]
-            if clock == "camera_clock":
-                by_state[:, self._layout.velocity] = H[:, self._layout.position]
             lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
-            share = float(lateness @ P[np.ix_(places, places)] @ lateness)
-            noise += share * innovation_covariance(P, by_state, np.zeros((2, 2)))
+            _add_speed_noise(
+                P, H, *turning, *flying, clock == "camera_clock", np.array(places, np.int64), lateness, noise
+            )
         return noise
 
     def sensitivity(self, state: FloatArray, age_s: float) -> FloatArray | None:
@@ -170,3 +170,30 @@ class PixelLinearisation:
                 return None
             at.append(np.linalg.solve(information, moved))
         return np.vstack([at[0], (at[1] - at[0]) / _MOMENT_S])
+
+
+@njit(cache=True)
+def _add_speed_noise(
+    P: FloatArray,
+    H: FloatArray,
+    angles: int,
+    rates: int,
+    position: int,
+    velocity: int,
+    flies: bool,
+    places: NDArray[np.int64],
+    lateness: FloatArray,
+    noise: FloatArray,
+) -> None:
+    """Add the spread of one clock's error times that of the pixel's speed; −1 stands for a station that is fixed."""
+    share = 0.0
+    for a in range(places.size):
+        for b in range(places.size):
+            share += lateness[a] * P[places[a], places[b]] * lateness[b]
+    by_state = np.zeros_like(H)
+    for row in range(2):
+        for k in range(2 if rates >= 0 else 0):
+            by_state[row, rates + k] = H[row, angles + k]
+        for k in range(3 if flies else 0):
+            by_state[row, velocity + k] = H[row, position + k]
+    noise += share * innovation_covariance(P, by_state, np.zeros((2, 2)))
