@@ -135,6 +135,7 @@ class StationEkf(FilterCore):
                     H, moved = seen.jacobian, seen.residual
             if self._bends.carries_clock(station):
                 R = R + self._bends.speed_noise(station, H, P, self._age_s())
+                self._hear(station, self._bends.quiet_clocks(station, H, x, P))
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
         if self._young is not None:
             self._grow_up(self._young.after(accepted=accepted))

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, trial_state
+from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, squared_sigmas, trial_state
 from groundstation.estimation.measurement import PixelModel, PixelPrediction
 from groundstation.estimation.parameters import clock_places
 from groundstation.estimation.state import StateLayout
@@ -17,6 +17,8 @@ from groundstation.estimation.state import StateLayout
 # a pixel is linearised anew until that changes it by less than so many sigmas of its noise, or so many times
 _LINEAR_SIGMA = 0.1
 _MAX_LINEARISATIONS = 5
+# a clock is learnt from pixels whose speed, as far as it is the clock's, is so many sigmas of its own error
+_STIRRED_SIGMA = 5.0
 _BEHIND = 1e6  # residual of a trial state that is behind the camera, sigmas
 _MOMENT_S = 0.05
 _UNDETERMINED = 1e12  # condition of the normal equations
@@ -139,17 +141,36 @@ class PixelLinearisation:
         filter leaves out (second order), and would learn clocks from.
         """
         noise = np.zeros((2, 2))
-        angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
         for clock, places in self._clocks[station].items():
-            by_state = np.zeros_like(H)
-            if angles is not None and rates is not None:
-                by_state[:, rates] = H[:, angles]
-            if clock == "camera_clock":
-                by_state[:, self._layout.velocity] = H[:, self._layout.position]
+            by_state = self._speed_jacobian(station, clock, H)
             lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
             share = float(lateness @ P[np.ix_(places, places)] @ lateness)
             noise += share * innovation_covariance(P, by_state, np.zeros((2, 2)))
         return noise
+
+    def quiet_clocks(self, station: str, H: FloatArray, x: FloatArray, P: FloatArray) -> list[int]:
+        """Return the places of those of a station's clocks that a pixel with Jacobian ``H`` can't tell from noise.
+
+        A clock shows by the speed ṁ with which it moves the pixel. That speed is estimated, and its error looks like a
+        motion that each pixel then seems to confirm or to deny: nothing is to be learnt unless ṁ itself stands out.
+        """
+        found = []
+        for clock, places in self._clocks[station].items():
+            by_state = self._speed_jacobian(station, clock, H)
+            speed = by_state @ x
+            if squared_sigmas(speed, innovation_covariance(P, by_state, np.zeros((2, 2)))) < _STIRRED_SIGMA**2:
+                found.extend(places)
+        return found
+
+    def _speed_jacobian(self, station: str, clock: str, H: FloatArray) -> FloatArray:
+        """Return by which (2, n) the state moves the pixel in a second of a clock's error."""
+        by_state = np.zeros_like(H)
+        angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
+        if angles is not None and rates is not None:
+            by_state[:, rates] = H[:, angles]
+        if clock == "camera_clock":
+            by_state[:, self._layout.velocity] = H[:, self._layout.position]
+        return by_state
 
     def sensitivity(self, state: FloatArray, age_s: float) -> FloatArray | None:
         """Return how a point triangulated here, and its velocity, move with the carried errors, (6, m).

@@ -146,6 +146,7 @@ class RecordedEkf(StationEkf):
             s.references_refused,
             s.young,
             s.starts_taken_back,
+            s.quiet,
             self.tape.mark,
             len(self.steps),
         )

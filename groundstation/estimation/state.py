@@ -60,6 +60,7 @@ class EkfState:
     references_refused: int
     young: YoungTrack | None
     starts_taken_back: int
+    quiet: frozenset[int]
 
 
 def state_layout(
