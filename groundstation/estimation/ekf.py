@@ -65,6 +65,8 @@ class StationEkf(FilterCore):
         residual = np.array([wrap_rad(angles_rad[0] - value[0]), wrap_rad(angles_rad[1] - value[1])])
         S = innovation_covariance(self.covariance, H, R)
         nis = squared_sigmas(residual, S)
+        if self._learns_clocks and model.carries_clock:
+            self._watch = self._watch.read(station, nis / 2.0)
         allowed = self._config.encoder_gate_sigma**2
         accepted = bool(residual[0] ** 2 <= allowed * S[0, 0] and residual[1] ** 2 <= allowed * S[1, 1])
         if accepted:
@@ -134,8 +136,9 @@ class StationEkf(FilterCore):
                     seen = self._bends.iterated(station, measured, first, state, R, (row_dt_s, self._age_s()))
                     H, moved = seen.jacobian, seen.residual
             if self._bends.carries_clock(station):
-                R = R + self._bends.speed_noise(station, H, P, self._age_s())
-                self._hear(station, self._bends.quiet_clocks(station, H, x, P))
+                R = R + self._bends.clock_noise(station, H, (x, P), self._age_s(), self._motions[0])
+                if self._learns_clocks:
+                    self._watch = self._watch.seen(station, self._bends.hidden_clocks(station, H, x, P))
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
         if self._young is not None:
             self._grow_up(self._young.after(accepted=accepted))

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.clock_watch import ClockWatch
 from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance
 from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.field_of_view import probability_in_view
@@ -80,12 +81,9 @@ class FilterCore:
         for name in stations:
             for places in clock_places(self.layout.parameters, name).values():
                 self._taught[places] = False
-        self._clocks = {
-            name: [k for places in clock_places(self.layout.parameters, name).values() for k in places]
-            for name in stations
-        }
-        # those of which nothing can be learnt now; at first no picture has told of any
-        self._quiet = frozenset(k for places in self._clocks.values() for k in places)
+        clocks = {name: clock_places(self.layout.parameters, name) for name in stations}
+        self._watch = ClockWatch.of({name: [k for own in found.values() for k in own] for name, found in clocks.items()})
+        self._learns_clocks = config.calibration is CalibrationUse.ESTIMATE
         self._rig_uncertain = any(name.partition(".")[2] in CALIBRATION_PARAMETERS for name in prior.names)
         self._span_only = np.zeros(self.layout.size, np.bool_)
         self._span = self.layout.parameters.get(LOG_SPAN)
@@ -154,7 +152,7 @@ class FilterCore:
             self._references_refused,
             self._young,
             self.starts_taken_back,
-            self._quiet,
+            self._watch,
         )
 
     def restore(self, saved: EkfState) -> None:
@@ -164,7 +162,7 @@ class FilterCore:
         self._read, self._newest_reference_s = set(saved.read), saved.newest_reference_s
         self._references_refused = saved.references_refused
         self._young, self.starts_taken_back = saved.young, saved.starts_taken_back
-        self._quiet = saved.quiet
+        self._watch = saved.watch
 
     def angles(self, station: str) -> tuple[float, float]:
         """Return (pan, tilt) in rad; zero for a fixed station."""
@@ -304,11 +302,6 @@ class FilterCore:
         """Return the (2, 2) covariance of a predicted pixel."""
         return innovation_covariance(self.covariance, prediction.jacobian, np.zeros((2, 2)))
 
-    def _hear(self, station: str, quiet: list[int]) -> None:
-        """Note which clocks of a station its newest pixel could not tell from noise."""
-        others = self._quiet.difference(self._clocks[station])
-        self._quiet = others.union(quiet)
-
     def _ever_estimated(self) -> BoolArray:
         """Return which states (n,) some update may move, with a reference there."""
         match self._config.calibration:
@@ -324,9 +317,10 @@ class FilterCore:
         if not self.learns:
             return self._moving
         estimated = self._ever_estimated()
-        if self._quiet and self._config.calibration is CalibrationUse.ESTIMATE:
+        quiet = self._watch.quiet() if self._learns_clocks else []
+        if quiet:
             estimated = estimated.copy()
-            estimated[list(self._quiet)] = False
+            estimated[quiet] = False
         return estimated
 
     def _age_s(self) -> float:

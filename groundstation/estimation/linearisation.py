@@ -2,6 +2,7 @@
 triangulated start has of the rig's errors in it.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -9,16 +10,16 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.clock_watch import STIRRED_SIGMA
 from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, squared_sigmas, trial_state
 from groundstation.estimation.measurement import PixelModel, PixelPrediction
-from groundstation.estimation.parameters import clock_places
+from groundstation.estimation.motion import MotionModel
+from groundstation.estimation.parameters import CLOCKS, clock_places
 from groundstation.estimation.state import StateLayout
 
 # a pixel is linearised anew until that changes it by less than so many sigmas of its noise, or so many times
 _LINEAR_SIGMA = 0.1
 _MAX_LINEARISATIONS = 5
-# a clock is learnt from pixels whose speed, as far as it is the clock's, is so many sigmas of its own error
-_STIRRED_SIGMA = 5.0
 _BEHIND = 1e6  # residual of a trial state that is behind the camera, sigmas
 _MOMENT_S = 0.05
 _UNDETERMINED = 1e12  # condition of the normal equations
@@ -134,31 +135,40 @@ class PixelLinearisation:
         """Return whether an error of one of the station's clocks is a state of the filter."""
         return bool(self._clocks[station])
 
-    def speed_noise(self, station: str, H: FloatArray, P: FloatArray, age_s: float) -> FloatArray:
-        """Return what a pixel with Jacobian ``H`` gets (2, 2) because a clock's error acts on an uncertain speed.
+    def clock_noise(
+        self, station: str, H: FloatArray, state: tuple[FloatArray, FloatArray], age_s: float, motion: MotionModel
+    ) -> FloatArray:
+        """Return what a pixel with Jacobian ``H`` gets (2, 2) because its instant is away from the filter's by clocks.
 
         A clock that is off by δ moves the pixel by δ·ṁ; the spread of δ times that of ṁ is the term that a linear
-        filter leaves out (second order), and would learn clocks from.
+        filter leaves out (second order), and would learn clocks from. And over the time between, which may be known,
+        target and head go as they like: the noise of ``motion``.
         """
+        x, P = state
         noise = np.zeros((2, 2))
+        # how far the picture is from the filter's time, and from the PTU's: mean and variance, s
+        away = {clock: np.zeros(2) for clock in CLOCKS}
         for clock, places in self._clocks[station].items():
             by_state = self._speed_jacobian(station, clock, H)
             lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
             share = float(lateness @ P[np.ix_(places, places)] @ lateness)
             noise += share * innovation_covariance(P, by_state, np.zeros((2, 2)))
+            away[clock] += float(lateness @ x[places]), share
+        camera, ptu = away[CLOCKS[0]], away[CLOCKS[1]]
+        head = camera + [-ptu[0], ptu[1]]
+        for part, (mean, variance) in ((self._layout.position, camera), (self._layout.angles.get(station), head)):
+            if part is not None:
+                Q = motion.process_noise(math.hypot(mean, math.sqrt(variance)))[part, part]
+                noise += H[:, part] @ Q @ H[:, part].T
         return noise
 
-    def quiet_clocks(self, station: str, H: FloatArray, x: FloatArray, P: FloatArray) -> list[int]:
-        """Return the places of those of a station's clocks that a pixel with Jacobian ``H`` can't tell from noise.
-
-        A clock shows by the speed ṁ with which it moves the pixel. That speed is estimated, and its error looks like a
-        motion that each pixel then seems to confirm or to deny: nothing is to be learnt unless ṁ itself stands out.
-        """
+    def hidden_clocks(self, station: str, H: FloatArray, x: FloatArray, P: FloatArray) -> list[int]:
+        """Return the places of those of a station's clocks that a pixel with Jacobian ``H`` can't tell from noise."""
         found = []
         for clock, places in self._clocks[station].items():
             by_state = self._speed_jacobian(station, clock, H)
             speed = by_state @ x
-            if squared_sigmas(speed, innovation_covariance(P, by_state, np.zeros((2, 2)))) < _STIRRED_SIGMA**2:
+            if squared_sigmas(speed, innovation_covariance(P, by_state, np.zeros((2, 2)))) < STIRRED_SIGMA**2:
                 found.extend(places)
         return found
 

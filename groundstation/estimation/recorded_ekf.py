@@ -146,7 +146,7 @@ class RecordedEkf(StationEkf):
             s.references_refused,
             s.young,
             s.starts_taken_back,
-            s.quiet,
+            s.watch,
             self.tape.mark,
             len(self.steps),
         )
