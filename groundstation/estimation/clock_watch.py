@@ -1,60 +1,51 @@
-"""Which clocks can be learnt now: those whose effect on the pixel stands out of what is not known of the motion.
+"""Whether the clocks of a turning station can be learnt now: only while its head turns as its model says.
 
-A clock that is off by δ moves the pixel by δ·ṁ, and the filter knows ṁ only as well as it knows the rates of the head and
-the velocity of the target. Two things make it learn δ from noise, and be sure of it:
-
-- ṁ is hardly more than its own error, as in a head that holds the target still in the picture;
-- the head does not turn as its model says. One that is smoother has rates that are mostly the encoder's noise; one
-  that is quicker has rates that lag. Either shows in the innovations of the readings.
-
-While it is so the clock is considered, not estimated: value and variance stay, and what it may do is in the covariance.
+A clock that is off by δ moves the pixel by δ times a speed, and most of that speed is the head's rate, which is known by the
+encoder's readings and the model alone. A head that is smoother than the model has rates that are mostly the readings'
+noise, one that is quicker has rates that lag; the filter would learn δ from either, and be sure of it. The innovations of
+the readings tell: their mean square is 1 per degree of freedom where the model is right. Where it isn't, the clocks are
+considered, not estimated: value and variance stay, and what they may do is in the covariance.
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-# ṁ is at least so many sigmas of its own error; noise alone does that in three of a thousand pixels
-STIRRED_SIGMA = 4.0
-# mean innovation square of readings, per degree of freedom, over so many of them …
-_READINGS = 100
-# … is within this factor of 1: three and a half sigmas
+# the mean square is over so many readings; of so few it says nothing yet …
+_READINGS, _FIRST_READINGS = 100, 25
+# … and may be this factor from 1: three and a half sigmas of white innovations
 _AS_MODELLED = 1.28
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockWatch:
-    """What is known of how well clocks can be told; a new one for each pixel and reading.
+    """What the readings say of the heads' model; a new one for each reading.
 
     Attributes
     ----------
-    clocks : places in the state of each station's clocks.
-    hidden : those that their station's newest pixel could not tell from noise.
-    squares : of each station, mean innovation square of its readings per degree of freedom, at first that of no reading.
+    clocks : places in the state of each turning station's clocks.
+    squares : of each of them, how many readings there were and their mean innovation square per degree of freedom.
     """
 
     clocks: Mapping[str, tuple[int, ...]]
-    hidden: frozenset[int]
-    squares: Mapping[str, float] = field(default_factory=dict)
+    squares: Mapping[str, tuple[int, float]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, clocks: Mapping[str, Iterable[int]]) -> "ClockWatch":
-        """Return the watch before the first pixel, which could have told of a clock."""
+        """Return the watch before the first reading."""
         places = {name: tuple(own) for name, own in clocks.items()}
-        return cls(clocks=places, hidden=frozenset(k for own in places.values() for k in own))
-
-    def seen(self, station: str, hidden: Iterable[int]) -> "ClockWatch":
-        """Return the watch after a pixel that left these of its station's clocks hidden."""
-        return replace(self, hidden=self.hidden.difference(self.clocks[station]).union(hidden))
+        return cls(clocks=places, squares={name: (0, 1.0) for name, own in places.items() if own})
 
     def read(self, station: str, square: float) -> "ClockWatch":
         """Return the watch after a reading with this innovation square per degree of freedom."""
-        before = self.squares.get(station, 1.0)
-        return replace(self, squares={**self.squares, station: before + (square - before) / _READINGS})
+        count, mean = self.squares[station]
+        after = (count + 1, mean + (square - mean) / min(count + 1, _READINGS))
+        return replace(self, squares={**self.squares, station: after})
 
     def quiet(self) -> list[int]:
         """Return the places of the clocks of which nothing is to be learnt now."""
-        found = set(self.hidden)
-        for station, square in self.squares.items():
-            if not 1.0 / _AS_MODELLED < square < _AS_MODELLED:
-                found.update(self.clocks[station])
-        return sorted(found)
+        return [
+            place
+            for station, (count, mean) in self.squares.items()
+            if count < _FIRST_READINGS or not 1.0 / _AS_MODELLED < mean < _AS_MODELLED
+            for place in self.clocks[station]
+        ]

@@ -65,7 +65,7 @@ class StationEkf(FilterCore):
         residual = np.array([wrap_rad(angles_rad[0] - value[0]), wrap_rad(angles_rad[1] - value[1])])
         S = innovation_covariance(self.covariance, H, R)
         nis = squared_sigmas(residual, S)
-        if self._learns_clocks and model.carries_clock:
+        if self._learns_clocks and station in self._watch.squares:
             self._watch = self._watch.read(station, nis / 2.0)
         allowed = self._config.encoder_gate_sigma**2
         accepted = bool(residual[0] ** 2 <= allowed * S[0, 0] and residual[1] ** 2 <= allowed * S[1, 1])
@@ -137,8 +137,6 @@ class StationEkf(FilterCore):
                     H, moved = seen.jacobian, seen.residual
             if self._bends.carries_clock(station):
                 R = R + self._bends.clock_noise(station, H, (x, P), self._age_s(), self._motions[0])
-                if self._learns_clocks:
-                    self._watch = self._watch.seen(station, self._bends.hidden_clocks(station, H, x, P))
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
         if self._young is not None:
             self._grow_up(self._young.after(accepted=accepted))

@@ -81,7 +81,7 @@ class FilterCore:
         for name in stations:
             for places in clock_places(self.layout.parameters, name).values():
                 self._taught[places] = False
-        clocks = {name: clock_places(self.layout.parameters, name) for name in stations}
+        clocks = {name: clock_places(self.layout.parameters, name) for name in turning}
         self._watch = ClockWatch.of({name: [k for own in found.values() for k in own] for name, found in clocks.items()})
         self._learns_clocks = config.calibration is CalibrationUse.ESTIMATE
         self._rig_uncertain = any(name.partition(".")[2] in CALIBRATION_PARAMETERS for name in prior.names)

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.clock_watch import STIRRED_SIGMA
-from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, squared_sigmas, trial_state
+from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, trial_state
 from groundstation.estimation.measurement import PixelModel, PixelPrediction
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import CLOCKS, clock_places
@@ -161,16 +160,6 @@ class PixelLinearisation:
                 Q = motion.process_noise(math.hypot(mean, math.sqrt(variance)))[part, part]
                 noise += H[:, part] @ Q @ H[:, part].T
         return noise
-
-    def hidden_clocks(self, station: str, H: FloatArray, x: FloatArray, P: FloatArray) -> list[int]:
-        """Return the places of those of a station's clocks that a pixel with Jacobian ``H`` can't tell from noise."""
-        found = []
-        for clock, places in self._clocks[station].items():
-            by_state = self._speed_jacobian(station, clock, H)
-            speed = by_state @ x
-            if squared_sigmas(speed, innovation_covariance(P, by_state, np.zeros((2, 2)))) < STIRRED_SIGMA**2:
-                found.extend(places)
-        return found
 
     def _speed_jacobian(self, station: str, clock: str, H: FloatArray) -> FloatArray:
         """Return by which (2, n) the state moves the pixel in a second of a clock's error."""
