@@ -153,7 +153,7 @@ class FrameUpdate:
         pan, tilt = self._ekf.angles(record.station)
         doubt = self._encoders.sigma_rad(record.station)
         if isinstance(angles, AnglesAt) and not self._encoders.is_doubtful(record.station):
-            sigma = station.angle_sigma_rad * angles.variance_share**0.5
+            sigma = self._encoders.noise_rad(record.station) * angles.variance_share**0.5
             off = max(abs(wrap_rad(angles.pan_rad - pan)), abs(wrap_rad(angles.tilt_rad - tilt)))
             if off <= self._config.estimation.encoder_gate_sigma * float(np.hypot(sigma, doubt)):
                 return _Angles(pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad, sigma_rad=sigma)

@@ -16,8 +16,9 @@ Rules, all in the session clock:
 import bisect
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from groundstation.geometry.angles import wrap_rad
 from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample, ReferenceFix
@@ -107,11 +108,12 @@ class LateCounts:
     references: int = 0
 
 
-@dataclass(order=True, slots=True)
-class _Queued:
+class _Queued(NamedTuple):
+    """Ordered by time, then by arrival; no two have the same number, so that events are never compared."""
+
     t_s: float
     number: int
-    event: Event = field(compare=False)
+    event: Event
 
 
 class Synchroniser:
@@ -171,7 +173,7 @@ class Synchroniser:
                 if isinstance(q.event, (Frame, PixelMeasurement)) and q.event.epoch == event.epoch
             ]
             t = max([t, self._passed_s, *mates])
-        if isinstance(event, PtuSample):
+        elif isinstance(event, PtuSample):
             self._remember(event)
         bisect.insort(self._queue, _Queued(t, self._number, event))
 

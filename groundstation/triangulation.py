@@ -40,20 +40,33 @@ def midpoint(rays: Sequence[Ray]) -> tuple[FloatArray, float] | None:
 
     For two rays that is the middle of the common perpendicular and its length. None where they are parallel.
     """
+    point = np.empty(3)
+    gap = _meet(np.array([r.origin_runway_m for r in rays]), np.array([r.direction_runway for r in rays]), point)
+    return None if gap < 0.0 else (point, gap)
+
+
+@njit(cache=True)
+def _meet(origins: FloatArray, directions: FloatArray, point: FloatArray) -> float:
+    """Write the point (3,) nearest to all rays (n, 3), (n, 3); return twice the farthest's distance, −1 if parallel."""
     A, b = np.zeros((3, 3)), np.zeros(3)
-    for r in rays:
-        across = np.eye(3) - np.outer(r.direction_runway, r.direction_runway)
-        A += across
-        b += across @ r.origin_runway_m
+    for k in range(origins.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                across = (1.0 if i == j else 0.0) - directions[k, i] * directions[k, j]
+                A[i, j] += across
+                b[i] += across * origins[k, j]
     if not _solvable(A, 1.0 / _MIN_RAY_ANGLE_SINE**2):
-        return None
-    point = np.asarray(np.linalg.solve(A, b), dtype=np.float64)
-    distances = []
-    for r in rays:
-        to = point - r.origin_runway_m
-        along = float(to @ r.direction_runway)
-        distances.append(math.sqrt(max(float(to @ to) - along * along, 0.0)))
-    return point, 2.0 * float(max(distances))
+        return -1.0
+    point[:] = np.linalg.solve(A, b)
+    farthest = 0.0
+    for k in range(origins.shape[0]):
+        along, square = 0.0, 0.0
+        for i in range(3):
+            to = point[i] - origins[k, i]
+            along += to * directions[k, i]
+            square += to * to
+        farthest = max(farthest, math.sqrt(max(square - along * along, 0.0)))
+    return 2.0 * farthest
 
 
 def triangulate(views: Sequence[View]) -> Triangulation | None:

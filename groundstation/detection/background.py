@@ -233,7 +233,8 @@ class BackgroundMemory:
             return None
         w, h = size
         # one pixel more all around: texture is told from the neighbours
-        image, corner = picture.window(grown((*origin, origin[0] + w, origin[1] + h), 1))
+        part, corner = picture.window(grown((*origin, origin[0] + w, origin[1] + h), 1))
+        image = np.ascontiguousarray(part)
         inside = (origin[0] - corner[0], origin[1] - corner[1])
         if not self._register(_Seen(image, corner), inside, size, target):
             self.reset()

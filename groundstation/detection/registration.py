@@ -8,12 +8,15 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
 
 Box = tuple[int, int, int, int]
+ImageRow = NDArray[np.uint8]
 
 _MIN_TEXTURE = 3.0  # grey levels per px: gradients below it are noise
+_LEAST_STEEP = 4.0 * _MIN_TEXTURE * _MIN_TEXTURE  # of twice the slope, squared
 MIN_TEXTURED = 40
 _COARSE_STEP, _COARSE_REACH = 4, 10
 _MIN_EDGE_PX, MAX_EDGE_PX = 0.15, 0.25  # misregistration and interpolation, as px of the local gradient
@@ -26,34 +29,52 @@ def _grey(image: ImageArray, y: int, x: int) -> float:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _most(image: ImageArray, y: int, x: int, y_0: int, x_0: int) -> int:
-    """Return the square of the greatest difference of one colour between two pixels."""
-    most = 0
-    for c in range(3):
-        most = max(most, abs(int(image[y, x, c]) - int(image[y_0, x_0, c])))
-    return most * most
+def _slope(above: ImageRow, row: ImageRow, below: ImageRow, x: int) -> tuple[float, float]:
+    gx = 0.5 * (_level(row, x + 1) - _level(row, x - 1))
+    return gx, 0.5 * (_level(below, x) - _level(above, x))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _level(row: ImageRow, x: int) -> float:
+    return 0.114 * row[3 * x] + 0.587 * row[3 * x + 1] + 0.299 * row[3 * x + 2]
 
 
 @njit(cache=True, nogil=True)
+def _uneven(above: ImageRow, row: ImageRow, below: ImageRow, steep: NDArray[np.int32]) -> None:
+    """Write for each byte of a row how much it changes across and down, squared; the ends are left out."""
+    for k in range(3, row.size - 3):
+        across, down = np.int32(row[k + 3]) - np.int32(row[k - 3]), np.int32(below[k]) - np.int32(above[k])
+        steep[k] = across * across + down * down
+
+
 def textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], keep_out: Box) -> FloatArray:
     """Return the textured pixels of a window as rows x, y, grey, ∂x, ∂y (full-image coordinates)."""
+    rows: FloatArray = _textured(np.ascontiguousarray(image), origin, size, keep_out)
+    return rows
+
+
+@njit(cache=True, nogil=True)
+def _textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], keep_out: Box) -> FloatArray:
     x0, y0 = origin
     w, h = size
     height, width = image.shape[:2]
     rows = np.empty((((h + 1) // 2) * ((w + 1) // 2), 5))
+    flat, steep = image.reshape(height, 3 * width), np.empty(3 * width, np.int32)
+    first, last = max(x0, 1), min(x0 + w, width - 1)
     n = 0
     for y in range(max(y0, 1), min(y0 + h, height - 1), 2):
-        for x in range(max(x0, 1), min(x0 + w, width - 1), 2):
-            if keep_out[0] <= x < keep_out[2] and keep_out[1] <= y < keep_out[3]:
+        above, row, below = flat[y - 1], flat[y], flat[y + 1]
+        _uneven(above, row, below, steep)
+        beside = keep_out[1] <= y < keep_out[3]
+        for x in range(first, last, 2):
+            # grey is a mean of the colours, so its slope squared is no more than the greatest of theirs
+            most = max(steep[3 * x], steep[3 * x + 1], steep[3 * x + 2])
+            if most < _LEAST_STEEP or (beside and keep_out[0] <= x < keep_out[2]):
                 continue
-            # grey changes by no more than the colour that changes most: that alone rules out most of a sky
-            if _most(image, y, x + 1, y, x - 1) + _most(image, y + 1, x, y - 1, x) < 4.0 * _MIN_TEXTURE * _MIN_TEXTURE:
-                continue
-            gx = 0.5 * (_grey(image, y, x + 1) - _grey(image, y, x - 1))
-            gy = 0.5 * (_grey(image, y + 1, x) - _grey(image, y - 1, x))
+            gx, gy = _slope(above, row, below, x)
             if gx * gx + gy * gy < _MIN_TEXTURE * _MIN_TEXTURE:
                 continue
-            rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3], rows[n, 4] = x, y, _grey(image, y, x), gx, gy
+            rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3], rows[n, 4] = x, y, _level(row, x), gx, gy
             n += 1
     return rows[:n]
 

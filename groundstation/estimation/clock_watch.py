@@ -1,10 +1,10 @@
 """Whether the clocks of a turning station can be learnt now: only while its head turns as its model says.
 
-A clock that is off by δ moves the pixel by δ times a speed, and most of that speed is the head's rate, which is known by the
-encoder's readings and the model alone. A head that is smoother than the model has rates that are mostly the readings'
-noise, one that is quicker has rates that lag; the filter would learn δ from either, and be sure of it. The innovations of
-the readings tell: their mean square is 1 per degree of freedom where the model is right. Where it isn't, the clocks are
-considered, not estimated: value and variance stay, and what they may do is in the covariance.
+A clock that is off by δ moves the pixel by δ times a speed, and most of that speed is the head's rate, which is known
+by the encoder's readings and the model alone. A head that is smoother than the model has rates that are mostly the
+readings' noise, one that is quicker has rates that lag; the filter would learn δ from either, and be sure of it. The
+innovations of the readings tell: their mean square is 1 per degree of freedom where the model is right. Where it isn't,
+the clocks are considered, not estimated: value and variance stay, and what they may do is in the covariance.
 """
 
 from collections.abc import Iterable, Mapping

@@ -6,6 +6,8 @@ knows states that are only considered (Schmidt 1966): their gain is zero, and Jo
 gain, keeps their covariance and lets it into everybody else's.
 """
 
+import math
+
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numba import njit
@@ -140,6 +142,23 @@ def squared_sigmas(residual: FloatArray, S: FloatArray) -> float:
     return float(
         (S[1, 1] * a * a - (S[0, 1] + S[1, 0]) * a * b + S[0, 0] * b * b) / (S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
     )
+
+
+@njit(cache=True)
+def lasting_part(
+    H: FloatArray, x: FloatArray, covariance: FloatArray, offset: int, share: float, residual: FloatArray
+) -> None:
+    """Let a state at ``offset``, two numbers in sigmas, have its ``share`` of a measurement's covariance (2, 2).
+
+    Writes their columns of H (2, n), the share's Cholesky factor, and takes what they make of ``x`` off the residual.
+    """
+    first = math.sqrt(share * covariance[0, 0])
+    across = share * covariance[1, 0] / first
+    second = math.sqrt(share * covariance[1, 1] - across * across)
+    H[0, offset], H[0, offset + 1] = first, 0.0
+    H[1, offset], H[1, offset + 1] = across, second
+    residual[0] -= first * x[offset]
+    residual[1] -= across * x[offset] + second * x[offset + 1]
 
 
 @njit(cache=True)

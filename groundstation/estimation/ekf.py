@@ -11,14 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import innovation_covariance, squared_sigmas
+from groundstation.estimation.compiled_filter import innovation_covariance, lasting_part, squared_sigmas
 from groundstation.estimation.config import CalibrationUse, OutOfViewWeighting
 from groundstation.estimation.field_of_view import moments_after_miss, paper_weight, probability_in_view
 from groundstation.estimation.filter_core import FilterCore
 from groundstation.estimation.linearisation import Linearised
 from groundstation.estimation.second_view import Seen
 from groundstation.estimation.young_track import YoungTrack
-from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import LensError
 from groundstation.messages import Innovation
 from groundstation.triangulation import midpoint
@@ -54,26 +53,24 @@ class StationEkf(FilterCore):
             self.set_angles(station, angles_rad, (0.0, 0.0), sigma_rad)
             return Innovation(residual=np.zeros(2), covariance=np.eye(2) * sigma_rad**2, nis=0.0, dof=0, accepted=True)
         model = self._encoders[station]
-        x = self.state
-        expected = model.predict(x, ahead_s)
-        H = expected.jacobian
-        extra = sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
-        R = np.array([[extra, 0.0], [0.0, extra]])
-        if not model.carries_clock and clock_sigma_s > 0.0:
-            R += np.diag((clock_sigma_s * x[self.layout.rates[station]]) ** 2)
-        value = expected.value
-        residual = np.array([wrap_rad(angles_rad[0] - value[0]), wrap_rad(angles_rad[1] - value[1])])
-        S = innovation_covariance(self.covariance, H, R)
-        nis = squared_sigmas(residual, S)
+        read = model.judge(
+            self.state,
+            self.covariance,
+            angles_rad,
+            ahead_s,
+            sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0,
+            0.0 if model.carries_clock else clock_sigma_s,
+            self._config.encoder_gate_sigma,
+        )
         if self._learns_clocks and station in self._watch.squares:
-            self._watch = self._watch.read(station, nis / 2.0)
-        allowed = self._config.encoder_gate_sigma**2
-        accepted = bool(residual[0] ** 2 <= allowed * S[0, 0] and residual[1] ** 2 <= allowed * S[1, 1])
-        if accepted:
-            self._bank.correct(residual, H, R, self._estimated(), telling=False)
+            self._watch = self._watch.read(station, read.nis / 2.0)
+        if read.accepted:
+            self._bank.correct(read.residual, read.jacobian, read.noise, self._estimated(), telling=False)
         else:
-            self._bank.doubt(self.layout.angles[station], residual**2)
-        return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
+            self._bank.doubt(self.layout.angles[station], read.residual**2)
+        return Innovation(
+            residual=read.residual, covariance=read.covariance, nis=read.nis, dof=2, accepted=read.accepted
+        )
 
     def set_angles(
         self, station: str, angles_rad: tuple[float, float], rates_rad_s: tuple[float, float], sigma_rad: float
@@ -81,7 +78,7 @@ class StationEkf(FilterCore):
         """Start one PTU's states anew from readings, with no memory of before."""
         self._bank.place(self.layout.angles[station], np.array(angles_rad), np.eye(2) * sigma_rad**2)
         self._bank.place(self.layout.rates[station], np.array(rates_rad_s), np.eye(2) * _INITIAL_RATE_SIGMA_RAD_S**2)
-        self._read.add(station)
+        self._read |= {station}
 
     def update_pixel(
         self,
@@ -105,11 +102,10 @@ class StationEkf(FilterCore):
         measured = pixel
         offset = self.layout.offsets.get(station)
         if offset is not None and lasting_share > 0.0:
-            H = H.copy()
-            H[:, offset] = np.linalg.cholesky(lasting_share * covariance_px2)
-            measured = pixel - H[:, offset] @ x[offset]
+            H, measured = H.copy(), pixel.copy()
+            lasting_part(H, x, covariance_px2, offset.start, lasting_share, measured)
             R = (1.0 - lasting_share) * covariance_px2
-        if np.trace(in_view) > _VAGUE_SIGMA**2 * np.trace(covariance_px2):
+        if in_view[0, 0] + in_view[1, 1] > _VAGUE_SIGMA**2 * (covariance_px2[0, 0] + covariance_px2[1, 1]):
             placed = self._placed_anew(
                 Seen(station=station, pixel=pixel, covariance_px2=covariance_px2, row_dt_s=row_dt_s)
             )
@@ -136,7 +132,9 @@ class StationEkf(FilterCore):
                     seen = self._bends.iterated(station, measured, first, state, R, (row_dt_s, self._age_s()))
                     H, moved = seen.jacobian, seen.residual
             if self._bends.carries_clock(station):
-                R = R + self._bends.clock_noise(station, H, (x, P), self._age_s(), self._motions[0])
+                R = R + self._bends.speed_noise(station, H, P, self._age_s())
+                if self._learns_clocks:
+                    R += self._bends.passage_noise(station, H, (x, P), self._age_s(), self._motions[0])
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
         if self._young is not None:
             self._grow_up(self._young.after(accepted=accepted))

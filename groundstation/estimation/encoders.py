@@ -9,8 +9,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.ekf import StationEkf
 from groundstation.geometry.angles import wrap_rad
@@ -40,6 +38,7 @@ class EncoderFeed:
         self.spikes = 0
         self._ekf = ekf
         self._stations = stations
+        self._sigmas_rad = {name: station.angle_sigma_rad for name, station in stations.items()}
         self._max_rate = math.radians(config.ptu_max_rate_deg_s)
         self._suspect: dict[str, PtuSample] = {}
         self._newest: dict[str, float] = {}
@@ -67,7 +66,7 @@ class EncoderFeed:
         innovation = self._ekf.update_encoder(
             sample.station,
             (sample.pan_rad, sample.tilt_rad),
-            station.angle_sigma_rad,
+            self._sigmas_rad[sample.station],
             station.ptu_clock.sigma_s,
             max(ahead, 0.0),
         )
@@ -118,7 +117,8 @@ class EncoderFeed:
                 return f"station {sample.station}: PTU repeats one reading since {_FROZEN_READINGS} readings, not used"
         elif sample.station in self._frozen:
             self._frozen.discard(sample.station)
-            self._ekf.set_angles(sample.station, (sample.pan_rad, sample.tilt_rad), (0.0, 0.0), station.angle_sigma_rad)
+            sigma = self._sigmas_rad[sample.station]
+            self._ekf.set_angles(sample.station, (sample.pan_rad, sample.tilt_rad), (0.0, 0.0), sigma)
             self._newest[sample.station] = sample.t_s
             return f"station {sample.station}: PTU readings change again at {sample.t_s:.3f} s"
         return None
@@ -127,10 +127,14 @@ class EncoderFeed:
         """Return how long ago the last believed reading was."""
         return t_s - self._newest.get(station, -math.inf)
 
+    def noise_rad(self, station: str) -> float:
+        """Return one sigma of one reading of an angle."""
+        return self._sigmas_rad[station]
+
     def sigma_rad(self, station: str) -> float:
         """Return one sigma of the filter's own angle, the larger of pan and tilt."""
-        where = self._ekf.layout.angles[station]
-        return float(np.sqrt(np.diag(self._ekf.covariance[where, where]).max()))
+        pan, P = self._ekf.layout.angles[station].start, self._ekf.covariance
+        return math.sqrt(max(P[pan, pan], P[pan + 1, pan + 1]))
 
     def _settle(self, suspect: PtuSample, sample: PtuSample, ahead_s: float) -> str | None:
         """Decide what the reading before was, now that another is here, ``ahead_s`` after the filter's time."""
@@ -141,7 +145,7 @@ class EncoderFeed:
         pan_rate = wrap_rad(sample.pan_rad - suspect.pan_rad) / dt
         tilt_rate = wrap_rad(sample.tilt_rad - suspect.tilt_rad) / dt
         predicted = self._ekf.angles(sample.station)
-        sigma = self._stations[sample.station].angle_sigma_rad
+        sigma = self._sigmas_rad[sample.station]
         off = max(abs(wrap_rad(sample.pan_rad - predicted[0])), abs(wrap_rad(sample.tilt_rad - predicted[1])))
         back = max(abs(wrap_rad(suspect.pan_rad - predicted[0])), abs(wrap_rad(suspect.tilt_rad - predicted[1])))
         moved = off > 0.5 * back and max(abs(pan_rate), abs(tilt_rate)) <= self._max_rate

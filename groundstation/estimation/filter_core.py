@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -62,6 +63,7 @@ class FilterCore:
         self._motions = [
             MotionModel(self.layout, psd, noise, prior.walk_psd, config.detection_lasting_s) for psd in psds
         ]
+        self._psds = np.array([motion.psd for motion in self._motions])
         self._bank = ModeBank(self.layout.size, (config.steady_s, config.manoeuvre_s)[: len(psds)])
         self._bank.place(self.layout.constant, np.zeros(len(prior.names)), prior.covariance)
         self._gate = float(chi2.ppf(config.gate_probability, 2))
@@ -81,8 +83,8 @@ class FilterCore:
         for name in stations:
             for places in clock_places(self.layout.parameters, name).values():
                 self._taught[places] = False
-        clocks = {name: clock_places(self.layout.parameters, name) for name in turning}
-        self._watch = ClockWatch.of({name: [k for own in found.values() for k in own] for name, found in clocks.items()})
+        clocks = {name: clock_places(self.layout.parameters, name).values() for name in turning}
+        self._watch = ClockWatch.of({name: [k for places in own for k in places] for name, own in clocks.items()})
         self._learns_clocks = config.calibration is CalibrationUse.ESTIMATE
         self._rig_uncertain = any(name.partition(".")[2] in CALIBRATION_PARAMETERS for name in prior.names)
         self._span_only = np.zeros(self.layout.size, np.bool_)
@@ -91,7 +93,7 @@ class FilterCore:
             self._moving[self._span] = self._span_only[self._span] = True
             own = prior.names.index(LOG_SPAN)
             self._span_variance = float(prior.covariance[own, own])
-        self._read: set[str] = set()
+        self._read: frozenset[str] = frozenset()
         self._first_s: float | None = None
         self._newest_reference_s = -math.inf
         self._references_refused = 0
@@ -142,12 +144,16 @@ class FilterCore:
 
     def snapshot(self) -> EkfState:
         """Return all that the filter is now."""
-        return EkfState(
+        return EkfState(*self._remembered())
+
+    def _remembered(self) -> tuple[Any, ...]:
+        """Return the fields of `EkfState`, in their order; none of them is ever written over."""
+        return (
             self.time_s,
             self._first_s,
             self.has_target,
             self._bank.snapshot(),
-            frozenset(self._read),
+            self._read,
             self._newest_reference_s,
             self._references_refused,
             self._young,
@@ -159,7 +165,7 @@ class FilterCore:
         """Be again what the filter was at a `snapshot`."""
         self.time_s, self._first_s, self.has_target = saved.time_s, saved.first_s, saved.has_target
         self._bank.restore(saved.bank)
-        self._read, self._newest_reference_s = set(saved.read), saved.newest_reference_s
+        self._read, self._newest_reference_s = saved.read, saved.newest_reference_s
         self._references_refused = saved.references_refused
         self._young, self.starts_taken_back = saved.young, saved.starts_taken_back
         self._watch = saved.watch
@@ -276,15 +282,17 @@ class FilterCore:
         """Carry the state forward to ``t_s``; an earlier time leaves it where it is."""
         if self.time_s is None:
             self.time_s = self._first_s = t_s
-        dt = t_s - self.time_s
-        if dt <= 0.0:
-            return
-        noises = [motion.process_noise(dt) for motion in self._motions]
+        if t_s > self.time_s:
+            self._carry(self.time_s, t_s)
+
+    def _carry(self, from_s: float, to_s: float) -> FloatArray:
+        """Carry the state from its time to a later one and return the transition F (n, n)."""
+        F, noises = self._motions[0].with_noises(self._psds, to_s - from_s)
         if not self.has_target:
-            for Q in noises:
-                Q[self.layout.target, self.layout.target] = 0.0
-        self._bank.predict(self._motions[0].transition(dt), noises, dt)
-        self.time_s = t_s
+            noises[:, self.layout.target, self.layout.target] = 0.0
+        self._bank.predict(F, noises, to_s - from_s)
+        self.time_s = to_s
+        return F
 
     def predict_pixel(self, station: str, row_dt_s: float = 0.0) -> PixelPrediction | None:
         """Return the target's predicted pixel in one camera now; None if behind it."""

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
@@ -134,42 +136,43 @@ class PixelLinearisation:
         """Return whether an error of one of the station's clocks is a state of the filter."""
         return bool(self._clocks[station])
 
-    def clock_noise(
+    def speed_noise(self, station: str, H: FloatArray, P: FloatArray, age_s: float) -> FloatArray:
+        """Return what a pixel with Jacobian ``H`` gets (2, 2) because a clock's error acts on an uncertain speed.
+
+        A clock that is off by δ moves the pixel by δ·ṁ; the spread of δ times that of ṁ is the term that a linear
+        filter leaves out (second order), and would learn clocks from.
+        """
+        noise = np.zeros((2, 2))
+        angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
+        turning = (-1, -1) if angles is None or rates is None else (angles.start, rates.start)
+        flying = (self._layout.position.start, self._layout.velocity.start)
+        for clock, places in self._clocks[station].items():
+            lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
+            _add_speed_noise(
+                P, H, *turning, *flying, clock == "camera_clock", np.array(places, np.int64), lateness, noise
+            )
+        return noise
+
+    def passage_noise(
         self, station: str, H: FloatArray, state: tuple[FloatArray, FloatArray], age_s: float, motion: MotionModel
     ) -> FloatArray:
         """Return what a pixel with Jacobian ``H`` gets (2, 2) because its instant is away from the filter's by clocks.
 
-        A clock that is off by δ moves the pixel by δ·ṁ; the spread of δ times that of ṁ is the term that a linear
-        filter leaves out (second order), and would learn clocks from. And over the time between, which may be known,
-        target and head go as they like: the noise of ``motion``.
+        From one to the other target and head are carried along their speeds, with the process noise of ``motion``.
         """
         x, P = state
-        noise = np.zeros((2, 2))
-        # how far the picture is from the filter's time, and from the PTU's: mean and variance, s
         away = {clock: np.zeros(2) for clock in CLOCKS}
         for clock, places in self._clocks[station].items():
-            by_state = self._speed_jacobian(station, clock, H)
             lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
-            share = float(lateness @ P[np.ix_(places, places)] @ lateness)
-            noise += share * innovation_covariance(P, by_state, np.zeros((2, 2)))
-            away[clock] += float(lateness @ x[places]), share
-        camera, ptu = away[CLOCKS[0]], away[CLOCKS[1]]
-        head = camera + [-ptu[0], ptu[1]]
+            away[clock] += lateness @ x[places], lateness @ P[np.ix_(places, places)] @ lateness
+        camera, ptu = (away[clock] for clock in CLOCKS)
+        noise = np.zeros((2, 2))
+        head = camera + np.array([-1.0, 1.0]) * ptu
         for part, (mean, variance) in ((self._layout.position, camera), (self._layout.angles.get(station), head)):
             if part is not None:
-                Q = motion.process_noise(math.hypot(mean, math.sqrt(variance)))[part, part]
+                Q = motion.process_noise(math.sqrt(mean**2 + variance))[part, part]
                 noise += H[:, part] @ Q @ H[:, part].T
         return noise
-
-    def _speed_jacobian(self, station: str, clock: str, H: FloatArray) -> FloatArray:
-        """Return by which (2, n) the state moves the pixel in a second of a clock's error."""
-        by_state = np.zeros_like(H)
-        angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
-        if angles is not None and rates is not None:
-            by_state[:, rates] = H[:, angles]
-        if clock == "camera_clock":
-            by_state[:, self._layout.velocity] = H[:, self._layout.position]
-        return by_state
 
     def sensitivity(self, state: FloatArray, age_s: float) -> FloatArray | None:
         """Return how a point triangulated here, and its velocity, move with the carried errors, (6, m).
@@ -190,3 +193,30 @@ class PixelLinearisation:
                 return None
             at.append(np.linalg.solve(information, moved))
         return np.vstack([at[0], (at[1] - at[0]) / _MOMENT_S])
+
+
+@njit(cache=True)
+def _add_speed_noise(
+    P: FloatArray,
+    H: FloatArray,
+    angles: int,
+    rates: int,
+    position: int,
+    velocity: int,
+    flies: bool,
+    places: NDArray[np.int64],
+    lateness: FloatArray,
+    noise: FloatArray,
+) -> None:
+    """Add the spread of one clock's error times that of the pixel's speed; −1 stands for a station that is fixed."""
+    share = 0.0
+    for a in range(places.size):
+        for b in range(places.size):
+            share += lateness[a] * P[places[a], places[b]] * lateness[b]
+    by_state = np.zeros_like(H)
+    for row in range(2):
+        for k in range(2 if rates >= 0 else 0):
+            by_state[row, rates + k] = H[row, angles + k]
+        for k in range(3 if flies else 0):
+            by_state[row, velocity + k] = H[row, position + k]
+    noise += share * innovation_covariance(P, by_state, np.zeros((2, 2)))

@@ -17,6 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.compiled_filter import innovation_covariance, squared_sigmas
 from groundstation.estimation.parameters import DGPS_ANTENNA, DGPS_CLOCK
 from groundstation.estimation.state import StateLayout
 from groundstation.geometry import kernels
@@ -43,6 +44,21 @@ class LinearPrediction:
 
     value: FloatArray
     jacobian: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JudgedReading:
+    """A reading of two angles held against the state: ``residual`` (2,), rad, with ``jacobian`` (2, n).
+
+    ``noise`` R (2, 2) and ``covariance`` S (2, 2), squared sigmas, and whether both angles are inside the gate.
+    """
+
+    residual: FloatArray
+    jacobian: FloatArray
+    noise: FloatArray
+    covariance: FloatArray
+    nis: float
+    accepted: bool
 
 
 class PixelModel:
@@ -161,6 +177,62 @@ class EncoderModel:
         H[0, angle] = H[1, angle + 1] = 1.0
         H[0, rate] = H[1, rate + 1] = ahead_s
         return LinearPrediction(value=state[self._angles] + ahead_s * state[self._rates], jacobian=H)
+
+    def judge(
+        self,
+        state: FloatArray,
+        P: FloatArray,
+        angles_rad: tuple[float, float],
+        ahead_s: float,
+        variance_rad2: float,
+        clock_sigma_s: float,
+        gate_sigma: float,
+    ) -> JudgedReading:
+        """Hold a reading of pan and tilt, stamped ``ahead_s`` after the state's time, against the state.
+
+        ``variance_rad2`` is the noise of each; ``clock_sigma_s`` counts as noise besides, in the measure of the rate.
+        """
+        residual, R, S = np.empty(2), np.empty((2, 2)), np.empty((2, 2))
+        H = np.empty((2, self._layout.size))
+        pan, tilt = angles_rad
+        at, rate = self._angles.start, self._rates.start
+        nis, accepted = _judge_angles(
+            state, P, at, rate, pan, tilt, ahead_s, variance_rad2, clock_sigma_s, gate_sigma, residual, H, R, S
+        )
+        return JudgedReading(residual=residual, jacobian=H, noise=R, covariance=S, nis=nis, accepted=accepted)
+
+
+@njit(cache=True)
+def _judge_angles(
+    x: FloatArray,
+    P: FloatArray,
+    angle: int,
+    rate: int,
+    pan_rad: float,
+    tilt_rad: float,
+    ahead_s: float,
+    variance_rad2: float,
+    clock_sigma_s: float,
+    gate_sigma: float,
+    residual: FloatArray,
+    H: FloatArray,
+    R: FloatArray,
+    S: FloatArray,
+) -> tuple[float, bool]:
+    """Write residual, H, R and S of a reading; return its squared sigmas and whether it passes the gate."""
+    H[:] = 0.0
+    R[:] = 0.0
+    inside = True
+    for k in range(2):
+        H[k, angle + k], H[k, rate + k] = 1.0, ahead_s
+        read = pan_rad if k == 0 else tilt_rad
+        off = read - (x[angle + k] + ahead_s * x[rate + k])
+        residual[k] = (off + np.pi) % (2.0 * np.pi) - np.pi
+        R[k, k] = variance_rad2 + (clock_sigma_s * x[rate + k]) ** 2
+    S[:] = innovation_covariance(P, H, R)
+    for k in range(2):
+        inside &= residual[k] ** 2 <= gate_sigma**2 * S[k, k]
+    return squared_sigmas(residual, S), inside
 
 
 class ReferenceModel:

@@ -17,6 +17,7 @@ from groundstation.estimation.compiled_filter import BoolArray, CompiledKalmanFi
 _LEAST_WEIGHT = 1e-6
 # of the modes: states (r, n), covariances (r, n, n), weights (r,); of their mixture: mean (n,), covariance (n, n)
 Moved = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+Stacked = tuple[FloatArray, FloatArray]
 
 
 class ModeBank:
@@ -28,6 +29,7 @@ class ModeBank:
     """
 
     def __init__(self, size: int, stay_s: Sequence[float]) -> None:
+        self._size = size
         self._filters = [CompiledKalmanFilter(dim_x=size, dim_z=2) for _ in stay_s]
         for each in self._filters:
             each.x, each.P = np.zeros(size), np.zeros((size, size))
@@ -36,34 +38,43 @@ class ModeBank:
         self._usual = self._stay_s / self._stay_s.sum()
         self.weights: FloatArray = self._usual.copy()
         self._mean: tuple[FloatArray, FloatArray] | None = None
+        # the filters' states and covariances one above the other, where a step has left them so
+        self._stacked: Stacked | None = None
 
     @property
     def x(self) -> FloatArray:
         """The weighted mean (n,)."""
-        return self._mixture()[0]
+        mean = self._mean
+        return mean[0] if mean is not None else self._mixture()[0]
 
     @property
     def P(self) -> FloatArray:  # noqa: N802 - as in every filter equation
         """The covariance (n, n) of the mixture about its mean."""
-        return self._mixture()[1]
+        mean = self._mean
+        return mean[1] if mean is not None else self._mixture()[1]
 
     def snapshot(self) -> list[FloatArray]:
         """Return all there is to know, to be given to `restore`; nothing is copied, since nothing is written over."""
-        return [self.weights, *(a for f in self._filters for a in (f.x, f.P))]
+        saved = [self.weights]
+        for each in self._filters:
+            saved += (each.x, each.P)
+        return saved
 
     def restore(self, saved: list[FloatArray]) -> None:
         """Go back to a `snapshot`."""
-        self.weights, self._mean = saved[0], None
+        self.weights = saved[0]
+        self._changed()
         for k, each in enumerate(self._filters):
             each.x, each.P = saved[1 + 2 * k], saved[2 + 2 * k]
 
     def forget_modes(self) -> None:
         """Set the weights to what is usual: a new target, of whose flying nothing is known."""
-        self.weights, self._mean = self._usual.copy(), None
+        self.weights = self._usual.copy()
+        self._changed()
 
     def place(self, part: slice, values: FloatArray, covariance: FloatArray) -> None:
         """Set some states (k,) and their covariance (k, k), uncorrelated with the rest."""
-        self._mean = None
+        self._changed()
         for each in self._filters:
             # copies: whoever holds a snapshot holds the old ones
             each.x, each.P = each.x.copy(), each.P.copy()
@@ -74,7 +85,7 @@ class ModeBank:
 
     def share(self, part: slice, source: slice, sensitivity: FloatArray) -> None:
         """Let some states (k,) err with others (m,) by ``sensitivity`` (k, m); they knew nothing of them before."""
-        self._mean = None
+        self._changed()
         for each in self._filters:
             each.P = each.P.copy()
             common = sensitivity @ each.P[source, source]
@@ -84,17 +95,20 @@ class ModeBank:
 
     def doubt(self, part: slice, variances: FloatArray) -> None:
         """Add to the variances (k,) of some states."""
-        self._mean = None
+        self._changed()
         diagonal = np.arange(part.start, part.stop)
         for each in self._filters:
             each.P = each.P.copy()
             each.P[diagonal, diagonal] += variances
 
-    def predict(self, F: FloatArray, noises: Sequence[FloatArray], dt_s: float) -> None:
+    def predict(self, F: FloatArray, noises: Sequence[FloatArray] | FloatArray, dt_s: float) -> None:
         """Carry every mode forward by ``F`` and its own process noise over ``dt_s`` seconds."""
         if len(self._filters) > 1:
-            self._take(_predicted(*self._all(), self.weights, self._stay_s, F, tuple(noises), dt_s))
+            moved = self._room()
+            _predict(*self._all(), self.weights, self._stay_s, F, np.asarray(noises), dt_s, *moved)
+            self._take(moved)
             return
+        self._changed()
         only = self._filters[0]
         only.F, only.Q = F, noises[0]
         only.predict()
@@ -114,9 +128,12 @@ class ModeBank:
         ``share`` scales the gain.
         """
         if len(self._filters) == 1:
+            self._changed()
             self._filters[0].correct(residual, H, R, estimated, share)
             return
-        self._take(_corrected(*self._all(), self.x, self.weights, residual, H, R, estimated, share, telling))
+        moved = self._room()
+        _correct(*self._all(), self.x, self.weights, residual, H, R, estimated, share, telling, *moved)
+        self._take(moved)
 
     def reshape(self, H: FloatArray, shift: FloatArray, covariance: FloatArray, estimated: BoolArray) -> None:
         """Give the measured quantity another distribution than predicted, and let the state follow.
@@ -125,7 +142,7 @@ class ModeBank:
         x += K·shift, P += K (covariance − S) Kᵀ with K = P Hᵀ S⁻¹, S = H P Hᵀ. States that are not ``estimated`` (n,)
         keep value and variance; what they have in common with the others stays, too.
         """
-        self._mean = None
+        self._changed()
         for each in self._filters:
             PHt = each.P @ H.T
             S = H @ PHt
@@ -136,43 +153,60 @@ class ModeBank:
             each.P = 0.5 * (P + P.T)
 
     def _mixture(self) -> tuple[FloatArray, FloatArray]:
-        if len(self._filters) == 1:
-            return self._filters[0].x, self._filters[0].P
         if self._mean is None:
-            states, covariances = self._all()
-            self._mean = _moments(states, covariances, self.weights)
+            if len(self._filters) == 1:
+                self._mean = self._filters[0].x, self._filters[0].P
+            else:
+                x, P = np.empty(self._size), np.empty((self._size, self._size))
+                _moments(*self._all(), self.weights, x, P)
+                self._mean = x, P
         return self._mean
 
     def weights_after(self, dt_s: float) -> FloatArray:
         """Return the weights (r,) that a prediction over ``dt_s`` ≥ 0 would leave."""
         return self.weights if len(self._filters) == 1 else _joint(self.weights, self._stay_s, dt_s).sum(axis=0)
 
-    def _take(self, result: Moved) -> None:
+    def _changed(self) -> None:
+        """Forget what follows from the filters."""
+        self._mean = self._stacked = None
+
+    def _room(self) -> Moved:
+        """Return where a step writes to: arrays of its own, since snapshots hold the ones before.
+
+        They are handed in, not returned: a compiled function takes longer to return an array than to multiply two.
+        """
+        r, n = len(self._filters), self._size
+        return np.empty((r, n)), np.empty((r, n, n)), np.empty(r), np.empty(n), np.empty((n, n))
+
+    def _take(self, moved: Moved) -> None:
         """Become what a step has made of the modes."""
-        states, covariances, self.weights, x, P = result
+        states, covariances, self.weights, x, P = moved
         for each, own_x, own_P in zip(self._filters, states, covariances, strict=True):
             each.x, each.P = own_x, own_P
-        self._mean = (x, P)
+        self._mean, self._stacked = (x, P), (states, covariances)
 
-    def _all(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-        return tuple(f.x for f in self._filters), tuple(f.P for f in self._filters)
+    def _all(self) -> Stacked:
+        if self._stacked is None:
+            self._stacked = np.array([f.x for f in self._filters]), np.array([f.P for f in self._filters])
+        return self._stacked
 
 
 @njit(cache=True)
-def _moments(
-    states: tuple[FloatArray, ...] | FloatArray, covariances: tuple[FloatArray, ...] | FloatArray, weights: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return mean (n,) and covariance (n, n) of a mixture of states (n,) and covariances (n, n)."""
-    n = states[0].size
-    x, P = np.zeros(n), np.zeros((n, n))
+def _moments(states: FloatArray, covariances: FloatArray, weights: FloatArray, x: FloatArray, P: FloatArray) -> None:
+    """Write mean (n,) and covariance (n, n) of a mixture of states (r, n) and covariances (r, n, n)."""
+    n = x.size
+    x[:] = 0.0
+    P[:] = 0.0
     for k in range(len(states)):
-        x += weights[k] * states[k]
+        for i in range(n):
+            x[i] += weights[k] * states[k, i]
+    away = np.empty(n)
     for k in range(len(states)):
-        away, own = states[k] - x, covariances[k]
+        for i in range(n):
+            away[i] = states[k, i] - x[i]
         for i in range(n):
             for j in range(n):
-                P[i, j] += weights[k] * (own[i, j] + away[i] * away[j])
-    return x, P
+                P[i, j] += weights[k] * (covariances[k, i, j] + away[i] * away[j])
 
 
 @njit(cache=True)
@@ -188,31 +222,35 @@ def _joint(weights: FloatArray, stay_s: FloatArray, dt_s: float) -> FloatArray:
 
 
 @njit(cache=True)
-def _predicted(
-    states: tuple[FloatArray, ...],
-    covariances: tuple[FloatArray, ...],
+def _predict(
+    states: FloatArray,
+    covariances: FloatArray,
     weights: FloatArray,
     stay_s: FloatArray,
     F: FloatArray,
-    noises: tuple[FloatArray, ...],
+    noises: FloatArray,
     dt_s: float,
-) -> Moved:
-    """Return the modes after ``dt_s``: each starts from where the aircraft may have come from into it."""
-    count, n = len(states), states[0].size
+    X: FloatArray,
+    P: FloatArray,
+    after: FloatArray,
+    mean: FloatArray,
+    spread: FloatArray,
+) -> None:
+    """Write the modes after ``dt_s``: each starts from where the aircraft may have come from into it."""
+    count, n = states.shape
     joint = _joint(weights, stay_s, dt_s)
-    after = joint.sum(axis=0)
-    X, P = np.empty((count, n)), np.empty((count, n, n))
+    after[:] = joint.sum(axis=0)
+    start_x, start_P = np.empty(n), np.empty((n, n))
     for k in range(count):
-        start_x, start_P = _moments(states, covariances, joint[:, k] / after[k])
+        _moments(states, covariances, joint[:, k] / after[k], start_x, start_P)
         X[k], P[k] = carry(start_x, start_P, F, noises[k])
-    mean, spread = _moments(X, P, after)
-    return X, P, after, mean, spread
+    _moments(X, P, after, mean, spread)
 
 
 @njit(cache=True)
-def _corrected(
-    states: tuple[FloatArray, ...],
-    covariances: tuple[FloatArray, ...],
+def _correct(
+    states: FloatArray,
+    covariances: FloatArray,
     x: FloatArray,
     weights: FloatArray,
     residual: FloatArray,
@@ -221,21 +259,25 @@ def _corrected(
     estimated: BoolArray,
     share: float,
     telling: bool,
-) -> Moved:
-    """Return the modes after a residual (m,) that was taken at ``x`` (n,)."""
-    count, n = len(states), x.size
-    X, P, logs = np.empty((count, n)), np.empty((count, n, n)), np.zeros(count)
+    X: FloatArray,
+    P: FloatArray,
+    after: FloatArray,
+    mean: FloatArray,
+    spread: FloatArray,
+) -> None:
+    """Write the modes after a residual (m,) that was taken at ``x`` (n,)."""
+    count, n = states.shape
+    logs = np.zeros(count)
     for k in range(count):
         own = residual.copy()
         for a in range(own.size):
             for j in range(n):
-                own[a] -= H[a, j] * (states[k][j] - x[j])
+                own[a] -= H[a, j] * (states[k, j] - x[j])
         X[k], P[k], _, S = correct(states[k], covariances[k], H, R, own, estimated, share)
         if telling:
             logs[k] = log_likelihood(own, S)
-    after = weights
+    after[:] = weights
     if telling:
-        after = np.maximum(weights * np.exp(logs - logs.max()), _LEAST_WEIGHT)
-        after = after / after.sum()
-    mean, spread = _moments(X, P, after)
-    return X, P, after, mean, spread
+        after[:] = np.maximum(weights * np.exp(logs - logs.max()), _LEAST_WEIGHT)
+        after /= after.sum()
+    _moments(X, P, after, mean, spread)

@@ -34,7 +34,8 @@ class MotionModel:
     lasting_s : τ of the target point's lasting errors.
     """
 
-    __slots__ = ("_first_constant", "_first_offset", "_lasting_s", "_pair_of", "_psd", "_size", "_walk")
+    # psd (k,): of each pair of a value and its rate
+    __slots__ = ("_first_constant", "_first_offset", "_lasting_s", "_pair_of", "_size", "_walk", "psd")
 
     def __init__(
         self,
@@ -52,7 +53,7 @@ class MotionModel:
             slopes += range(layout.rates[name].start, layout.rates[name].stop)
             psd += [ptu_acceleration_psd_rad2_s3] * 2
         self._pair_of = (np.array(values), np.array(slopes))
-        self._psd = np.array(psd)
+        self.psd = np.array(psd)
         self._size = layout.size
         self._walk = np.zeros(len(layout.parameters)) if walk_psd is None else walk_psd
         self._first_constant = layout.constant.start
@@ -61,60 +62,100 @@ class MotionModel:
 
     def transition(self, dt_s: float) -> FloatArray:
         """Return F, (n, n), over ``dt_s`` seconds (which may be negative)."""
-        return _transition(self._size, *self._pair_of, self._first_offset, self._first_constant, self._lasting_s, dt_s)
+        F = np.empty((self._size, self._size))
+        _write_transition(*self._pair_of, self._first_offset, self._first_constant, self._lasting_s, dt_s, F)
+        return F
 
     def process_noise(self, dt_s: float) -> FloatArray:
         """Return Q, (n, n), gathered over ``|dt_s|`` seconds."""
-        return _process_noise(
-            self._size,
+        Q = np.empty((self._size, self._size))
+        _write_noise(
             *self._pair_of,
-            self._psd,
-            (self._first_offset, self._first_constant),
+            self.psd,
+            self._first_offset,
+            self._first_constant,
             self._walk,
             self._lasting_s,
             dt_s,
+            Q,
         )
+        return Q
+
+    def with_noises(self, psds: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return F (n, n) and Q (r, n, n) for each row of ``psds`` (r, k), as `psd` is of this one, over ``dt_s``."""
+        F, noises = np.empty((self._size, self._size)), np.empty((len(psds), self._size, self._size))
+        _write_motion(
+            *self._pair_of,
+            psds,
+            self._first_offset,
+            self._first_constant,
+            self._walk,
+            self._lasting_s,
+            dt_s,
+            F,
+            noises,
+        )
+        return F, noises
 
 
+# matrices are handed in, not returned: returning one takes a compiled function longer than filling it
 @njit(cache=True)
-def _transition(
-    size: int,
+def _write_transition(
     values: IndexArray,
     slopes: IndexArray,
     first_offset: int,
     first_constant: int,
     lasting_s: float,
     dt_s: float,
-) -> FloatArray:
-    F = np.eye(size)
+    F: FloatArray,
+) -> None:
+    F[:] = 0.0
+    for k in range(F.shape[0]):
+        F[k, k] = 1.0
     for k in range(values.size):
         F[values[k], slopes[k]] = dt_s
     for k in range(first_offset, first_constant):
         F[k, k] = np.exp(-abs(dt_s) / lasting_s)
-    return F
 
 
 @njit(cache=True)
-def _process_noise(
-    size: int,
+def _write_noise(
     values: IndexArray,
     slopes: IndexArray,
     psd: FloatArray,
-    firsts: tuple[int, int],
+    first_offset: int,
+    first_constant: int,
     walk_psd: FloatArray,
     lasting_s: float,
     dt_s: float,
-) -> FloatArray:
+    Q: FloatArray,
+) -> None:
     dt = abs(dt_s)
-    Q = np.zeros((size, size))
+    Q[:] = 0.0
     for k in range(values.size):
         a, b = values[k], slopes[k]
         Q[a, a] = psd[k] * dt * dt * dt / 3.0
         Q[b, b] = psd[k] * dt
         Q[a, b] = Q[b, a] = psd[k] * dt_s * dt / 2.0
-    first_offset, first_constant = firsts
     for k in range(first_offset, first_constant):
         Q[k, k] = 1.0 - np.exp(-2.0 * dt / lasting_s)
     for k in range(walk_psd.size):
         Q[first_constant + k, first_constant + k] = walk_psd[k] * dt
-    return Q
+
+
+@njit(cache=True)
+def _write_motion(
+    values: IndexArray,
+    slopes: IndexArray,
+    psds: FloatArray,
+    first_offset: int,
+    first_constant: int,
+    walk_psd: FloatArray,
+    lasting_s: float,
+    dt_s: float,
+    F: FloatArray,
+    noises: FloatArray,
+) -> None:
+    _write_transition(values, slopes, first_offset, first_constant, lasting_s, dt_s, F)
+    for mode in range(psds.shape[0]):
+        _write_noise(values, slopes, psds[mode], first_offset, first_constant, walk_psd, lasting_s, dt_s, noises[mode])

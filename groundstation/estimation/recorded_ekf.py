@@ -135,21 +135,7 @@ class RecordedEkf(StationEkf):
 
     def snapshot(self) -> RecordedState:
         """Return all that the filter is now."""
-        s = super().snapshot()
-        return RecordedState(
-            s.time_s,
-            s.first_s,
-            s.has_target,
-            s.bank,
-            s.read,
-            s.newest_reference_s,
-            s.references_refused,
-            s.young,
-            s.starts_taken_back,
-            s.watch,
-            self.tape.mark,
-            len(self.steps),
-        )
+        return RecordedState(*self._remembered(), self.tape.mark, len(self.steps))
 
     def restore(self, saved: EkfState) -> None:
         """Be again what the filter was at a `snapshot`; what was recorded since then is taken back."""
@@ -159,12 +145,12 @@ class RecordedEkf(StationEkf):
             del self.steps[saved.noted :]
 
     # ---------------------------------------------------------------------------------- what is noted
-    def predict_to(self, t_s: float) -> None:
-        """Carry the state forward to ``t_s``; an earlier time leaves it where it is."""
-        before_s, x, P = self.time_s, self.state, self.covariance
-        super().predict_to(t_s)
-        if before_s is not None and t_s > before_s:
-            self._went(before_s, x, P, self._motions[0].transition(t_s - before_s))
+    def _carry(self, from_s: float, to_s: float) -> FloatArray:
+        """Carry the state to a later time, as `StationEkf` does."""
+        x, P = self.state, self.covariance
+        F = super()._carry(from_s, to_s)
+        self._went(from_s, x, P, F)
+        return F
 
     def update_encoder(
         self, station: str, angles_rad: tuple[float, float], sigma_rad: float, clock_sigma_s: float, ahead_s: float

@@ -92,19 +92,13 @@ class ReplayWindow:
         return len(self._entries)
 
     # ------------------------------------------------------------------------------------- in order
-    @contextmanager
-    def reading(self, t_s: float, station: str) -> Iterator[None]:
+    def reading(self, t_s: float, station: str) -> "_Noting":
         """What is done inside belongs to a reading of ``station`` at ``t_s``."""
-        with self._noting(len(self._entries), t_s, _Rank.READING, station):
-            yield
-        self._trim()
+        return _Noting(self, len(self._entries), t_s, _Rank.READING, station, trims=True)
 
-    @contextmanager
-    def frame(self, t_s: float, station: str) -> Iterator[None]:
+    def frame(self, t_s: float, station: str) -> "_Noting":
         """What is done inside belongs to a frame of ``station`` at ``t_s``."""
-        with self._noting(len(self._entries), t_s, _Rank.FRAME, station):
-            yield
-        self._trim()
+        return _Noting(self, len(self._entries), t_s, _Rank.FRAME, station, trims=True)
 
     @contextmanager
     def decision(self) -> Iterator[None]:
@@ -112,7 +106,7 @@ class ReplayWindow:
         if self._ekf.time_s is None:
             yield
             return
-        with self._noting(len(self._entries), self._ekf.time_s, _Rank.DECISION, None):
+        with _Noting(self, len(self._entries), self._ekf.time_s, _Rank.DECISION, None):
             yield
         if not self._entries[-1].steps:
             self._entries.pop()
@@ -139,7 +133,7 @@ class ReplayWindow:
         """Inside, the filter is as it was before ``t_s``; afterwards everything later is done again."""
         where = bisect_left(self._entries, self._place(t_s, _Rank.FRAME, station), key=self._place_of)
         self._go_back(where)
-        with self._noting(where, t_s, _Rank.FRAME, station):
+        with _Noting(self, where, t_s, _Rank.FRAME, station):
             yield
         self._again(where + 1)
 
@@ -148,7 +142,7 @@ class ReplayWindow:
         """As `late_frame`, for what was to be decided at ``t_s``: to learn from a reference position."""
         where = bisect_left(self._entries, self._place(t_s, _Rank.DECISION, None), key=self._place_of)
         self._go_back(where)
-        with self._noting(where, t_s, _Rank.DECISION, None):
+        with _Noting(self, where, t_s, _Rank.DECISION, None):
             yield
         self._again(where + 1)
 
@@ -253,14 +247,18 @@ class ReplayWindow:
                     self._assign(own.sample, release)
 
     # ------------------------------------------------------------------------------------ mechanism
-    @contextmanager
-    def _noting(self, where: int, t_s: float, rank: _Rank, station: str | None) -> Iterator[None]:
+    def begin(self, t_s: float, rank: _Rank, station: str | None) -> "_Entry":
+        """Return an entry for what is done from now on."""
         self._ekf.steps.clear()
-        entry = _Entry(t_s, rank, station, self._ekf.snapshot(), self._encoders.snapshot(), [])
-        yield
+        return _Entry(t_s, rank, station, self._ekf.snapshot(), self._encoders.snapshot(), [])
+
+    def end(self, where: int, entry: "_Entry", *, trims: bool) -> None:
+        """Put in its place the entry of what has been done since it was begun."""
         entry.steps = list(self._ekf.steps)  # type: ignore[arg-type]  # the filter's own steps, and our readings
         self._ekf.steps.clear()
         self._entries.insert(where, entry)
+        if trims:
+            self._trim()
 
     def _place(self, t_s: float, rank: _Rank, station: str | None) -> tuple[float, int, int]:
         """Return what decides the order: the stamp; at one instant readings, frames in the rig's order, decisions."""
@@ -305,3 +303,26 @@ class ReplayWindow:
         if drop:
             del self._entries[:drop]
             self._ekf.tape.release(self._entries[0].before.mark)
+
+
+class _Noting:
+    """What is done inside becomes an entry of a window, unless it fails.
+
+    A class and no generator: a dozen times for each pair of frames, half of what entering costs.
+    """
+
+    __slots__ = ("_entry", "_rank", "_station", "_t_s", "_trims", "_where", "_window")
+
+    def __init__(
+        self, window: ReplayWindow, where: int, t_s: float, rank: _Rank, station: str | None, *, trims: bool = False
+    ) -> None:
+        self._window, self._where, self._trims = window, where, trims
+        self._t_s, self._rank, self._station = t_s, rank, station
+        self._entry: _Entry
+
+    def __enter__(self) -> None:
+        self._entry = self._window.begin(self._t_s, self._rank, self._station)
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self._window.end(self._where, self._entry, trims=self._trims)

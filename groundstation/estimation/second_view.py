@@ -8,6 +8,7 @@ those two are kept, the position is where the two rays meet, and the velocity is
 docs/derivation.md, "Placed anew".
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -69,10 +70,13 @@ class SecondView:
 
         None where it takes none: the prior must be long, or bent for this pixel, and straight for the other camera.
         """
-        noise = float(np.sqrt(np.trace(seen.covariance_px2) / 2.0))
+        noise = math.sqrt((seen.covariance_px2[0, 0] + seen.covariance_px2[1, 1]) / 2.0)
         own = self._pixels[seen.station].predict(x, 0.0, age_s)
-        long = own is not None and self._axis(P)[0] > _LONG_SHARE * own.depth_m
-        if not long and self._bend(seen.station, x, P, age_s) <= _BENT_SIGMA * noise:
+        sigma, axis = self._axis(P)
+        off = np.zeros_like(x)
+        off[self._layout.position] = sigma * axis
+        long = own is not None and sigma > _LONG_SHARE * own.depth_m
+        if not long and self._bend(seen.station, own, x, off, age_s) <= _BENT_SIGMA * noise:
             return None
         best, least = None, _PINNED_SIGMA * noise
         for name, model in self._pixels.items():
@@ -80,8 +84,8 @@ class SecondView:
             if prediction is None:
                 continue
             known = innovation_covariance(P, prediction.jacobian, _NOTHING)
-            spread = float(np.sqrt(np.trace(known) / 2.0))
-            if spread < least and self._bend(name, x, P, age_s) < _STRAIGHT_SIGMA * noise:
+            spread = math.sqrt((known[0, 0] + known[1, 1]) / 2.0)
+            if spread < least and self._bend(name, prediction, x, off, age_s) < _STRAIGHT_SIGMA * noise:
                 best, least = Seen(station=name, pixel=prediction.pixel, covariance_px2=known, row_dt_s=0.0), spread
         return best
 
@@ -129,14 +133,14 @@ class SecondView:
         values, axes = np.linalg.eigh(P[self._layout.position, self._layout.position])
         return float(np.sqrt(max(values[-1], 0.0))), axes[:, -1]
 
-    def _bend(self, station: str, x: FloatArray, P: FloatArray, age_s: float) -> float:
-        """Return how much one sigma along the longest axis bends a pixel, px; inf where it goes behind."""
-        sigma, axis = self._axis(P)
-        off = np.zeros_like(x)
-        off[self._layout.position] = sigma * axis
+    def _bend(self, station: str, here: PixelPrediction | None, x: FloatArray, off: FloatArray, age_s: float) -> float:
+        """Return how much a step ``off`` (n,) either way bends the pixel that is ``here``, px; inf if behind."""
         model = self._pixels[station]
-        at = [p.pixel for s in (x - off, x, x + off) if (p := model.predict(s, 0.0, age_s)) is not None]
-        return float(np.linalg.norm(at[0] - 2.0 * at[1] + at[2])) / 2.0 if len(at) == 3 else float("inf")
+        before, after = model.predict(x - off, 0.0, age_s), model.predict(x + off, 0.0, age_s)
+        if before is None or here is None or after is None:
+            return math.inf
+        u, v = before.pixel - 2.0 * here.pixel + after.pixel
+        return math.hypot(u, v) / 2.0
 
 
 class _Meeting:

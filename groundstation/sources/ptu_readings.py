@@ -1,6 +1,7 @@
 """ptu.csv as a stream of readings in session time, corrected by what the rig says of each head's axes."""
 
 import heapq
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -64,7 +65,7 @@ class PtuReadings:
 
     def _readings(self, table: CsvTable, from_s: float) -> Iterator[PtuSample]:
         waiting: list[tuple[float, int, PtuSample]] = []
-        corrections = {name: AxisCorrection(axes) for name, axes in self._axes.items()}
+        cells = {name: (f"{name}_pan_deg", f"{name}_tilt_deg", AxisCorrection(a)) for name, a in self._axes.items()}
         number = 0
         before: float | None = None
         try:
@@ -73,7 +74,7 @@ class PtuReadings:
                 times = {name: clock.session_from_device(before) for name, clock in self._clocks.items()}
                 self._read_s = (min(self._read_s[0], *times.values()), max(self._read_s[1], *times.values()))
                 # the whole row first: of a row at fault nothing is used
-                samples = [_reading(table, row, name, t_s, corrections[name]) for name, t_s in times.items()]
+                samples = [_reading(table, row, name, t_s, *cells[name]) for name, t_s in times.items()]
                 for sample in samples:
                     if sample is not None and sample.t_s >= from_s:
                         number += 1
@@ -88,13 +89,15 @@ class PtuReadings:
             yield heapq.heappop(waiting)[2]
 
 
-def _reading(table: CsvTable, row: Row, name: str, t_s: float, correction: AxisCorrection) -> PtuSample | None:
+def _reading(
+    table: CsvTable, row: Row, name: str, t_s: float, pan_cell: str, tilt_cell: str, correction: AxisCorrection
+) -> PtuSample | None:
     """Return one station's angles, or None where its cells are empty."""
-    pan = table.optional_number(row, f"{name}_pan_deg")
-    tilt = table.optional_number(row, f"{name}_tilt_deg")
+    pan = table.optional_number(row, pan_cell)
+    tilt = table.optional_number(row, tilt_cell)
     if pan is None and tilt is None:
         return None
     if pan is None or tilt is None:
         raise table.fault(row.line, got=f"only one of {name}'s two angles", wanted="pan and tilt, or neither")
-    pan_rad, tilt_rad = correction.angles(float(np.radians(pan)), float(np.radians(tilt)))
+    pan_rad, tilt_rad = correction.angles(math.radians(pan), math.radians(tilt))
     return PtuSample(t_s=t_s, station=name, pan_rad=pan_rad, tilt_rad=tilt_rad)
