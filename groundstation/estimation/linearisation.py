@@ -148,9 +148,9 @@ class PixelLinearisation:
         flying = (self._layout.position.start, self._layout.velocity.start)
         for clock, places in self._clocks[station].items():
             lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
-            _add_speed_noise(
-                P, H, *turning, *flying, clock == "camera_clock", np.array(places, np.int64), lateness, noise
-            )
+            own = np.array(places, np.int64)
+            late = clock == "camera_clock"
+            _add_speed_noise(P, H, turning[0], turning[1], flying[0], flying[1], late, own, lateness, noise)
         return noise
 
     def passage_noise(
