@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.clock_watch import ClockWatch
 from groundstation.estimation.young_track import YoungTrack
 
 
@@ -60,6 +61,7 @@ class EkfState:
     references_refused: int
     young: YoungTrack | None
     starts_taken_back: int
+    watch: ClockWatch
 
 
 def state_layout(
