@@ -4,7 +4,8 @@ usage: python benchmarks/calibration_rigs.py [--rigs N] [CASE …]
 
 Cases, simulated at the level of angles and pixels, 2 cm DGPS at 10 Hz over the whole approach, all biases free:
 `mounts`: mounts off by 0.05° about each axis (1 sigma, as the rig admits), the log's clock by 0.2 s, case B;
-`clocks`: mounts, too, and clocks of cameras and PTUs off by 20 ms each, heads that lag behind a weaving approach.
+`clocks`: mounts, too, and clocks of cameras and PTUs off by 20 ms each, heads that lag behind a weaving approach;
+`all`: whatever `--free` can name: those and positions, boresights, lenses, drifts, shutters and the antenna's place.
 Each error's square over its claimed variance has mean 1 over rigs where the sigmas are true; the bounds are those of
 chi-square. Bounds are (JᵀWJ + prior)⁻¹ of the noise that was put in, at the true rig, path and angles (the same flight
 without noise); paths of aircraft and heads are unknown but for their samples and their smoothness, as found by the fit.
@@ -18,29 +19,27 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from drawn_rigs import CLOCK_S, beside, draw, errors, loops, unit_of
 from scipy.stats import chi2
 
 from calibration.flight import FlightFit
 from calibration.flight_data import FlightData, gather_flight
 from calibration.flight_paths import PathResiduals, path_samples
-from calibration.flight_problem import DGPS_OFFSET
 from calibration.flight_session import FlightRequest, calibrate_flight
-from groundstation.geometry.rotation import matrix_from_wxyz
-from groundstation.rig import ClockModel, Rig
 from groundstation.session import load_session
-from groundstation.simulation import Scenario, StationErrors, case_b, perturbed, simulate
+from groundstation.simulation import Scenario, case_b, simulate
 from groundstation.simulation.approach import weaving_approach
 from groundstation.simulation.camera import CameraModel, isotropic
 from groundstation.simulation.dgps import DgpsModel
-from groundstation.simulation.pointing import FirstOrderLoop
-from groundstation.simulation.rig_errors import drawn_errors
+from groundstation.simulation.pointing import FirstOrderLoop, Wandering
 from groundstation.sinks.session_folder import write_session_folder
 
-CASES = ("mounts", "clocks")
-MOUNT_RAD = float(np.radians(0.05))
-CLOCK_S = 0.02
-DGPS_CLOCK_S = 0.2
-AXES = ("x", "y", "z")
+CASES = ("mounts", "clocks", "all")
+FREE = {
+    "mounts": "orientation",
+    "clocks": "orientation",
+    "all": "orientation,position,boresight,lens,drift,readout,antenna",
+}
 # the pixels' noise in case B, px; and what is as good as no noise
 PIXEL_PX = 0.5
 _NOTHING = 1e-7
@@ -52,22 +51,27 @@ _CLOCKS = "\n[clocks]\ndgps = {{ offset_s = 0.0 }}\ndetections = {{ offset_s = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigErrors:
-    """One rig's p errors after calibration, what is claimed of them (p,), and their bounds (p,); 1 sigma each."""
+    """One rig's p errors after calibration, what is claimed of them (p,), and their bounds (p,); 1 sigma each.
+
+    ``together`` is eᵀC⁻¹e of all of them.
+    """
 
     names: tuple[str, ...]
     error: np.ndarray
     sigma: np.ndarray
     bound: np.ndarray
+    together: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """What n rigs of one case gave; (n, p) each."""
+    """What n rigs of one case gave; (n, p) each, ``together`` (n,)."""
 
     names: tuple[str, ...]
     error: np.ndarray
     sigma: np.ndarray
     bound: np.ndarray
+    together: np.ndarray
 
     def normalised(self) -> np.ndarray:
         """Return the mean square of error over claimed sigma, (p,)."""
@@ -95,38 +99,36 @@ def sample(case: str, seeds: Sequence[int]) -> Sample:
         error=np.array([f.error for f in found]),
         sigma=np.array([f.sigma for f in found]),
         bound=np.array([f.bound for f in found]),
+        together=np.array([f.together for f in found]),
     )
 
 
 def one_rig(case: str, seed: int) -> RigErrors:
     """Draw a rig's errors, fly, calibrate, compare."""
-    generator = np.random.default_rng([_DRAWS, seed])
-    clocks = case == "clocks"
     scenario = _scenario(case, seed)
-    spread = StationErrors(
-        mount_rad=np.full(3, MOUNT_RAD),
-        ptu_offset_s=CLOCK_S if clocks else 0.0,
-        camera_offset_s=CLOCK_S if clocks else 0.0,
-    )
-    late_s = 0.0 if clocks else DGPS_CLOCK_S * float(generator.normal())
-    errors = drawn_errors(generator, scenario.rig.names, spread)
-    believed = _admitting(scenario.rig, CLOCK_S if clocks else 0.0)
-    true = perturbed(scenario.true_rig, errors)
-    scenario = replace(scenario, rig=believed, true_rig=true, dgps=DgpsModel(clock_offset_s=late_s))
+    drawn = draw(scenario.rig, case, np.random.default_rng([_DRAWS, seed]))
+    dgps = DgpsModel(clock_offset_s=drawn.late_s, antenna_in_body_m=drawn.antenna_m)
+    scenario = replace(scenario, rig=drawn.believed, true_rig=drawn.true, dgps=dgps)
     with tempfile.TemporaryDirectory() as folder:
         session, quiet = Path(folder) / "session", Path(folder) / "quiet"
         for path, flown in ((session, scenario), (quiet, _without_noise(scenario))):
-            write_session_folder(path, simulate(flown), name="simulated")
-            if clocks:
+            # nobody has told the session where the antenna is
+            seen = replace(simulate(flown), scenario=replace(flown, dgps=DgpsModel()))
+            write_session_folder(path, seen, name="simulated")
+            if case != "mounts":
                 about = path / "session.toml"
                 about.write_text(about.read_text() + _CLOCKS.format(sigma=CLOCK_S))
-        request = FlightRequest(session=session, out=Path(folder) / "rig.toml", free="orientation")
+        request = FlightRequest(session=session, out=Path(folder) / "rig.toml", free=FREE[case])
         found = calibrate_flight(request)
         exact = gather_flight(load_session(quiet), None, None, None)
-    error = _errors(found.fit, found.rig, true, errors, late_s)
+    error = errors(found.fit, found.rig, drawn)
     names = found.fit.problem.names
     return RigErrors(
-        names=names, error=error, sigma=found.fit.sigma, bound=_bound(found.fit, exact, error + found.fit.change)
+        names=names,
+        error=error,
+        sigma=found.fit.sigma,
+        bound=_bound(found.fit, exact, error + found.fit.change),
+        together=float(error @ np.linalg.solve(found.fit.covariance, error)),
     )
 
 
@@ -149,7 +151,8 @@ def _without_noise(scenario: Scenario) -> Scenario:
 
 def _bound(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> np.ndarray:
     """Return one sigma (p,) that the noise put in allows, with the derivatives of the flight without noise."""
-    problem = replace(fit.problem, looks=exact.looks, track=exact.track)
+    track = exact.track.pointed(fit.problem.antenna_m(true_change))
+    problem = replace(fit.problem, looks=exact.looks, track=track)
     parts = tuple(
         replace(
             noisy,
@@ -169,61 +172,38 @@ def _bound(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> np.nda
 def _scenario(case: str, seed: int) -> Scenario:
     if case == "mounts":
         return case_b(seed=seed)
+    if case == "all":
+        return case_b(seed=seed, trajectory=loops(), pointing=Wandering(deviation=beside()), ptu_hz=32.0)
     return case_b(seed=seed, trajectory=weaving_approach(), pointing=FirstOrderLoop(), ptu_hz=50.0)
 
 
-def _admitting(rig: Rig, clock_s: float) -> Rig:
-    """Return the rig that says how far it may be off."""
-    covariance = {
-        "covariance_parameters": tuple(f"runway_from_base.{axis}" for axis in AXES),
-        "covariance": MOUNT_RAD**2 * np.eye(3),
-    }
-    clock = ClockModel(sigma_s=clock_s)
-    stations = tuple(replace(s, ptu_clock=clock, ptu_clock_given=clock_s > 0.0, **covariance) for s in rig.stations)
-    return replace(rig, stations=stations)
-
-
-def _errors(fit: FlightFit, rig: Rig, true: Rig, errors: dict[str, StationErrors], late_s: float) -> np.ndarray:
-    off = []
-    for k, name in enumerate(fit.problem.names):
-        station, _, short = name.partition(".")
-        if name == DGPS_OFFSET:
-            off.append(late_s - fit.change[k])
-        elif short == "camera_clock.offset":
-            off.append(errors[station].camera_offset_s - fit.change[k])
-        elif short == "ptu_clock.offset":
-            off.append(errors[station].ptu_offset_s - fit.change[k])
-        else:
-            off.append(_turned(rig, true, station)[AXES.index(short[-1])])
-    return np.array(off)
-
-
-def _turned(found: Rig, true: Rig, name: str) -> np.ndarray:
-    """Return by which small rotation (3,), runway frame, the true mount differs from the one found."""
-    off = matrix_from_wxyz(true[name].runway_from_base_wxyz) @ matrix_from_wxyz(found[name].runway_from_base_wxyz).T
-    return 0.5 * np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
+def show(case: str, found: Sample) -> None:
+    """Print each parameter's rms error, claimed sigma, bound and chi-square, and what is asked of all rigs."""
+    rigs, p = found.error.shape
+    low, high = found.limits()
+    print(f"{case}, {rigs} rigs; mean square of error over sigma, {1 - CHANCE:.1%} of such: {low:.2f} to {high:.2f}")
+    rms, sigma, bound = (np.sqrt(np.mean(v**2, axis=0)) for v in (found.error, found.sigma, found.bound))
+    for k, name in enumerate(found.names):
+        unit, scale = unit_of(name)
+        numbers = " ".join(f"{scale * v[k]:.5g}" for v in (rms, sigma, bound))
+        square = found.normalised()[k]
+        print(f"  {name:<28} rms, sigma, bound {numbers} {unit}; {square:.2f}", end="; ")
+        print(f"rms/bound {found.over_bound()[k]:.2f}" + ("" if low <= square <= high else "  OUTSIDE"))
+    least, most = chi2.ppf([0.5 * CHANCE, 1.0 - 0.5 * CHANCE], rigs * p) / rigs
+    print(f"  all together {np.mean(found.together):.2f} of {p}, {least:.2f} to {most:.2f}")
+    pan = found.degrees("left.runway_from_base.z") - found.degrees("right.runway_from_base.z")
+    tilt = np.concatenate([found.degrees(f"{name}.runway_from_base.x") for name in ("left", "right")])
+    for label, values in (("relative pan", pan), ("tilt", tilt)):
+        print(f"  {label}: rms {np.sqrt(np.mean(values**2)):.5f}, worst {np.abs(values).max():.5f} deg", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rigs", type=int, default=100)
-    parser.add_argument("cases", nargs="*", metavar="CASE", help="mounts, clocks; both by default")
+    parser.add_argument("cases", nargs="*", metavar="CASE", help="mounts, clocks, all; all three by default")
     options = parser.parse_args()
     for case in options.cases or CASES:
-        found = sample(case, range(options.rigs))
-        low, high = found.limits()
-        print(f"{case}, {options.rigs} rigs; mean square of error over sigma, {1 - CHANCE:.1%}: {low:.2f} … {high:.2f}")
-        rms, sigma, bound = (np.sqrt(np.mean(v**2, axis=0)) for v in (found.error, found.sigma, found.bound))
-        for k, name in enumerate(found.names):
-            turn = "runway_from_base" in name
-            unit, scale = ("deg", np.degrees(1.0)) if turn else ("s", 1.0)
-            numbers = " ".join(f"{scale * v[k]:.5f}" for v in (rms, sigma, bound))
-            print(f"  {name:<32} rms, sigma, bound {numbers} {unit}; {found.normalised()[k]:.2f}", end="; ")
-            print(f"rms/bound {found.over_bound()[k]:.2f}")
-        pan = found.degrees("left.runway_from_base.z") - found.degrees("right.runway_from_base.z")
-        tilt = np.concatenate([found.degrees(f"{name}.runway_from_base.x") for name in ("left", "right")])
-        for label, values in (("relative pan", pan), ("tilt", tilt)):
-            print(f"  {label}: rms {np.sqrt(np.mean(values**2)):.5f}, worst {np.abs(values).max():.5f} deg")
+        show(case, sample(case, range(options.rigs)))
 
 
 if __name__ == "__main__":

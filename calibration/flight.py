@@ -92,6 +92,15 @@ class FlightFit:
         return np.asarray(self.covariance / np.outer(self.sigma, self.sigma))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightSolution:
+    """What fits best: the change (p,), and how each station fits; how well it is known is `judged`, which takes longer."""
+
+    change: FloatArray
+    stations: Mapping[str, StationFit]
+    joint: PathResiduals
+
+
 @dataclass(slots=True, eq=False)
 class _Weighted:
     """Residuals and Jacobian of the kept looks in sigmas, computed once for each point."""
@@ -133,9 +142,15 @@ class _Weighted:
 
 def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> FlightFit:
     """Find the parameters from a start (p,), zero by default; raises `FlightFitError` where looks are too few."""
+    return judged(find_solution(problem, start))
+
+
+def find_solution(problem: FlightProblem, start: FloatArray | None = None) -> FlightSolution:
+    """Find what fits best, as `solve_flight`, without its covariance."""
     change = np.zeros(len(problem.names)) if start is None else start.copy()
     factors = dict.fromkeys(problem.looks, 1.0)
     for _ in range(_ROBUST_ROUNDS):
+        problem = _pointed(problem, change)
         fits = {name: _station_fit(problem, name, change, factors[name], gross=False) for name in problem.looks}
         _require_enough(problem, fits)
         # the scale follows the residuals down from a start that may be far off
@@ -143,13 +158,18 @@ def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> Fli
         change = _minimised(problem, _weighted(problem, change, fits), change, "soft_l1", 60)
     parts = path_parts(problem)
     for _ in range(_FINAL_ROUNDS):
+        problem = _pointed(problem, change)
         fits = {name: _station_fit(problem, name, change, factors[name], gross=True) for name in problem.looks}
         _require_enough(problem, fits)
         joint = _joint(problem, change, fits, factors, parts)
         change = _minimised(problem, joint, change, "linear", 12)
         factors, parts = _noise(joint, change), joint.loosened(change)
     fits = {name: replace(fit, noise_factor=factors[name]) for name, fit in fits.items()}
-    return _with_covariance(_joint(problem, change, fits, factors, parts), change, fits)
+    return FlightSolution(change=change, stations=fits, joint=_joint(problem, change, fits, factors, parts))
+
+
+def _pointed(problem: FlightProblem, change: FloatArray) -> FlightProblem:
+    return replace(problem, track=problem.track.pointed(problem.antenna_m(change)))
 
 
 def _minimised(
@@ -220,20 +240,23 @@ def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> N
             raise FlightFitError(f"station {name}: got {got}; wanted at least {LEAST_LOOKS}")
 
 
-def _with_covariance(joint: PathResiduals, change: FloatArray, fits: Mapping[str, StationFit]) -> FlightFit:
-    """Return the fit with (JᵀWJ)⁻¹, raised by the reduced chi-square and by what lasts."""
+def judged(solution: FlightSolution) -> FlightFit:
+    """Return the fit with (JᵀWJ)⁻¹, raised by the reduced chi-square and by what lasts, but for what was known before."""
+    joint, change, fits = solution.joint, solution.change, solution.stations
     problem = joint.problem
     residual, jacobian = joint.residual(change), joint.jacobian(change)
-    information = jacobian.T @ jacobian
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    unit = information / np.outer(scale, scale)
-    condition = float(np.linalg.cond(unit))
-    covariance = np.linalg.pinv(unit, rcond=1e-14, hermitian=True) / np.outer(scale, scale)
+    known = np.isfinite(problem.prior_sigma)
+    before = np.diag(np.where(known, 1.0 / problem.prior_sigma, 0.0) ** 2)
+    told = jacobian.T @ jacobian - before
+    covariance = _inverse(told + before)
     lasting = _lasting_factor(joint, change, covariance)
-    count = 2 * sum(int(fit.kept.sum()) for fit in fits.values())
+    count = 2 * sum(int(fit.kept.sum()) for fit in fits.values()) + int(known.sum())
     # what the pixels add to that which fixes and readings leave over by themselves
     chi_square = (float(residual @ residual) - joint.base) / max(count - len(change), 1)
-    covariance = covariance * max(1.0, chi_square)
+    covariance = _inverse(told / max(1.0, chi_square) + before)
+    # of each variance, the share that the flight's errors make: what was known before has none that last
+    share = np.diag(covariance @ told @ covariance) / max(1.0, chi_square) / np.diag(covariance)
+    lasting = np.sqrt(1.0 + (lasting**2 - 1.0) * np.clip(share, 0.0, 1.0))
     covariance = covariance * np.outer(lasting, lasting)
     turned = np.eye(len(change))
     for name in problem.looks:
@@ -248,10 +271,21 @@ def _with_covariance(joint: PathResiduals, change: FloatArray, fits: Mapping[str
         covariance=turned @ covariance @ turned.T,
         reduced_chi_square=chi_square,
         lasting_factor=lasting,
-        condition=condition,
+        condition=float(np.linalg.cond(_unit(told + before))),
         stations=dict(fits),
         parts=joint.parts,
     )
+
+
+def _unit(information: FloatArray) -> FloatArray:
+    """Return the information with its parameters scaled to unit diagonal."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    return np.asarray(information / np.outer(scale, scale))
+
+
+def _inverse(information: FloatArray) -> FloatArray:
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    return np.asarray(np.linalg.pinv(_unit(information), rcond=1e-14, hermitian=True) / np.outer(scale, scale))
 
 
 def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import BSpline, make_smoothing_spline
+from scipy.interpolate import BSpline
 
 from calibration.flight_problem import AngleCurve, StationLooks
 from calibration.reference_track import ReferenceTrack
+from calibration.smoothing_spline import smoothing_spline
 from groundstation.arrays import FloatArray
 from groundstation.errors import RigError, SessionError
 from groundstation.evaluation.config import EvaluationConfig
@@ -218,5 +219,5 @@ def _curves(t_s: FloatArray, angles_rad: FloatArray) -> tuple[AngleCurve, ...]:
 def _curve(t_s: FloatArray, angle_rad: FloatArray) -> BSpline:
     # about zero and in milliradians: the choice of smoothness is no matter of digits
     middle = float(angle_rad.mean())
-    spline = make_smoothing_spline(t_s, 1e3 * (angle_rad - middle))
+    spline = smoothing_spline(t_s, 1e3 * (angle_rad - middle))
     return BSpline(spline.t, 1e-3 * spline.c + middle, spline.k)

@@ -186,6 +186,10 @@ class FlightProblem:
                 full[CALIBRATION_PARAMETERS.index(short)] = change[place]
         return full
 
+    def antenna_m(self, change: FloatArray) -> FloatArray:
+        """Return the antenna's place (3,) m from the nose with a change (p,)."""
+        return self.antenna_in_body_m + np.array([self.value(change, name) for name in ANTENNA])
+
     def middle_s(self, station: str) -> float:
         """Return the time about which a station's clock drifts."""
         t = self.looks[station].t_s
@@ -202,7 +206,7 @@ class FlightProblem:
         angles = angles_at(looks, by_unit)
         by_log = exposed + self.value(change, DGPS_OFFSET)
         track = self.track.at(by_log)
-        antenna = self.antenna_in_body_m + np.array([self.value(change, name) for name in ANTENNA])
+        antenna = self.antenna_m(change)
         points = track.position_m - track.runway_from_body @ antenna
 
         n = len(looks)

@@ -1,19 +1,19 @@
 """The whole job of `groundstation calibrate flight`: a session in, a better rig out."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from calibration.flight import FlightFit, FlightFitError, solve_flight
+from calibration.flight import FlightFit, FlightFitError, FlightSolution, find_solution, judged
 from calibration.flight_data import FlightData, gather_flight
 from calibration.flight_page import FlightPage, write_flight_page
 from calibration.flight_parameters import KNOWN_POSITION_M, FreeParameters, choose_parameters, free_words
 from calibration.flight_problem import FlightProblem
 from calibration.flight_report import format_flight_report, rig_header
 from calibration.flight_rig import solved_rig
-from calibration.flight_start import find_start
+from calibration.flight_start import Start, find_start
 from calibration.flight_verdict import judge_flight
 from groundstation.errors import InputError
 from groundstation.rig import Rig
@@ -70,14 +70,16 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
     free = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
     data = gather_flight(session, request.detections, request.from_s, request.to_s)
     antenna = session.target.antenna_in_body_m
-    fit = _solve(session, data, free)
+    start = find_start(_problem(session, data, free))
+    found = find_solution(start.problem, start.change)
     notes: list[str] = []
     new = [s.name for s in session.rig.stations if not {"orientation", "position"} <= set(s.known)]
     if new and not request.hold:
         surveyed = all("position" in s.known for s in session.rig.stations)
         for doubted in _DOUBTED if surveyed else _DOUBTED[:1]:
-            fit, note = _doubted(session, data, fit, (*words, *doubted))
+            found, note = _doubted(session, start, found, (*words, *doubted))
             notes += note
+    fit = judged(found)
     _require_fit(session, fit)
     rig = solved_rig(session.rig, fit, session.name, antenna)
     verdict = judge_flight(rig, fit)
@@ -106,30 +108,33 @@ def _write_page(folder: Path, content: FlightPage) -> list[Path]:
         raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
 
 
-def _solve(session: Session, data: FlightData, free: FreeParameters) -> FlightFit:
+def _problem(session: Session, data: FlightData, free: FreeParameters) -> FlightProblem:
     antenna = session.target.antenna_in_body_m
-    start = find_start(
-        FlightProblem(
-            stations={s.name: s for s in session.rig.stations},
-            looks=data.looks,
-            track=data.track,
-            antenna_in_body_m=np.zeros(3) if antenna is None else antenna,
-            names=free.names,
-            prior_sigma=free.prior_sigma,
-        )
+    return FlightProblem(
+        stations={s.name: s for s in session.rig.stations},
+        looks=data.looks,
+        track=data.track,
+        antenna_in_body_m=np.zeros(3) if antenna is None else antenna,
+        names=free.names,
+        prior_sigma=free.prior_sigma,
     )
-    return solve_flight(start.problem, start.change)
 
 
-def _doubted(session: Session, data: FlightData, held: FlightFit, words: Sequence[str]) -> tuple[FlightFit, list[str]]:
-    """Return a fit with surveyed positions, shutters … free where that explains the pixels far better, and why.
+def _doubted(
+    session: Session, start: Start, held: FlightSolution, words: Sequence[str]
+) -> tuple[FlightSolution, list[str]]:
+    """Return a solution with surveyed positions, shutters … free where that explains the pixels far better, and why.
 
-    A station that nobody has calibrated yet has a position off a map or a tape: it is known, but not to a pixel.
+    A station that nobody has calibrated yet has a position off a map or a tape: it is known, but not to a pixel. The start
+    is the first one's: what is freed here moves no pose's first guess.
     """
     more = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
-    if set(more.names) <= set(held.problem.names):
+    names = held.joint.problem.names
+    if set(more.names) <= set(names):
         return held, []
-    freed = _solve(session, data, more)
+    problem = replace(start.problem, names=more.names, prior_sigma=more.prior_sigma)
+    first = np.array([start.problem.value(start.change, name) for name in more.names])
+    freed = find_solution(problem, first)
     better = [
         name
         for name, station in freed.stations.items()

@@ -138,7 +138,8 @@ def _covariance(before: Station, fit: MountFit) -> tuple[tuple[str, ...], FloatA
         if name in (*BORESIGHT, *BASE):
             covariance[k, k] += FLOOR_ROTATION_RAD**2
     for name, variance in axis_variances(fit).items():
-        if name in names:
+        # what is held stays what it was, in its covariance, too
+        if name in names and name not in fit.held:
             covariance[names.index(name), names.index(name)] += variance
     return names, 0.5 * (covariance + covariance.T)
 

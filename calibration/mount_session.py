@@ -9,11 +9,13 @@ import numpy as np
 
 from calibration.mount import MountFit, MountFitError, require_enough, solve_mount
 from calibration.mount_parameters import (
+    POSITION,
     UNKNOWN_DISTANCE_M,
     choose_mount,
     mount_words,
     solved_station,
 )
+from calibration.mount_pointing import USABLE_DEG, pointing_sigma
 from calibration.mount_problem import Mark, MarkKind, MountProblem, MountSightings
 from calibration.mount_start import mount_starts
 from calibration.sightings import Landmark, Sighting, read_landmarks, read_sightings
@@ -28,6 +30,8 @@ _WORST_NOISE_FACTOR = 30.0
 # readings this close are one standstill, if nothing else tells
 _SAME_RAD = 1e-9
 _WRONG_SENSE_SIGMAS = 6.0
+# a direction known no better is not written down: 8 m along the runway at 400 m
+_WORST_DEG = 0.03
 # a rig that knows its orientation is not so far off
 _FARTHEST_RAD = float(np.radians(30.0))
 
@@ -122,6 +126,7 @@ def calibrate_station(
         raise MountFitError(f"station {station.name}: got {got}; wanted {wanted}")
     _require_signs(station, best)
     _require_senses(best)
+    _require_told(best, words)
     return StationMount(before=station, after=solved_station(station, best), fit=best)
 
 
@@ -149,6 +154,30 @@ def _require_senses(fit: MountFit) -> None:
             got = f"a {name} backlash of {np.degrees(value):.4f} deg"
             wanted = f"{name}_from +1 where the reading grew last, -1 where it shrank"
             raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
+
+
+def _require_told(fit: MountFit, words: Sequence[str]) -> None:
+    """Raise `MountFitError` where so few sightings leave open where the camera looks, with how many would do.
+
+    A standstill tells two angles: with fewer standstills than unknowns of the mount hardly anything would be left over to
+    notice a wrong sighting by.
+    """
+    if "boresight" not in words:
+        return
+    seen = fit.problem.sightings
+    count, standing = len(seen), len(np.unique(seen.pointing[fit.kept]))
+    unknowns = sum(not name.startswith(("mark ", *POSITION)) for name in fit.problem.names)
+    told = pointing_sigma(fit, told=True).worst_deg
+    # one board whose place nobody knows cannot tell it better, and is good for the rest
+    tied = any(mark.kind.known for mark in fit.problem.marks)
+    if standing >= unknowns and (told <= _WORST_DEG or not tied):
+        return
+    got = f"{count} sightings at {standing} pairs of angles for {unknowns} unknowns, where the camera looks known to"
+    got += f" {told:.2g} deg"
+    needed = max(2 * unknowns, int(np.ceil(count * (told / USABLE_DEG) ** 2)))
+    wanted = f"{USABLE_DEG:g} deg: some {needed} sightings of marks of known place, far apart in pan and 20 deg or more in"
+    wanted += " tilt, each brought near the corners of the picture"
+    raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
 
 
 def _cost(fit: MountFit) -> float:

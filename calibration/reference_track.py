@@ -5,8 +5,9 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline, make_smoothing_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
+from calibration.smoothing_spline import smoothing_spline
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.evaluation.series import ReferenceSeries, nose_from_antenna
 
@@ -14,6 +15,7 @@ _CUBIC = 3
 _LEAST_FIXES = _CUBIC + 1
 # fewer do not tell their noise from their path
 _LEAST_TO_SMOOTH = 12
+_POINTING_ROUNDS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,7 +25,8 @@ class TrackPoints:
     Attributes
     ----------
     position_m, velocity_m_s, sigma_m : (n, 3) runway frame.
-    runway_from_body : (n, 3, 3), body x forward, y right, z down, by the direction of motion with zero roll.
+    runway_from_body : (n, 3, 3), body x forward, y right, z down, by the direction of motion with zero roll: the
+        antenna's, or the nose's where the track was `ReferenceTrack.pointed`.
     turning_per_s : (n, 3, 3) the rate of that.
     usable : (n,) False in gaps and beyond the ends; the numbers mean nothing there.
     """
@@ -58,8 +61,18 @@ class ReferenceTrack:
             for k in stretches
         )
         self._splines = [(float(s.t_s[0]), float(s.t_s[-1]), _splines(s.t_s, s.position_m)) for s in self.stretches]
-        axes = [reference.position_m - nose_from_antenna(reference, axis).position_m for axis in np.eye(3)]
-        self._axes = np.stack(axes, axis=2)
+        self._axes = _axes(reference)
+
+    def pointed(self, antenna_in_body_m: FloatArray) -> "ReferenceTrack":
+        """Return the same path with the body along its nose's motion, for an antenna (3,) at that place from the nose.
+
+        In a turn the antenna moves elsewhere than the nose: metres of lever arm would be put centimetres wrong.
+        """
+        other, given = copy(self), self._reference
+        for _ in range(_POINTING_ROUNDS):
+            nose_m = given.position_m - other._axes @ antenna_in_body_m
+            other._axes = _axes(ReferenceSeries(t_s=given.t_s, position_m=nose_m, sigma_m=given.sigma_m))
+        return other
 
     def along(self, paths: Sequence[Sequence[BSpline]]) -> "ReferenceTrack":
         """Return the same fixes with other paths: three splines for each of ``stretches``."""
@@ -109,6 +122,12 @@ class ReferenceTrack:
         )
 
 
+def _axes(moving: ReferenceSeries) -> FloatArray:
+    """Return runway_from_body (n, 3, 3) by the direction in which a series moves."""
+    axes = [moving.position_m - nose_from_antenna(moving, axis).position_m for axis in np.eye(3)]
+    return np.stack(axes, axis=2)
+
+
 def _splines(t_s: FloatArray, position_m: FloatArray) -> list[BSpline]:
     """Return a spline of time for each axis of positions (n, 3)."""
     return [_spline(t_s, axis) for axis in position_m.T]
@@ -117,4 +136,4 @@ def _splines(t_s: FloatArray, position_m: FloatArray) -> list[BSpline]:
 def _spline(t_s: FloatArray, values: FloatArray) -> BSpline:
     if len(t_s) < _LEAST_TO_SMOOTH:
         return make_interp_spline(t_s, values, k=_CUBIC)
-    return make_smoothing_spline(t_s, values)
+    return smoothing_spline(t_s, values)

@@ -14,6 +14,31 @@ settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("new", max_examples=2000, deadline=None, print_blob=True)
 settings.load_profile("same")
 
+# The files that take longest begin first: a worker takes whole files, and one begun last is waited for by all others.
+LONGEST_FILES = (
+    "calibration/test_real_flight.py",
+    "docs/test_commands.py",
+    "replay/test_rendered_sessions.py",
+    "replay/test_label_sessions.py",
+    "replay/test_learning.py",
+    "replay/test_recording_identity.py",
+    "estimation/test_leaving_the_image.py",
+    "estimation/test_ekf_consistency.py",
+    "detection/test_birds.py",
+    "calibration/test_check.py",
+    "calibration/test_flight_study.py",
+    "sources/cameras/test_gige_fakes.py",
+    "ptu_drivers/test_alpaca_independent.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first; all others keep their order (``--no-loadscope-reorder`` keeps it among workers)."""
+    ranks = {ROOT / "tests" / name: rank for rank, name in enumerate(LONGEST_FILES)}
+    for file in ranks:
+        assert file.is_file(), f"tests/conftest.py lists {file} among the longest, and there is no such file"
+    items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
+
 
 def _shared_data() -> Path:
     return Path(os.environ.get("GROUNDSTATION_DATA", ROOT.parent / "shared" / "data"))

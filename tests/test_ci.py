@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-ALL = "mrpt flirptu alpaca-simulators evo pyptzcontroller dynamixel-sdk"
+ALL = "mrpt chromium flirptu alpaca-simulators evo pyptzcontroller dynamixel-sdk"
 # fails as often as the file of its name and subcommand says, and notes what it was asked, and what tests would see
 NOTE = """#!/bin/sh
 echo "$(basename "$0") $*" >>"$NOTES/log"
@@ -59,6 +59,7 @@ def test_all_that_was_installed_is_required_of_the_tests(machine: Machine) -> No
     assert code == 0
     assert called[-1].split() == ["peers:" + ALL.split()[0], *ALL.split()[1:]]
     assert called[0].startswith("apt-get install -y --no-install-recommends libmrpt-hwdrivers-dev")
+    assert called[1] == "apt-get install -y --no-install-recommends chromium"
 
 
 def test_a_registry_that_is_briefly_away(machine: Machine) -> None:
@@ -86,7 +87,7 @@ def test_what_cannot_be_installed_here_is_not_required(machine: Machine) -> None
     machine.fails("apt-cache show", 1)
     code, called, said = machine.run()
     assert code == 0
-    assert called[-1].split() == ["peers:", *ALL.split()[1:]]
+    assert called[-1].split() == ["peers:" + ALL.split()[1], *ALL.split()[2:]]
     assert "this system has no package of it" in said
     machine.program("id", "#!/bin/sh\necho 1000\n")
     (machine.folder / "log").unlink()
@@ -103,7 +104,7 @@ def test_a_developer_is_told_and_goes_on(machine: Machine) -> None:
     assert code == 0
     assert called[-2:] == ["make test", "peers:"]
     assert not any(c.startswith("sleep") for c in called)
-    assert said.count("could not be installed; the tests that need it will say so") == 2
+    assert said.count("could not be installed; the tests that need it will say so") == 3
 
 
 def test_a_required_peer_that_is_absent_fails_its_test(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,8 @@ from groundstation.evaluation.figures_of_run import AXES, Moved, figures_of
 
 _REFERENCES = {"truth": "the truth", "dgps": "DGPS"}
 _MOST_SETTINGS = 12
+_OWN_PAIRS = """EKF and triangulation (tri.) each on all pairs where it has a position. A replay's own table and report
+set the two against each other on the pairs that both have, and say these figures besides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +33,8 @@ def format_comparison(runs: Sequence[ScoredRun], baseline: ScoredRun) -> str:
     blocks = [_accuracy(reference, runs, baseline, width) for reference in _references(runs)]
     if not blocks:
         blocks.append("no reference in any of them: nothing to be right or wrong against")
+    else:
+        blocks.append(_OWN_PAIRS)
     blocks.append("\n".join(_consistency(runs, width)))
     blocks.append("\n".join(_misses(runs)))
     others = [run for run in runs if run is not baseline]

@@ -32,31 +32,68 @@ class LocalOffsets:
     explained: FloatArray
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Looks:
+    """What each epoch of a stretch says of the offset, (m,) each; ``distance2`` in sigmas²."""
+
+    t_s: FloatArray
+    distance2: FloatArray
+    score: FloatArray
+    information: FloatArray
+    across_score: FloatArray
+    across_information: FloatArray
+
+
 def local_offsets(aligner: Aligner, offset: TimeOffset, window_s: float, stretch: BoolArray) -> LocalOffsets:
     """Estimate the offset in each window of the epochs in ``stretch`` (n,), beside the session's ``offset``."""
-    a = aligner.at(offset.offset_s, ~stretch).without_bias(np.array(offset.bias))
-    inflation = offset.inflation
-    t = aligner.series.t_s[a.index]
+    looks = _looks(aligner, offset, stretch)
+    t = looks.t_s
     lo = np.searchsorted(t, t - window_s / 2, side="left")
     hi = np.searchsorted(t, t + window_s / 2, side="right")
-    lag, sigma = _windowed(a.lag_score, a.lag_information, lo, hi, inflation)
-    across = _without_y(a)
-    across_lag, across_sigma = _windowed(across.lag_score, across.lag_information, lo, hi, inflation)
+    lag, sigma = _windowed(looks.score, looks.information, lo, hi, offset.inflation)
+    across_lag, across_sigma = _windowed(looks.across_score, looks.across_information, lo, hi, offset.inflation)
     return LocalOffsets(
         t_s=t,
         lag_s=lag,
         sigma_s=sigma,
         across_lag_s=across_lag,
         across_sigma_s=across_sigma,
-        explained=_explained(a, t, lo, hi),
+        explained=_explained(looks, lo, hi),
     )
 
 
-def _explained(a: Alignment, t_s: FloatArray, lo: IndexArray, hi: IndexArray) -> FloatArray:
+def _looks(aligner: Aligner, offset: TimeOffset, stretch: BoolArray) -> _Looks:
+    """Return the looks of the epochs in ``stretch`` (n,)."""
+    rows = []
+    for part in aligner.parts(offset.offset_s, ~stretch):
+        a = part.without_bias(np.array(offset.bias))
+        across = _without_y(a)
+        rows.append(
+            (
+                aligner.series.t_s[a.index],
+                a.distance2,
+                a.lag_score,
+                a.lag_information,
+                across.lag_score,
+                across.lag_information,
+            )
+        )
+    t, distance2, score, information, across_score, across_information = map(np.concatenate, zip(*rows, strict=True))
+    return _Looks(
+        t_s=t,
+        distance2=distance2,
+        score=score,
+        information=information,
+        across_score=across_score,
+        across_information=across_information,
+    )
+
+
+def _explained(looks: _Looks, lo: IndexArray, hi: IndexArray) -> FloatArray:
     """Return the share (m,) of the squared Mahalanobis distance in each window that lag = c₀ + c₁·t takes away."""
-    score, information = a.lag_score, a.lag_information
-    t = t_s - t_s[0] if len(t_s) else t_s
-    terms = [a.distance2, score, t * score, information, t * information, t * t * information]
+    score, information = looks.score, looks.information
+    t = looks.t_s - looks.t_s[0] if len(looks.t_s) else looks.t_s
+    terms = [looks.distance2, score, t * score, information, t * information, t * t * information]
     sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in terms]
     total, a0, a1, b0, b1, b2 = (s[hi] - s[lo] for s in sums)
     # centred on the information's own mean time, the two parameters are independent
@@ -69,10 +106,9 @@ def _explained(a: Alignment, t_s: FloatArray, lo: IndexArray, hi: IndexArray) ->
 def _without_y(a: Alignment) -> Alignment:
     """Return the alignment as seen by x and z alone: their own 2 × 2 covariance, nothing known of y."""
     covariance = np.linalg.inv(a.information)
-    kept = np.ix_([0, 2], [0, 2])
+    kept = np.ix_(range(len(covariance)), [0, 2], [0, 2])
     information = np.zeros_like(covariance)
-    for k in range(len(covariance)):
-        information[k][kept] = np.linalg.inv(covariance[k][kept])
+    information[kept] = np.linalg.inv(covariance[kept])
     return replace(a, information=information)
 
 

@@ -86,6 +86,8 @@ def check_reference(
     if antenna_in_body_m is not None:
         reference = nose_from_antenna(reference, antenna_in_body_m)
     source, series = _offset_series(track, triangulated, config)
+    # of an hour each takes some MB, and one is not looked at again
+    del track, triangulated
     gaps = find_gaps(reference, config.max_interpolation_gap_s)
     found = _Findings(frozen=find_frozen(reference, None, 0.0, config))
     for _ in range(_ROUNDS):

@@ -52,7 +52,7 @@ summary{cursor:pointer;font-weight:600;padding:.5rem 0}
 .stack td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.08rem 0;text-align:right}
 .stack td:first-child{font-weight:600;white-space:normal}.stack .narrow{display:inline-grid;color:var(--soft);
 font-weight:400}.stack td[data-label]::before{content:attr(data-label);color:var(--soft);
-text-align:left;font-weight:400}.stack td.empty{display:none}.stack td.text{min-width:0}}
+text-align:left;font-weight:400}.stack td.empty{display:none}td.text{min-width:0}}
 @media print{@page{margin:14mm}html{font-size:12px}body{max-width:none;font-size:10.5pt;padding:0}
 .pictures{grid-template-columns:1fr 1fr}h2,h3{break-after:avoid}tr,.tile,.verdict{break-inside:avoid}
 .tile,.bar,pre{-webkit-print-color-adjust:exact;print-color-adjust:exact}table{font-size:6.8pt}

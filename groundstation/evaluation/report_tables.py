@@ -35,11 +35,12 @@ def accuracy_section(name: str, table: dict[str, Any]) -> str:
         f"{table['total']['reference_epochs']} pairs, the EKF has an estimate at {100 * ekf['coverage']:.1f} % of "
         f"them, triangulation at {100 * points['coverage']:.1f} %."
     )
-    if ekf["rmse_m"]:
-        note += (
-            f" EKF on all of its pairs: RMSE {_triple(ekf['rmse_m'])} m, mean {_triple(ekf['mean_m'])} m, 95 % within "
-            f"{_triple(ekf['p95_m'])} m, worst {_triple(ekf['max_m'])} m (x / y / z)."
-        )
+    for method, own in (("EKF", ekf), ("Triangulation", points)):
+        if own["rmse_m"]:
+            note += (
+                f" {method} on all of its pairs: RMSE {_triple(own['rmse_m'])} m, mean {_triple(own['mean_m'])} m, "
+                f"95 % within {_triple(own['p95_m'])} m, worst {_triple(own['max_m'])} m (x / y / z)."
+            )
     if table["anees"]:
         a = table["anees"]
         note += f" ANEES {a['mean']:.2f}; {a['low_95']:.2f} to {a['high_95']:.2f} for independent errors."

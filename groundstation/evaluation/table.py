@@ -80,10 +80,10 @@ def _accuracy_block(name: str, table: dict[str, Any]) -> str:
         f"coverage: EKF {100 * ekf['coverage']:.1f} %, triangulation {100 * triangulation['coverage']:.1f} % "
         f"of {table['total']['reference_epochs']} epochs with a reference"
     )
-    if ekf["rmse_m"]:
-        lines.append(
-            f"EKF alone: RMSE {_triple(ekf['rmse_m'])}, mean {_triple(ekf['mean_m'])}, 95 % {_triple(ekf['p95_m'])} m"
-        )
+    for method, own in (("EKF", ekf), ("triangulation", triangulation)):
+        if own["rmse_m"]:
+            numbers = f"RMSE {_triple(own['rmse_m'])}, mean {_triple(own['mean_m'])}, 95 % {_triple(own['p95_m'])} m"
+            lines.append(f"{method} alone: {numbers}")
     ratio = table["total"]["bound"]["ekf_over_track"]
     if ratio:
         single = table["total"]["bound"]["triangulation_over_fix"]

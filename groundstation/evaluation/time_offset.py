@@ -13,6 +13,7 @@ much: the variance is inflated by what the scores themselves show (`_correlated_
 covers: a systematic error along the track of another shape than the two biases.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +43,8 @@ _MIN_INFORMATION = 1e-2
 # what interpolation and the stamps' own digits leave, whatever the number of epochs
 _MIN_SIGMA_S = 5e-4
 _VELOCITY_WINDOW_S = 0.5
+# the matrices of so many epochs are laid out at once: those of an hour take 60 MB
+_BLOCK_ROWS = 1024
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,15 +76,21 @@ class Alignment:
     """Estimates against the reference at one offset, for the m epochs that have both.
 
     ``index`` (m,) is the epoch in the series, ``error_m`` (m, 3) estimate minus reference, ``information``
-    (m, 3, 3) the inverse of its covariance, ``velocity_m_s`` (m, 3) the reference's, ``bias_shape_m`` (m, 3, 6)
-    the errors that biases of one unit make: κ of y, x, z, then c.
+    (m, 3, 3) the inverse of its covariance, ``velocity_m_s`` (m, 3) the reference's, ``factor_m`` (m, 3, 3) the
+    errors that one unit of κ makes, of y, x, z.
     """
 
     index: IndexArray
     error_m: FloatArray
     information: FloatArray
     velocity_m_s: FloatArray
-    bias_shape_m: FloatArray
+    factor_m: FloatArray
+
+    @property
+    def bias_shape_m(self) -> FloatArray:
+        """Errors (m, 3, 6) that biases of one unit make: κ of y, x, z, then c."""
+        constant = np.broadcast_to(np.eye(3), self.factor_m.shape)
+        return np.concatenate([self.factor_m, constant], axis=2)
 
     @property
     def lag_information(self) -> FloatArray:
@@ -116,26 +125,43 @@ class Aligner:
         self.reference = reference
         self.max_gap_s = max_gap_s
         noise = np.median(reference.sigma_m, axis=0) if len(reference) else np.ones(3)
-        covariance = series.covariance_m2 + np.diag(noise**2)
-        self._information: FloatArray = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-        constant = np.broadcast_to(np.eye(3), covariance.shape)
-        self._bias_shape = np.concatenate([_factor_y_first(covariance), constant], axis=2)
+        self._information = np.empty_like(series.covariance_m2)
+        self._factor = np.empty_like(series.covariance_m2)
+        for rows in _blocks(len(series)):
+            covariance = series.covariance_m2[rows] + np.diag(noise**2)
+            self._information[rows] = np.linalg.inv(covariance)
+            self._factor[rows] = _factor_y_first(covariance)
         slopes = smooth_velocity(reference.t_s, reference.position_m, _VELOCITY_WINDOW_S)
         self._slopes = ReferenceSeries(t_s=reference.t_s, position_m=slopes, sigma_m=reference.sigma_m)
 
     def at(self, offset_s: float, excluded: BoolArray | None = None, every: int = 1) -> Alignment:
         """Return the alignment at one offset, without the ``excluded`` (n,) epochs, of each ``every``-th one."""
-        at = interpolate(self.reference, self.series.t_s[::every] + offset_s, self.max_gap_s)
-        good = at.usable if excluded is None else at.usable & ~excluded[::every]
+        return self._of(slice(0, len(self.series), every), offset_s, excluded)
+
+    def parts(self, offset_s: float, excluded: BoolArray | None = None) -> Iterator[Alignment]:
+        """Yield the alignment at one offset in parts of `_BLOCK_ROWS` epochs, in their order."""
+        for rows in _blocks(len(self.series)):
+            yield self._of(rows, offset_s, excluded)
+
+    def _of(self, rows: slice, offset_s: float, excluded: BoolArray | None) -> Alignment:
+        t_s = self.series.t_s[rows]
+        at = interpolate(self.reference, t_s + offset_s, self.max_gap_s)
+        good = at.usable if excluded is None else at.usable & ~excluded[rows]
         index = np.flatnonzero(good)
-        slopes = interpolate(self._slopes, self.series.t_s[::every][index] + offset_s, self.max_gap_s)
+        slopes = interpolate(self._slopes, t_s[index] + offset_s, self.max_gap_s)
         return Alignment(
-            index=index * every,
-            error_m=self.series.position_m[::every][index] - at.position_m[index],
-            information=self._information[::every][index],
+            index=rows.start + index * (rows.step or 1),
+            error_m=self.series.position_m[rows][index] - at.position_m[index],
+            information=self._information[rows][index],
             velocity_m_s=slopes.position_m,
-            bias_shape_m=self._bias_shape[::every][index],
+            factor_m=self._factor[rows][index],
         )
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    """Yield slices of ``count`` rows, at least one, in order."""
+    for first in range(0, max(count, 1), _BLOCK_ROWS):
+        yield slice(first, min(first + _BLOCK_ROWS, count))
 
 
 def _factor_y_first(covariance_m2: FloatArray) -> FloatArray:
@@ -162,47 +188,77 @@ def estimate_offset(
     offset = _search(aligner, max_offset_s, excluded) if start_s is None else start_s
     if offset is None:
         return NoOffset(reason="track and reference share too few epochs")
-    bias = np.zeros(6)
+    bias: FloatArray = np.zeros(6)
     prior = np.diag([0.0, *[bias_sigmas**-2] * 3, *[TARGET_BIAS_M**-2] * 3])
     for _ in range(_NEWTON_STEPS):
-        a = aligner.at(offset, excluded)
-        weight = _weights(a.without_bias(bias).distance2, huber_sigma)
-        if np.count_nonzero(weight) < _MIN_SAMPLES:
+        normal = _normal(aligner.parts(offset, excluded), bias, huber_sigma)
+        if normal.used < _MIN_SAMPLES:
             return NoOffset(reason="track and reference agree at too few epochs")
-        if float(weight @ a.lag_information) <= _MIN_INFORMATION:
+        if normal.lag_information <= _MIN_INFORMATION:
             return NoOffset(reason="the aircraft does not move enough to show an offset")
-        weighted = a.design.transpose(0, 2, 1) @ (weight[:, None, None] * a.information)
-        solution = np.linalg.solve(
-            (weighted @ a.design).sum(axis=0) + prior, np.einsum("nij,nj->i", weighted, a.error_m)
-        )
-        step, bias = float(solution[0]), solution[1:]
+        solution = np.linalg.solve(normal.information + prior, normal.score)
+        step, bias = float(solution[0]), np.asarray(solution[1:], dtype=np.float64)
         offset += float(np.clip(step, -_GRID_STEP_S, _GRID_STEP_S))
         if abs(step) < _CONVERGED_S:
             break
-    return _described(aligner.at(offset, excluded), offset, bias, prior, huber_sigma)
+    return _described(aligner, excluded, offset, bias, prior, huber_sigma)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Normal:
+    """The weighted normal equations of offset and biases: information (7, 7), score (7,), and of how many epochs.
+
+    ``lag_information`` is that on the offset alone, in 1/s².
+    """
+
+    information: FloatArray
+    score: FloatArray
+    used: int
+    lag_information: float
+
+
+def _normal(parts: Iterable[Alignment], bias: FloatArray, huber_sigma: float) -> _Normal:
+    """Sum the normal equations over the parts of an alignment, weighted by the errors left by the biases (6,)."""
+    information, score, used, lag = np.zeros((7, 7)), np.zeros(7), 0, 0.0
+    for a in parts:
+        weight = _weights(a.without_bias(bias).distance2, huber_sigma)
+        weighted = a.design.transpose(0, 2, 1) @ (weight[:, None, None] * a.information)
+        information += (weighted @ a.design).sum(axis=0)
+        score += np.einsum("nij,nj->i", weighted, a.error_m)
+        used += int(np.count_nonzero(weight))
+        lag += float(weight @ a.lag_information)
+    return _Normal(information=information, score=score, used=used, lag_information=lag)
 
 
 def _described(
-    a: Alignment, offset_s: float, bias: FloatArray, prior: FloatArray, huber_sigma: float
+    aligner: Aligner,
+    excluded: BoolArray | None,
+    offset_s: float,
+    bias: FloatArray,
+    prior: FloatArray,
+    huber_sigma: float,
 ) -> TimeOffset | NoOffset:
     """Return the offset with its honest sigma."""
-    clean = a.without_bias(bias)
-    weight = _weights(clean.distance2, huber_sigma)
-    weighted = a.design.transpose(0, 2, 1) @ (weight[:, None, None] * a.information)
-    information = (weighted @ a.design).sum(axis=0) + prior
-    if np.count_nonzero(weight) < _MIN_SAMPLES or information[0, 0] <= _MIN_INFORMATION:
+    normal = _normal(aligner.parts(offset_s, excluded), bias, huber_sigma)
+    information = normal.information + prior
+    if normal.used < _MIN_SAMPLES or information[0, 0] <= _MIN_INFORMATION:
         return NoOffset(reason="track and reference agree at too few epochs")
     covariance = np.linalg.inv(information)
-    # what each epoch moved the offset by; their sum's variance is the offset's
-    moves = np.einsum("i,nij,nj->n", covariance[0], weighted, clean.error_m)
-    expected = float(covariance[0] @ (information - prior) @ covariance[0])
-    inflation = max(1.0, _correlated_variance(moves) / max(expected, 1e-300))
+    moves, distances = [], []
+    for a in aligner.parts(offset_s, excluded):
+        clean = a.without_bias(bias)
+        distances.append(clean.distance2)
+        weighted = a.design.transpose(0, 2, 1) @ (_weights(clean.distance2, huber_sigma)[:, None, None] * a.information)
+        # what each epoch moved the offset by; their sum's variance is the offset's
+        moves.append(np.einsum("i,nij,nj->n", covariance[0], weighted, clean.error_m))
+    expected = float(covariance[0] @ normal.information @ covariance[0])
+    inflation = max(1.0, _correlated_variance(np.concatenate(moves)) / max(expected, 1e-300))
     return TimeOffset(
         offset_s=offset_s,
         sigma_s=float(np.hypot(np.sqrt(inflation * covariance[0, 0]), _MIN_SIGMA_S)),
         inflation=inflation,
-        samples=int(np.count_nonzero(weight)),
-        misfit=float(np.median(clean.distance2)),
+        samples=normal.used,
+        misfit=float(np.median(np.concatenate(distances))),
         bias=tuple(float(b) for b in bias),
     )
 

@@ -1,6 +1,7 @@
 """`calibrate mount`: errors within their sigmas, what cannot be known held, outliers named, bad input refused."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,13 +12,14 @@ from calibration.boards import parse_board
 from calibration.mount import MountFitError
 from calibration.mount_parameters import USUAL_WORDS, choose_mount, mount_words
 from calibration.mount_pictures import find_lamp
-from calibration.mount_problem import Mark, MarkKind, MountProblem
-from calibration.mount_report import format_mount, pointing_sigma, verdict
+from calibration.mount_problem import Mark, MarkKind, MountProblem, MountSightings
+from calibration.mount_pointing import pointing_sigma
+from calibration.mount_report import format_mount, verdict
 from calibration.mount_session import calibrate_station
 from groundstation.cli import main
 from groundstation.errors import InputError
 from groundstation.geometry.rotation import rotation_from_vector, rotation_x, rotation_y, wxyz_from_matrix
-from groundstation.rig import Rig, load_rig
+from groundstation.rig import Rig, Station, load_rig
 from groundstation.rig_toml import rig_to_toml
 from tests.calibration.mounts import Noise, look, marks_around, off_by, plain_station, spoiled
 
@@ -351,9 +353,8 @@ def test_a_table_of_pictures_at_fault_is_said(pictures, capsys, row: str, said: 
     assert not (folder / "out.toml").exists()
 
 
-def test_tables_calibrate_by_the_command(made, rng, tmp_path, capsys) -> None:
-    station, true, marks = made
-    seen = look(true, marks, rng, 80)
+def tables(folder: Path, station: Station, seen: MountSightings, marks: tuple[Mark, ...]) -> list[str]:
+    """Write sightings, marks and rig; return the command that reads them and writes out.toml."""
     rows = ["station,landmark,pan_deg,tilt_deg,u_px,v_px,pan_from,tilt_from"]
     for k in range(len(seen)):
         pan, tilt = np.degrees(seen.reading_rad[k])
@@ -362,18 +363,57 @@ def test_tables_calibrate_by_the_command(made, rng, tmp_path, capsys) -> None:
             f"left,{marks[seen.mark[k]].name},{pan:.6f},{tilt:.6f},{u:.4f},{v:.4f},"
             f"{seen.sense[k, 0]:.0f},{seen.sense[k, 1]:.0f}"
         )
-    (tmp_path / "sightings.csv").write_text("\n".join(rows) + "\n")
+    (folder / "sightings.csv").write_text("\n".join(rows) + "\n")
     places = ["landmark,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m,kind"]
     for mark in marks:
         kind = "point" if mark.kind is MarkKind.POINT else "direction"
         sigma = 0.003 if kind == "point" else 0.0
         places.append(f"{mark.name},{','.join(f'{v:.9f}' for v in mark.place_m)},{sigma},{sigma},{sigma},{kind}")
-    (tmp_path / "landmarks.csv").write_text("\n".join(places) + "\n")
-    (tmp_path / "rig.toml").write_text(rig_to_toml(Rig(stations=(station,))))
-    tables = [str(tmp_path / "sightings.csv"), "--landmarks", str(tmp_path / "landmarks.csv")]
-    code = main(
-        ["calibrate", "mount", *tables, "--rig", str(tmp_path / "rig.toml"), "--out", str(tmp_path / "out.toml")]
-    )
+    (folder / "landmarks.csv").write_text("\n".join(places) + "\n")
+    (folder / "rig.toml").write_text(rig_to_toml(Rig(stations=(station,))))
+    given = [str(folder / "sightings.csv"), "--landmarks", str(folder / "landmarks.csv")]
+    return ["calibrate", "mount", *given, "--rig", str(folder / "rig.toml"), "--out", str(folder / "out.toml")]
+
+
+@pytest.mark.parametrize("count", [4, 7, 10])
+def test_a_handful_of_sightings_writes_no_rig(made, rng, tmp_path, capsys, count: int) -> None:
+    """They can be fitted, but hardly anything is left over: one line with how many would do, exit code 1."""
+    station, true, marks = made
+    assert main(tables(tmp_path, station, look(true, marks, rng, count), marks)) == 1
+    error = capsys.readouterr().err.strip()
+    assert len(error.splitlines()) == 1
+    assert f"got {count} sightings at {count} pairs of angles for" in error
+    needed = int(error.partition("0.01 deg: some ")[2].partition(" ")[0])
+    assert needed > 2 * count
+    assert not (tmp_path / "out.toml").exists()
+    # so many more do
+    station, true, marks = made
+    assert main(tables(tmp_path, station, look(true, marks, rng, max(needed, 40)), marks)) == 0
+
+
+def test_what_is_held_keeps_value_and_covariance(made, rng, tmp_path, capsys) -> None:
+    """The rig knows its lever arm to 1 cm, and to 2 mm along y together with z; sightings 40 m and farther say nothing."""
+    station, true, marks = made
+    said = {"camera_in_head.x": 0.01, "camera_in_head.y": 0.002, "camera_in_head.z": 0.002}
+    given = np.diag(np.square(list(said.values())))
+    given[1, 2] = given[2, 1] = 1e-6
+    station = replace(station, covariance_parameters=tuple(said), covariance=given)
+    seen = look(true, marks, rng, 60)
+    assert main(tables(tmp_path, station, seen, marks)) == 0
+    text = capsys.readouterr().out
+    found = load_rig(tmp_path / "out.toml")["left"]
+    for axis in "yz":
+        name = f"camera_in_head.{axis}"
+        assert f"{name} is not determined by these sightings and stays as it was" in text
+        assert found.camera_in_head_m["xyz".index(axis)] == station.camera_in_head_m["xyz".index(axis)]
+    places = [found.covariance_parameters.index(f"camera_in_head.{axis}") for axis in "yz"]
+    np.testing.assert_allclose(found.covariance[np.ix_(places, places)], given[1:, 1:], rtol=1e-9)
+
+
+def test_tables_calibrate_by_the_command(made, rng, tmp_path, capsys) -> None:
+    station, true, marks = made
+    command = tables(tmp_path, station, look(true, marks, rng, 80), marks)
+    code = main(command)
     text = capsys.readouterr().out
     assert code == 0, text
     found = load_rig(tmp_path / "out.toml")["left"]

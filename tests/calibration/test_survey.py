@@ -270,6 +270,13 @@ def test_the_verdict_names_ranges_and_what_is_missing(rng: np.random.Generator) 
     assert not any("a third landmark" in step for step in full.next_steps)
     along = [float(row[4].split()[0]) for row in (*advice.table, *full.table)]
     assert along[3:] < along[:3]
+    # what a remedy is weighed against is what the table states
+    weighed = [step for a in (advice, full) for step in a.next_steps if " instead of " in step]
+    assert weighed
+    for a in (advice, full):
+        for step in a.next_steps:
+            if " instead of " in step:
+                assert step.endswith(f"instead of {a.table[1][4]}")
 
 
 LINE = tuple((10.0 * k, 50.0 + 30.0 * k, 2.0) for k in range(5))

@@ -1,5 +1,6 @@
 """Small inputs under the names that the documentation's commands use."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +12,13 @@ from landmark_study.simulated import morning, write_landmarks, write_sightings
 
 from calibration.boards import parse_board
 from calibration.lens_fit import camera_matrix
+from groundstation.onboard.pose.files import Runways
+from groundstation.onboard_render import render_flight
+from groundstation.replay import ReplayRequest, replay
 from groundstation.rig import Rig
 from groundstation.rig_toml import rig_to_toml
-from groundstation.simulation import simulate
+from groundstation.simulation import StationErrors, case_b, perturbed, simulate
+from groundstation.simulation.approach import Glide
 from groundstation.sinks.session_folder import write_session_folder
 from tests.calibration.boards_seen import Pose, a_lens, a_pose, render
 from tests.calibration.flights import approach, unknown
@@ -21,6 +26,9 @@ from tests.calibration.mounts import look, marks_around, plain_station, spoiled
 from tests.calibration.swings import Recorder, Swing, small_station, write_session
 from tests.docs.pages import ROOT
 from tests.logs.writers import with_checksum
+from tests.onboard.pose.approaches import LENS, pose_on_approach, project
+from tests.onboard.pose.test_pose_command import CAMERA, write_runways
+from tests.replay.test_learning import LANDING, wrong_rig
 from tests.session.folder import rig_text, write_video
 from tests.simulation.small_site import small_rig
 
@@ -131,6 +139,58 @@ def _import(folder: Path, rng: np.random.Generator) -> None:
     (folder / "flight.nmea").write_bytes(b"".join(sentences))
 
 
+def _field(folder: Path, rng: np.random.Generator) -> None:
+    """A recording as `live` leaves it, of a second."""
+    kept = folder / "flights" / "2025-06-21T10-30-00Z"
+    kept.mkdir(parents=True)
+    replay(ReplayRequest(session=LANDING, out=folder / "r", record=kept / "flight.mcap", to_s=1.2, rerun=False))
+
+
+def _believed(folder: Path, rng: np.random.Generator) -> None:
+    """A flight whose rig was believed to stand otherwise by a tenth of a degree, and says that it may."""
+    scenario = approach(3, {})
+    turns = {name: StationErrors(mount_rad=np.radians(rng.normal(0.0, 0.05, 3))) for name in scenario.rig.names}
+    known = {
+        "covariance_parameters": tuple(f"runway_from_base.{axis}" for axis in "xyz"),
+        "covariance": np.eye(3) * np.radians(0.1) ** 2,
+    }
+    believed = perturbed(scenario.rig, turns)
+    believed = replace(believed, stations=tuple(replace(s, **known) for s in believed.stations))
+    folder.mkdir()
+    write_session_folder(folder / "session", simulate(scenario), name="simulated")
+    (folder / "believed.toml").write_text(rig_to_toml(believed))
+
+
+def _taught(folder: Path, rng: np.random.Generator) -> None:
+    folder.mkdir()
+    (folder / "recordings").symlink_to(ROOT / "recordings")
+    wrong_rig(folder, admitted=True).rename(folder / "calibrated.toml")
+
+
+def _runs(folder: Path, rng: np.random.Generator) -> None:
+    """The results of one flight, on two days."""
+    flight = simulate(case_b(seed=5, trajectory=Glide(start_y_m=300.0, end_y_m=260.0)))
+    write_session_folder(folder / "session", flight, name="monday")
+    replay(ReplayRequest(session=folder / "session", out=folder / "out" / "monday"))
+    shutil.copytree(folder / "out" / "monday", folder / "out" / "tuesday")
+
+
+def _pose(folder: Path, rng: np.random.Generator) -> None:
+    folder.mkdir()
+    (folder / "nose.toml").write_text(CAMERA)
+    runway = Runways(write_runways(folder / "runways_database.json")).find("ABCD", "36")
+    rows = ["filename," + ",".join(f"{axis}_{name}" for name in "ABCD" for axis in "xy")]
+    for k in range(3):
+        pixels = project(runway.corners_m, *pose_on_approach(rng), LENS)
+        rows.append(f"ABCD_36_{k}.png," + ",".join(f"{value:.6f}" for value in pixels.ravel()))
+    (folder / "corners.csv").write_text("\n".join(rows) + "\n")
+
+
+def _nose(folder: Path, rng: np.random.Generator) -> None:
+    video, *_ = render_flight(folder, 0, 1, frames=2)
+    video.rename(folder / "nose.mp4")
+
+
 _MAKERS: dict[str, Callable[[Path, np.random.Generator], None]] = {
     ".": _always,
     "lens": _lens,
@@ -140,4 +200,10 @@ _MAKERS: dict[str, Callable[[Path, np.random.Generator], None]] = {
     "strip": _strip,
     "flight": _flight,
     "import": _import,
+    "field": _field,
+    "believed": _believed,
+    "taught": _taught,
+    "runs": _runs,
+    "pose": _pose,
+    "nose": _nose,
 }

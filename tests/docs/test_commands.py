@@ -1,17 +1,22 @@
 """Every command that the documentation shows is run, or, where it says why not, accepted by the parser."""
 
 import argparse
+import os
 import re
+import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Iterator
+import urllib.request
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from groundstation.cli import build_parser, main
+from groundstation.sinks import rerun_viewer
 from tests.docs.inputs import prepare
 from tests.docs.pages import PAGES, ROOT, Block, arguments, blocks, spoken_commands, text_of
 
@@ -39,7 +44,38 @@ def in_background(command: list[str]) -> Iterator[None]:
         process.terminate()
 
 
-def run_block(block: Block) -> None:
+@pytest.fixture
+def answered(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What `view --web` serves is asked for its page, which is kept here, and then Ctrl-C is pressed."""
+    pages: list[str] = []
+    serve, before = rerun_viewer.serve_recording, signal.getsignal(signal.SIGINT)
+
+    def ask(address: str) -> None:
+        deadline = time.monotonic() + 60.0
+        while not pages and time.monotonic() < deadline:
+            try:
+                with urllib.request.urlopen(address, timeout=10.0) as page:
+                    pages.append(page.read().decode())
+            except OSError:
+                time.sleep(0.05)
+        while signal.getsignal(signal.SIGINT) is before and time.monotonic() < deadline:
+            time.sleep(0.05)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def serve_and_ask(path: Path, environment: Mapping[str, str]) -> tuple[str, subprocess.Popen[bytes]]:
+        address, process = serve(path, environment)
+        threading.Thread(target=ask, args=(address,), daemon=True).start()
+        return address, process
+
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    # whether it stopped at once is seen by its answer
+    monkeypatch.setattr(rerun_viewer, "STARTUP_S", 0.1)
+    monkeypatch.setattr(rerun_viewer, "serve_recording", serve_and_ask)
+    return pages
+
+
+def run_block(block: Block, answered: list[str]) -> None:
     behind: list[list[str]] = []
     lines = [line for line in block.commands if line.startswith("groundstation ")]
     for line in lines:
@@ -53,10 +89,12 @@ def run_block(block: Block) -> None:
                 assert main(words) == 0, where
         else:
             assert main(words) == 0, where
+            if words[0] == "view":
+                assert "<title>Rerun Viewer</title>" in answered.pop(), where
 
 
 @pytest.mark.parametrize("page", RUN, ids=lambda p: str(p.relative_to(ROOT)))
-def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answered: list[str]) -> None:
     prepare(tmp_path, ".")
     done = {"."}
     for block in BLOCKS[page]:
@@ -66,7 +104,7 @@ def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             prepare(tmp_path, block.folder)
             done.add(block.folder)
         monkeypatch.chdir(tmp_path / block.folder)
-        run_block(block)
+        run_block(block, answered)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))

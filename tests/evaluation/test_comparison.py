@@ -16,6 +16,7 @@ from groundstation.cli import main
 from groundstation.compare import CompareRequest, compare, load_summary
 from groundstation.errors import InputError
 from groundstation.evaluation.figures_of_run import Moved, figures_of, moved_figures
+from groundstation.evaluation.table import format_accuracy_table
 from groundstation.simulation import case_b, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.sinks.session_folder import write_session_folder
@@ -92,6 +93,23 @@ def test_the_printed_table_has_rows_settings_and_differences(
     before, after = (summary(Path(run))["accuracy"]["truth"]["total"]["ekf"]["rmse_m"][1] for run in runs[::-1])
     assert f"{100 * (after - before) / before:+.0f}" in row.split("│")[2].split()
     assert "misses, usual:" in printed
+
+
+def test_the_errors_of_triangulation_stand_in_the_report_as_well(
+    compared: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: `evaluate` takes all pairs of each method; table and report say the same besides those of both."""
+    run = compared / "runs" / "loose"
+    assert main(["evaluate", str(run)]) == 0
+    printed = capsys.readouterr().out
+    assert "each on all pairs where it has a position" in printed
+    (row,) = [line for line in printed.splitlines() if line.startswith("all ")]
+    shown = row.split("│")[4].split()
+    own = summary(run)["accuracy"]["truth"]["total"]["triangulation"]["rmse_m"]
+    assert shown == [f"{value:.3f}" for value in own]
+    page = (run / "report.html").read_text(encoding="utf-8")
+    assert f"Triangulation on all of its pairs: RMSE {' / '.join(shown)} m" in page
+    assert f"triangulation alone: RMSE {'/'.join(shown)}" in format_accuracy_table(summary(run))
 
 
 def test_a_baseline_may_be_a_folder_that_is_not_among_the_runs(compared: Path, tmp_path: Path) -> None:

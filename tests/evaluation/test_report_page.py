@@ -1,6 +1,7 @@
 """The report's page as a document: well-formed, alone, readable without pictures, and no table wider than a phone."""
 
 import re
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from groundstation.evaluation.report import PAGE_CSS, write_report
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.messages import CarriedError, DgpsFix
 from groundstation.rig import Rig
+from tests.browser import Browser, browser
 from tests.evaluation.synthetic import PSD, Path3D, Phase
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
@@ -57,7 +59,7 @@ class Document(HTMLParser):
 def evaluation(
     landing_run: ResultCollector, landing_truth: Path3D, landing_fixes: list[DgpsFix], rig: Rig
 ) -> Evaluation:
-    """A run with phases, both references, a smoothed track and carried errors."""
+    """A run with phases, both references, one of them with a gap, a smoothed track and carried errors."""
     run = RunDescription(
         name="a flight",
         phases=(Phase(from_s=0.5, to_s=26.2, background="sky"), Phase(from_s=26.3, to_s=40.0, background="ground")),
@@ -73,7 +75,7 @@ def evaluation(
         run,
         rig=rig,
         config=EvaluationConfig(),
-        dgps=landing_fixes,
+        dgps=[fix for fix in landing_fixes if not 20.0 < fix.t_s < 23.0],
         truth=landing_truth,
         smoothed=landing_run,
     )
@@ -92,6 +94,51 @@ def written(evaluation: Evaluation, tmp_path_factory: pytest.TempPathFactory) ->
 @pytest.fixture(scope="module")
 def page(written: Path) -> str:
     return (written / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser(tmp_path_factory.mktemp("profile")) as found:
+        yield found
+
+
+# widths of the page and of its window, and what of its pictures is there
+LAID_OUT = """({
+  page: document.documentElement.scrollWidth, window: document.documentElement.clientWidth, zoomed: innerWidth,
+  drawn: [...document.querySelectorAll('svg')].filter(p => p.getBBox().width > 0 && p.clientHeight > 100).length,
+  shown: document.querySelectorAll('svg').length,
+  undecoded: [...document.images].filter(p => !p.complete || !p.naturalWidth).length,
+})"""
+
+
+@pytest.mark.parametrize("width_px", [390, 1440])
+def test_a_real_browser_shows_it(chromium: Browser, written: Path, width_px: int) -> None:
+    """Expected: no complaint, no request but for the page, nothing beyond the window's edge, every picture drawn."""
+    address = (written / "report.html").as_uri()
+    chromium.show(address, width_px)
+    assert chromium.complaints() == []
+    assert chromium.requests() == [address]
+    found = chromium.value(LAID_OUT)
+    assert found["page"] <= found["window"]
+    assert found["zoomed"] == width_px
+    assert found["drawn"] == found["shown"] == 8
+    assert found["undecoded"] == 0
+
+
+def test_a_real_browser_sees_what_is_wrong(chromium: Browser, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    page.write_text(
+        "<!doctype html><meta name=viewport content='width=device-width'><div style='width:900px'>wide</div>"
+        "<img src=none.png><svg></svg><script>console.error('no'); nothing()</script>"
+    )
+    chromium.show(page.as_uri(), 390)
+    assert sum("nothing is not defined" in told for told in chromium.complaints()) == 1
+    assert len(chromium.complaints()) >= 3
+    assert (tmp_path / "none.png").as_uri() in chromium.requests()
+    found = chromium.value(LAID_OUT)
+    assert found["page"] > 390
+    assert found["drawn"] == 0
+    assert found["undecoded"] == 1
 
 
 def test_the_page_is_well_formed_and_small(page: str) -> None:
