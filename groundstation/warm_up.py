@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from groundstation import leave_one_out, station_health
+from groundstation import leave_one_out
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.acquisition import AcquisitionConfig, CandidateFinder
 from groundstation.detection.config import DetectionConfig
@@ -89,7 +89,6 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
             )
     triangulate(views)
     leave_one_out.warm_up()
-    station_health.warm_up()
 
 
 def _station(position_m: FloatArray, lens: Lens) -> StationGeometry:

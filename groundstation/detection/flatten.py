@@ -64,13 +64,14 @@ def _edges(median: ImageArray, edges: NDArray[np.bool_]) -> bool:
     for a in range(rows):
         for b in range(columns):
             left, right = 3 * max(b - 1, 0), 3 * min(b + 1, columns - 1)
-            steep = False
+            steepest = np.int32(0)
             for c in range(3):
                 least = min(low[a, left + c], low[a, 3 * b + c], low[a, right + c])
                 most = max(high[a, left + c], high[a, 3 * b + c], high[a, right + c])
-                steep |= np.int32(most) - np.int32(least) > _FLAT
-            edges[a, b] = steep
-            found |= steep
+                steepest = max(steepest, np.int32(most) - np.int32(least))
+            edges[a, b] = steepest > _FLAT
+            if steepest > _FLAT:
+                found = True
     return found
 
 

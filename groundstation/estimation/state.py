@@ -62,6 +62,12 @@ class EkfState:
     starts_taken_back: int
 
 
+# the fields of `EkfState`, in their order
+Remembered = tuple[
+    float | None, float | None, bool, list[FloatArray], frozenset[str], float, int, YoungTrack | None, int
+]
+
+
 def state_layout(
     turning_stations: Sequence[str], parameters: Sequence[str] = (), offset_stations: Sequence[str] = ()
 ) -> StateLayout:
