@@ -48,9 +48,9 @@ def warm_up() -> None:
         roi = place_roi(place, hint.predicted_covariance_px2, None, config, lens.image_size_px)
         if roi is not None:
             detector.detect(picture, roi, hint)
-    measure_channels(_picture(place), Roi(x=0, y=0, w=_WIDTH, h=_HEIGHT), np.eye(_HEIGHT, _WIDTH, dtype=np.bool_))
     # a large target is looked at in a reduced picture
     place = np.array([320.0, 240.0])
+    measure_channels(_picture(place), Roi(x=0, y=0, w=_WIDTH, h=_HEIGHT), np.eye(_HEIGHT, _WIDTH, dtype=np.bool_))
     hint = _hint(place, known=True, span_px=_LARGE_SPAN_PX)
     roi = place_roi(place, hint.predicted_covariance_px2, (_LARGE_SPAN_PX, 60.0), config, lens.image_size_px)
     if roi is not None:
