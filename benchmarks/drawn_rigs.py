@@ -32,11 +32,12 @@ _ADMITTED = {
     "distortion": KNOWN_DISTORTION,
 }
 _FREED = ("k1", "k2")
-# a flight that tells much: loops near and far, high and low (m), and the craft all over the picture (rad); periods, s
+# a flight that tells much: a wide circle, climbing and sinking (m), and the craft all over the picture (rad); each
+# axis a middle, an amplitude, a period in s and a share of it by which it is ahead
 LOOPS_S = 30.0
 _STEP_S = 0.02
-_LOOPS = ((0.0, 50.0, 19.0), (130.0, 60.0, 31.0), (30.0, 15.0, 12.0))
-_BESIDE_RAD = ((0.0, 0.06, 7.0), (0.0, 0.045, 5.3), (0.0, 0.0, 1.0))
+_LOOPS = ((0.0, 60.0, 26.0, 0.0), (130.0, 60.0, 26.0, 0.25), (32.0, 12.0, 17.0, 0.0))
+_BESIDE_RAD = ((0.0, 0.06, 7.0, 0.0), (0.0, 0.045, 5.3, 0.0), (0.0, 0.0, 1.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,10 +60,10 @@ def beside() -> Sampled:
     return _waves(_BESIDE_RAD, 2.0)
 
 
-def _waves(axes: tuple[tuple[float, float, float], ...], longer_s: float) -> Sampled:
+def _waves(axes: tuple[tuple[float, float, float, float], ...], longer_s: float) -> Sampled:
     t = np.arange(-longer_s, LOOPS_S + longer_s + _STEP_S, _STEP_S)
-    middle, size, period = np.array(axes).T
-    phase = 2.0 * np.pi * t[:, None] / period
+    middle, size, period, ahead = np.array(axes).T
+    phase = 2.0 * np.pi * (t[:, None] / period + ahead)
     return Sampled(
         t_s=t,
         position_m=middle + size * np.sin(phase),

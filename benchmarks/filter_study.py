@@ -77,9 +77,11 @@ def reference(runs: int, _: Path | None) -> None:
 
 
 def clocks(runs: int, _: Path | None) -> None:
-    few = max(runs // 4, 2)
+    few = max(runs // 2, 2)
     against_dgps = ("left.camera_clock.offset", *calibration.CLOCK_OFFSETS[:3])
     for flown, names in (
+        (calibration.clock_drawn(), against_dgps),
+        (calibration.clock_drawn(), calibration.CLOCK_OFFSETS),
         (calibration.clock_wandering(), against_dgps),
         (calibration.clock_wandering(), calibration.CLOCK_OFFSETS),
         (calibration.clock_wandering(), calibration.CLOCK_OFFSETS + calibration.CLOCK_DRIFTS),
@@ -87,10 +89,19 @@ def clocks(runs: int, _: Path | None) -> None:
     ):
         learned = calibration.learned_clocks(flown, names, range(few))
         print(f"clocks, {flown.name}, {few} flights, 20 ms and 0.05° to learn: rms error, bound, mean (ms, ms/s)")
-        rows = zip(learned.names, learned.rms(), learned.rms_bound(), learned.error.mean(axis=0), strict=True)
-        for name, rms, bound, mean in rows:
+        nees = (learned.error / learned.sigma) ** 2
+        rows = zip(
+            learned.names,
+            learned.rms(),
+            learned.rms_bound(),
+            learned.error.mean(axis=0),
+            nees.mean(axis=0),
+            strict=True,
+        )
+        for name, rms, bound, mean, square in rows:
             if "clock" in name:
-                print(f"  {name:28s} {1e3 * rms:8.2f} {1e3 * bound:8.2f} {1e3 * mean:8.2f}  ratio {rms / bound:.2f}")
+                print(f"  {name:28s} {1e3 * rms:8.2f} {1e3 * bound:8.2f} {1e3 * mean:8.2f}", end="")
+                print(f"  ratio {rms / bound:.2f}, NEES {square:.2f}")
 
 
 def consider(runs: int, _: Path | None) -> None:

@@ -18,8 +18,8 @@ from scipy.stats import chi2
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from calibration.mount_covariance import information, scaled_inverse
 from calibration.mount_parameters import USUAL_WORDS, choose_mount
-from calibration.mount_problem import MountProblem
 from calibration.mount_pointing import pointing_sigma
+from calibration.mount_problem import MountProblem
 from calibration.mount_session import calibrate_station
 from groundstation.rig import Station
 from tests.calibration.mounts import look, marks_around, off_by, plain_station, spoiled

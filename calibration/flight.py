@@ -94,7 +94,7 @@ class FlightFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightSolution:
-    """What fits best: the change (p,), and how each station fits; how well it is known is `judged`, which takes longer."""
+    """What fits best: the change (p,), and how each station fits; how well it is known, `judged` says."""
 
     change: FloatArray
     stations: Mapping[str, StationFit]
@@ -241,23 +241,20 @@ def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> N
 
 
 def judged(solution: FlightSolution) -> FlightFit:
-    """Return the fit with (JᵀWJ)⁻¹, raised by the reduced chi-square and by what lasts, but for what was known before."""
+    """Return the fit with (JᵀWJ)⁻¹, the flight's part of it raised by the reduced chi-square and by what lasts."""
     joint, change, fits = solution.joint, solution.change, solution.stations
     problem = joint.problem
     residual, jacobian = joint.residual(change), joint.jacobian(change)
     known = np.isfinite(problem.prior_sigma)
     before = np.diag(np.where(known, 1.0 / problem.prior_sigma, 0.0) ** 2)
     told = jacobian.T @ jacobian - before
-    covariance = _inverse(told + before)
-    lasting = _lasting_factor(joint, change, covariance)
     count = 2 * sum(int(fit.kept.sum()) for fit in fits.values()) + int(known.sum())
     # what the pixels add to that which fixes and readings leave over by themselves
     chi_square = (float(residual @ residual) - joint.base) / max(count - len(change), 1)
     covariance = _inverse(told / max(1.0, chi_square) + before)
-    # of each variance, the share that the flight's errors make: what was known before has none that last
-    share = np.diag(covariance @ told @ covariance) / max(1.0, chi_square) / np.diag(covariance)
-    lasting = np.sqrt(1.0 + (lasting**2 - 1.0) * np.clip(share, 0.0, 1.0))
-    covariance = covariance * np.outer(lasting, lasting)
+    alone = np.sqrt(np.diag(covariance))
+    covariance = _raised(joint, change, covariance, told / max(1.0, chi_square))
+    lasting = np.sqrt(np.diag(covariance)) / alone
     turned = np.eye(len(change))
     for name in problem.looks:
         station = problem.station_change(change, name)
@@ -288,18 +285,37 @@ def _inverse(information: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(_unit(information), rcond=1e-14, hermitian=True) / np.outer(scale, scale))
 
 
-def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return by how much (p,) errors that last raise each sigma: blocks of time against their expectation.
+def _raised(joint: PathResiduals, change: FloatArray, covariance: FloatArray, told: FloatArray) -> FloatArray:
+    """Return the covariance (p, p), raised by what lasts: combination by combination, never parameter by parameter.
 
-    Looks of one block, of all stations, count as one observation: steps of an encoder and a biased target point do
-    not average out within it. What chance makes of so few blocks raises nothing.
+    Parameters that go together are known in combinations a thousand times better than alone: to raise one of them by
+    itself would turn the combination, and state another one as well known. What was known before the flight, and not
+    ``told`` by it (p, p), has no errors that last.
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    size, axes = np.linalg.eigh(covariance / np.outer(sigma, sigma))
+    size = np.maximum(size, 1e-15)
+    combined = axes / sigma[:, None]
+    gain = covariance @ combined
+    factor = _lasting_factor(joint, change, covariance, gain)
+    share = np.clip(np.einsum("ik,ij,jk->k", gain, told, gain) / size, 0.0, 1.0)
+    spread = sigma[:, None] * axes
+    return np.asarray((spread * (size * (1.0 + (factor**2 - 1.0) * share))) @ spread.T)
+
+
+def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatArray, gain: FloatArray) -> FloatArray:
+    """Return by how much (p,) errors that last raise the sigma of each combination: blocks of time against expectation.
+
+    ``gain`` (p, p) has in each column what a block's gradient does to a combination. Looks of one block, of all
+    stations, count as one observation: steps of an encoder and a biased target point do not average out within it. What
+    chance makes of so few blocks raises nothing.
     """
     p = len(covariance)
     blocks = joint.scores(change, covariance, _BLOCK_S)
     if len(blocks.seen) < max(_LEAST_BLOCKS, p // 2):
         return np.ones(p)
-    seen = (blocks.seen @ covariance) ** 2
-    expected = np.maximum(np.einsum("ki,nij,jk->nk", covariance, blocks.expected, covariance), 0.0)
+    seen = (blocks.seen @ gain) ** 2
+    expected = np.maximum(np.einsum("ik,nij,jk->nk", gain, blocks.expected, gain), 0.0)
     total = np.maximum(expected.sum(axis=0), 1e-300)
     ratio = seen.sum(axis=0) / total
     # of a sum of squares of unequal size (Satterthwaite 1946)

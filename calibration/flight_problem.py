@@ -207,7 +207,7 @@ class FlightProblem:
         by_log = exposed + self.value(change, DGPS_OFFSET)
         track = self.track.at(by_log)
         antenna = self.antenna_m(change)
-        points = track.position_m - track.runway_from_body @ antenna
+        points = track.nose_m(antenna)
 
         n = len(looks)
         turn = self.station_change(change, station)
@@ -219,7 +219,7 @@ class FlightProblem:
         for part in _TURNS:
             by_rig[:, :, part] = by_rig[:, :, part] @ left_jacobian(turn[part])
         by_point, by_angle = by_state[:, :, :3], by_state[:, :, 3:]
-        by_track = np.einsum("nij,nj->ni", by_point, track.velocity_m_s - track.turning_per_s @ antenna)
+        by_track = np.einsum("nij,nj->ni", by_point, track.nose_velocity_m_s(antenna))
         by_turning = np.einsum("nij,nj->ni", by_angle, angles.rates_rad_s)
         later = by_track + by_turning
         columns: dict[str, FloatArray] = {

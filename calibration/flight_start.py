@@ -82,7 +82,7 @@ def _start(problem: FlightProblem, station: Station, looks: StationLooks) -> _St
         usable = angles.usable & track.usable & np.isfinite(bearings).all(axis=1)
         if usable.sum() < LEAST_LOOKS:
             continue
-        points = (track.position_m - track.runway_from_body @ problem.antenna_in_body_m)[usable]
+        points = track.nose_m(problem.antenna_in_body_m)[usable]
         guess = _pose(station, bearings[usable], points)
         if guess is not None and (best is None or guess.median_rad < best.median_rad):
             best, best_s = guess, offset

@@ -31,8 +31,8 @@ class Pointing:
 def pointing_sigma(fit: MountFit, told: bool = False) -> Pointing:
     """Return how well the direction of a mark in the middle of the picture is known, given true readings.
 
-    Root mean square over pan −30 to 30° and tilt 0 to 15°; what is held counts with what it may be off. ``told`` leaves out
-    what held lever arms and axes may be off: that no number of such sightings would better.
+    Root mean square over pan −30 to 30° and tilt 0 to 15°; what is held counts with what it may be off. ``told``
+    leaves out what held lever arms and axes may be off: that no number of such sightings would better.
     """
     covariance = _given_held(fit) if told else fit.joint_covariance
     problem = replace(fit.problem, names=fit.joint_names, prior_sigma=np.zeros(len(fit.joint_names)))

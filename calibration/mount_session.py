@@ -159,8 +159,8 @@ def _require_senses(fit: MountFit) -> None:
 def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     """Raise `MountFitError` where so few sightings leave open where the camera looks, with how many would do.
 
-    A standstill tells two angles: with fewer standstills than unknowns of the mount hardly anything would be left over to
-    notice a wrong sighting by.
+    A standstill tells two angles: with fewer standstills than unknowns of the mount hardly anything would be left
+    over to notice a wrong sighting by.
     """
     if "boresight" not in words:
         return
@@ -175,7 +175,9 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     got = f"{count} sightings at {standing} pairs of angles for {unknowns} unknowns, where the camera looks known to"
     got += f" {told:.2g} deg"
     needed = max(2 * unknowns, int(np.ceil(count * (told / USABLE_DEG) ** 2)))
-    wanted = f"{USABLE_DEG:g} deg: some {needed} sightings of marks of known place, far apart in pan and 20 deg or more in"
+    wanted = (
+        f"{USABLE_DEG:g} deg: some {needed} sightings of marks of known place, far apart in pan and 20 deg or more in"
+    )
     wanted += " tilt, each brought near the corners of the picture"
     raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
 

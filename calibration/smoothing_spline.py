@@ -1,10 +1,10 @@
-"""A smooth curve through noisy samples, as smooth as generalised cross-validation has it, in time that goes with their number.
+"""A smooth curve through noisy samples, as smooth as generalised cross-validation has it, by bands.
 
-`scipy.interpolate.make_smoothing_spline` finds the same curve, but takes hundreds of times as long over how smooth it is to
-be. In the form of C. H. Reinsch, Numer. Math. 10 (1967): of f that minimises Σ (y − f)² + λ ∫ f''², second derivatives γ
-are (R + λ QᵀQ) γ = Qᵀy, what is left over λ Q γ, and the trace that the criterion of G. Wahba and P. Craven, Numer. Math.
-31 (1979), asks for λ tr((R + λ QᵀQ)⁻¹ QᵀQ), of which the bands of the inverse are enough (M. F. Hutchinson and F. R. de
-Hoog, Numer. Math. 47, 1985).
+`scipy.interpolate.make_smoothing_spline` draws the same curve, but takes far longer over how smooth it is to be. In the
+form of C. H. Reinsch, Numer. Math. 10 (1967): of the f that minimises Σ (y − f)² + λ ∫ f''², the second derivatives γ
+are (R + λ QᵀQ) γ = Qᵀy, what is left over is λ Q γ, and the trace that the criterion of P. Craven and G. Wahba, Numer.
+Math. 31 (1979), asks for is λ tr((R + λ QᵀQ)⁻¹ QᵀQ), for which the bands of the inverse are enough (M. F. Hutchinson
+and F. R. de Hoog, Numer. Math. 47, 1985).
 """
 
 import numpy as np

@@ -82,8 +82,8 @@ def _geometry(survey: Survey) -> list[str]:
 def _remedies(survey: Survey) -> list[str]:
     """Return what takes most off the error along the runway, by the same looks with one source of error less.
 
-    The rig states a little more than the fit (mounts settle), and no look betters that: what a remedy takes off the fit's
-    variance it takes off the rig's.
+    The rig states a little more than the fit (mounts settle), and no look betters that: what a remedy takes off the
+    fit's variance it takes off the rig's.
     """
     fit, rig = survey.fit, survey.rig
     stated = reach_at(rig, _JUDGED_M)

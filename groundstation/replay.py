@@ -45,7 +45,8 @@ class ReplayRequest:
     """What the user asked for; ``rig`` and ``config`` None take the session's rig and tuning (or the defaults).
 
     Up to ``learn_until_s`` of its clock the DGPS corrects the track and teaches the rig's errors; None compares only.
-    ``smooth`` writes the track once more, smoothed over the whole flight. ``record`` is a recording to write.
+    ``smooth`` writes the track once more, smoothed over the whole flight. ``record`` is a recording to write. Without
+    ``report`` there is no report.html, whose figures take longer than a short replay.
     """
 
     session: Path
@@ -58,6 +59,7 @@ class ReplayRequest:
     rerun: bool = True
     smooth: bool = False
     record: Path | None = None
+    report: bool = True
 
     @property
     def changes_nothing(self) -> bool:
@@ -181,7 +183,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     write_summary(request.out / "summary.json", evaluation)
     written += [path.name for path in write_reference_tums(request.out, evaluation)]
     written += ["summary.json"]
-    written += [path.name for path in write_report(request.out / "report.html", evaluation, config.evaluation)]
+    if request.report:
+        written += [path.name for path in write_report(request.out / "report.html", evaluation, config.evaluation)]
     paths = [request.out / name for name in written] + ([] if request.record is None else [request.record])
     identity = None if check is None else check.result()
     return ReplayResult(evaluation=evaluation, files=tuple(paths), fault=outcome.fault, identity=identity)

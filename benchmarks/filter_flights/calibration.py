@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from filter_flights.bounds import full_bound, track_bound
-from filter_flights.consistency import WIDE, Sample, drawn_case, one_mode
+from filter_flights.consistency import WIDE, Sample, drawn_case, one_mode, with_drawn_heads
 from filter_flights.drive import drawn_start, drive
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
@@ -164,7 +164,10 @@ class ClockFlight:
 
 
 def clock_wandering(ptu_psd_rad2_s3: float = 1e-6) -> ClockFlight:
-    """Return case B's drawn approach to y = 160 m, the heads drawn from the filter's model of them, too."""
+    """Return case B's drawn approach to y = 160 m, heads that aim but for a wander drawn from the filter's model.
+
+    Aiming turns them besides, the more the nearer the aircraft is: that is not in the model's PSD.
+    """
 
     def scenario(seed: int) -> Scenario:
         plain = _driven(drawn_case("B", seed, 30.0, Glide(end_y_m=160.0)), 30.0)
@@ -185,7 +188,18 @@ def clock_wandering(ptu_psd_rad2_s3: float = 1e-6) -> ClockFlight:
         return replace(plain, ptus=ptus)
 
     config = replace(one_mode(), ptu_acceleration_psd_rad2_s3=ptu_psd_rad2_s3)
-    return ClockFlight(name="approach to 160 m, heads drawn from the filter's model", scenario=scenario, config=config)
+    return ClockFlight(name="approach to 160 m, heads that aim and wander", scenario=scenario, config=config)
+
+
+def clock_drawn(ptu_psd_rad2_s3: float = 1e-6) -> ClockFlight:
+    """Return case B's drawn approach to y = 160 m, all of it from the filter's model: heads left to themselves, too."""
+
+    def scenario(seed: int) -> Scenario:
+        plain = _driven(drawn_case("B", seed, 30.0, Glide(end_y_m=160.0)), 30.0)
+        return with_drawn_heads(plain, seed, ptu_psd_rad2_s3)
+
+    config = replace(one_mode(), ptu_acceleration_psd_rad2_s3=ptu_psd_rad2_s3)
+    return ClockFlight(name="approach to 160 m, drawn from the filter's model", scenario=scenario, config=config)
 
 
 def clock_take_off() -> ClockFlight:

@@ -62,6 +62,8 @@ class StationEkf(FilterCore):
             0.0 if model.carries_clock else clock_sigma_s,
             self._config.encoder_gate_sigma,
         )
+        if self._learns_clocks and station in self._watch.squares:
+            self._watch = self._watch.read(station, read.nis / 2.0)
         if read.accepted:
             self._bank.correct(read.residual, read.jacobian, read.noise, self._estimated(), telling=False)
         else:
@@ -131,6 +133,8 @@ class StationEkf(FilterCore):
                     H, moved = seen.jacobian, seen.residual
             if self._bends.carries_clock(station):
                 R = R + self._bends.speed_noise(station, H, P, self._age_s())
+                if self._learns_clocks:
+                    R += self._bends.passage_noise(station, H, (x, P), self._age_s(), self._motions[0])
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
         if self._young is not None:
             self._grow_up(self._young.after(accepted=accepted))

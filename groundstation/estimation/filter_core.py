@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.clock_watch import ClockWatch
 from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance
 from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.field_of_view import probability_in_view
@@ -81,6 +82,9 @@ class FilterCore:
         for name in stations:
             for places in clock_places(self.layout.parameters, name).values():
                 self._taught[places] = False
+        clocks = {name: clock_places(self.layout.parameters, name).values() for name in turning}
+        self._watch = ClockWatch.of({name: [k for places in own for k in places] for name, own in clocks.items()})
+        self._learns_clocks = config.calibration is CalibrationUse.ESTIMATE
         self._rig_uncertain = any(name.partition(".")[2] in CALIBRATION_PARAMETERS for name in prior.names)
         self._span_only = np.zeros(self.layout.size, np.bool_)
         self._span = self.layout.parameters.get(LOG_SPAN)
@@ -153,6 +157,7 @@ class FilterCore:
             self._references_refused,
             self._young,
             self.starts_taken_back,
+            self._watch,
         )
 
     def restore(self, saved: EkfState) -> None:
@@ -162,6 +167,7 @@ class FilterCore:
         self._read, self._newest_reference_s = saved.read, saved.newest_reference_s
         self._references_refused = saved.references_refused
         self._young, self.starts_taken_back = saved.young, saved.starts_taken_back
+        self._watch = saved.watch
 
     def angles(self, station: str) -> tuple[float, float]:
         """Return (pan, tilt) in rad; zero for a fixed station."""
@@ -315,7 +321,14 @@ class FilterCore:
 
     def _estimated(self) -> BoolArray:
         """Return which states (n,) an update may move."""
-        return self._ever_estimated() if self.learns else self._moving
+        if not self.learns:
+            return self._moving
+        estimated = self._ever_estimated()
+        quiet = self._watch.quiet() if self._learns_clocks else []
+        if quiet:
+            estimated = estimated.copy()
+            estimated[quiet] = False
+        return estimated
 
     def _age_s(self) -> float:
         """Return how long the filter has been running, for what drifts."""

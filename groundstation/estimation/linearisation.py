@@ -2,6 +2,7 @@
 triangulated start has of the rig's errors in it.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -13,7 +14,8 @@ from scipy.optimize import least_squares
 from groundstation.arrays import FloatArray
 from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, trial_state
 from groundstation.estimation.measurement import PixelModel, PixelPrediction
-from groundstation.estimation.parameters import clock_places
+from groundstation.estimation.motion import MotionModel
+from groundstation.estimation.parameters import CLOCKS, clock_places
 from groundstation.estimation.state import StateLayout
 
 # a pixel is linearised anew until that changes it by less than so many sigmas of its noise, or so many times
@@ -148,6 +150,27 @@ class PixelLinearisation:
             lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
             flies, at = clock == "camera_clock", np.array(places, np.int64)
             _add_speed_noise(P, H, angle, rate, position, velocity, flies, at, lateness, noise)
+        return noise
+
+    def passage_noise(
+        self, station: str, H: FloatArray, state: tuple[FloatArray, FloatArray], age_s: float, motion: MotionModel
+    ) -> FloatArray:
+        """Return what a pixel with Jacobian ``H`` gets (2, 2) because its instant is away from the filter's by clocks.
+
+        From one to the other target and head are carried along their speeds, with the process noise of ``motion``.
+        """
+        x, P = state
+        away = {clock: np.zeros(2) for clock in CLOCKS}
+        for clock, places in self._clocks[station].items():
+            lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
+            away[clock] += lateness @ x[places], lateness @ P[np.ix_(places, places)] @ lateness
+        camera, ptu = (away[clock] for clock in CLOCKS)
+        noise = np.zeros((2, 2))
+        head = camera + np.array([-1.0, 1.0]) * ptu
+        for part, (mean, variance) in ((self._layout.position, camera), (self._layout.angles.get(station), head)):
+            if part is not None:
+                Q = motion.process_noise(math.sqrt(mean**2 + variance))[part, part]
+                noise += H[:, part] @ Q @ H[:, part].T
         return noise
 
     def sensitivity(self, state: FloatArray, age_s: float) -> FloatArray | None:

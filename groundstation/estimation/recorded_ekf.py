@@ -135,7 +135,7 @@ class RecordedEkf(StationEkf):
 
     def snapshot(self) -> RecordedState:
         """Return all that the filter is now."""
-        return RecordedState(*self._remembered(), self.tape.mark, len(self.steps))
+        return RecordedState(*(*self._remembered(), self.tape.mark, len(self.steps)))
 
     def restore(self, saved: EkfState) -> None:
         """Be again what the filter was at a `snapshot`; what was recorded since then is taken back."""

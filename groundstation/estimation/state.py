@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.clock_watch import ClockWatch
 from groundstation.estimation.young_track import YoungTrack
 
 
@@ -60,11 +61,12 @@ class EkfState:
     references_refused: int
     young: YoungTrack | None
     starts_taken_back: int
+    watch: ClockWatch
 
 
 # the fields of `EkfState`, in their order
 Remembered = tuple[
-    float | None, float | None, bool, list[FloatArray], frozenset[str], float, int, YoungTrack | None, int
+    float | None, float | None, bool, list[FloatArray], frozenset[str], float, int, YoungTrack | None, int, ClockWatch
 ]
 
 

@@ -12,8 +12,8 @@ from calibration.boards import parse_board
 from calibration.mount import MountFitError
 from calibration.mount_parameters import USUAL_WORDS, choose_mount, mount_words
 from calibration.mount_pictures import find_lamp
-from calibration.mount_problem import Mark, MarkKind, MountProblem, MountSightings
 from calibration.mount_pointing import pointing_sigma
+from calibration.mount_problem import Mark, MarkKind, MountProblem, MountSightings
 from calibration.mount_report import format_mount, verdict
 from calibration.mount_session import calibrate_station
 from groundstation.cli import main
@@ -392,7 +392,7 @@ def test_a_handful_of_sightings_writes_no_rig(made, rng, tmp_path, capsys, count
 
 
 def test_what_is_held_keeps_value_and_covariance(made, rng, tmp_path, capsys) -> None:
-    """The rig knows its lever arm to 1 cm, and to 2 mm along y together with z; sightings 40 m and farther say nothing."""
+    """The rig knows its lever arm, y and z together to 2 mm; sightings 40 m and farther away say nothing of it."""
     station, true, marks = made
     said = {"camera_in_head.x": 0.01, "camera_in_head.y": 0.002, "camera_in_head.z": 0.002}
     given = np.diag(np.square(list(said.values())))

@@ -77,6 +77,7 @@ def test_the_filter_against_rtk(session: Session, tmp_path: Path) -> None:
         to_s=395.0,
         config=HEXACOPTER,
         rerun=False,
+        report=False,
     )
     replay(request)
     error = track_error(session.folder, tmp_path / "out")
@@ -91,7 +92,14 @@ def test_a_second_camera_that_comes_back(session: Session, tmp_path: Path) -> No
     rig.write_text(rig_to_toml(of_stations(session.rig, ("sony5n", "sonyG"))))
     replay(
         ReplayRequest(
-            session=session.folder, rig=rig, out=out, from_s=489.0, to_s=504.0, config=HEXACOPTER, rerun=False
+            session=session.folder,
+            rig=rig,
+            out=out,
+            from_s=489.0,
+            to_s=504.0,
+            config=HEXACOPTER,
+            rerun=False,
+            report=False,
         )
     )
     error = track_error(session.folder, out)

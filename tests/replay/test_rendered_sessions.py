@@ -9,8 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calibrated_replays import Split, by_pixels, replayed_as, splits, spoilt_rig, truth_rmse
 
+from calibration.flight_session import FlightRequest, calibrate_flight
 from groundstation.replay import ReplayRequest, replay
+from groundstation.rig import load_rig
+from groundstation.rig_toml import rig_to_toml
 
 
 @dataclass(frozen=True)
@@ -231,3 +235,39 @@ def test_frozen_then_lagging_dgps_is_found(landing_1: Path, tmp_path: Path) -> N
     covered = sum(span["to_s"] - span["from_s"] for span in found["excluded"])
     assert covered > 10.0
     assert found["time_offset"]["offset_s"] == pytest.approx(0.30, abs=0.06)
+
+
+def taught_and_judged(split: Split, seen: Path, folder: Path) -> None:
+    """Spoil the rig, teach it by one part of the flight, judge on the rest by the pixels that a replay has found."""
+    session = by_pixels(split.session, seen, folder / "pixels")
+    believed, found = folder / "believed.toml", folder / "found.toml"
+    believed.write_text(rig_to_toml(spoilt_rig(split)))
+    (taught, until), (first, last) = split.taught_s, split.judged_s
+    fit = calibrate_flight(
+        FlightRequest(session=session, rig=believed, out=found, from_s=taught, to_s=until, free=split.free)
+    ).fit
+    true, exact = load_rig(split.session / "rig.toml"), load_rig(found)
+    for name, sigma in zip(fit.problem.names, fit.sigma, strict=True):
+        station, _, short = name.partition(".")
+        if short == "ptu_clock.offset":
+            off = exact[station].ptu_clock.offset_s - true[station].ptu_clock.offset_s
+            assert abs(off) < 3.5 * np.hypot(sigma, true[station].ptu_clock.sigma_s)
+            assert sigma < 2.5e-3
+    ours, theirs = (
+        truth_rmse(session, replayed_as(session, folder / label, rig, from_s=first, to_s=last))
+        for label, rig in (("found", found), ("true", None))
+    )
+    assert np.all(ours <= 1.5 * theirs)
+
+
+def test_mounts_off_by_a_tenth_of_a_degree_are_found_by_part_of_a_landing(landing: Replayed, tmp_path: Path) -> None:
+    """Taught up to 20 s, judged from there on."""
+    taught_and_judged(splits(Path())[0], landing.folder / "detections.csv", tmp_path)
+
+
+@pytest.mark.parametrize("part", [1, 2])
+def test_a_delay_of_40_ms_is_found_by_part_of_a_take_off(
+    takeoff: Replayed, shared_data: Path, tmp_path: Path, part: int
+) -> None:
+    """Taught where there is DGPS and judged where there is none; taught up to 9 s and judged from there on."""
+    taught_and_judged(splits(shared_data)[part], takeoff.folder / "detections.csv", tmp_path)
