@@ -15,8 +15,8 @@ import numpy as np
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.config import Config
 from groundstation.detection.acquisition import CandidateFinder
+from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.detector import DetectionHint, Detector
-from groundstation.detection.preprocess import measure_channels
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.initialise import Sighting
 from groundstation.messages import Detection, Frame, Miss, Roi

@@ -56,7 +56,36 @@ def explained(A: FloatArray, g: FloatArray) -> float:
     return along**2 / large + (across**2 / small if small > LEAST_SHARE * large else 0.0)
 
 
+@njit(cache=True)
+def held_against(
+    jacobian: FloatArray,
+    H: FloatArray,
+    constant: int,
+    x: FloatArray,
+    P: FloatArray,
+    angle_sigma_rad: float,
+    residual: FloatArray,
+    noise: FloatArray,
+) -> float:
+    """Take what the rig's learnt errors make off a residual (2,), and add the angles' noise to a pixel's (2, 2).
+
+    ``jacobian`` (2, 5) by point and angles, ``H`` (2, n) by the state, whose errors of the rig begin at ``constant``.
+    Returns the sum of the variances, px², that those errors cause.
+    """
+    n, spread = x.size, 0.0
+    for a in range(2):
+        for k in range(constant, n):
+            residual[a] -= H[a, k] * x[k]
+            for m in range(constant, n):
+                spread += H[a, k] * P[k, m] * H[a, m]
+        for b in range(2):
+            for k in range(3, 5):
+                noise[a, b] += angle_sigma_rad**2 * jacobian[a, k] * jacobian[b, k]
+    return spread
+
+
 def warm_up() -> None:
-    """Compile both kernels."""
+    """Compile the kernels."""
+    held_against(np.zeros((2, 5)), np.zeros((2, 3)), 1, np.zeros(3), np.eye(3), 0.0, np.zeros(2), np.zeros((2, 2)))
     leave_out(np.tile(np.eye(2), (2, 1, 1)), np.sqrt(np.arange(12.0)).reshape(2, 2, 3), np.zeros((2, 2)))
     whitened(np.zeros(2), np.eye(2))

@@ -6,13 +6,12 @@ Puts an epoch's pixels into the terms of `groundstation.integrity` and turns its
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
-from groundstation.arrays import FloatArray
 from groundstation.epoch import EpochPage, EpochView
 from groundstation.estimation.ekf import StationEkf
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity import Finding, IntegrityConfig, IntegrityWatch, Verdict
+from groundstation.leave_one_out import held_against
 from groundstation.messages import TrackEvent
 from groundstation.solution_separation import Sight
 
@@ -84,7 +83,7 @@ class StationHealth:
         if projection is None or known is None:
             return None
         residual, noise = view.pixel - projection.pixel, view.covariance_px2.copy()
-        spread = _held(
+        spread = held_against(
             projection.jacobian,
             known.jacobian,
             layout.constant.start,
@@ -101,39 +100,6 @@ class StationHealth:
             noise_px2=noise,
             constant_px2=0.5 * spread,
         )
-
-
-@njit(cache=True)
-def _held(
-    jacobian: FloatArray,
-    H: FloatArray,
-    constant: int,
-    x: FloatArray,
-    P: FloatArray,
-    angle_sigma_rad: float,
-    residual: FloatArray,
-    noise: FloatArray,
-) -> float:
-    """Take what the rig's learnt errors make off a residual (2,), and add the angles' noise to a pixel's (2, 2).
-
-    ``jacobian`` (2, 5) by point and angles, ``H`` (2, n) by the state, whose errors of the rig begin at ``constant``.
-    Returns the sum of the variances, px², that those errors cause.
-    """
-    n, spread = x.size, 0.0
-    for a in range(2):
-        for k in range(constant, n):
-            residual[a] -= H[a, k] * x[k]
-            for m in range(constant, n):
-                spread += H[a, k] * P[k, m] * H[a, m]
-        for b in range(2):
-            for k in range(3, 5):
-                noise[a, b] += angle_sigma_rad**2 * jacobian[a, k] * jacobian[b, k]
-    return spread
-
-
-def warm_up() -> None:
-    """Compile the kernel."""
-    _held(np.zeros((2, 5)), np.zeros((2, 3)), 1, np.zeros(3), np.eye(3), 0.0, np.zeros(2), np.zeros((2, 2)))
 
 
 def _line(t_s: float, finding: Finding) -> TrackEvent:

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from groundstation import leave_one_out, station_health
+from groundstation import leave_one_out
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.acquisition import AcquisitionConfig, CandidateFinder
+from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.detector import warm_up as warm_up_detector
@@ -14,6 +15,7 @@ from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
+from groundstation.messages import Roi
 from groundstation.triangulation import View, triangulate
 
 _WIDTH, _HEIGHT = 640, 480
@@ -48,6 +50,7 @@ def warm_up() -> None:
             detector.detect(picture, roi, hint)
     # a large target is looked at in a reduced picture
     place = np.array([320.0, 240.0])
+    measure_channels(_picture(place), Roi(x=0, y=0, w=_WIDTH, h=_HEIGHT), np.eye(_HEIGHT, _WIDTH, dtype=np.bool_))
     hint = _hint(place, known=True, span_px=_LARGE_SPAN_PX)
     roi = place_roi(place, hint.predicted_covariance_px2, (_LARGE_SPAN_PX, 60.0), config, lens.image_size_px)
     if roi is not None:
@@ -67,7 +70,7 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
     ekf.start_target(np.array([0.0, 50.0, 0.0]), np.array([0.0, -20.0, 0.0]), np.eye(6))
     prediction = ekf.predict_pixel(geometry.name)
     if prediction is not None:
-        ekf.update_pixel(geometry.name, prediction.pixel, np.eye(2))
+        ekf.update_pixel(geometry.name, prediction.pixel, np.eye(2), lasting_share=0.5)
         ekf.update_width(geometry.name, 40.0, 2.0, alone=True)
         ekf.absorb_miss(geometry.name, 0.9)
         ekf.update_reference(np.array([0.0, 50.0, 0.0]), np.eye(3))
@@ -89,7 +92,6 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
             )
     triangulate(views)
     leave_one_out.warm_up()
-    station_health.warm_up()
 
 
 def _station(position_m: FloatArray, lens: Lens) -> StationGeometry:

@@ -21,7 +21,6 @@ Planes = tuple[Plane, Plane, Plane]
 
 _BLOCKS = 5  # across the median's window
 _ALIKE = 12  # squared grey levels over three channels: not worth looking at the neighbours
-_NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 _FLAT = 6  # grey levels between neighbouring blocks that interpolation bridges
 
 
@@ -50,11 +49,30 @@ def _block_means(colour: Planes, step: int) -> ImageArray:
     return means
 
 
-def _edges(median: ImageArray) -> NDArray[np.bool_]:
-    """Return the blocks whose neighbourhood holds an edge."""
-    spread = cv2.subtract(cv2.dilate(median, _NEIGHBOURHOOD), cv2.erode(median, _NEIGHBOURHOOD))
-    widest = cv2.max(cv2.max(spread[:, :, 0], spread[:, :, 1]), spread[:, :, 2])
-    return np.asarray(widest > _FLAT, np.bool_)
+@njit(cache=True, nogil=True)
+def _edges(median: ImageArray, edges: NDArray[np.bool_]) -> bool:
+    """Write which blocks have an edge in their neighbourhood; return whether any has."""
+    rows, columns = edges.shape
+    low, high = np.empty((rows, 3 * columns), np.uint8), np.empty((rows, 3 * columns), np.uint8)
+    flat = median.reshape(rows, 3 * columns)
+    for a in range(rows):
+        above, row, below = flat[max(a - 1, 0)], flat[a], flat[min(a + 1, rows - 1)]
+        for k in range(3 * columns):
+            low[a, k] = min(above[k], row[k], below[k])
+            high[a, k] = max(above[k], row[k], below[k])
+    found = False
+    for a in range(rows):
+        for b in range(columns):
+            left, right = 3 * max(b - 1, 0), 3 * min(b + 1, columns - 1)
+            steepest = np.int32(0)
+            for c in range(3):
+                least = min(low[a, left + c], low[a, 3 * b + c], low[a, right + c])
+                most = max(high[a, left + c], high[a, 3 * b + c], high[a, right + c])
+                steepest = max(steepest, np.int32(most) - np.int32(least))
+            edges[a, b] = steepest > _FLAT
+            if steepest > _FLAT:
+                found = True
+    return found
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -168,7 +186,7 @@ def flatten(image: ImageArray, window: float) -> Float32Array:
     median = np.asarray(cv2.medianBlur(_block_means(colour, step), _BLOCKS), np.uint8)
     out = np.empty((3, *image.shape[:2]), np.float32)
     _less_median(colour, median, step, out)
-    edges = _edges(median)
-    if edges.any():
+    edges = np.empty(median.shape[:2], np.bool_)
+    if _edges(median, edges):
         _keep_edges(image, median, edges, step, out)
     return out

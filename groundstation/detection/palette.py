@@ -22,9 +22,10 @@ _NOISE = 2.0  # sigmas: less is nothing in any case
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _bin(value: np.float32, per_level: np.float32, bins: int) -> int:
+def _bin(value: np.float32, per_level: np.float32, bins: int) -> np.int32:
     """Return the palette bin of one residual."""
-    return min(max(int(value * per_level + np.float32(0.5 * bins)), 0), bins - 1)
+    place = min(max(value * per_level + np.float32(0.5 * bins), np.float32(0)), np.float32(bins - 1))
+    return np.int32(place)
 
 
 @njit(cache=True, nogil=True)
@@ -34,25 +35,31 @@ def _palette(
     """Return the smoothed share of each colour bin among the residuals outside the box."""
     x0, y0, x1, y1 = keep_out
     shape = (_BINS[0], _BINS[1], _BINS[2])
-    count = np.zeros(shape, np.int32)
-    used = np.empty((shape[0] * shape[1] * shape[2], 3), np.int32)
+    count = np.zeros(shape[0] * shape[1] * shape[2], np.int32)
+    used = np.empty(count.size, np.int32)
+    places = np.empty((residual.shape[2] + 1) // 2, np.int32)
     n, bins = 0, 0
     for i in range(0, residual.shape[1], 2):
-        for j in range(0, residual.shape[2], 2):
-            if y0 <= i < y1 and x0 <= j < x1:
+        grey, blue_red, magenta = residual[0, i], residual[1, i], residual[2, i]
+        # all of a row's places first, which the compiler does many at a time
+        for k in range(places.size):
+            a = _bin(grey[2 * k], per_level[0], shape[0])
+            b = _bin(blue_red[2 * k], per_level[1], shape[1])
+            places[k] = (a * shape[1] + b) * shape[2] + _bin(magenta[2 * k], per_level[2], shape[2])
+        beside = y0 <= i < y1
+        for k in range(places.size):
+            if beside and x0 <= 2 * k < x1:
                 continue
-            a = _bin(residual[0, i, j], per_level[0], shape[0])
-            b = _bin(residual[1, i, j], per_level[1], shape[1])
-            c = _bin(residual[2, i, j], per_level[2], shape[2])
-            if count[a, b, c] == 0:
-                used[bins, 0], used[bins, 1], used[bins, 2] = a, b, c
+            place = places[k]
+            if count[place] == 0:
+                used[bins] = place
                 bins += 1
-            count[a, b, c] += 1
+            count[place] += 1
             n += 1
     share = np.zeros(shape, np.float32)
     for k in range(bins):
-        a, b, c = used[k]
-        value = np.float32(count[a, b, c] / n)
+        a, b, c = used[k] // (shape[1] * shape[2]), used[k] // shape[2] % shape[1], used[k] % shape[2]
+        value = np.float32(count[used[k]] / n)
         for p in range(max(a - 1, 0), min(a + 2, shape[0])):
             for q in range(max(b - 1, 0), min(b + 2, shape[1])):
                 for r in range(max(c - 1, 0), min(c + 2, shape[2])):

@@ -16,7 +16,6 @@ Box = tuple[int, int, int, int]
 ImageRow = NDArray[np.uint8]
 
 _MIN_TEXTURE = 3.0  # grey levels per px: gradients below it are noise
-_LEAST_STEEP = 4.0 * _MIN_TEXTURE * _MIN_TEXTURE  # of twice the slope, squared
 MIN_TEXTURED = 40
 _COARSE_STEP, _COARSE_REACH = 4, 10
 _MIN_EDGE_PX, MAX_EDGE_PX = 0.15, 0.25  # misregistration and interpolation, as px of the local gradient
@@ -28,23 +27,11 @@ def _grey(image: ImageArray, y: int, x: int) -> float:
     return 0.114 * image[y, x, 0] + 0.587 * image[y, x, 1] + 0.299 * image[y, x, 2]
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _slope(above: ImageRow, row: ImageRow, below: ImageRow, x: int) -> tuple[float, float]:
-    gx = 0.5 * (_level(row, x + 1) - _level(row, x - 1))
-    return gx, 0.5 * (_level(below, x) - _level(above, x))
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _level(row: ImageRow, x: int) -> float:
-    return 0.114 * row[3 * x] + 0.587 * row[3 * x + 1] + 0.299 * row[3 * x + 2]
-
-
 @njit(cache=True, nogil=True)
-def _uneven(above: ImageRow, row: ImageRow, below: ImageRow, steep: NDArray[np.int32]) -> None:
-    """Write for each byte of a row how much it changes across and down, squared; the ends are left out."""
-    for k in range(3, row.size - 3):
-        across, down = np.int32(row[k + 3]) - np.int32(row[k - 3]), np.int32(below[k]) - np.int32(above[k])
-        steep[k] = across * across + down * down
+def _greys(row: ImageRow, out: FloatArray) -> None:
+    """Write the grey levels of a row of pixels, three bytes each."""
+    for x in range(out.size):
+        out[x] = 0.114 * row[3 * x] + 0.587 * row[3 * x + 1] + 0.299 * row[3 * x + 2]
 
 
 def textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], keep_out: Box) -> FloatArray:
@@ -59,22 +46,23 @@ def _textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int],
     w, h = size
     height, width = image.shape[:2]
     rows = np.empty((((h + 1) // 2) * ((w + 1) // 2), 5))
-    flat, steep = image.reshape(height, 3 * width), np.empty(3 * width, np.int32)
+    flat, grey = image.reshape(height, 3 * width), np.empty((3, width))
     first, last = max(x0, 1), min(x0 + w, width - 1)
+    top = max(y0, 1)
     n = 0
-    for y in range(max(y0, 1), min(y0 + h, height - 1), 2):
-        above, row, below = flat[y - 1], flat[y], flat[y + 1]
-        _uneven(above, row, below, steep)
+    for y in range(top, min(y0 + h, height - 1), 2):
+        # the row below is the one above of the next turn
+        above, row, below = grey[(y - top) % 4 // 2 * 2], grey[1], grey[2 - (y - top) % 4 // 2 * 2]
+        if y == top:
+            _greys(flat[y - 1], above)
+        _greys(flat[y], row)
+        _greys(flat[y + 1], below)
         beside = keep_out[1] <= y < keep_out[3]
         for x in range(first, last, 2):
-            # grey is a mean of the colours, so its slope squared is no more than the greatest of theirs
-            most = max(steep[3 * x], steep[3 * x + 1], steep[3 * x + 2])
-            if most < _LEAST_STEEP or (beside and keep_out[0] <= x < keep_out[2]):
+            gx, gy = 0.5 * (row[x + 1] - row[x - 1]), 0.5 * (below[x] - above[x])
+            if gx * gx + gy * gy < _MIN_TEXTURE * _MIN_TEXTURE or (beside and keep_out[0] <= x < keep_out[2]):
                 continue
-            gx, gy = _slope(above, row, below, x)
-            if gx * gx + gy * gy < _MIN_TEXTURE * _MIN_TEXTURE:
-                continue
-            rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3], rows[n, 4] = x, y, _level(row, x), gx, gy
+            rows[n, 0], rows[n, 1], rows[n, 2], rows[n, 3], rows[n, 4] = x, y, row[x], gx, gy
             n += 1
     return rows[:n]
 

@@ -84,30 +84,38 @@ def correct(
     """
     m, n = H.shape
     PHt, S = _projected(P, H, R)
-    K = np.ascontiguousarray(np.linalg.solve(S, PHt.T).T) * share
+    # one row for each number measured: the inner loops then run along rows
+    HP = np.ascontiguousarray(PHt.T)
+    Kt = np.linalg.solve(S, HP) * share
     for i in range(n):
         if not estimated[i]:
-            K[i, :] = 0.0
+            Kt[:, i] = 0.0
+    K = np.ascontiguousarray(Kt.T)
     new_x = x.copy()
     half = P.copy()
     for i in range(n):
+        row = half[i]
         for a in range(m):
             new_x[i] += K[i, a] * residual[a]
+            gain, line = K[i, a], HP[a]
             for j in range(n):
-                half[i, j] -= K[i, a] * PHt[j, a]
+                row[j] -= gain * line[j]
     # what is left of the right-hand factor: −(half Hᵀ) Kᵀ + K R Kᵀ
     rest = np.zeros((n, m))
-    for i in range(n):
-        for a in range(m):
-            for j in range(n):
-                if H[a, j] != 0.0:
+    for a in range(m):
+        for j in range(n):
+            if H[a, j] != 0.0:
+                for i in range(n):
                     rest[i, a] -= half[i, j] * H[a, j]
+        for i in range(n):
             for b in range(m):
                 rest[i, a] += K[i, b] * R[b, a]
     for i in range(n):
+        row = half[i]
         for a in range(m):
+            gain, line = rest[i, a], Kt[a]
             for j in range(n):
-                half[i, j] += rest[i, a] * K[j, a]
+                row[j] += gain * line[j]
     for i in range(n):
         for j in range(i):
             half[i, j] = half[j, i] = 0.5 * (half[i, j] + half[j, i])

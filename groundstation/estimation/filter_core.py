@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -19,7 +18,7 @@ from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior, clock_places
 from groundstation.estimation.second_view import SecondView
 from groundstation.estimation.silhouette import WidthModel
-from groundstation.estimation.state import EkfState, StateLayout, state_layout
+from groundstation.estimation.state import EkfState, Remembered, StateLayout, state_layout
 from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.station import StationGeometry
@@ -146,7 +145,7 @@ class FilterCore:
         """Return all that the filter is now."""
         return EkfState(*self._remembered())
 
-    def _remembered(self) -> tuple[Any, ...]:
+    def _remembered(self) -> Remembered:
         """Return the fields of `EkfState`, in their order; none of them is ever written over."""
         return (
             self.time_s,

@@ -144,13 +144,12 @@ class PixelLinearisation:
         """
         noise = np.zeros((2, 2))
         angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
-        turning = (-1, -1) if angles is None or rates is None else (angles.start, rates.start)
-        flying = (self._layout.position.start, self._layout.velocity.start)
+        angle, rate = (-1, -1) if angles is None or rates is None else (angles.start, rates.start)
+        position, velocity = self._layout.position.start, self._layout.velocity.start
         for clock, places in self._clocks[station].items():
             lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
-            own = np.array(places, np.int64)
-            late = clock == "camera_clock"
-            _add_speed_noise(P, H, turning[0], turning[1], flying[0], flying[1], late, own, lateness, noise)
+            flies, at = clock == "camera_clock", np.array(places, np.int64)
+            _add_speed_noise(P, H, angle, rate, position, velocity, flies, at, lateness, noise)
         return noise
 
     def passage_noise(

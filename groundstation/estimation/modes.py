@@ -40,6 +40,7 @@ class ModeBank:
         self._mean: tuple[FloatArray, FloatArray] | None = None
         # the filters' states and covariances one above the other, where a step has left them so
         self._stacked: Stacked | None = None
+        self._behind = False
 
     @property
     def x(self) -> FloatArray:
@@ -55,17 +56,14 @@ class ModeBank:
 
     def snapshot(self) -> list[FloatArray]:
         """Return all there is to know, to be given to `restore`; nothing is copied, since nothing is written over."""
-        saved = [self.weights]
-        for each in self._filters:
-            saved += (each.x, each.P)
-        return saved
+        return [self.weights, *self._all()]
 
     def restore(self, saved: list[FloatArray]) -> None:
         """Go back to a `snapshot`."""
-        self.weights = saved[0]
-        self._changed()
-        for k, each in enumerate(self._filters):
-            each.x, each.P = saved[1 + 2 * k], saved[2 + 2 * k]
+        self.weights, states, covariances = saved
+        self._mean, self._stacked, self._behind = None, (states, covariances), True
+        if len(self._filters) == 1:
+            self._changed()
 
     def forget_modes(self) -> None:
         """Set the weights to what is usual: a new target, of whose flying nothing is known."""
@@ -167,8 +165,16 @@ class ModeBank:
         return self.weights if len(self._filters) == 1 else _joint(self.weights, self._stay_s, dt_s).sum(axis=0)
 
     def _changed(self) -> None:
-        """Forget what follows from the filters."""
+        """Bring the filters up to the last step and forget what follows from them: they are about to be changed."""
+        self._catch_up()
         self._mean = self._stacked = None
+
+    def _catch_up(self) -> None:
+        """Let each filter have its part of what a step has left; a step itself needs it in one piece only."""
+        if self._behind and self._stacked is not None:
+            for each, own_x, own_P in zip(self._filters, *self._stacked, strict=True):
+                each.x, each.P = own_x, own_P
+        self._behind = False
 
     def _room(self) -> Moved:
         """Return where a step writes to: arrays of its own, since snapshots hold the ones before.
@@ -181,9 +187,7 @@ class ModeBank:
     def _take(self, moved: Moved) -> None:
         """Become what a step has made of the modes."""
         states, covariances, self.weights, x, P = moved
-        for each, own_x, own_P in zip(self._filters, states, covariances, strict=True):
-            each.x, each.P = own_x, own_P
-        self._mean, self._stacked = (x, P), (states, covariances)
+        self._mean, self._stacked, self._behind = (x, P), (states, covariances), True
 
     def _all(self) -> Stacked:
         if self._stacked is None:

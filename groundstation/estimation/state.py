@@ -64,6 +64,12 @@ class EkfState:
     watch: ClockWatch
 
 
+# the fields of `EkfState`, in their order
+Remembered = tuple[
+    float | None, float | None, bool, list[FloatArray], frozenset[str], float, int, YoungTrack | None, int, ClockWatch
+]
+
+
 def state_layout(
     turning_stations: Sequence[str], parameters: Sequence[str] = (), offset_stations: Sequence[str] = ()
 ) -> StateLayout:

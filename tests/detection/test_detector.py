@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.config import Channel, DetectionConfig, TargetPoint
 from groundstation.detection.detector import Detector, warm_up
-from groundstation.detection.preprocess import measure_channels
 from groundstation.messages import Detection, Miss, MissReason, Roi
 from tests.detection.painted import Painting, coverage, ground, look_at, paint, sky, whole
 
