@@ -19,7 +19,8 @@ from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.initialise import Sighting
-from groundstation.messages import Detection, Frame, Miss, Roi
+from groundstation.messages import Detection, Frame, Miss, MissReason, Roi
+from groundstation.picture import Picture, as_picture
 from groundstation.rig import Station
 
 _MIN_HEADING_SPEED_M_S, _SURE_HEADING_SPEED_M_S = 3.0, 8.0
@@ -96,7 +97,9 @@ class CameraTracker:
         self._last_size_px, self._detections = size_px, detections
 
     def search(self, frame: Frame, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> list[Sighting]:
-        """Look at the whole frame and return the candidates in it."""
+        """Look at the whole frame and return the candidates in it: none where a recording kept only a part of it."""
+        if not as_picture(frame.image).has_all:
+            return []
         pose = self.geometry.camera_pose(pan_rad, tilt_rad)
         found = self._finder.find(frame.image, frame.t_s, pose.runway_from_camera.T)
         return [
@@ -127,6 +130,11 @@ class CameraTracker:
         )
         if roi is None:
             return None
+        recorded = _recorded(as_picture(frame.image), roi, centre_px)
+        if recorded is None:
+            detail = "what it wants to look at is not among what the recording kept of this picture"
+            return Look(roi=roi, result=Miss(reason=MissReason.NOT_RECORDED, detail=detail), channel_contrast=None)
+        roi = recorded
         result = self._detector.detect(frame.image, roi, hint)
         contrast = None
         if isinstance(result, Detection):
@@ -167,6 +175,21 @@ class CameraTracker:
             px_per_m=px_per_m,
             height_m=height_m,
         )
+
+
+def _recorded(picture: Picture, roi: Roi, centre_px: FloatArray) -> Roi | None:
+    """Return the region of interest as far as a picture has it; None where the target is expected beside that.
+
+    Only a recording that is replayed otherwise than it was flown asks for what it has not.
+    """
+    window = picture.available((roi.x, roi.y, roi.x + roi.w, roi.y + roi.h))
+    if window is None:
+        return None
+    x0, y0, x1, y1 = window
+    if (roi.x, roi.y, roi.w, roi.h) == (x0, y0, x1 - x0, y1 - y0):
+        return roi
+    u, v = (float(c) for c in centre_px)
+    return Roi(x=x0, y=y0, w=x1 - x0, h=y1 - y0) if x0 <= u < x1 and y0 <= v < y1 else None
 
 
 def silhouette_mask(found: Detection, roi: Roi) -> MaskArray:

@@ -10,7 +10,7 @@ from typing import Any
 
 from groundstation.compared_runs import SUMMARY, PlannedRun, SourceKind, planned_runs, results_of
 from groundstation.errors import InputError
-from groundstation.evaluation.comparison_text import ScoredRun, scored
+from groundstation.evaluation.comparison_text import ScoredRun, format_comparison, scored
 from groundstation.evaluation.figures_of_run import moved_figures
 from groundstation.evaluation.summary import SUMMARY_FORMAT
 
@@ -80,7 +80,24 @@ def _scored(
     )
     if fault is not None:
         notes.append(f"{run.name}: fault in the recording: {fault}")
-    return scored(run.name, str(run.source), load_summary(folder / SUMMARY))
+    return _with_figures(run, folder / SUMMARY)
+
+
+def _with_figures(run: PlannedRun, path: Path) -> ScoredRun:
+    """Return a run with the figures of its summary; raises `InputError` if some are missing or are no numbers."""
+    summary = load_summary(path)
+    wanted = "a summary.json as `groundstation replay` wrote it"
+    try:
+        found = scored(run.name, str(run.source), summary)
+        # what the tables take of it is all there, or it is said here
+        format_comparison((found,), found)
+        parts = (summary["session"]["name"], summary["configuration"].items(), summary["versions"].items())
+    except (KeyError, TypeError, AttributeError, ValueError) as fault:
+        raise InputError(str(path), got=f"not all of it as it should be: {fault}", wanted=wanted) from fault
+    odd = [name for name, value in found.figures.items() if not isinstance(value, int | float | None)]
+    if odd or not isinstance(parts[0], str):
+        raise InputError(str(path), got=f"no number for {', '.join(odd[:3]) or 'session.name'}", wanted=wanted)
+    return found
 
 
 def load_summary(path: Path) -> dict[str, Any]:

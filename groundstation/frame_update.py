@@ -32,6 +32,7 @@ from groundstation.messages import (
     MissReason,
     PixelMeasurement,
 )
+from groundstation.picture import as_picture
 from groundstation.station_health import StationHealth
 from groundstation.synchronise import AngleFault, AnglesAt, ReadyFrame
 from groundstation.target_keeper import TargetKeeper
@@ -133,7 +134,9 @@ class FrameUpdate:
         found = self._search(record, angles) if searches else []
         self._keeper.sighted(found)
         if not self._ekf.has_target:
-            miss = Miss(reason=MissReason.NOT_ACQUIRED, detail=f"{len(found)} candidates")
+            partial = searches and isinstance(record, Frame) and not as_picture(record.image).has_all
+            reason = MissReason.NOT_RECORDED if partial else MissReason.NOT_ACQUIRED
+            miss = Miss(reason=reason, detail=f"{len(found)} candidates")
             return replace(report, result=miss, elapsed_s=self._stopwatch() - started)
         prediction = self._ekf.predict_pixel(record.station)
         if prediction is None:

@@ -151,6 +151,7 @@ class MissReason(StrEnum):
     NO_PTU_ANGLE = "no_ptu_angle"
     NOT_ACQUIRED = "not_acquired"
     LATE = "late"
+    NOT_RECORDED = "not_recorded"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

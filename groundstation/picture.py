@@ -70,6 +70,15 @@ class Picture(ABC):
         self.read.append(clipped)
         return self._pixels(clipped), (clipped[0], clipped[1])
 
+    @property
+    def has_all(self) -> bool:
+        """Whether every window of it can be looked at."""
+        return True
+
+    def available(self, window: Window) -> Window | None:
+        """Return the part of a window that can be looked at, the largest where there are several; None if none can."""
+        return clip(window, self.size_px)
+
     def whole(self) -> ImageArray:
         """Return all of it, (h, w, 3) uint8 BGR; not to be written to."""
         self.whole_read = True
@@ -154,6 +163,19 @@ class PartialPicture(Picture):
         """Whether one part is the whole picture."""
         return (0, 0, *self.size_px) in self.kept_windows
 
+    def available(self, window: Window) -> Window | None:
+        """Return the part of a window that was kept, the largest where there are several; None if none was."""
+        wanted = clip(window, self.size_px)
+        if wanted is None:
+            return None
+        found = None
+        for part, kept in zip(self._parts, self.kept_windows, strict=True):
+            readable = _in_reach(kept, self.size_px, self.pattern if part.pixels.ndim == 2 else None)
+            both = _overlap(wanted, readable)
+            if both is not None and (found is None or _area(both) > _area(found)):
+                found = both
+        return found
+
     def _pixels(self, window: Window) -> ImageArray:
         for part in self._parts:
             raw = part.pixels.ndim == 2
@@ -197,9 +219,26 @@ def grown(window: Window, by_px: int) -> Window:
 
 def clip(window: Window, size_px: tuple[int, int]) -> Window | None:
     """Return the part of a window inside a picture (w, h); None where there is none."""
-    x0, y0 = max(window[0], 0), max(window[1], 0)
-    x1, y1 = min(window[2], size_px[0]), min(window[3], size_px[1])
+    return _overlap(window, (0, 0, *size_px))
+
+
+def _overlap(a: Window, b: Window) -> Window | None:
+    x0, y0 = max(a[0], b[0]), max(a[1], b[1])
+    x1, y1 = min(a[2], b[2]), min(a[3], b[3])
     return (x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None
+
+
+def _area(window: Window) -> int:
+    return (window[2] - window[0]) * (window[3] - window[1])
+
+
+def _in_reach(kept: Window, size_px: tuple[int, int], pattern: BayerPattern | None) -> Window:
+    """Return what can be seen in colour of a raw part: all but what leans on pixels that were not kept."""
+    if pattern is None:
+        return kept
+    x0, y0 = (v + _BAYER_REACH if v > 0 else 0 for v in kept[:2])
+    x1, y1 = (v - _BAYER_REACH if v < size else v for v, size in zip(kept[2:], size_px, strict=True))
+    return x0, y0, x1, y1
 
 
 def _around(window: Window, size_px: tuple[int, int], pattern: BayerPattern | None) -> Window:

@@ -9,7 +9,7 @@ from groundstation.compared_runs import RECORDING, PlannedRun, SourceKind, plann
 from groundstation.errors import InputError, RigError, SessionError
 from groundstation.session import load_session
 from groundstation.sinks.rerun_compare import ShownRun, shown_runs, together_in_time, write_comparison
-from groundstation.sinks.rerun_merge import Align
+from groundstation.sinks.rerun_merge import Align, check_recording
 from groundstation.sinks.rerun_results import recording_of_results
 from groundstation.sinks.rerun_unplayed import recording_of_session
 
@@ -62,6 +62,7 @@ def prepare_view(
     # one made of tables has no layout of its own
     if len(recordings) == 1 and request.align in (None, Align.NONE) and runs[0].name not in made:
         path = next(iter(recordings.values()))
+        check_recording(path)
         return ViewResult(
             recording=_kept(path, request.save), names=tuple(recordings), align=Align.NONE, notes=tuple(notes)
         )

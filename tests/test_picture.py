@@ -13,6 +13,7 @@ from groundstation.picture import (
     Picture,
     PictureError,
     RawPicture,
+    Window,
     clip,
     grown,
 )
@@ -77,6 +78,24 @@ def test_what_was_not_kept_is_an_error_and_never_black() -> None:
         again.window((4, 4, 13, 12))
     with pytest.raises(PictureError):
         again.whole()
+
+
+@given(windows, windows, windows, kinds)
+def test_what_is_available_can_be_looked_at(first: Window, second: Window, wanted: Window, kind: str) -> None:
+    """Expected: all of a window that was read; of any other window a part, and that part's own pixels."""
+    seen = picture_of(kind)
+    read = [w for w in (first, second) if clip(w, SIZE) is not None]
+    for window in read:
+        seen.window(window)
+    again = PartialPicture(SIZE, [seen.kept(w) for w in seen.read], pattern_of(kind))
+    for window in read:
+        assert again.available(window) == clip(window, SIZE) == seen.available(window)
+    part = again.available(wanted)
+    if part is not None:
+        assert clip(part, SIZE) == part
+        np.testing.assert_array_equal(again.window(part)[0], seen.window(part)[0])
+        assert (max(part[0], wanted[0]), max(part[1], wanted[1])) == part[:2]
+        assert (min(part[2], wanted[2]), min(part[3], wanted[3])) == part[2:]
 
 
 def test_what_was_read_is_noted() -> None:

@@ -233,7 +233,8 @@ class BackgroundMemory:
             return None
         w, h = size
         # one pixel more all around: texture is told from the neighbours
-        part, corner = picture.window(grown((*origin, origin[0] + w, origin[1] + h), 1))
+        place = (*origin, origin[0] + w, origin[1] + h)
+        part, corner = picture.window(picture.available(grown(place, 1)) or place)
         image = np.ascontiguousarray(part)
         inside = (origin[0] - corner[0], origin[1] - corner[1])
         if not self._register(_Seen(image, corner), inside, size, target):
@@ -301,7 +302,7 @@ class BackgroundMemory:
                 return
         free = [k for k in range(_KEPT) if k not in self._order]
         slot = free[0] if free else self._order.pop()
-        image, corner = picture.window(grown(around, KEPT_MARGIN_PX))
+        image, corner = picture.window(picture.available(grown(around, KEPT_MARGIN_PX)) or around)
         self._frames[slot] = _Seen(image.copy(), corner)
         self._hidden[slot] = target
         self._shifts[slot] = 0.0

@@ -167,6 +167,12 @@ def _replaced(rows: pa.RecordBatch, name: str, column: pa.Array) -> pa.RecordBat
     return rows.set_column(index, rows.schema.field(index), column)
 
 
+def check_recording(path: Path) -> None:
+    """Read a file to its end; raises `InputError` if there is no recording in it or it is damaged."""
+    for _ in _chunks(path):
+        pass
+
+
 def _chunks(path: Path) -> Iterator[Chunk]:
     """Return what a file's first recording holds, without its properties; raises `InputError` if it is damaged."""
     try:

@@ -1,5 +1,6 @@
 """`evaluate`: figures of runs beside each other, differences, CSV, JSON, and evo's word on our trajectories."""
 
+import copy
 import csv
 import json
 import os
@@ -13,8 +14,9 @@ import numpy as np
 import pytest
 
 from groundstation.cli import main
-from groundstation.compare import CompareRequest, compare, load_summary
+from groundstation.compare import CompareRequest, compare, comparison_csv, comparison_json, load_summary
 from groundstation.errors import InputError
+from groundstation.evaluation.comparison_text import format_comparison
 from groundstation.evaluation.figures_of_run import Moved, figures_of, moved_figures
 from groundstation.evaluation.table import format_accuracy_table
 from groundstation.simulation import case_b, simulate
@@ -129,6 +131,38 @@ def test_what_is_no_finished_replay_is_named(tmp_path: Path, capsys: pytest.Capt
         (tmp_path / "summary.json").write_text(text)
         with pytest.raises(InputError, match=r"summary\.json"):
             load_summary(tmp_path / "summary.json")
+
+
+def test_a_damaged_summary_is_refused_in_words(compared: Path, tmp_path: Path) -> None:
+    """Expected: with one place taken out or spoilt it is compared, or refused by our own error."""
+    whole = json.loads((compared / "runs" / "loose" / "summary.json").read_text(encoding="utf-8"))
+    random = np.random.default_rng(5)
+    (tmp_path / "track.csv").write_text("")
+    refused: list[str] = []
+    for _ in range(150):
+        damaged = copy.deepcopy(whole)
+        inside: Any = damaged
+        while True:
+            places = list(inside) if isinstance(inside, dict) else list(range(len(inside)))
+            place = places[random.integers(len(places))]
+            if not (isinstance(inside[place], dict | list) and inside[place]) or random.random() < 0.2:
+                break
+            inside = inside[place]
+        if random.random() < 0.5:
+            del inside[place]
+        else:
+            inside[place] = (None, "x", [], {}, -1, 1e308)[random.integers(6)]
+        (tmp_path / "summary.json").write_text(json.dumps(damaged), encoding="utf-8")
+        try:
+            result = compare(CompareRequest(sources=(tmp_path,), work=tmp_path))
+        except InputError as error:
+            refused.append(str(error))
+            continue
+        assert format_comparison(result.runs, result.baseline)
+        assert comparison_csv(result)
+        assert comparison_json(result)
+    assert len(refused) > 10
+    assert all("summary.json" in said for said in refused)
 
 
 def test_what_has_moved() -> None:

@@ -102,6 +102,39 @@ def test_answers_that_differ_are_counted(recorded: Path) -> None:
     assert f"the first that differs is epoch {epoch}" in result.line()
 
 
+@pytest.mark.parametrize("wider", [True, False])
+def test_another_tuning_looks_where_the_recording_has_pixels(recorded: Path, tmp_path: Path, wider: bool) -> None:
+    """Expected: what it wants beside what was kept it goes without; the aircraft is tracked, and nothing fails."""
+    tuning = tmp_path / "tuning.toml"
+    tuning.write_text(f"[detection]\nroi_basic_px = {[220, 140] if wider else [70, 50]}\n", encoding="utf-8")
+    request = ReplayRequest(
+        session=recorded / "flight.mcap",
+        out=tmp_path / "out",
+        config=tuning,
+        rerun=False,
+        report=False,
+    )
+    result = replay(request)
+    assert result.fault is None
+    assert result.identity is None
+    first = json.loads((recorded / "out" / "summary.json").read_text())["counts"]["detection"]
+    again = result.evaluation.summary["counts"]["detection"]
+    for station, counts in again.items():
+        assert counts["status"]["ok"] >= 0.9 * first[station]["status"]["ok"], (counts, first[station])
+
+
+def test_begun_where_only_parts_were_kept_nothing_is_found_and_nothing_fails(recorded: Path, tmp_path: Path) -> None:
+    """Expected: the whole picture, which a search needs, is not there; said as such in every look."""
+    request = ReplayRequest(
+        session=recorded / "flight.mcap", out=tmp_path, from_s=TO_S - 0.5, rerun=False, report=False
+    )
+    result = replay(request)
+    assert result.fault is None
+    for counts in result.evaluation.summary["counts"]["detection"].values():
+        assert counts["status"]["ok"] == 0
+        assert counts["miss_reason"]["not_recorded"] == counts["status"]["miss"] > 0
+
+
 def test_a_part_or_another_tuning_is_not_compared(recorded: Path, tmp_path: Path) -> None:
     request = ReplayRequest(session=recorded / "flight.mcap", out=tmp_path, to_s=FROM_S + 1.0, rerun=False)
     result = replay(request)
