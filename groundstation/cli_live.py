@@ -204,6 +204,7 @@ def _words(result: "LiveResult") -> str:
     if result.score is not None:
         lines += ["", format_score(result.score)]
     lines += ["", *(f"wrote {path}" for path in result.files)]
+    lines += [f"not whole: {what}" for what in result.not_whole]
     return "\n".join(lines)
 
 

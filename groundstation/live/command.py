@@ -39,6 +39,7 @@ from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.warm_up import warm_up
 
 _BEGIN_AFTER_S = 3.0
+_RECORDING = "flight.mcap"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,13 +72,15 @@ class LiveRequest:
 class LiveResult:
     """How it went: the operation's figures, what was written, and with a simulated range the truth's verdict.
 
-    ``begin_s`` is the simulated flight's time zero, session time.
+    ``not_whole`` says in a line each what the disk did not take. ``begin_s`` is the simulated flight's time zero,
+    session time.
     """
 
     operation: OperationResult
     files: tuple[Path, ...]
     score: DayScore | None
     begin_s: float = 0.0
+    not_whole: tuple[str, ...] = ()
 
 
 def live(
@@ -154,7 +157,9 @@ def live(
         if simulated is not None:
             found = score(flight, begin_s - start_s, keeper.rows(), simulated.truth, rig, begin_s)
     files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
-    return LiveResult(operation=result, files=files, score=found, begin_s=begin_s - start_s)
+    if recorder is not None and recorder.status.trouble:
+        faults.insert(0, f"{_RECORDING}: {recorder.words()}")
+    return LiveResult(operation=result, files=files, score=found, begin_s=begin_s - start_s, not_whole=tuple(faults))
 
 
 def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> None:
@@ -192,14 +197,17 @@ class GuardedSink:
 
     def __init__(self, sink: Sink, faults: list[str]) -> None:
         self._sink = sink
+        # others tell the same list of theirs
         self._faults = faults
+        self._failed = False
 
     def write(self, report: StepReport) -> None:
         """Pass a report on, as long as the disk takes it."""
-        if not self._faults:
+        if not self._failed:
             try:
                 self._sink.write(report)
             except OSError as fault:
+                self._failed = True
                 self._faults.append(f"track files end here: {fault.strerror or fault}")
 
     def close(self) -> None:
@@ -278,7 +286,7 @@ def _recorder(
     """Open the recorder, if there is to be one."""
     if not request.record:
         return None
-    recorder = opened.enter_context(open_recorder(out / "flight.mcap", rig, header))
+    recorder = opened.enter_context(open_recorder(out / _RECORDING, rig, header))
     sinks.append(recorder)
     return recorder
 

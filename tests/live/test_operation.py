@@ -199,3 +199,12 @@ def test_a_full_disk_ends_the_tables_and_nothing_else() -> None:
     assert faults == ["track files end here: No space left on device"]
     sink.close()
     assert faults[1:] == ["track files are not whole: No space left on device"]
+
+
+def test_another_files_fault_does_not_end_the_tables() -> None:
+    """Expected: what the disk does with `dgps.csv` is said in the same list, and the track's tables go on."""
+    disk, faults = FullDisk(), ["dgps.csv ends here: No space left on device"]
+    sink = GuardedSink(disk, faults)
+    sink.write(StepReport())
+    assert disk.taken == 1
+    assert len(faults) == 1

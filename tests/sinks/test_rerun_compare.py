@@ -137,6 +137,17 @@ def test_one_recording_is_shown_as_it_is(two: tuple[Path, Path], tmp_path: Path)
     assert result.recording == two[0] / "session.rrd"
 
 
+def test_a_single_recording_that_is_damaged_is_refused(two: tuple[Path, Path], tmp_path: Path) -> None:
+    cut = tmp_path / "cut.rrd"
+    whole = (two[0] / "session.rrd").read_bytes()
+    middle = len(whole) // 2
+    for content in (b"hi", bytes(64), whole[:middle] + bytes(64) + whole[middle + 64 :]):
+        cut.write_bytes(content)
+        with pytest.raises(InputError, match=r"cut\.rrd: got .*wanted a Rerun recording"):
+            prepare_view(ViewRequest(sources=(cut,), work=tmp_path / "work", save=tmp_path / "kept.rrd"))
+        assert not (tmp_path / "kept.rrd").exists()
+
+
 def test_a_recording_is_not_written_over(two: tuple[Path, Path], tmp_path: Path) -> None:
     path = two[0] / "session.rrd"
     before = path.read_bytes()
