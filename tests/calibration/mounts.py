@@ -104,10 +104,12 @@ def look(
     noise: Noise = Noise(),
     bodies: dict[str, np.ndarray] | None = None,
     in_corners: bool = False,
+    rows_each: int = 1,
 ) -> MountSightings:
     """Return what is seen where the head looks near each mark in turn, coming from either side.
 
-    The mark is anywhere in the picture, or near its corners in turn.
+    The mark is anywhere in the picture, or near its corners in turn. ``rows_each``: so often each is read and seen
+    while the head stands, every row with a time of its own.
     """
     rows, geometry = [], true.geometry()
     truth = [
@@ -135,13 +137,14 @@ def look(
         inside = [p is not None and geometry.contains(p.pixel) for p in pixels]
         if not all(inside):
             continue
-        reading = np.degrees(true.ptu_axes.readings(*angles, *sense)) + noise.reading_deg * rng.normal(size=2)
-        if noise.step_deg:
-            reading = noise.step_deg * np.round(reading / noise.step_deg)
-        for point, projection in zip(body, pixels, strict=True):
-            assert projection is not None
-            pixel = projection.pixel + noise.px * rng.normal(size=2)
-            rows.append((np.radians(reading), sense, pixel, pointing, number, point))
+        for row in range(rows_each):
+            reading = np.degrees(true.ptu_axes.readings(*angles, *sense)) + noise.reading_deg * rng.normal(size=2)
+            if noise.step_deg:
+                reading = noise.step_deg * np.round(reading / noise.step_deg)
+            for point, projection in zip(body, pixels, strict=True):
+                assert projection is not None
+                pixel = projection.pixel + noise.px * rng.normal(size=2)
+                rows.append((np.radians(reading), sense, pixel, pointing * rows_each + row, number, point))
         pointing += 1
     return MountSightings(
         reading_rad=np.array([r[0] for r in rows]),
