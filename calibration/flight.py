@@ -23,7 +23,7 @@ _GROSS_SIGMA = 4.5
 # errors that last are seen as blocks that do not average out
 _BLOCK_S = 1.0
 _LEAST_BLOCKS = 6
-# chance leaves less than this in so many cases
+# in so many flights chance alone raises none of the combinations
 _CHANCE = 0.95
 _SCALES = {
     "runway_from_base": 1e-3,
@@ -320,4 +320,5 @@ def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatA
     ratio = seen.sum(axis=0) / total
     # of a sum of squares of unequal size (Satterthwaite 1946)
     freedom = total**2 / np.maximum((expected**2).sum(axis=0), 1e-300)
-    return np.asarray(np.where(ratio > chi2.ppf(_CHANCE, freedom) / freedom, np.sqrt(np.maximum(ratio, 1.0)), 1.0))
+    limit = chi2.ppf(_CHANCE ** (1.0 / p), freedom) / freedom
+    return np.asarray(np.where(ratio > limit, np.sqrt(np.maximum(ratio, 1.0)), 1.0))
