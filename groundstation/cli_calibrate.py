@@ -8,6 +8,7 @@ from pathlib import Path
 from groundstation.cli_calibrate_landmarks import add_landmark_kinds, run_calibrate_check, run_calibrate_survey
 from groundstation.cli_calibrate_mount import add_mount, run_mount
 from groundstation.cli_calibrate_timing import add_timing, run_timing
+from groundstation.cli_span import add_span, require_span
 from groundstation.errors import InputError
 from groundstation.progress import ProgressLine
 
@@ -101,8 +102,7 @@ def _add_flight(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     flight.add_argument(
         "--detections", type=Path, metavar="FILE", help="pixels of an earlier replay: its detections.csv"
     )
-    flight.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
-    flight.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    add_span(flight)
     flight.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
     flight.add_argument("--free", default="", metavar="LIST", help="find these as well")
     flight.add_argument(
@@ -133,6 +133,7 @@ def _flight(options: argparse.Namespace) -> int:
     """Calibrate on a flight, print the report and the path."""
     from calibration.flight_session import FlightRequest, calibrate_flight
 
+    require_span(options)
     if options.out.resolve() == (options.session / "rig.toml").resolve():
         wanted = "another file: a recording keeps the rig that it was made with"
         raise InputError(str(options.out), got="the session's own rig", wanted=wanted)
