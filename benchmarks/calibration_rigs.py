@@ -27,6 +27,7 @@ from scipy.stats import chi2
 from calibration.flight import FlightFit
 from calibration.flight_data import FlightData, gather_flight
 from calibration.flight_paths import PathResiduals, path_samples
+from calibration.flight_problem import FlightProblem
 from calibration.flight_session import FlightRequest, calibrate_flight
 from groundstation.session import load_session
 from groundstation.simulation import Scenario, case_b, simulate
@@ -175,9 +176,16 @@ def _bound(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> np.nda
         for noisy, quiet in zip(fit.parts, path_samples(problem), strict=True)
     )
     usable = {name: problem.predict(name, true_change).usable for name in exact.looks}
-    factors = dict.fromkeys(exact.looks, PIXEL_PX)
+    factors = {name: _noise_put_in(problem, name, true_change) for name in exact.looks}
     jacobian = PathResiduals(problem, factors, usable, true_change, parts).jacobian(true_change)
     return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+
+
+def _noise_put_in(problem: FlightProblem, name: str, change: np.ndarray) -> float:
+    """Return a station's noise over assumed: that of its pixels, beside that of angles which no path takes up."""
+    assumed = float(np.mean(problem.looks[name].sigma_px ** 2))
+    whole = float(np.median(np.einsum("nii->n", problem.predict(name, change).own_px2))) / 2.0
+    return float(np.sqrt((whole - assumed + PIXEL_PX**2) / whole))
 
 
 def _scenario(case: str, seed: int) -> Scenario:
