@@ -30,6 +30,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.cli_view",
         "groundstation.cli_evaluate",
     ),
+    ("groundstation.cli_span",),
     ("calibration",),
     ("groundstation.view", "groundstation.compare"),
     ("groundstation.compared_runs",),
