@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.config import Config, Start, config_to_mapping
+from groundstation.count_words import count_words
 from groundstation.errors import InputError, RigError, SessionError
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_reference_tums, write_summary
@@ -142,7 +143,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     if outcome.fault is not None:
         faults.append(str(outcome.fault))
     faults += recording_notes(source, recorder)
-    faults += [f"{name.replace('_', ' ')}: {n}" for name, n in pipeline.counts.items() if n]
+    faults += count_words(pipeline.counts)
     if taught and pipeline.taught_until_s is None:
         faults.append("nothing was learnt from DGPS: no target was held while it was there, or nothing may be learnt")
     description = RunDescription(

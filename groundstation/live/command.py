@@ -72,8 +72,8 @@ class LiveRequest:
 class LiveResult:
     """How it went: the operation's figures, what was written, and with a simulated range the truth's verdict.
 
-    ``not_whole`` says in a line each what the disk did not take. ``begin_s`` is the simulated flight's time zero,
-    session time.
+    ``not_whole`` says in a line each what the disk did not take, ``recorded`` how much it took, and how much a second.
+    ``begin_s`` is the simulated flight's time zero, session time.
     """
 
     operation: OperationResult
@@ -81,6 +81,7 @@ class LiveResult:
     score: DayScore | None
     begin_s: float = 0.0
     not_whole: tuple[str, ...] = ()
+    recorded: str = ""
 
 
 def live(
@@ -125,8 +126,7 @@ def live(
         sinks: list[Sink] = [tables, keeper]
         recorder = _recorder(request, out, rig, header, opened, sinks)
         operators: list[StatusSink] = [_Teller(tell)]
-        if request.screen != "none":
-            _screen(request, rig, file, opened, sinks, operators, say)
+        screen = _screen(request, rig, file, opened, sinks, operators, say)
         operation = Operation(
             file,
             rig,
@@ -135,7 +135,7 @@ def live(
             recorders=[] if recorder is None else [recorder],
             operators=operators,
             start_s=start_s,
-            recorder_words=lambda: ", ".join(w for w in (_recording(recorder), *faults) if w),
+            also=lambda: ", ".join(w for w in (_recording(recorder), screen(), *faults) if w),
             keep_images=request.screen != "none",
             reference_errors=known.errors if header.taught else None,
         )
@@ -159,7 +159,15 @@ def live(
     files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
     if recorder is not None and recorder.status.trouble:
         faults.insert(0, f"{_RECORDING}: {recorder.words()}")
-    return LiveResult(operation=result, files=files, score=found, begin_s=begin_s - start_s, not_whole=tuple(faults))
+    recorded = "" if recorder is None else recorder.took()
+    return LiveResult(
+        operation=result,
+        files=files,
+        score=found,
+        begin_s=begin_s - start_s,
+        not_whole=tuple(faults),
+        recorded=recorded,
+    )
 
 
 def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> None:
@@ -303,8 +311,10 @@ def _screen(
     sinks: list[Sink],
     operators: list[StatusSink],
     say: Callable[[str], None],
-) -> None:
-    """Open the operator's screen."""
+) -> Callable[[], str]:
+    """Open the operator's screen, if there is to be one; returns what it has to say of itself."""
+    if request.screen == "none":
+        return lambda: ""
     from groundstation.sinks.rerun_live import LiveView
     from groundstation.sinks.rerun_viewer import open_live_stream, open_web_stream, stop_viewer
 
@@ -318,3 +328,4 @@ def _screen(
     opened.callback(view.close)
     sinks.append(view)
     operators.append(_Teller(lambda status: view.say(status.t_s, status.lines)))
+    return view.words

@@ -25,6 +25,7 @@ from groundstation.rig import Rig
 from groundstation.sinks.recorder_messages import RecordingMessages
 from groundstation.sinks.recorder_output import RawOutput, RetriedOutput, new_file
 from groundstation.sinks.recorder_queue import Answer, EventLine, FramePixels, RecorderQueue
+from groundstation.sinks.recorder_rates import RateBook
 from groundstation.sinks.recorder_status import PATIENT, RecorderConfig, RecorderState, RecorderStatus
 from groundstation.sinks.recorder_writer import RecorderWriter
 
@@ -71,6 +72,8 @@ class Recorder:
         self._number = 0
         self._unseen: dict[tuple[str, int], deque[tuple[int, Frame]]] = {}
         self._state, self._reason = RecorderState.RECORDING, ""
+        self._free: int | None = None
+        self._rates = RateBook()
         self._closed = False
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
@@ -96,6 +99,8 @@ class Recorder:
             pictures_dropped=pictures,
             records_lost=records,
             events_lost=events,
+            free_bytes=self._free,
+            rates=self._rates.rates,
         )
 
     def take(self, event: Event) -> None:
@@ -179,13 +184,29 @@ class Recorder:
     def _work(self) -> None:
         try:
             RecorderWriter(
-                self._queue, self._output, self._messages, self._config, self._free_bytes, self._clock, self._say
+                self._queue,
+                self._output,
+                self._messages,
+                self._config,
+                self._look,
+                self._clock,
+                self._say,
+                self._rates,
             ).run()
         except Exception as fault:  # noqa: BLE001 - whatever happens to the recording, the flight goes on
             self._say(RecorderState.FAILED, f"{type(fault).__name__}: {fault}")
             self._queue.refuse_pictures = "failed"
         finally:
             self._output.close()
+
+    def _look(self) -> int:
+        """Return how much is free on the disk, and remember it for the status."""
+        try:
+            self._free = self._free_bytes()
+        except OSError:
+            self._free = None
+            raise
+        return self._free
 
     def _say(self, state: RecorderState, reason: str) -> None:
         self._state, self._reason = state, reason
