@@ -10,8 +10,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
 from groundstation.config import Config
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.hand_over import quick_hand_over
@@ -182,13 +180,7 @@ class Operation:
         began_s = self.now_s
         if isinstance(item, Shot) and self._shedding.leaves_out(item.station, item.t_s, self.inbox.frames_waiting):
             item = None
-        try:
-            taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
-        except (ArithmeticError, np.linalg.LinAlgError) as fault:
-            # numbers that no filter can work with: a fresh one may
-            self.say("error", f"the filter has failed ({type(fault).__name__}: {fault}); begun anew")
-            core.begin_anew(self._pipeline())
-            return
+        taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
         if isinstance(item, Shot):
             for event in taken.consumed:
                 if isinstance(event, Frame):

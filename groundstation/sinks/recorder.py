@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Self
 
 from groundstation.errors import InputError
-from groundstation.messages import Event, Frame, StepReport
+from groundstation.messages import BegunAnew, Event, Frame, StepReport
 from groundstation.recording.contents import RecordingHeader
 from groundstation.recording.event_codec import event_values
 from groundstation.recording.windows import merged
@@ -113,6 +113,9 @@ class Recorder:
         number = self._number
         self._number += 1
         self._queue.put(EventLine(n=number, t_s=float(event.t_s), values=event_values(number, event)))
+        if isinstance(event, BegunAnew):
+            # who held frames until now will not report on them
+            self._put_unseen()
         if not isinstance(event, Frame):
             return
         if self._whole_frames:
@@ -150,10 +153,7 @@ class Recorder:
         if self._closed:
             return
         self._closed = True
-        for waiting in self._unseen.values():
-            for number, frame in waiting:
-                self._put_pixels(number, frame, whole=frame.image.whole_read)
-        self._unseen.clear()
+        self._put_unseen()
         self._queue.close()
         self._thread.join(self._config.close_s)
         if self._thread.is_alive():
@@ -165,6 +165,13 @@ class Recorder:
             time.sleep(_PATIENT_S)
         if self._state is not RecorderState.RECORDING:
             raise InputError(str(self._path), got=self.status.line(), wanted="a disk with space for the recording")
+
+    def _put_unseen(self) -> None:
+        """Hand over what was read of the frames that no report is to be expected of."""
+        for waiting in self._unseen.values():
+            for number, frame in waiting:
+                self._put_pixels(number, frame, whole=frame.image.whole_read)
+        self._unseen.clear()
 
     def _put_pixels(self, number: int, frame: Frame, *, whole: bool) -> None:
         """Hand over what is to be kept of a frame; windows are copied, so that the picture's memory is free again."""

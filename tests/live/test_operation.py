@@ -69,6 +69,10 @@ def test_ctrl_c_ends_it_softly(flown: tuple[Path, str, int]) -> None:
     assert code == 0, said
     assert "Traceback" not in said
     assert "delay from a pair's first frame to its answer" in said
+    # at the start of every five seconds, a line for people
+    assert "its clock " in said
+    assert "GB free" in said
+    assert "recorded: " in said
     for name in ("track.csv", "triangulation.csv", "detections.csv", "flight.mcap", "rig.toml", "dgps.csv"):
         assert (out / name).is_file(), said
     rows = (out / "track.csv").read_text(encoding="utf-8").splitlines()
