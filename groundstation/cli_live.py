@@ -73,7 +73,7 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         action="append",
         default=[],
         metavar="NAME",
-        help="with --simulate: strikes each PTU's line six times a minute; may be repeated",
+        help="with --simulate: strikes each PTU's line six times a minute once it flies; may be repeated",
     )
     live.add_argument("--dgps", action="store_true", help="with --simulate: a reference receiver on the aircraft")
     live.add_argument("--no-record", action="store_true", help="keep the track, not the pictures")

@@ -21,6 +21,7 @@ from groundstation.live.head_process import Heads
 from groundstation.live.lent_range import LentRange
 from groundstation.live.memory import settle_memory
 from groundstation.live.operation import Operation, OperationResult, StatusSink
+from groundstation.live.out_folder import require_free, taken_back_unless_begun
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import Reference, reference_tuning
 from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, landings, score, simulated_set_up
@@ -98,9 +99,22 @@ def live(
     Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin, and KeyboardInterrupt
     where ``stop`` says so before it has begun.
     """
-    say = partial(_step, stop, say)
-    settle_memory()
     out = _folder(request)
+    with taken_back_unless_begun(out) as begun:
+        return _live(request, out, begun, stop, tell, partial(_step, stop, say), lent)
+
+
+def _live(
+    request: LiveRequest,
+    out: Path,
+    begun: Callable[[], None],
+    stop: Callable[[], bool],
+    tell: Callable[[LiveStatus], None],
+    say: Callable[[str], None],
+    lent: LentRange | None,
+) -> LiveResult:
+    """Operate into ``out``; ``begun`` is told once everything is open."""
+    settle_memory()
     flight = landings(request.seconds or 1e9, seed=request.seed, wind_m_s=request.wind_m_s, aircraft=request.aircraft)
     file = _file(request, out) if lent is None else lent.file
     rig = load_rig(file.rig)
@@ -150,6 +164,7 @@ def live(
         begin_s = time.monotonic() + _BEGIN_AFTER_S
         if simulated is not None:
             begin_s = simulated.begin(begin_s)
+        begun()
         end_s = math.inf if request.seconds is None else begin_s + request.seconds
         result = operation.run(cameras, heads, lambda: stop() or time.monotonic() >= end_s, reference.worker)
         reference.close(recorder)
@@ -249,8 +264,7 @@ def _folder(request: LiveRequest) -> Path:
         out = below / datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%SZ")
     else:
         raise InputError("--out", got="none", wanted="a folder for what is recorded")
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(str(out), got="something that is there already", wanted="a new or empty folder")
+    require_free(out)
     return out
 
 

@@ -65,7 +65,8 @@ class RangeConfig:
     frame_rate_hz : of both cameras, triggered together.
     delivery_s : from mid-exposure to the picture's arrival; longer where rendering takes longer.
     baud : of the PTUs' lines.
-    ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated_faults.FAULTS`, and how often one strikes a PTU.
+    ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated_faults.FAULTS`, and how often one strikes a PTU
+        once the flight has begun.
     receiver : the reference receiver on the aircraft's nose, at the link ``dgps``; None for none.
     timetable : what goes wrong at stated times of the flight.
     """
@@ -259,6 +260,7 @@ def serve_range(
             flight.start_s = float(told)
             for number, s in enumerate(stations):
                 strike(s.server, config.timetable, s.name, flight.start_s, config.seed + number)
+                s.server.strike(config.ptu_faults, config.ptu_faults_per_minute)
     stop.set()
     for station in stations:
         station.server.stop()
@@ -296,8 +298,6 @@ def _made(rig: Rig, number: int, world: World, config: RangeConfig) -> _Station:
     server = SimulatedServer(
         line,
         config.folder / f"ptu-{station.name}",
-        faults=config.ptu_faults,
-        faults_per_minute=config.ptu_faults_per_minute if config.ptu_faults else 0.0,
         seed=config.seed + number,
     )
     camera = RenderedCamera(world, station, seed=config.seed, number=number)

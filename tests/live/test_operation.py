@@ -177,6 +177,7 @@ ptu = "{tmp_path}/nothing"
     assert any("left camera: got pictures of 1280 × 960 px; wanted 320 × 240 px as in the rig" in line for line in said)
     assert any(line.startswith("WRONG  left: PTU:") and "nothing" in line for line in said)
     assert any(line.startswith("WRONG  right camera:") and "none.mp4" in line for line in said)
+    assert not any("left camera: left:" in line or "left: left:" in line for line in said)
 
 
 class FullDisk:
