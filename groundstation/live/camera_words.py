@@ -1,16 +1,20 @@
 """What the operator is told of a camera: what it lost, and how its clock stands to this machine's."""
 
 from groundstation.sources.cameras.camera import CameraCounts
-from groundstation.sources.cameras.clock_fit import ClockFitState
+from groundstation.sources.cameras.clock_fit import ClockFitConfig, ClockFitState
+
+_SETTLED = ClockFitConfig().settled
 
 
 def clock_words(clock: ClockFitState | None, *, has_clock: bool) -> str:
     """Return offset, drift, envelope and sigma of a device's clock in a few words; "" while nothing is known yet."""
     if clock is None:
         return "" if has_clock else "no clock of its own: stamped on arrival"
+    if clock.bins < _SETTLED:
+        return "its clock is still being found"
     ahead = "ahead of" if clock.offset_s < 0.0 else "behind"
     return (
-        f"its clock {abs(clock.offset_s):.4f} s {ahead} ours, drifts {1e6 * clock.drift:+.0f} ppm, "
+        f"its clock {abs(clock.offset_s):.4f} s {ahead} ours, drifts {round(1e6 * clock.drift) or 0:+d} ppm, "
         f"pictures {1e3 * clock.spread_s:.2f} ms later than the quickest, known to ± {1e3 * clock.sigma_s:.2f} ms"
     )
 
