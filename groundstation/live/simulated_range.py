@@ -24,8 +24,19 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.hand_over import quick_hand_over
 from groundstation.live.child import deaf_to_ctrl_c
+from groundstation.live.due_line import DueLine
 from groundstation.live.simulated_receiver import ReceiverModel, SimulatedReceiver
-from groundstation.live.timed_faults import CAMERA_FROZEN, CAMERA_LOST, TimedFault, is_there, strike
+from groundstation.live.timed_faults import (
+    CAMERA_CLOCK_STEPPED,
+    CAMERA_FROZEN,
+    CAMERA_LATE,
+    CAMERA_LOST,
+    LATE_S,
+    STEP_S,
+    TimedFault,
+    is_there,
+    strike,
+)
 from groundstation.picture import BayerPattern
 from groundstation.rig import Rig, load_rig
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -318,7 +329,8 @@ def _deliver(
     slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
     period_s, number = 1.0 / config.frame_rate_hz, 0
     frozen: ImageArray | None = None
-    while not stop.is_set():
+    line = DueLine(pipe, time.monotonic)
+    while not stop.is_set() and not line.broken:
         t_s = first_s + number * period_s
         wait_s = t_s - time.monotonic()
         if wait_s > 0:
@@ -340,9 +352,8 @@ def _deliver(
         slots[number % _SLOTS] = shown
         truth = station.camera.truth(t_s, *angles, silhouette=False)
         u, v = (math.nan, math.nan) if truth.pixel_px is None else (float(x) for x in truth.pixel_px)
-        stop.wait(max(t_s + config.delivery_s - time.monotonic(), 0.0))
-        try:
-            pipe.send((number % _SLOTS, number, round(t_s * 1e9), t_s, u, v))
-        except OSError:
-            return
+        late_s = LATE_S * is_there(config.timetable, CAMERA_LATE, station.name, since_s)
+        stamp_s = t_s + STEP_S * is_there(config.timetable, CAMERA_CLOCK_STEPPED, station.name, since_s)
+        line.send(t_s + config.delivery_s + late_s, (number % _SLOTS, number, round(stamp_s * 1e9), t_s, u, v))
         number += 1
+    line.close()
