@@ -4,13 +4,15 @@ from groundstation.sources.cameras.camera import CameraCounts
 from groundstation.sources.cameras.clock_fit import ClockFitConfig, ClockFitState
 
 _SETTLED = ClockFitConfig().settled
+# what is known no better than that tells nobody anything
+_COARSE_S = 0.1
 
 
 def clock_words(clock: ClockFitState | None, *, has_clock: bool) -> str:
     """Return offset, drift, envelope and sigma of a device's clock in a few words; "" while nothing is known yet."""
     if clock is None:
         return "" if has_clock else "no clock of its own: stamped on arrival"
-    if clock.bins < _SETTLED:
+    if clock.bins < _SETTLED or clock.sigma_s > _COARSE_S:
         return "its clock is still being found"
     ahead = "ahead of" if clock.offset_s < 0.0 else "behind"
     return (
