@@ -298,7 +298,7 @@ def _cameras(
             try:
                 cameras[station.name] = stack.enter_context(camera)
             except CameraError as fault:
-                raise DeviceError(f"{station.name}: {fault}") from fault
+                raise DeviceError(f"{station.name} camera: {fault}") from fault
         yield cameras
 
 

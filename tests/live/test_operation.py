@@ -166,7 +166,7 @@ ptu = "{tmp_path}/nothing"
 [[station]]
 name = "right"
 camera = "file:{tmp_path}/none.mp4"
-ptu = "{tmp_path}/nothing"
+ptu = "{tmp_path}/nothing-either"
 """,
         encoding="utf-8",
     )

@@ -1,7 +1,9 @@
 """What the operator is told of the recording, the screen and the counts, in plain words; and where it is shown."""
 
 import io
+import itertools
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +39,7 @@ def test_the_recorder_says_rate_and_free_disk(tmp_path: Path) -> None:
         for event in recorder.taken(events(120, np.random.default_rng(1))):
             recorder.write(looked_at(event))
         while recorder.status.fill > 0.0 or recorder.status.free_bytes is None:
-            pass
+            time.sleep(0.001)
         now[0] = 2.0
         words = recorder.words()
     assert words.startswith("recording, ")
@@ -130,6 +132,7 @@ class Flood(CameraDevice):
     def grab(self, timeout_s: float) -> Grab | None:
         number = next(self._left, None)
         if number is None:
+            time.sleep(timeout_s)
             return None
         pixels = np.full((4, 4), number, np.uint8)
         pixels[0, 0] = 255
@@ -140,13 +143,13 @@ class Flood(CameraDevice):
 
 
 def test_what_a_camera_dropped_before_anybody_listened_is_no_loss() -> None:
-    clock = iter(np.arange(0.0, 1e6, 0.001))
+    clock = itertools.count(0.0, 0.001)
     camera = LiveCamera(
-        "left", Flood, CameraTiming(), CameraCare(silent_after_s=math.inf), lambda: float(next(clock)), lambda _: None
+        "left", Flood, CameraTiming(), CameraCare(silent_after_s=math.inf), lambda: next(clock), lambda _: None
     )
     with camera:
         while camera.counts.dropped < 46:
-            pass
+            time.sleep(0.001)
         worker = CameraWorker("left", camera, Inbox(), 0.0)
         worker.start()
         worker.stop()
