@@ -77,6 +77,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     (
         "groundstation.errors",
         "groundstation.arrays",
+        "groundstation.count_words",
         "groundstation.hand_over",
         "groundstation.png_file",
         "groundstation.__version__",
