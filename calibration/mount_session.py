@@ -32,7 +32,7 @@ _SAME_RAD = 1e-9
 _WRONG_SENSE_SIGMAS = 6.0
 # a direction known no better is not written down: 8 m along the runway at 400 m
 _WORST_DEG = 0.03
-_MOST_TIMES = 100
+_MOST_TIMES = 300
 # a rig that knows its orientation is not so far off
 _FARTHEST_RAD = float(np.radians(30.0))
 

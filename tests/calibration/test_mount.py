@@ -508,13 +508,13 @@ def test_wrong_input_ends_in_one_line(tmp_path, capsys, monkeypatch, options: li
 
 
 def test_marks_in_a_line_want_other_marks_and_no_patience(rng: np.random.Generator) -> None:
-    """Points 40 to 240 m away along one bearing tell no roll: other marks are asked for, not thousands of sightings."""
+    """Points 100 to 600 m away along one bearing tell no roll: other marks are asked for, not thousands of sightings."""
     station = plain_station()
     marks = tuple(
         Mark(
             name=f"m{k}",
             kind=MarkKind.POINT,
-            place_m=np.array([0.0, 40.0 + 40.0 * k, 1.0]),
+            place_m=np.array([0.0, 100.0 + 100.0 * k, 1.0]),
             sigma=np.full(3, 0.003),
             runway_from_board=np.eye(3),
         )
