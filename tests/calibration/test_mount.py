@@ -520,6 +520,6 @@ def test_marks_in_a_line_want_other_marks_and_no_patience(rng: np.random.Generat
         )
         for k in range(6)
     )
-    seen = look(station, marks, rng, 24)
+    seen = look(station, marks, rng, 120)
     with pytest.raises(MountFitError, match=r"wanted 0\.01 deg: other marks of known place, far apart in pan"):
         calibrate_station(station, seen, marks, USUAL_WORDS)
