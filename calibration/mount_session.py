@@ -32,8 +32,8 @@ _SAME_RAD = 1e-9
 _WRONG_SENSE_SIGMAS = 6.0
 # a direction known no better is not written down: 8 m along the runway at 400 m
 _WORST_DEG = 0.03
-# a morning at 10 Hz holds no more
-_MOST_SIGHTINGS = 20_000
+# more is no job for a morning, where other marks do with a tenth
+_MOST_SIGHTINGS = 3_000
 # a rig that knows its orientation is not so far off
 _FARTHEST_RAD = float(np.radians(30.0))
 
