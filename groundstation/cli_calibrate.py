@@ -1,6 +1,7 @@
 """The part of the command line that calibrates: `groundstation calibrate WHAT …`."""
 
 import argparse
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -108,6 +109,12 @@ def _add_flight(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     flight.add_argument(
         "--hold", action="store_true", help="take surveyed positions as exact, even where the pixels contradict them"
     )
+    flight.add_argument(
+        "--point-sigma",
+        type=_length,
+        metavar="M",
+        help="the point seen may lie so far along the body from where it is taken to be, 1 sigma (default 0.05)",
+    )
 
 
 def _add_format(parser: argparse.ArgumentParser) -> None:
@@ -122,6 +129,17 @@ def _held(text: str) -> frozenset[str]:
     if not names <= set(_HOLDABLE):
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted some of {', '.join(_HOLDABLE)}")
     return names
+
+
+def _length(text: str) -> float:
+    """Return a length in m that is 0 or more."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value < 100.0:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted metres, 0 or more")
+    return value
 
 
 def run_calibrate(options: argparse.Namespace) -> int:
@@ -147,6 +165,7 @@ def _flight(options: argparse.Namespace) -> int:
         free=options.free,
         hold=options.hold,
         report=options.report,
+        **({} if options.point_sigma is None else {"point_sigma_m": options.point_sigma}),
     )
     found = calibrate_flight(request)
     print(found.report)
