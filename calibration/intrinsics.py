@@ -160,7 +160,8 @@ def _check_enough(views: tuple[View, ...], verdicts: tuple[Verdict, ...]) -> Non
     dropped = ", ".join(f"{n} {word}" for word, n in counts if n)
     raise IntrinsicsError(
         "the pictures",
-        got=f"{len(views)} usable views of {len(verdicts)} pictures" + (f" ({dropped})" if dropped else ""),
+        got=f"{len(views)} usable view{'s' * (len(views) != 1)} of {len(verdicts)} pictures"
+        + (f" ({dropped})" if dropped else ""),
         wanted=f"at least {FEWEST_VIEWS} that differ in place, tilt and distance; 15 to 30 are better",
     )
 

@@ -6,7 +6,14 @@ from pathlib import Path
 
 from calibration.check import Check, solve_check
 from calibration.check_record import append_record, check_record, record_path
-from calibration.check_reference import Reference, find_reference, keep_reference, other_set_up, require_seen_anew
+from calibration.check_reference import (
+    Reference,
+    find_reference,
+    keep_reference,
+    other_set_up,
+    reference_path,
+    require_seen_anew,
+)
 from calibration.check_report import format_check, write_check_report
 from calibration.sightings import Landmark, Sighting, read_landmarks, read_sightings
 from calibration.survey import Survey, solve_survey, survey_words
@@ -136,6 +143,10 @@ def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
 def _compared(request: CheckRequest, sightings: Sequence[Sighting], reference: Reference) -> tuple[Check, Reference]:
     """Check against the reference; one kept from another set-up of the stations is none, and the note says so."""
     rig, landmarks = load_rig(request.rig), read_landmarks(request.landmarks)
+    kept = reference_path(request.rig)
+    if reference.path is None and kept.is_file():
+        # the rig itself comes from that table
+        require_seen_anew(sightings, read_sightings(kept), request.sightings, kept)
     if reference.path is not None:
         then = read_sightings(reference.path)
         require_seen_anew(sightings, then, request.sightings, reference.path)

@@ -32,6 +32,8 @@ _SAME_RAD = 1e-9
 _WRONG_SENSE_SIGMAS = 6.0
 # a direction known no better is not written down: 8 m along the runway at 400 m
 _WORST_DEG = 0.03
+# more is no job for a morning, where other marks do with a tenth
+_MOST_SIGHTINGS = 3_000
 # a rig that knows its orientation is not so far off
 _FARTHEST_RAD = float(np.radians(30.0))
 
@@ -175,9 +177,9 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     got = f"{count} sightings at {standing} pairs of angles for {unknowns} unknowns, where the camera looks known to"
     got += f" {told:.2g} deg"
     needed = max(2 * unknowns, int(np.ceil(count * (told / USABLE_DEG) ** 2)))
-    wanted = (
-        f"{USABLE_DEG:g} deg: some {needed} sightings of marks of known place, far apart in pan and 20 deg or more in"
-    )
+    # no patience makes up for marks in a line
+    many = f"some {needed} sightings of" if needed <= _MOST_SIGHTINGS else "other"
+    wanted = f"{USABLE_DEG:g} deg: {many} marks of known place, far apart in pan and 20 deg or more in"
     wanted += " tilt, each brought near the corners of the picture"
     raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
 

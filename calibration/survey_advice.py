@@ -14,6 +14,8 @@ _JUDGED_M = 200.0
 _SURVEYED_M = 0.005
 # a remedy that takes less than this off is not worth a morning
 _WORTH = 0.15
+# landmarks on one line: the turn about it is so many times less well known than the others, and matters
+_ALONE, _MATTERS_RAD = 5.0, float(np.radians(0.03))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +78,13 @@ def _geometry(survey: Survey) -> list[str]:
                 steps.append(f"{name}: a third landmark off the line of the two; a wrong one would not be noticed now")
         elif len(kept) < 4:
             steps.append(f"{name}: a fourth landmark; three just give a pose, and a wrong one would not be noticed")
+        turn = survey.fit.block([f"{name}.runway_from_base.{axis}" for axis in "xyz"])
+        least, *_, most = np.sqrt(np.linalg.eigvalsh(turn))
+        if most > max(_ALONE * least, _MATTERS_RAD):
+            steps.append(
+                f"{name}: a landmark well beside the line of the others: the turn about that line is known to"
+                f" {np.degrees(most):.2f} deg only"
+            )
     return steps
 
 

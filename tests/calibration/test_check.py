@@ -284,8 +284,9 @@ def test_the_survey_s_own_table_is_not_todays(
     )
     assert printed.err.count("\n") == 1
     assert "accepted" not in printed.out
-    record = json.loads((tmp_path / "rig.checks.jsonl").read_text())
-    assert record["decision"] == "refused"
+    assert main([*check, "--reference", "none"]) == 1
+    records = [json.loads(line) for line in (tmp_path / "rig.checks.jsonl").read_text().splitlines()]
+    assert [record["decision"] for record in records] == ["refused", "refused"]
     write_sightings(tmp_path / "today.csv", look(day.true, day.stands, rng, 6))
     assert main(check) == 0
 

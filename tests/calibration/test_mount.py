@@ -505,3 +505,21 @@ def test_wrong_input_ends_in_one_line(tmp_path, capsys, monkeypatch, options: li
     error = capsys.readouterr().err.strip()
     assert len(error.splitlines()) == 1
     assert "wanted" in error
+
+
+def test_marks_in_a_line_want_other_marks_and_no_patience(rng: np.random.Generator) -> None:
+    """Points along one bearing tell no roll: other marks are asked for, not thousands of sightings."""
+    station = plain_station()
+    marks = tuple(
+        Mark(
+            name=f"m{k}",
+            kind=MarkKind.POINT,
+            place_m=np.array([0.0, 100.0 + 100.0 * k, 1.0]),
+            sigma=np.full(3, 0.003),
+            runway_from_board=np.eye(3),
+        )
+        for k in range(6)
+    )
+    seen = look(station, marks, rng, 24)
+    with pytest.raises(MountFitError, match=r"wanted 0\.01 deg: other marks of known place, far apart in pan"):
+        calibrate_station(station, seen, marks, USUAL_WORDS)

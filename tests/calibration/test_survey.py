@@ -341,3 +341,13 @@ def test_the_command_end_to_end(rng: np.random.Generator, tmp_path: Path, capsys
     assert len(errors) == 3
     assert "got landmark 'm1'" in errors[-1]
     assert not (tmp_path / "b.toml").exists()
+
+
+def test_landmarks_on_one_line_are_said(rng: np.random.Generator) -> None:
+    """Six along the runway's middle: the turn about that line is hardly known, and the advice says what is missing."""
+    day = morning(rng)
+    line = {n: replace(m, place=np.array([0.0, 40.0 + 40.0 * k, 1.0])) for k, (n, m) in enumerate(day.table.items())}
+    steps = advise_survey(solve_survey(day.believed, look(day.true, line, rng, 12), line)).next_steps
+    assert sum("well beside the line of the others: the turn about that line is known to 0." in s for s in steps) == 2
+    around = advise_survey(solve_survey(day.believed, look(day.true, day.stands, rng, 12), day.table)).next_steps
+    assert not any("beside the line" in s for s in around)
