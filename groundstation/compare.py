@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,7 +64,28 @@ def compare(
         found.insert(0, _scored(known, request, progress, notes))
     wanted = request.baseline if before is None else found[0].name
     baseline = next((run for run in found if run.name == wanted), found[0])
+    notes += [note for run in found if run is not baseline for note in _other_part(run, baseline)]
     return CompareResult(runs=tuple(found), baseline=baseline, notes=tuple(notes))
+
+
+def _other_part(run: ScoredRun, baseline: ScoredRun) -> Iterator[str]:
+    """Say where a run's pairs are not the baseline's: its errors may differ for that alone."""
+    if _part(run) != _part(baseline):
+        yield (
+            f"{run.name} has {_part_in_words(run)}, {baseline.name} {_part_in_words(baseline)}: not the same pairs, so "
+            "compare ranges rather than all (of one session, `replay --from` and `--to` make the parts alike)"
+        )
+
+
+def _part(run: ScoredRun) -> tuple[float, float, float]:
+    """Return how many pairs a run has, and the first and last of their times in s, to a millisecond."""
+    session = run.summary["session"]
+    return float(session["epochs"]), round(float(session["from_s"]), 3), round(float(session["to_s"]), 3)
+
+
+def _part_in_words(run: ScoredRun) -> str:
+    pairs, from_s, to_s = _part(run)
+    return f"{pairs:.0f} pairs from {from_s:g} to {to_s:g} s"
 
 
 def _scored(
@@ -91,6 +112,7 @@ def _with_figures(run: PlannedRun, path: Path) -> ScoredRun:
         found = scored(run.name, str(run.source), summary)
         # what the tables take of it is all there, or it is said here
         format_comparison((found,), found)
+        _part(found)
         parts = (summary["session"]["name"], summary["configuration"].items(), summary["versions"].items())
     except (KeyError, TypeError, AttributeError, ValueError) as fault:
         raise InputError(str(path), got=f"not all of it as it should be: {fault}", wanted=wanted) from fault
