@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,9 +115,9 @@ def _with_figures(run: PlannedRun, path: Path) -> ScoredRun:
         format_comparison((found,), found)
         _part(found)
         parts = (summary["session"]["name"], summary["configuration"].items(), summary["versions"].items())
-    except (KeyError, TypeError, AttributeError, ValueError) as fault:
+    except (KeyError, TypeError, AttributeError, ValueError, ArithmeticError) as fault:
         raise InputError(str(path), got=f"not all of it as it should be: {fault}", wanted=wanted) from fault
-    odd = [name for name, value in found.figures.items() if not isinstance(value, int | float | None)]
+    odd = [name for name, value in found.figures.items() if not math.isfinite(value)]
     if odd or not isinstance(parts[0], str):
         raise InputError(str(path), got=f"no number for {', '.join(odd[:3]) or 'session.name'}", wanted=wanted)
     return found
@@ -126,7 +127,7 @@ def load_summary(path: Path) -> dict[str, Any]:
     """Read a summary.json; raises `InputError` if it is missing or none of ours."""
     wanted = "the summary.json of a replay that was finished"
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
+        summary = json.loads(path.read_text(encoding="utf-8"), parse_float=_finite, parse_constant=_finite)
     except OSError as fault:
         raise InputError(str(path), got=str(fault.strerror), wanted=wanted) from fault
     except ValueError as fault:
@@ -135,6 +136,14 @@ def load_summary(path: Path) -> dict[str, Any]:
         got = summary.get("format") if isinstance(summary, dict) else type(summary).__name__
         raise InputError(str(path), got=f"format {got!r}", wanted=f"{SUMMARY_FORMAT!r}")
     return summary
+
+
+def _finite(text: str) -> float:
+    """Return a number of a file; no comparison can be written with one that is none."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:20]} is no finite number")
+    return value
 
 
 def comparison_csv(result: CompareResult) -> str:

@@ -15,6 +15,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from groundstation.errors import SessionError
+from groundstation.sinks.mp4_tables import mp4_fault
 
 # beyond this a video goes in picture by picture: Rerun keeps a file in one piece, and that piece in memory three times
 MAX_VIDEO_BYTES = 250_000_000
@@ -70,13 +71,17 @@ def load_video(video: VideoAsset) -> LoadedVideo:
     size = video.path.stat().st_size
     if size > MAX_VIDEO_BYTES:
         raise SessionError(path, got=f"{size} bytes", wanted=f"at most {MAX_VIDEO_BYTES} bytes to embed it")
+    fault = mp4_fault(video.path)
+    if fault:
+        # Rerun's reader would not come to an end
+        raise SessionError(path, got=fault, wanted="an MP4 video")
     asset = rr.AssetVideo(path=video.path)
     if video.frame_timestamps_ns is not None:
         return LoadedVideo(asset=asset, timestamps_ns=video.frame_timestamps_ns)
     try:
         timestamps_ns = asset.read_frame_timestamps_nanos()
-    except (RuntimeError, ValueError) as fault:
-        raise SessionError(path, got=str(fault).splitlines()[0], wanted="an MP4 video") from fault
+    except (RuntimeError, ValueError) as error:
+        raise SessionError(path, got=str(error).splitlines()[0], wanted="an MP4 video") from error
     return LoadedVideo(asset=asset, timestamps_ns=timestamps_ns)
 
 

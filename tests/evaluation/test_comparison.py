@@ -142,7 +142,9 @@ def test_what_is_no_finished_replay_is_named(tmp_path: Path, capsys: pytest.Capt
     (tmp_path / "track.csv").write_text("")
     assert main(["evaluate", str(tmp_path)]) == 1
     assert "summary.json: got No such file" in capsys.readouterr().err
-    for text in ("{", "[]", '{"format": "other/1"}'):
+    # a number beyond all, or none, cannot be written again as JSON
+    odd = [f'{{"format": "groundstation-summary/1", "x": {number}}}' for number in ("1e999", "NaN", "-Infinity")]
+    for text in ("{", "[]", '{"format": "other/1"}', *odd):
         (tmp_path / "summary.json").write_text(text)
         with pytest.raises(InputError, match=r"summary\.json"):
             load_summary(tmp_path / "summary.json")
