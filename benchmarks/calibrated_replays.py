@@ -165,10 +165,12 @@ def drone(data: Path, work: Path) -> None:
     for names in (found.names, *PAIRS):
         path = work / f"{len(names)}{names[0]}{names[1]}.toml"
         path.write_text(rig_to_toml(of_stations(found, names) if len(names) == 2 else found))
-        out = replayed_as(session, work / path.stem, path, from_s=JUDGED_FROM_S, config=HEXACOPTER)
-        error = track_error(session, out)
-        print(f"{' + '.join(names)}: EKF while tracking {error.rmse_m:.3f} m RMSE in 3-D, median", end=" ")
-        print(f"{np.median(error.off_m):.3f} m, {len(error.off_m)} epochs")
+        for config in (None, HEXACOPTER):
+            tuning = "as shipped" if config is None else config.name
+            out = replayed_as(session, work / f"{path.stem}, {tuning}", path, from_s=JUDGED_FROM_S, config=config)
+            error = track_error(session, out)
+            print(f"{' + '.join(names)}, {tuning}: EKF while tracking {error.rmse_m:.3f} m RMSE in 3-D, median", end=" ")
+            print(f"{np.median(error.off_m):.3f} m, {len(error.off_m)} epochs")
     for text in error.left_out:
         print("  left out:", text)
 

@@ -2,8 +2,8 @@
 
 usage: python benchmarks/filter_study.py [--runs N] [--data FOLDER] [SECTION …]
 
-Sections: bounds, gain, pipeline, reference, clocks, consider, outliers, borders, modes, peer; all by default. FOLDER
-has `fixedwing-gps-log`, without which the flown landing is left out. The peer, Stone Soup, is run in a virtual
+Sections: bounds, gain, pipeline, reference, overlap, clocks, consider, outliers, borders, modes, peer; all by default.
+FOLDER has `fixedwing-gps-log`, without which the flown landing is left out. The peer, Stone Soup, is run in a virtual
 environment of its own (build/stonesoup-venv).
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from filter_flights import adaptation, calibration, consistency, out_of_view, peer, through_pipeline
+from filter_flights import adaptation, calibration, consistency, out_of_view, overlap, peer, through_pipeline
 
 from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 
@@ -74,6 +74,18 @@ def reference(runs: int, _: Path | None) -> None:
             print(f"after 8 s of DGPS, {label}, {use}, {kind}, {few} flights: RMSE over 190-210 m / bound", end=" ")
             print(numbers(sample.rmse_over_bound(190, 210)), "bound at 200 m", numbers(bound, 4), end=" ")
             print("ANEES at 300/200/100 m", numbers([sample.anees(y) for y in (300.0, 200.0, 100.0)]))
+
+
+def three_stations(runs: int, _: Path | None) -> None:
+    few = max(runs // 2, 2)
+    low, high = consistency.chi2_range(3, few)
+    for label, names in (("pan and tilt", overlap.PAN_AND_TILT), ("whole mounts", overlap.WHOLE_MOUNTS)):
+        for times in (1.0, 4.0):
+            for use in (CalibrationUse.CONSIDER, CalibrationUse.REFERENCE):
+                sample = overlap.flown(names, range(few), use, times)
+                print(f"three stations, {label} off by {times:g} x 0.05°, {use}, {few} flights:", end=" ")
+                print("RMSE at 500/300/200/100 m", *(numbers(sample.rmse(y), 3) for y in (500, 300, 200, 100)), end=" ")
+                print("ANEES", numbers([sample.anees(y) for y in RANGES_M]), f"(95 % {low:.2f} … {high:.2f})")
 
 
 def clocks(runs: int, _: Path | None) -> None:
@@ -165,6 +177,7 @@ SECTIONS = {
     "gain": gain,
     "pipeline": pipeline,
     "reference": reference,
+    "overlap": three_stations,
     "clocks": clocks,
     "consider": consider,
     "outliers": outliers,

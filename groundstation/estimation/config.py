@@ -33,7 +33,9 @@ class CalibrationUse(StrEnum):
     """What becomes of the errors of rig and clocks that the filter carries."""
 
     CONSIDER = "consider"  # they keep value and variance; the track's covariance contains what they cause
-    REFERENCE = "reference"  # learnt while a reference position is there (clocks of the stations not), considered after
+    # learnt while a reference position is there or three stations see the target (clocks of the stations not),
+    # considered otherwise
+    REFERENCE = "reference"
     ESTIMATE = "estimate"  # always learnt, from the assumed motion, too
 
 

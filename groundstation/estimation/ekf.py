@@ -136,6 +136,7 @@ class StationEkf(FilterCore):
                 if self._learns_clocks:
                     R += self._bends.passage_noise(station, H, (x, P), self._age_s(), self._motions[0])
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
+            self._note_contribution(station)
         if self._young is not None:
             self._grow_up(self._young.after(accepted=accepted))
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)

@@ -24,6 +24,9 @@ from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import CarriedError, Kinematics
 
+# two rays meet within an angle of each other wherever the rig puts them; a third one tells whether they do so truly
+_RAYS_THAT_CHECK = 3
+
 
 class FilterCore:
     """Filter over one target, the turning stations and the carried errors.
@@ -96,6 +99,8 @@ class FilterCore:
         self._first_s: float | None = None
         self._newest_reference_s = -math.inf
         self._references_refused = 0
+        # when each station's pixel last entered the target; only kept where three could
+        self._contributed_s: Mapping[str, float] = {}
         self._young: YoungTrack | None = None
         self.starts_taken_back = 0
 
@@ -125,7 +130,16 @@ class FilterCore:
                 return False
             case CalibrationUse.REFERENCE:
                 now = -math.inf if self.time_s is None else self.time_s
-                return now - self._newest_reference_s <= self._config.reference_hold_s
+                oldest = now - self._config.reference_hold_s
+                return self._newest_reference_s >= oldest or self._rays_check_each_other(oldest)
+
+    def _rays_check_each_other(self, since_s: float) -> bool:
+        """Return whether so many stations have contributed since then that the rig's errors show between their rays."""
+        return sum(t_s >= since_s for t_s in self._contributed_s.values()) >= _RAYS_THAT_CHECK
+
+    def _note_contribution(self, station: str) -> None:
+        if len(self._stations) >= _RAYS_THAT_CHECK and self.time_s is not None:
+            self._contributed_s = {**self._contributed_s, station: self.time_s}
 
     def carried_errors(self) -> tuple[CarriedError, ...]:
         """Return what is known now of the errors of calibration and clocks."""
@@ -158,6 +172,7 @@ class FilterCore:
             self._young,
             self.starts_taken_back,
             self._watch,
+            self._contributed_s,
         )
 
     def restore(self, saved: EkfState) -> None:
@@ -167,7 +182,7 @@ class FilterCore:
         self._read, self._newest_reference_s = saved.read, saved.newest_reference_s
         self._references_refused = saved.references_refused
         self._young, self.starts_taken_back = saved.young, saved.starts_taken_back
-        self._watch = saved.watch
+        self._watch, self._contributed_s = saved.watch, saved.contributed_s
 
     def angles(self, station: str) -> tuple[float, float]:
         """Return (pan, tilt) in rad; zero for a fixed station."""
@@ -246,6 +261,7 @@ class FilterCore:
         self.has_target = False
         self._young = None
         self._newest_reference_s = -math.inf
+        self._contributed_s = {}
 
     def kinematics_at(self, t_s: float) -> Kinematics:
         """Return position, velocity (runway frame) and (6, 6) covariance at ``t_s``, by the motion model alone.

@@ -62,11 +62,22 @@ class EkfState:
     young: YoungTrack | None
     starts_taken_back: int
     watch: ClockWatch
+    contributed_s: Mapping[str, float]
 
 
 # the fields of `EkfState`, in their order
 Remembered = tuple[
-    float | None, float | None, bool, list[FloatArray], frozenset[str], float, int, YoungTrack | None, int, ClockWatch
+    float | None,
+    float | None,
+    bool,
+    list[FloatArray],
+    frozenset[str],
+    float,
+    int,
+    YoungTrack | None,
+    int,
+    ClockWatch,
+    Mapping[str, float],
 ]
 
 
