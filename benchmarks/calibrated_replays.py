@@ -169,8 +169,8 @@ def drone(data: Path, work: Path) -> None:
             tuning = "as shipped" if config is None else config.name
             out = replayed_as(session, work / f"{path.stem}, {tuning}", path, from_s=JUDGED_FROM_S, config=config)
             error = track_error(session, out)
-            print(f"{' + '.join(names)}, {tuning}: EKF while tracking {error.rmse_m:.3f} m RMSE in 3-D, median", end=" ")
-            print(f"{np.median(error.off_m):.3f} m, {len(error.off_m)} epochs")
+            print(f"{' + '.join(names)}, {tuning}: EKF while tracking {error.rmse_m:.3f} m RMSE in 3-D", end=", ")
+            print(f"median {np.median(error.off_m):.3f} m, {len(error.off_m)} epochs")
     for text in error.left_out:
         print("  left out:", text)
 

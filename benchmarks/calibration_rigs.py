@@ -1,6 +1,6 @@
 """`calibrate flight` on drawn rigs: errors over claimed sigmas, relative pan, tilt, and clocks against their bound.
 
-usage: python benchmarks/calibration_rigs.py [--rigs N] [CASE …]
+usage: python benchmarks/calibration_rigs.py [--rigs N] [--first SEED] [CASE …]
 
 Cases, simulated at the level of angles and pixels, 2 cm DGPS at 10 Hz over the whole approach, all biases free:
 `mounts`: mounts off by 0.05° about each axis (1 sigma, as the rig admits), the log's clock by 0.2 s, case B;
@@ -9,6 +9,7 @@ Cases, simulated at the level of angles and pixels, 2 cm DGPS at 10 Hz over the 
 Each error's square over its claimed variance has mean 1 over rigs where the sigmas are true; the bounds are those of
 chi-square. Bounds are (JᵀWJ + prior)⁻¹ of the noise that was put in, at the true rig, path and angles (the same flight
 without noise); paths of aircraft and heads are unknown but for their samples and their smoothness, as found by the fit.
+Where cameras look is base and boresight together, at places on the flight; each of the two is known worse than that.
 Figures in docs/results.md.
 """
 
@@ -19,12 +20,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from drawn_pointing import GROUPS, Looks, looks_of
 from drawn_rigs import CLOCK_S, beside, draw, errors, loops, unit_of
 from scipy.stats import chi2
 
 from calibration.flight import FlightFit
 from calibration.flight_data import FlightData, gather_flight
 from calibration.flight_paths import PathResiduals, path_samples
+from calibration.flight_problem import FlightProblem
 from calibration.flight_session import FlightRequest, calibrate_flight
 from groundstation.session import load_session
 from groundstation.simulation import Scenario, case_b, simulate
@@ -46,6 +49,11 @@ _NOTHING = 1e-7
 # what chance leaves outside the bounds, both sides together
 CHANCE = 1e-3
 _DRAWS = 77
+# where `all` flies, and where the others do: cameras' directions are judged at places there, m
+_PLACES_M = {
+    "all": np.array([(-55.0, 130.0, 32.0), (0.0, 130.0, 32.0), (55.0, 130.0, 32.0)]),
+    "approach": np.array([(0.0, 300.0, 20.0), (0.0, 200.0, 14.0), (0.0, 100.0, 8.0)]),
+}
 _CLOCKS = "\n[clocks]\ndgps = {{ offset_s = 0.0 }}\ndetections = {{ offset_s = 0.0, sigma_s = {sigma} }}\n"
 
 
@@ -53,7 +61,7 @@ _CLOCKS = "\n[clocks]\ndgps = {{ offset_s = 0.0 }}\ndetections = {{ offset_s = 0
 class RigErrors:
     """One rig's p errors after calibration, what is claimed of them (p,), and their bounds (p,); 1 sigma each.
 
-    ``together`` is eᵀC⁻¹e of all of them.
+    ``together`` is eᵀC⁻¹e of all of them; ``looks`` where the cameras look, by what is counted.
     """
 
     names: tuple[str, ...]
@@ -61,6 +69,7 @@ class RigErrors:
     sigma: np.ndarray
     bound: np.ndarray
     together: float
+    looks: dict[str, Looks]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +81,7 @@ class Sample:
     sigma: np.ndarray
     bound: np.ndarray
     together: np.ndarray
+    looks: tuple[dict[str, Looks], ...]
 
     def normalised(self) -> np.ndarray:
         """Return the mean square of error over claimed sigma, (p,)."""
@@ -100,6 +110,7 @@ def sample(case: str, seeds: Sequence[int]) -> Sample:
         sigma=np.array([f.sigma for f in found]),
         bound=np.array([f.bound for f in found]),
         together=np.array([f.together for f in found]),
+        looks=tuple(f.looks for f in found),
     )
 
 
@@ -118,7 +129,8 @@ def one_rig(case: str, seed: int) -> RigErrors:
             if case != "mounts":
                 about = path / "session.toml"
                 about.write_text(about.read_text() + _CLOCKS.format(sigma=CLOCK_S))
-        request = FlightRequest(session=session, out=Path(folder) / "rig.toml", free=FREE[case])
+        # the pixels drawn are of the point itself
+        request = FlightRequest(session=session, out=Path(folder) / "rig.toml", free=FREE[case], point_sigma_m=0.0)
         found = calibrate_flight(request)
         exact = gather_flight(load_session(quiet), None, None, None)
     error = errors(found.fit, found.rig, drawn)
@@ -129,6 +141,7 @@ def one_rig(case: str, seed: int) -> RigErrors:
         sigma=found.fit.sigma,
         bound=_bound(found.fit, exact, error + found.fit.change),
         together=float(error @ np.linalg.solve(found.fit.covariance, error)),
+        looks=looks_of(found.fit, found.rig, error, _PLACES_M.get(case, _PLACES_M["approach"])),
     )
 
 
@@ -164,9 +177,16 @@ def _bound(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> np.nda
         for noisy, quiet in zip(fit.parts, path_samples(problem), strict=True)
     )
     usable = {name: problem.predict(name, true_change).usable for name in exact.looks}
-    factors = dict.fromkeys(exact.looks, PIXEL_PX)
+    factors = {name: _noise_put_in(problem, name, true_change) for name in exact.looks}
     jacobian = PathResiduals(problem, factors, usable, true_change, parts).jacobian(true_change)
     return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+
+
+def _noise_put_in(problem: FlightProblem, name: str, change: np.ndarray) -> float:
+    """Return a station's noise over assumed: that of its pixels, beside that of angles which no path takes up."""
+    assumed = float(np.mean(problem.looks[name].sigma_px ** 2))
+    whole = float(np.median(np.einsum("nii->n", problem.predict(name, change).own_px2))) / 2.0
+    return float(np.sqrt((whole - assumed + PIXEL_PX**2) / whole))
 
 
 def _scenario(case: str, seed: int) -> Scenario:
@@ -195,15 +215,33 @@ def show(case: str, found: Sample) -> None:
     tilt = np.concatenate([found.degrees(f"{name}.runway_from_base.x") for name in ("left", "right")])
     for label, values in (("relative pan", pan), ("tilt", tilt)):
         print(f"  {label}: rms {np.sqrt(np.mean(values**2)):.5f}, worst {np.abs(values).max():.5f} deg", flush=True)
+    show_looks(found)
+
+
+def show_looks(found: Sample) -> None:
+    """Print by how much cameras look past places of the flight, relative to each other and in tilt."""
+    n = len(found.looks)
+    for group in GROUPS:
+        own = [looks[group] for looks in found.looks]
+        off = np.degrees([looks.error for looks in own])
+        sigma = np.degrees(np.sqrt([np.einsum("pii->pi", looks.covariance) for looks in own]))
+        square = np.mean([looks.together() for looks in own])
+        low, high = chi2.ppf([0.5 * CHANCE, 1.0 - 0.5 * CHANCE], 2 * n) / n
+        print(f"  where they look, {group}: relative pan and tilt eᵀC⁻¹e {square:.2f} of 2, {low:.2f} to {high:.2f}")
+        for label, columns in (("relative pan", [0]), ("relative tilt", [1]), ("tilt", [2, 3])):
+            values, claimed = off[:, :, columns], sigma[:, :, columns]
+            rms, said = np.sqrt(np.mean(values**2)), np.sqrt(np.mean(claimed**2))
+            print(f"    {label}: rms {rms:.5f}, worst {np.abs(values).max():.5f}, sigma {said:.5f} deg", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rigs", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first rig's seed")
     parser.add_argument("cases", nargs="*", metavar="CASE", help="mounts, clocks, all; all three by default")
     options = parser.parse_args()
     for case in options.cases or CASES:
-        show(case, sample(case, range(options.rigs)))
+        show(case, sample(case, range(options.first, options.first + options.rigs)))
 
 
 if __name__ == "__main__":

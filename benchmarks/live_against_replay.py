@@ -13,16 +13,20 @@ import csv
 import itertools
 import math
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from groundstation.config import Config
+from groundstation.geometry.rotation import rotation_from_vector, wxyz_from_matrix
 from groundstation.live.command import LiveRequest, live
 from groundstation.live.rehearsal import RehearsalConfig
 from groundstation.live.rehearsal_pictures import PictureRehearsal
 from groundstation.live.simulated_day import SPAN_M, Landings
 from groundstation.replay import ReplayRequest, replay
+from groundstation.rig import Rig
+from groundstation.rig_toml import rig_to_toml
 from groundstation.simulation.cases import standard_rig
 from groundstation.simulation.flights import filmed_scenario
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -42,9 +46,23 @@ def table(path: Path, begin_s: float) -> np.ndarray:
     return np.array([[float(r["t_s"]) - begin_s, *(float(r[f"{a}_m"]) for a in "xyz")] for r in rows]).reshape(-1, 4)
 
 
+def drawn_rig(seed: int) -> Rig:
+    """Return the standard rig, each station turned by a drawn part of its encoder's step, which the rig file says.
+
+    Two stations that mirror each other, before an aircraft that flies between them and heads that follow perfectly,
+    have steps of the encoders that come at the same instants, and whose errors cancel in x: no site is like that.
+    """
+    random = np.random.default_rng([seed, 31])
+    stations = []
+    for station in standard_rig().stations:
+        turn = rotation_from_vector(np.array([0.0, 0.0, random.uniform(-0.5, 0.5) * station.ptu_resolution_rad]))
+        stations.append(replace(station, runway_from_base_wxyz=wxyz_from_matrix(turn)))
+    return Rig(stations=tuple(stations))
+
+
 def replayed(folder: Path, rate_hz: float, seed: int) -> np.ndarray:
     """Film the approach, replay it, return its answers."""
-    flight, rig = Landings(APPROACH_S), standard_rig()
+    flight, rig = Landings(APPROACH_S), drawn_rig(seed)
     world = World(trajectory=flight)
     cameras = {s.name: RenderedCamera(world, s, seed=seed, number=n) for n, s in enumerate(rig.stations)}
     flown = simulate(filmed_scenario(flight, rig, seed=seed, frame_hz=rate_hz))
@@ -57,8 +75,10 @@ def replayed(folder: Path, rate_hz: float, seed: int) -> np.ndarray:
 
 def flown_live(folder: Path, rate_hz: float, seed: int) -> np.ndarray:
     """Fly the approach in real time, return its answers."""
+    rig = folder / "rig.toml"
+    rig.write_text(rig_to_toml(drawn_rig(seed)), encoding="utf-8")
     request = LiveRequest(
-        station=None, out=folder / "live", seconds=APPROACH_S, simulate=True, rate_hz=rate_hz, seed=seed
+        station=None, out=folder / "live", seconds=APPROACH_S, simulate=True, rig=rig, rate_hz=rate_hz, seed=seed
     )
     result = live(request, lambda: False, lambda status: None, lambda text: None)
     print(f"  live: {result.operation.epochs} pairs answered, {dict(result.operation.dropped)}", flush=True)
@@ -69,7 +89,7 @@ def rehearsed(rate_hz: float, seed: int) -> np.ndarray:
     """Fly the approach in virtual time, return its answers."""
     hardware = RehearsalConfig(frame_rate_hz=rate_hz)
     day = PictureRehearsal(
-        standard_rig(), Config(), Landings(APPROACH_S), hardware=hardware, seed=seed, span_m=SPAN_M
+        drawn_rig(seed), Config(), Landings(APPROACH_S), hardware=hardware, seed=seed, span_m=SPAN_M
     ).run()
     rows = [(e.t_s, *e.kinematics.position_runway_m) for e in day.estimates if e.kinematics is not None]
     return np.array(rows).reshape(-1, 4)

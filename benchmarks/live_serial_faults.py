@@ -83,12 +83,22 @@ CASES = (
     Case("PTU's answers late", (("late answer", "left"),)),
     Case("camera lost", (("camera lost", "right"),)),
     Case("camera frozen", (("camera frozen", "right"),)),
+    Case("camera late by 0.2 s", (("camera late", "right"),)),
+    Case("camera's clock steps by 0.2 s", (("camera clock stepped", "right"),)),
     Case("DGPS gone", dgps_gone=True),
     Case("disk full", disk_full=True),
     Case("killed", killed=True),
     Case("PTU silent, camera lost", (("PTU silent", "left"), ("camera lost", "left"))),
     Case("PTU garbage, DGPS gone", (("garbage", "right"),), dgps_gone=True),
     Case("camera frozen, disk full", (("camera frozen", "left"),), disk_full=True),
+    Case("camera lost, disk full", (("camera lost", "left"),), disk_full=True),
+    Case("camera late, disk full", (("camera late", "left"),), disk_full=True),
+    Case("PTU silent, disk full", (("PTU silent", "left"),), disk_full=True),
+    Case("PTU garbage, disk full", (("garbage", "right"),), disk_full=True),
+    Case("PTU power-cycled, disk full", (("power cycle", "left"),), disk_full=True),
+    Case("DGPS gone, disk full", dgps_gone=True, disk_full=True),
+    Case("camera late, PTU silent", (("camera late", "right"), ("PTU silent", "left"))),
+    Case("camera's clock steps, PTU silent", (("camera clock stepped", "right"), ("PTU silent", "right"))),
 )
 
 
@@ -179,7 +189,7 @@ def run(case: Case, rate_hz: float) -> str:
         child.join(150.0)
         if child.is_alive():
             os.killpg(child.pid or 0, signal.SIGKILL)
-            return f"{case.name:26s} did not end"
+            return f"{case.name:32s} did not end"
         told = told_by(folder)
         # a disk that is full takes nothing more, and it is said: what came before is to be there
         ended = [t_s for t_s, _, _, said in told if any("not recording" in w for w in said)]
@@ -263,7 +273,7 @@ def line_of(case: Case, told: list, result: dict, lost_s: float) -> str:
         w for _, _, _, lines in told for w in lines if "gone since" in w or "not recording" in w or "ends here" in w
     ]
     note = f"  “{also[0][:60]}”" if also else ""
-    return f"{case.name:26s} {until_s:8.1f} {words:>24s} {back:>7s} {anees:6.2f} {lost_s:6.2f}{note}"
+    return f"{case.name:32s} {until_s:8.1f} {words:>24s} {back:>7s} {anees:6.2f} {lost_s:6.2f}{note}"
 
 
 def main() -> None:
@@ -273,7 +283,7 @@ def main() -> None:
     parser.add_argument("--only", default="", help="cases with this word")
     options = parser.parse_args()
     print(
-        f"{'fault':26s} {'until, s':>8s} {'status meanwhile':>24s} {'back, s':>7s} {'ANEES':>6s} {'lost, s':>6s}",
+        f"{'fault':32s} {'until, s':>8s} {'status meanwhile':>24s} {'back, s':>7s} {'ANEES':>6s} {'lost, s':>6s}",
         flush=True,
     )
     for case in CASES:

@@ -1,6 +1,7 @@
 """The table that a check compares with: kept beside the rig by a survey, found there by each check."""
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,11 +9,14 @@ import numpy as np
 
 from calibration.check import Check
 from calibration.landmark_problem import AXES
+from calibration.sightings import Sighting
 from groundstation.errors import InputError
 
 # a rig turned further than this from what its table saw stands elsewhere by now
 _OTHER_SET_UP_RAD = float(np.radians(0.1))
 NONE = "none"
+# a pixel and two angles that come out the same to the last digit, row after row, were not seen a second time
+_MOST_SAME = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +54,21 @@ def find_reference(rig: Path, asked: Path | None) -> Reference:
     if kept.is_file():
         return Reference(path=kept, kept=True, note=f"compared with {kept.name}, the survey's own sightings")
     return Reference(path=None, kept=False, note=f"compared with the rig alone: there is no {kept.name}")
+
+
+def require_seen_anew(today: Sequence[Sighting], then: Sequence[Sighting], path: Path, reference: Path) -> None:
+    """Raise `InputError` where today's rows are those of the reference: a table agrees with itself, whatever moved."""
+    known = {_row(sighting) for sighting in then}
+    same = sum(_row(sighting) in known for sighting in today)
+    if same > _MOST_SAME * len(today):
+        got = f"{same} of {len(today)} rows that stand in {reference.name}, too"
+        wanted = "rows seen today: a table compared with itself shows no knock"
+        raise InputError(path.name, got=got, wanted=f"{wanted} (where all comes out the same, t_s tells them apart)")
+
+
+def _row(sighting: Sighting) -> tuple[object, ...]:
+    angles = (sighting.pan_rad, sighting.tilt_rad)
+    return (sighting.station, sighting.landmark, *angles, *sighting.pixel_px.tolist(), sighting.t_s)
 
 
 def other_set_up(check: Check) -> str | None:

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from calibration.flight_paths import PathPart, PathResiduals, path_parts
-from calibration.flight_problem import FlightProblem, left_jacobian
+from calibration.flight_problem import ANTENNA, FlightProblem, left_jacobian
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
 
@@ -23,7 +23,7 @@ _GROSS_SIGMA = 4.5
 # errors that last are seen as blocks that do not average out
 _BLOCK_S = 1.0
 _LEAST_BLOCKS = 6
-# chance leaves less than this in so many cases
+# in so many flights chance alone raises none of the combinations
 _CHANCE = 0.95
 _SCALES = {
     "runway_from_base": 1e-3,
@@ -68,6 +68,7 @@ class FlightFit:
     covariance : (p, p), rotations as small angles about the solution, in the frame of their name.
     reduced_chi_square : of the kept residuals by the assumed noise.
     lasting_factor : (p,) by how much errors that last have raised each sigma.
+    point_sigma_m : so far along the body the point seen may lie from where it is taken to be; in the covariance.
     condition : of the information, its parameters scaled to unit diagonal.
     parts : the paths of aircraft and heads, with their smoothness.
     """
@@ -78,6 +79,7 @@ class FlightFit:
     reduced_chi_square: float
     lasting_factor: FloatArray
     condition: float
+    point_sigma_m: float = 0.0
     stations: Mapping[str, StationFit] = field(default_factory=dict)
     parts: tuple[PathPart, ...] = ()
 
@@ -240,8 +242,11 @@ def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> N
             raise FlightFitError(f"station {name}: got {got}; wanted at least {LEAST_LOOKS}")
 
 
-def judged(solution: FlightSolution) -> FlightFit:
-    """Return the fit with (JᵀWJ)⁻¹, the flight's part of it raised by the reduced chi-square and by what lasts."""
+def judged(solution: FlightSolution, point_sigma_m: float = 0.0) -> FlightFit:
+    """Return the fit with (JᵀWJ)⁻¹, the flight's part of it raised by the reduced chi-square and by what lasts.
+
+    ``point_sigma_m``: so far along the body the point seen may lie from where it is taken to be, the same all the time.
+    """
     joint, change, fits = solution.joint, solution.change, solution.stations
     problem = joint.problem
     residual, jacobian = joint.residual(change), joint.jacobian(change)
@@ -253,8 +258,10 @@ def judged(solution: FlightSolution) -> FlightFit:
     chi_square = (float(residual @ residual) - joint.base) / max(count - len(change), 1)
     covariance = _inverse(told / max(1.0, chi_square) + before)
     alone = np.sqrt(np.diag(covariance))
+    by_point = point_sigma_m * _by_point(joint, change, covariance)
     covariance = _raised(joint, change, covariance, told / max(1.0, chi_square))
     lasting = np.sqrt(np.diag(covariance)) / alone
+    covariance += np.outer(by_point, by_point)
     turned = np.eye(len(change))
     for name in problem.looks:
         station = problem.station_change(change, name)
@@ -268,10 +275,26 @@ def judged(solution: FlightSolution) -> FlightFit:
         covariance=turned @ covariance @ turned.T,
         reduced_chi_square=chi_square,
         lasting_factor=lasting,
+        point_sigma_m=0.0 if ANTENNA[0] in problem.names else point_sigma_m,
         condition=float(np.linalg.cond(_unit(told + before))),
         stations=dict(fits),
         parts=joint.parts,
     )
+
+
+def _by_point(joint: PathResiduals, change: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return what the solution (p,) makes of a point seen 1 m behind where it is taken to be.
+
+    It is considered, not solved for: a clock that is late puts an aircraft that flies straight just as far behind. Zero
+    where the place of the antenna is to be found, which is the same.
+    """
+    problem = joint.problem
+    if ANTENNA[0] in problem.names:
+        return np.zeros(len(change))
+    wider = replace(problem, names=(*problem.names, ANTENNA[0]), prior_sigma=np.append(problem.prior_sigma, np.inf))
+    at = np.append(change, 0.0)
+    jacobian = PathResiduals(wider, joint.factors, joint.kept, at, joint.parts).jacobian(at)
+    return np.asarray(-covariance @ (jacobian[:, :-1].T @ jacobian[:, -1]))
 
 
 def _unit(information: FloatArray) -> FloatArray:
@@ -320,4 +343,5 @@ def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatA
     ratio = seen.sum(axis=0) / total
     # of a sum of squares of unequal size (Satterthwaite 1946)
     freedom = total**2 / np.maximum((expected**2).sum(axis=0), 1e-300)
-    return np.asarray(np.where(ratio > chi2.ppf(_CHANCE, freedom) / freedom, np.sqrt(np.maximum(ratio, 1.0)), 1.0))
+    limit = chi2.ppf(_CHANCE ** (1.0 / p), freedom) / freedom
+    return np.asarray(np.where(ratio > limit, np.sqrt(np.maximum(ratio, 1.0)), 1.0))

@@ -34,6 +34,11 @@ def format_flight_report(
             f"{name}: {station.rms_px:.2f} px rms over {kept} pixels; {usable - kept} gross, "
             f"{looks - usable} without angle or DGPS{gross_times(fit, name)}"
         )
+    if fit.point_sigma_m > 0.0:
+        lines.append(
+            f"in the sigmas: the point seen may lie {fit.point_sigma_m:g} m along the body from where it is taken to be"
+            " (--point-sigma)"
+        )
     lines += [f"left out: {text}" for text in excluded[:_MOST_SPANS]]
     if len(excluded) > _MOST_SPANS:
         lines.append(f"left out: {len(excluded) - _MOST_SPANS} more stretches of DGPS")

@@ -9,7 +9,13 @@ import numpy as np
 from calibration.flight import FlightFit, FlightFitError, FlightSolution, find_solution, judged
 from calibration.flight_data import FlightData, gather_flight
 from calibration.flight_page import FlightPage, write_flight_page
-from calibration.flight_parameters import KNOWN_POSITION_M, FreeParameters, choose_parameters, free_words
+from calibration.flight_parameters import (
+    KNOWN_POSITION_M,
+    POINT_SIGMA_M,
+    FreeParameters,
+    choose_parameters,
+    free_words,
+)
 from calibration.flight_problem import FlightProblem
 from calibration.flight_report import format_flight_report, rig_header
 from calibration.flight_rig import solved_rig
@@ -37,7 +43,8 @@ class FlightRequest:
     """What to calibrate.
 
     ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known; ``report`` is a
-    folder for report.html and its pictures.
+    folder for report.html and its pictures. ``point_sigma_m`` is how far along the body the point that pixels are of
+    may lie from the nose, and so from the antenna, beside what session.toml says; the same all the time, 1 sigma.
     """
 
     session: Path
@@ -49,6 +56,7 @@ class FlightRequest:
     free: str = ""
     hold: bool = False
     report: Path | None = None
+    point_sigma_m: float = POINT_SIGMA_M
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,7 +87,7 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
         for doubted in _DOUBTED if surveyed else _DOUBTED[:1]:
             found, note = _doubted(session, start, found, (*words, *doubted))
             notes += note
-    fit = judged(found)
+    fit = judged(found, request.point_sigma_m)
     _require_fit(session, fit)
     rig = solved_rig(session.rig, fit, session.name, antenna)
     verdict = judge_flight(rig, fit)

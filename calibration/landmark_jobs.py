@@ -1,18 +1,18 @@
 """The whole jobs of `groundstation calibrate survey` and `check`: files in, a rig, a report and a record out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from calibration.check import Check, solve_check
 from calibration.check_record import append_record, check_record, record_path
-from calibration.check_reference import Reference, find_reference, keep_reference, other_set_up
+from calibration.check_reference import Reference, find_reference, keep_reference, other_set_up, require_seen_anew
 from calibration.check_report import format_check, write_check_report
-from calibration.sightings import Sighting, read_landmarks, read_sightings
+from calibration.sightings import Landmark, Sighting, read_landmarks, read_sightings
 from calibration.survey import Survey, solve_survey, survey_words
 from calibration.survey_report import format_survey, rig_header, write_survey_report
 from groundstation.errors import GroundstationError, InputError
-from groundstation.rig import load_rig
+from groundstation.rig import Rig, load_rig
 from groundstation.rig_toml import rig_to_toml
 
 
@@ -70,6 +70,17 @@ class CheckRequest:
     alarm_deg: float = 0.01
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opinion:
+    """What somebody else says of a rig and today's sightings, in words, and the stations that do not agree with it."""
+
+    text: str
+    against: tuple[str, ...]
+
+
+Ask = Callable[[Rig, Sequence[Sighting], Mapping[str, Landmark]], Opinion]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CheckDone:
     """What was found and decided: ``good`` where a session may start with the rig, or with the corrected one."""
@@ -80,10 +91,11 @@ class CheckDone:
     written: tuple[Path, ...]
 
 
-def run_check(request: CheckRequest) -> CheckDone:
+def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
     """Check, decide, write the corrected rig if asked for, and always a line of record.
 
-    Raises `GroundstationError`, one line, where the check cannot be made; that stands in the record, too.
+    ``ask`` gives a second opinion of the rig that would be used; if that is against it, the rig is refused. Raises
+    `GroundstationError`, one line, where the check cannot be made; that stands in the record, too.
     """
     record = request.record or record_path(request.rig)
     files = {"rig": request.rig, "sightings": request.sightings, "landmarks": request.landmarks}
@@ -98,12 +110,15 @@ def run_check(request: CheckRequest) -> CheckDone:
             raise InputError("--alarm-deg", got=f"{request.alarm_deg:g}", wanted="a number above 0 to 10")
         sightings = read_sightings(request.sightings)
         check, reference = _compared(request, sightings, reference)
+        # with --out, what has moved has been put right
+        rig = check.rig if request.out is None else check.corrected
+        opinion = None if ask is None else ask(rig, sightings, read_landmarks(request.landmarks))
     except GroundstationError as error:
         append_record(record, check_record(files, sightings, None, "refused", str(error)))
         raise
-    decision, word = _decide(check, request)
+    decision, word = _decide(check, request, opinion)
     written: list[Path] = []
-    if request.out is not None and not check.unseen:
+    if request.out is not None and word != "refused":
         _write(request.out, _header(check, request) + rig_to_toml(check.corrected))
         written.append(request.out)
         # what has moved is seen by today's sightings only
@@ -113,7 +128,8 @@ def run_check(request: CheckRequest) -> CheckDone:
     if request.report is not None:
         name = request.sightings.stem
         written += write_check_report(request.report, check, request.alarm_deg, decision, name)
-    text = "\n".join([reference.note, format_check(check, request.alarm_deg, decision)])
+    first = [reference.note] if opinion is None else [reference.note, opinion.text]
+    text = "\n".join([*first, format_check(check, request.alarm_deg, decision)])
     return CheckDone(check=check, text=text, good=word != "refused", written=(*written, record))
 
 
@@ -122,6 +138,7 @@ def _compared(request: CheckRequest, sightings: Sequence[Sighting], reference: R
     rig, landmarks = load_rig(request.rig), read_landmarks(request.landmarks)
     if reference.path is not None:
         then = read_sightings(reference.path)
+        require_seen_anew(sightings, then, request.sightings, reference.path)
         check = solve_check(rig, sightings, landmarks, then, request.sightings, reference.path)
         otherwise = other_set_up(check) if reference.kept else None
         if otherwise is None:
@@ -131,16 +148,23 @@ def _compared(request: CheckRequest, sightings: Sequence[Sighting], reference: R
     return solve_check(rig, sightings, landmarks, (), request.sightings), reference
 
 
-def _decide(check: Check, request: CheckRequest) -> tuple[str, str]:
+def _decide(check: Check, request: CheckRequest, opinion: Opinion | None) -> tuple[str, str]:
     """Return the decision in words and as one of accepted, corrected, refused."""
     names = ", ".join(m.station for m in check.moved)
     if check.unseen:
         return f"refused: {', '.join(check.unseen)} not checked; look at two landmarks from every station", "refused"
+    if check.moved and request.out is None:
+        return f"refused: {names} moved; --out FILE writes a corrected rig, or survey again", "refused"
+    if opinion is not None and opinion.against:
+        found = f"{names} put right" if check.moved else "nothing has moved"
+        against = ", ".join(opinion.against)
+        return (
+            f"refused: {found} by the landmarks, but the runway's corners disagree ({against}); survey again",
+            "refused",
+        )
     if not check.moved:
         return "accepted: the rig stands as it was calibrated", "accepted"
-    if request.out is None:
-        return f"refused: {names} moved; --out FILE writes a corrected rig, or survey again", "refused"
-    return f"corrected: {names} moved; use {request.out.name}", "corrected"
+    return f"corrected: {names} moved; use {request.out.name if request.out else ''}", "corrected"
 
 
 def _header(check: Check, request: CheckRequest) -> str:

@@ -89,17 +89,22 @@ def lasting_variance(step_rad: float, sigma_rad: float) -> float:
     return float(min(step_rad**2 / (2.0 * np.pi**2) * shares.sum(), step_rad**2 / 12.0))
 
 
-def _angle_variance(station: Station, stops: NDArray[np.int64]) -> FloatArray:
-    """Return each look's variance such that the mean over a stop has the variance that it truly has."""
-    if station.fixed:
-        return np.zeros(len(stops))
+def reading_variances(station: Station) -> tuple[float, float]:
+    """Return the variance, rad², of an angle's error that lasts while a head stands, and of what each reading adds."""
     # of no noise at all the sum over harmonics is an even twelfth of the step
     lasting = (
         lasting_variance(station.ptu_resolution_rad, station.ptu_sigma_rad)
         if station.ptu_sigma_rad > 0.0
         else station.ptu_resolution_rad**2 / 12.0
     )
-    fleeting = max(station.angle_sigma_rad**2 - lasting, 0.0)
+    return lasting, max(station.angle_sigma_rad**2 - lasting, 0.0)
+
+
+def _angle_variance(station: Station, stops: NDArray[np.int64]) -> FloatArray:
+    """Return each look's variance such that the mean over a stop has the variance that it truly has."""
+    if station.fixed:
+        return np.zeros(len(stops))
+    lasting, fleeting = reading_variances(station)
     return np.asarray(fleeting + lasting * np.bincount(stops)[stops])
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.stats import chi2
 
 from calibration.corners import View
 from calibration.errors import IntrinsicsError
@@ -28,6 +29,10 @@ _STEPS = 30
 _STEP_IS_NOTHING = 1e-4
 # scaled to correlations, a smaller eigenvalue than this is no information at all
 _NO_INFORMATION = 1e-13
+# what goes together in a lens: focal lengths; the distortion along the radius; the centre and what is tangential
+_GROUPS = ((0, 1), (4, 5, 8), (2, 3, 6, 7))
+# of lenses whose corners' errors are all new, so many keep the sigmas that follow from that
+_CHANCE = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -247,12 +252,11 @@ def _with_covariance(
     freedom = len(residuals) - len(columns) - 6 * len(views)
     variance = float(residuals @ residuals) / max(freedom, 1)
     inverse = np.linalg.inv(normal.matrix) / np.outer(normal.scale, normal.scale)
+    free = np.ix_(columns, columns)
     covariance = np.zeros((9, 9))
-    covariance[np.ix_(columns, columns)] = 0.5 * variance * (inverse + inverse.T)
+    covariance[free] = 0.5 * variance * (inverse + inverse.T)
     white_sigma = np.sqrt(np.diag(covariance))
-    lasting = np.ones(9)
-    lasting[columns] = _lasting_factor(lines, columns, normal, variance)
-    covariance = covariance * np.outer(lasting, lasting)
+    covariance[free] = _raised(covariance[free], _over_views(lines, columns, normal), len(views), columns)
     return LensFit(
         lens=solution.lens,
         covariance=covariance,
@@ -267,8 +271,8 @@ def _with_covariance(
     )
 
 
-def _lasting_factor(lines: Sequence[_Linearised], columns: list[int], normal: _Normal, variance: float) -> FloatArray:
-    """Return by how much errors common to a view raise each sigma: the jackknife over views, never below 1.
+def _over_views(lines: Sequence[_Linearised], columns: list[int], normal: _Normal) -> FloatArray:
+    """Return the covariance (p, p) of the free parameters as the views themselves scatter: the jackknife over views.
 
     A bent print, a blur or a light from one side shifts the corners of a view together; they do not average out in it.
     """
@@ -282,8 +286,28 @@ def _lasting_factor(lines: Sequence[_Linearised], columns: list[int], normal: _N
         # the fit has followed each view by its share in the whole: what it would be off without it
         scores.append(np.linalg.lstsq(unit - rest.T @ rest @ inverse, rest.T @ line.residual, rcond=None)[0])
     meat = np.array(scores).T @ np.array(scores) * (len(lines) - 1) / len(lines)
-    plain, sandwich = variance * np.diag(inverse), np.diag(inverse @ meat @ inverse)
-    return np.asarray(np.sqrt(np.maximum(sandwich / np.maximum(plain, 1e-300), 1.0)))
+    return np.asarray(inverse @ meat @ inverse / np.outer(normal.scale, normal.scale))
+
+
+def _raised(covariance: FloatArray, seen: FloatArray, views: int, columns: list[int]) -> FloatArray:
+    """Return a covariance (p, p), raised where the views scatter by more: ``seen`` (p, p), by the jackknife.
+
+    Combination by combination within `_GROUPS`: parameters of one are known together far better than alone, and one
+    raised by itself would turn that. What chance makes of so few views, in the worst of p combinations, raises nothing.
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    unit, seen = covariance / np.outer(sigma, sigma), seen / np.outer(sigma, sigma)
+    axes = np.zeros_like(unit)
+    for group in _GROUPS:
+        own = [place for place, column in enumerate(columns) if column in group]
+        axes[np.ix_(own, own)] = np.linalg.eigh(unit[np.ix_(own, own)])[1]
+    size = axes.T @ unit @ axes
+    ratio = np.diag(axes.T @ seen @ axes) / np.maximum(np.diag(size), _NO_INFORMATION)
+    freedom = max(views - 1, 1)
+    limit = chi2.ppf(_CHANCE ** (1.0 / len(ratio)), freedom) / freedom
+    raised = np.sqrt(np.where(ratio > limit, ratio, 1.0))
+    spread = sigma[:, None] * axes * raised
+    return np.asarray(spread @ size @ spread.T)
 
 
 def _focal_distance_correlation(

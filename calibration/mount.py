@@ -31,7 +31,7 @@ _SCALES = {"mark": 0.01, "camera_in_head": 0.01, "ptu_position": 0.01, "scale": 
 _OTHER_SCALE = 1e-3
 # every fifth standstill is kept apart to judge by
 _HELD_OUT_EACH = 5
-_LEAST_POINTINGS = 4
+_LEAST_STANDSTILLS = 4
 
 
 class MountFitError(GroundstationError):
@@ -261,10 +261,10 @@ def _scale(name: str) -> float:
 def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor: float) -> HeldOut | None:
     """Fit without every fifth standstill and judge by these; None where too few are left to fit to."""
     seen = problem.sightings
-    pointings = np.unique(seen.pointing[kept])
-    apart = np.isin(seen.pointing, pointings[_HELD_OUT_EACH // 2 :: _HELD_OUT_EACH]) & kept
+    stands = np.unique(problem.stand[kept])
+    apart = np.isin(problem.stand, stands[_HELD_OUT_EACH // 2 :: _HELD_OUT_EACH]) & kept
     rest = kept & ~apart
-    if not apart.any() or len(pointings) < 2 * _HELD_OUT_EACH or not set(seen.mark[apart]) <= set(seen.mark[rest]):
+    if not apart.any() or len(stands) < 2 * _HELD_OUT_EACH or not set(seen.mark[apart]) <= set(seen.mark[rest]):
         return None
     at = _linear(problem, change, rest)
     sought = problem.predict(at)
@@ -288,10 +288,10 @@ def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor
 def require_enough(problem: MountProblem) -> None:
     """Raise `MountFitError` where it is plain that the sightings cannot do it, with what is missing."""
     seen, where = problem.sightings, f"station {problem.station.name}"
-    pointings = len(np.unique(seen.pointing))
-    if pointings < _LEAST_POINTINGS:
-        got = f"{len(seen)} sightings at {pointings} pairs of angles"
-        wanted = f"at least {_LEAST_POINTINGS}, better 25 or more, from all over the PTU's range"
+    stands = len(np.unique(problem.stand))
+    if stands < _LEAST_STANDSTILLS:
+        got = f"{len(seen)} sightings at {stands} pair{'s' * (stands != 1)} of angles"
+        wanted = f"at least {_LEAST_STANDSTILLS}, better 25 or more, from all over the PTU's range"
         raise MountFitError(f"{where}: got {got}; wanted {wanted}")
     spread = np.degrees(np.ptp(seen.reading_rad, axis=0))
     for axis, name in enumerate(("pan", "tilt")):

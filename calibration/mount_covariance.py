@@ -3,7 +3,9 @@
 import numpy as np
 
 from calibration.flight_problem import left_jacobian
+from calibration.landmark_looks import reading_variances
 from calibration.mount_problem import MountProblem, Sought
+from calibration.mount_standstills import with_shared_error
 from groundstation.arrays import FloatArray, MaskArray
 
 # a parameter is determined if it is known so much better than before, and to this
@@ -19,19 +21,24 @@ def whitened(problem: MountProblem, sought: Sought, kept: MaskArray) -> tuple[Fl
     own = np.flatnonzero(kept)
     own = own[np.argsort(seen.pointing[own], kind="stable")]
     _, first, counts = np.unique(seen.pointing[own], return_index=True, return_counts=True)
-    both = np.concatenate([(sought.pixel_px - seen.pixel_px)[:, :, None], sought.jacobian], axis=2)
-    residuals, jacobians = [], []
-    # standstills of as many sightings at once
+    lasting, fleeting = reading_variances(problem.station)
+    off = (sought.pixel_px - seen.pixel_px)[:, :, None]
+    both = np.concatenate([off, sought.jacobian, sought.by_angle], axis=2)
+    parts, stands = [], []
+    # readings of as many sightings at once
     for count in np.unique(counts):
         rows = own[first[counts == count][:, None] + np.arange(count)]
         size = 2 * int(count)
         by_angle = sought.by_angle[rows].reshape(len(rows), size, 2)
-        covariance = problem.station.angle_sigma_rad**2 * by_angle @ np.swapaxes(by_angle, 1, 2)
+        covariance = fleeting * by_angle @ np.swapaxes(by_angle, 1, 2)
         covariance[:, np.arange(size), np.arange(size)] += np.repeat(seen.sigma_px[rows] ** 2, 2, axis=1)
         white = np.linalg.solve(np.linalg.cholesky(covariance), both[rows].reshape(len(rows), size, -1))
-        residuals.append(white[:, :, 0].ravel())
-        jacobians.append(white[:, :, 1:].reshape(len(rows) * size, -1))
-    return np.concatenate(residuals), np.concatenate(jacobians)
+        parts.append(white.reshape(len(rows) * size, -1))
+        stands.append(np.repeat(problem.stand[rows], 2))
+    white = np.concatenate(parts)
+    if lasting > 0.0:
+        white[:, :-2] = with_shared_error(white[:, :-2], white[:, -2:], np.concatenate(stands), lasting)
+    return white[:, 0], white[:, 1:-2]
 
 
 def information(problem: MountProblem, change: FloatArray, kept: MaskArray) -> FloatArray:

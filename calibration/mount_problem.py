@@ -8,12 +8,13 @@ Equations: docs/derivation.md, section on the mount.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
 
 from calibration.flight_problem import left_jacobian
+from calibration.mount_standstills import standstills
 from groundstation.arrays import FloatArray, IntArray, MaskArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration_many
@@ -125,7 +126,7 @@ class MountSightings:
     ----------
     reading_rad : (n, 2) pan and tilt as read; ``sense`` (n, 2) how each axis moved last, +1, −1 or 0.
     pixel_px : (n, 2); ``sigma_px`` (n,) of u and of v.
-    pointing : (n,) number of the standstill: sightings of one share the readings' errors.
+    pointing : (n,) number of the reading: sightings of one share all of its errors.
     mark : (n,) number of the mark; ``body_m`` (n, 3) which point of a board, zero else.
     label : (n,) where it comes from, as the user knows it.
     """
@@ -168,13 +169,21 @@ class Sought:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MountProblem:
-    """A station, its sightings, the marks, and p free parameters with one sigma (p,) before (inf: nothing known)."""
+    """A station, its sightings, the marks, and p free parameters with one sigma (p,) before (inf: nothing known).
+
+    ``stand`` (n,) numbers the standstills of the sightings, over which what a step hides stays the same.
+    """
 
     station: Station
     sightings: MountSightings
     marks: tuple[Mark, ...]
     names: tuple[str, ...]
     prior_sigma: FloatArray
+    stand: IntArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        seen = self.sightings
+        object.__setattr__(self, "stand", standstills(seen.reading_rad, seen.sense, self.station))
 
     def value(self, change: FloatArray, name: str) -> float:
         """Return one parameter of a change (p,); 0 where it is not free."""

@@ -36,7 +36,7 @@ def format_mount(one: StationMount) -> str:
     marks = len(fit.problem.marks)
     lines = [
         f"station {one.before.name}: {len(seen)} sightings of {marks} mark{'s' * (marks != 1)},"
-        f" {len(np.unique(seen.pointing))} pairs of angles, {int(fit.kept.sum())} used",
+        f" {len(np.unique(fit.problem.stand))} standstills, {int(fit.kept.sum())} used",
         "",
         f"{'parameter':<22}{'value':>12}{'sigma':>12}{'change':>12}  unit",
         *(_row(one, name) for name in (*BORESIGHT, *LEVER, *BASE, *AXES)),

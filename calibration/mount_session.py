@@ -71,7 +71,7 @@ def marks_of(landmarks: Mapping[str, Landmark], names: Sequence[str]) -> tuple[M
 
 
 def mount_sightings(rows: Sequence[Sighting], names: Sequence[str], path: str) -> MountSightings:
-    """Return one station's rows of sightings.csv; rows in turn at the same angles are one standstill."""
+    """Return one station's rows of sightings.csv; rows in turn at the same angles and time are one reading."""
     readings = np.array([(row.pan_rad, row.tilt_rad) for row in rows])
     moved = np.zeros(len(rows), dtype=np.bool_)
     moved[1:] = np.abs(np.diff(readings, axis=0)).max(axis=1) > _SAME_RAD
@@ -165,7 +165,7 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     if "boresight" not in words:
         return
     seen = fit.problem.sightings
-    count, standing = len(seen), len(np.unique(seen.pointing[fit.kept]))
+    count, standing = len(seen), len(np.unique(fit.problem.stand[fit.kept]))
     unknowns = sum(not name.startswith(("mark ", *POSITION)) for name in fit.problem.names)
     told = pointing_sigma(fit, told=True).worst_deg
     # one board whose place nobody knows cannot tell it better, and is good for the rest

@@ -20,6 +20,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 from scipy.sparse import csr_matrix, diags
+from scipy.stats import chi2
 
 from calibration.banded_inverse import banded_inverse
 from groundstation.arrays import FloatArray
@@ -34,6 +35,8 @@ _BESIDE = 2
 _FREE = 1e-4
 _USUAL = 10.0
 _MOST_BREAKS = 20
+# of paths whose samples are as noisy as stated, so many keep that
+_CHANCE = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +99,7 @@ def path_basis(from_s: float, to_s: float, step_s: float) -> PathBasis:
 def find_smoothness(basis: PathBasis, t_s: FloatArray, values: FloatArray, sigma: FloatArray) -> Smoothness:
     """Return how smooth a path is that was sampled as ``values`` (n,) with noise ``sigma`` (n,).
 
-    The noise is taken as stated, or larger where the samples say so.
+    The noise is taken as stated, or larger where the samples say so more clearly than chance would.
     """
     usual = float(np.sqrt(np.mean(sigma**2)))
     evidence = _Evidence(basis, t_s, values - values.mean(), sigma / usual)
@@ -141,7 +144,10 @@ class _Evidence:
 
         ratio = most_probable(None)
         noise = float(np.sqrt(self._left_over(penalty, ratio)[0] / max(self._samples - ORDER, 1)))
-        return (ratio, noise) if noise >= stated else (most_probable(stated), stated)
+        # what is stated is knowledge: what chance finds above it, too, raises nothing
+        freedom = self._samples - ORDER
+        raised = noise >= stated * float(np.sqrt(chi2.ppf(_CHANCE, freedom) / freedom)) if freedom > 0 else False
+        return (ratio, noise) if raised else (most_probable(stated), stated)
 
     def oddness(self, weight: FloatArray, ratio: float, noise: float) -> FloatArray:
         """Return the third differences (K − 3,) of the path found over their sigmas, without their signs."""

@@ -19,7 +19,7 @@ from groundstation.cli_recording import add_convert, add_recover, run_convert, r
 from groundstation.cli_reproduce import add_reproduce, run_reproduce
 from groundstation.cli_simulate import add_simulate, run_simulate
 from groundstation.cli_view import add_view, run_view
-from groundstation.errors import GroundstationError
+from groundstation.errors import GroundstationError, UsageError
 from groundstation.progress import ProgressLine
 
 _REPLAY = """Replay a recorded session: find the aircraft in every camera, track it in 3-D,
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except GroundstationError as error:
         print(f"groundstation: {error}", file=sys.stderr)
-        return 1
+        return 2 if isinstance(error, UsageError) else 1
     except OSError as error:
         # a full disk, a cable pulled: nothing that a stack of calls would explain
         print(f"groundstation: {error}", file=sys.stderr)

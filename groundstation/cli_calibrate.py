@@ -1,6 +1,7 @@
 """The part of the command line that calibrates: `groundstation calibrate WHAT …`."""
 
 import argparse
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 from groundstation.cli_calibrate_landmarks import add_landmark_kinds, run_calibrate_check, run_calibrate_survey
 from groundstation.cli_calibrate_mount import add_mount, run_mount
 from groundstation.cli_calibrate_timing import add_timing, run_timing
+from groundstation.cli_span import add_span, require_span
 from groundstation.errors import InputError
 from groundstation.progress import ProgressLine
 
@@ -101,12 +103,17 @@ def _add_flight(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     flight.add_argument(
         "--detections", type=Path, metavar="FILE", help="pixels of an earlier replay: its detections.csv"
     )
-    flight.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
-    flight.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    add_span(flight)
     flight.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
     flight.add_argument("--free", default="", metavar="LIST", help="find these as well")
     flight.add_argument(
         "--hold", action="store_true", help="take surveyed positions as exact, even where the pixels contradict them"
+    )
+    flight.add_argument(
+        "--point-sigma",
+        type=_length,
+        metavar="M",
+        help="the point seen may lie so far along the body from where it is taken to be, 1 sigma (default 0.05)",
     )
 
 
@@ -124,6 +131,17 @@ def _held(text: str) -> frozenset[str]:
     return names
 
 
+def _length(text: str) -> float:
+    """Return a length in m that is 0 or more."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value < 100.0:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted metres, 0 or more")
+    return value
+
+
 def run_calibrate(options: argparse.Namespace) -> int:
     """Run one calibration; returns the exit code."""
     return _KINDS[options.calibrate](options)
@@ -133,6 +151,7 @@ def _flight(options: argparse.Namespace) -> int:
     """Calibrate on a flight, print the report and the path."""
     from calibration.flight_session import FlightRequest, calibrate_flight
 
+    require_span(options)
     if options.out.resolve() == (options.session / "rig.toml").resolve():
         wanted = "another file: a recording keeps the rig that it was made with"
         raise InputError(str(options.out), got="the session's own rig", wanted=wanted)
@@ -146,6 +165,7 @@ def _flight(options: argparse.Namespace) -> int:
         free=options.free,
         hold=options.hold,
         report=options.report,
+        **({} if options.point_sigma is None else {"point_sigma_m": options.point_sigma}),
     )
     found = calibrate_flight(request)
     print(found.report)

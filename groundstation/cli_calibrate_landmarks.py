@@ -1,7 +1,14 @@
 """The command line of what is calibrated on landmarks: `groundstation calibrate survey` and `check`."""
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calibration.landmark_jobs import Opinion
+    from calibration.sightings import Landmark, Sighting
+    from groundstation.rig import Rig
 
 _SURVEY = """Where stations stand and look, from surveyed landmarks seen through them: all
 stations and landmarks in one adjustment, no first guess needed."""
@@ -62,8 +69,8 @@ def add_landmark_kinds(kinds: "argparse._SubParsersAction[argparse.ArgumentParse
     check.add_argument(
         "--runway",
         metavar="NAMES",
-        help="these landmarks, four or more with commas, are the runway's corners, all seen in one look: compare each "
-        "camera's pose by them with the rig's, too",
+        help="these landmarks, four or more with commas, are the runway's corners, all seen in one look: each camera's "
+        "pose by them must agree with the rig's, too, or the rig is refused",
     )
     check.add_argument(
         "--alarm-deg",
@@ -115,6 +122,13 @@ def run_calibrate_check(options: argparse.Namespace) -> int:
     """Check, print the verdict; 1 where the rig is refused."""
     from calibration.landmark_jobs import CheckRequest, run_check
 
+    names = None if options.runway is None else [name.strip() for name in options.runway.split(",")]
+
+    def ask(rig: "Rig", seen: "Sequence[Sighting]", marks: "Mapping[str, Landmark]") -> "Opinion":
+        from groundstation.cli_calibrate_runway import ask_runway
+
+        return ask_runway(rig, seen, marks, names or (), options.sightings)
+
     done = run_check(
         CheckRequest(
             sightings=options.sightings,
@@ -125,18 +139,10 @@ def run_calibrate_check(options: argparse.Namespace) -> int:
             record=options.record,
             report=options.report,
             alarm_deg=options.alarm_deg,
-        )
+        ),
+        None if names is None else ask,
     )
     print(done.text)
-    good = done.good
-    if options.runway is not None:
-        from groundstation.cli_calibrate_runway import check_runway
-
-        # with --out, what has moved has just been put right
-        rig = options.rig if options.out is None else options.out
-        text, agree = check_runway(options.sightings, options.landmarks, rig, options.runway.split(","))
-        print(text)
-        good = good and agree
     for path in done.written:
         print(f"wrote {path}")
-    return 0 if good else 1
+    return 0 if done.good else 1

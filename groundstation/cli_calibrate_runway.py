@@ -1,47 +1,48 @@
-"""The runway's own corners as a check of stations: `groundstation calibrate check … --runway NAMES`."""
+"""The runway's own corners as a second opinion in a check: `groundstation calibrate check … --runway NAMES`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from calibration.sightings import STANDING_DEG, Landmark, Sighting, read_landmarks, read_sightings
+from calibration.landmark_jobs import Opinion
+from calibration.sightings import STANDING_DEG, Landmark, Sighting
 from groundstation.errors import InputError
 from groundstation.onboard.pose.solve import PoseStatus
 from groundstation.onboard.pose.station_check import StationCheck, check_station
-from groundstation.rig import Rig, Station, load_rig
+from groundstation.rig import Rig, Station
 from groundstation.toml_table import quoted
 
+LEAST_CORNERS = 4
 
-def check_runway(sightings: Path, landmarks: Path, rig: Path, names: Sequence[str]) -> tuple[str, bool]:
-    """Compare each station's pose by the runway's corners with its rig's; returns a report and whether all agree.
 
-    Stations count that saw all of the named landmarks without turning. Raises `InputError` where none did, or where a
-    name is no surveyed point.
+def ask_runway(
+    rig: Rig, seen: Sequence[Sighting], marks: Mapping[str, Landmark], names: Sequence[str], path: Path
+) -> Opinion:
+    """Compare each station's pose by the runway's corners with its rig's.
+
+    Stations count that saw all of the named landmarks without turning. Raises `InputError` where none did (``path`` is
+    that of the sightings), or where a name is no surveyed point.
     """
-    marks = read_landmarks(landmarks)
-    corners = [_corner(marks, name, landmarks) for name in names]
-    if len(set(names)) < 4 or len(set(names)) < len(names):
+    corners = [_corner(marks, name) for name in names]
+    if len(set(names)) < LEAST_CORNERS or len(set(names)) < len(names):
         raise InputError("--runway", got=", ".join(names) or "nothing", wanted="four or more different names")
-    known: Rig = load_rig(rig)
-    known.require_known()
-    seen = read_sightings(sightings)
     checks = []
-    for station in known.stations:
+    for station in rig.stations:
         check = _check(station, [s for s in seen if s.station == station.name and s.landmark in names], corners)
         if check is not None:
             checks.append(check)
     if not checks:
         wanted = f"a station that sees {', '.join(names)} in one look, without turning, and not all on one line"
-        raise InputError(sightings.name, got="none such", wanted=wanted)
+        raise InputError(path.name, got="none such", wanted=wanted)
     lines = ["by the runway's corners, each station's camera:", *(_line(check) for check in checks)]
-    return "\n".join(lines), all(check.agrees for check in checks)
+    return Opinion(text="\n".join(lines), against=tuple(c.station for c in checks if not c.agrees))
 
 
-def _corner(marks: dict[str, Landmark], name: str, path: Path) -> Landmark:
+def _corner(marks: Mapping[str, Landmark], name: str) -> Landmark:
     mark = marks.get(name)
     if mark is None or mark.kind != "point" or mark.place is None:
-        raise InputError(path.name, got=f"no surveyed point {quoted(name)}", wanted="the names of --runway")
+        raise InputError("--runway", got=f"no surveyed point {quoted(name)}", wanted="names of the table of landmarks")
     return mark
 
 

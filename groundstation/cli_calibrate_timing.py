@@ -4,7 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from groundstation.errors import InputError
+from groundstation.cli_span import add_span, require_span
+from groundstation.errors import InputError, UsageError
 from groundstation.progress import ProgressLine
 
 _TIMING = """The offset between each camera's clock and its PTU's: swing the PTU before a scene that
@@ -38,8 +39,7 @@ def add_timing(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> 
     timing.add_argument("--rig", type=Path, metavar="RIG", help="another rig than the session's rig.toml")
     timing.add_argument("--out", type=Path, required=True, metavar="FILE", help="the rig file to write")
     timing.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
-    timing.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
-    timing.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    add_span(timing)
     timing.add_argument("--from-flight", action="store_true", help="by the aircraft's track instead of the pictures")
     timing.add_argument("--pictures", action="store_true", help="with --from-flight: by the pictures too, compared")
     timing.add_argument("--detections", type=Path, metavar="FILE", help="with --from-flight: a replay's detections.csv")
@@ -53,9 +53,13 @@ def run_timing(options: argparse.Namespace) -> int:
     from calibration.timing_report import format_timing
     from calibration.timing_session import TimingRequest, calibrate_timing
 
+    require_span(options)
     if options.out.resolve() == (options.session / "rig.toml").resolve():
         wanted = "another file: a recording keeps the rig that it was made with"
         raise InputError(str(options.out), got="the session's own rig", wanted=wanted)
+    if options.pictures and not options.from_flight:
+        wanted = "both, to compare, or neither: by the pictures alone is what is done without"
+        raise UsageError("--pictures", got="no --from-flight", wanted=wanted)
     if options.detections is not None and not options.from_flight:
         raise InputError("--detections", got="no --from-flight", wanted="it, pictures need no detections")
     request = TimingRequest(

@@ -1,12 +1,14 @@
 """The part of the command line that operates a station: `groundstation live` and `groundstation check`."""
 
 import argparse
+import shutil
 import signal
 import sys
+import textwrap
 import threading
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from groundstation.cli_simulate import pairs_per_s, whole_number, wind_m_s
 
@@ -71,7 +73,7 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         action="append",
         default=[],
         metavar="NAME",
-        help="with --simulate: strikes each PTU's line six times a minute; may be repeated",
+        help="with --simulate: strikes each PTU's line six times a minute once it flies; may be repeated",
     )
     live.add_argument("--dgps", action="store_true", help="with --simulate: a reference receiver on the aircraft")
     live.add_argument("--no-record", action="store_true", help="keep the track, not the pictures")
@@ -138,11 +140,11 @@ def run_live(options: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         before[number] = signal.signal(number, ask_to_stop)
     try:
-        result = live(request, stop.is_set, _show, lambda text: print(f"{text} …", file=sys.stderr))
+        block = StatusBlock(sys.stderr)
+        result = live(request, stop.is_set, block.show, lambda text: print(f"{text} …", file=sys.stderr))
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    _finish_line()
     print(_words(result))
     return 0
 
@@ -171,22 +173,31 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
     return f"--ptu-fault: got {unknown[0]!r}; wanted one of {', '.join(faults)}" if unknown else ""
 
 
-def _show(status: "LiveStatus") -> None:
-    """Show the status in one line, over and over; line by line where nobody watches."""
-    text = status.one_line()
-    if sys.stderr.isatty():
-        print(f"\r\x1b[2K{text[:160]}", end="", file=sys.stderr, flush=True)
-    elif int(2.0 * status.t_s) % 10 == 0:
-        print(f"{status.t_s:7.1f} s  {text}", file=sys.stderr, flush=True)
+class StatusBlock:
+    """The status on a terminal: a line for each device, over and over in the same place.
 
+    Where nobody watches, in one line every five seconds.
+    """
 
-def _finish_line() -> None:
-    if sys.stderr.isatty():
-        print(file=sys.stderr)
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._lines = 0
+
+    def show(self, status: "LiveStatus") -> None:
+        """Show it."""
+        if self._stream.isatty():
+            width = max(shutil.get_terminal_size().columns - 1, 20)
+            up = f"\x1b[{self._lines}F\x1b[J" if self._lines else ""
+            rows = [row for line in status.lines for row in textwrap.wrap(line, width, subsequent_indent="    ")]
+            print(up + "\n".join(rows), file=self._stream, flush=True)
+            self._lines = len(rows)
+        elif int(2.0 * status.t_s) % 10 == 0:
+            print(f"{status.t_s:7.1f} s  {status.one_line()}", file=self._stream, flush=True)
 
 
 def _words(result: "LiveResult") -> str:
     """Return how it went, for a person."""
+    from groundstation.count_words import count_words
     from groundstation.live.simulated_day import format_score
 
     done = result.operation
@@ -198,9 +209,11 @@ def _words(result: "LiveResult") -> str:
         f"the same while tracking: median {done.tracking_p50_ms:.1f} ms, 99 % within {done.tracking_p99_ms:.1f} ms",
         f"the pipeline computed {100 * done.busy_s / done.elapsed_s:.0f} % of the time",
     ]
-    counted = {**done.dropped, **{name.replace("_", " "): n for name, n in done.counts.items() if n}}
-    if counted:
-        lines.append("counted: " + ", ".join(f"{n} {what}" for what, n in counted.items()))
+    if result.recorded:
+        lines.append(f"recorded: {result.recorded}")
+    if done.dropped:
+        lines.append("dropped: " + ", ".join(f"{n} {what}" for what, n in done.dropped.items()))
+    lines += [f"counted: {what}" for what in count_words(done.counts)]
     if result.score is not None:
         lines += ["", format_score(result.score)]
     lines += ["", *(f"wrote {path}" for path in result.files)]

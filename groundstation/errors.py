@@ -27,6 +27,10 @@ class InputError(GroundstationError):
         super().__init__(printable(f"{where}: got {got}; wanted {wanted}"))
 
 
+class UsageError(InputError):
+    """Options that do not go together: wrong usage, exit code 2."""
+
+
 class RigError(InputError):
     """A rig file is not usable."""
 

@@ -64,6 +64,18 @@ class Epoch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BegunAnew:
+    """The filter failed, and the pipeline forgot everything at ``t_s``; ``why`` is for people.
+
+    ``in_vain`` says that it failed at the event right before this one, which has then brought forth nothing.
+    """
+
+    t_s: float
+    why: str
+    in_vain: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DgpsFix:
     """One reference position in its own clock: ``t_s`` is the DGPS clock, not the session's.
 
@@ -104,7 +116,8 @@ class CarriedError:
     estimated: bool
 
 
-Event = PtuSample | Frame | PixelMeasurement | ReferenceFix | Epoch
+Arrival = PtuSample | Frame | PixelMeasurement | ReferenceFix | Epoch
+Event = Arrival | BegunAnew
 
 
 # --------------------------------------------------------------------------------------- detection

@@ -5,6 +5,7 @@ runs over the same events give the same reports. The only time it knows besides 
 stopwatch handed in by the caller, which goes into ``elapsed_s`` and ``latency_s`` and nowhere else.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
@@ -20,6 +21,7 @@ from groundstation.estimation.replay_window import ReplayWindow
 from groundstation.estimation.smoother import Smoother
 from groundstation.frame_update import FrameUpdate, span_prior_sigma
 from groundstation.messages import (
+    BegunAnew,
     CameraReport,
     CarriedError,
     DetectionStatus,
@@ -66,12 +68,22 @@ class Pipeline:
         reference_errors: ParameterPrior | None = None,
     ) -> None:
         rig.require_known()
-        self._config = config
+        self._rig, self._config, self._span_m = rig, config, span_m
         self._stopwatch = stopwatch
+        self._keep_images = keep_images
+        self._reference_errors = reference_errors
+        self._before: Counter[str] = Counter()
+        self._found: Callable[[float, Kinematics], None] | None = None
+        self.taught_until_s: float | None = None
+        self._begin(initial)
+
+    def _begin(self, initial: InitialState | None) -> None:
+        """Know nothing but what stands in the rig, and where to start."""
+        rig, config, span_m = self._rig, self._config, self._span_m
         self._cameras = {s.name: CameraTracker(s, config) for s in rig.stations}
         geometries = {name: c.geometry for name, c in self._cameras.items()}
         turning = tuple(s.name for s in rig.stations if not s.fixed)
-        prior = rig_prior(rig, reference_errors).with_span(span_prior_sigma(span_m))
+        prior = rig_prior(rig, self._reference_errors).with_span(span_prior_sigma(span_m))
         self._ekf = RecordedEkf(geometries, turning, config.estimation, prior)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._keeper = TargetKeeper(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
@@ -97,17 +109,21 @@ class Pipeline:
             self._health,
             config,
             span=SpanModel(span_m),
-            stopwatch=stopwatch,
-            keep_images=keep_images,
+            stopwatch=self._stopwatch,
+            keep_images=self._keep_images,
         )
         self._refused_references = self._fused_late_references = 0
-        self.taught_until_s: float | None = None
         self._out_cameras: list[CameraReport] = []
         self._out_estimates: list[TrackEstimate] = []
+        self._archive()
 
     @property
     def counts(self) -> dict[str, int]:
         """What was refused: what came too late even to go back for, PTU spikes, references, stations, starts."""
+        return {name: self._before[name] + n for name, n in self._counted().items()}
+
+    def _counted(self) -> dict[str, int]:
+        """Return what was counted since the beginning, or since it began anew."""
         late, fused, health = self._synchroniser.late, self._fused_late, self._health
         return {
             "late_ptu": late.ptu - fused["fused_late_ptu"],
@@ -119,6 +135,7 @@ class Pipeline:
             "stations_excluded": health.watch.exclusions,
             "excluded_pixels": health.excluded_pixels,
             "starts_taken_back": self._ekf.starts_taken_back,
+            "begun_anew": 0,
         }
 
     @property
@@ -129,7 +146,7 @@ class Pipeline:
     @property
     def fused_late(self) -> dict[str, int]:
         """How many PTU readings came late and were fused in their place, and for how many frames one went back."""
-        return dict(self._fused_late)
+        return {name: self._before[name] + n for name, n in self._fused_late.items()}
 
     @property
     def time_s(self) -> float | None:
@@ -153,16 +170,39 @@ class Pipeline:
         ``found`` is told the answers, session time in s and the target then, the newest first: when a target ends, at
         `finish_smoothing`, or, of a long flight, in between. To be called before the first step.
         """
-        smoother = Smoother(self._ekf.motion_over, lambda t_s, x, P: found(t_s, self._ekf.kinematics_of(x, P)))
-        self._ekf.tape.archive = smoother.take
-        return smoother.want
+        self._found = found
+        self._archive()
+        return self._want
+
+    def _want(self, t_s: float) -> None:
+        self._smoother.want(t_s)
+
+    def _archive(self) -> None:
+        """Have what the filter does from now on kept for smoothing, if that is wanted."""
+        found = self._found
+        if found is not None:
+            self._smoother = Smoother(
+                self._ekf.motion_over, lambda t_s, x, P: found(t_s, self._ekf.kinematics_of(x, P))
+            )
+            self._ekf.tape.archive = self._smoother.take
 
     def step(self, event: Event) -> StepReport:
         """Take one event; return the reports of everything whose time has come."""
         if isinstance(event, (Frame, PixelMeasurement)):
             self._book.arrived(event.epoch, self._stopwatch())
             self._health.delivered(event.station, event.t_s)
+        if isinstance(event, BegunAnew):
+            return self._begin_anew(event)
         return self._run(self._synchroniser.push(event))
+
+    def _begin_anew(self, event: BegunAnew) -> StepReport:
+        """Forget everything: numbers had come about that no filter can work with."""
+        self._before.update({**self._counted(), **self._fused_late, "begun_anew": 1})
+        if self._found is not None:
+            self._ekf.finish_tape()
+        self._begin(None)
+        self._keeper.say(event.t_s, "error", f"the filter has failed ({event.why}); begun anew")
+        return self._run(())
 
     def finish(self) -> StepReport:
         """Nothing more will come: return the reports of everything still waiting."""

@@ -1,10 +1,11 @@
 """What a replay takes from a recording, and what it says of one; of a folder all of this is nothing."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from groundstation.config import Config, load_config
-from groundstation.messages import Event, InitialState, ReferenceFix
+from groundstation.messages import BegunAnew, Event, InitialState, ReferenceFix
 from groundstation.recording.contents import CONFIG
 from groundstation.session import Session
 from groundstation.sinks.recorded_session import header_of
@@ -23,6 +24,23 @@ def tuning(session: Session, path: Path | None) -> Config:
 def untaught(events: Iterable[Event]) -> Iterator[Event]:
     """Pass on all but the recorded reference positions: others are to be learnt from."""
     return (event for event in events if not isinstance(event, ReferenceFix))
+
+
+def obeyed(events: Iterable[Event]) -> Iterator[Event]:
+    """Leave out each event at which the filter failed in operation, and let the pipeline begin anew there again.
+
+    It had brought forth nothing; where it fails again, or on another machine does not, the track stays the same.
+    """
+    held: Event | None = None
+    for event in events:
+        if isinstance(event, BegunAnew) and event.in_vain:
+            held = replace(event, in_vain=False)
+            continue
+        if held is not None:
+            yield held
+        held = event
+    if held is not None:
+        yield held
 
 
 def recorder_for(

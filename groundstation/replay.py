@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.config import Config, Start, config_to_mapping
+from groundstation.count_words import count_words
 from groundstation.errors import InputError, RigError, SessionError
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_reference_tums, write_summary
@@ -20,7 +21,7 @@ from groundstation.evaluation.run_description import RunDescription
 from groundstation.hand_over import quick_hand_over
 from groundstation.messages import DgpsFix, InitialState, ReferenceFix
 from groundstation.pipeline import Pipeline
-from groundstation.recorded_run import recorder_for, recording_notes, tuning, untaught
+from groundstation.recorded_run import obeyed, recorder_for, recording_notes, tuning, untaught
 from groundstation.reference_knowledge import ReferenceKnowledge, reference_knowledge
 from groundstation.run import RunOutcome, run
 from groundstation.session import Session, load_dgps, load_session, load_truth
@@ -134,7 +135,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
             smoothed.want = pipeline.smooth(smoothed.found)
         prepared_s = time.perf_counter() - began
         total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
-        events = with_reference(untaught(source) if taught else source, taught)
+        given_events = obeyed(source) if session.recorded is not None else source
+        events = with_reference(untaught(given_events) if taught else given_events, taught)
         if recorder is not None:
             events = recorder.taken(events)
         outcome = run(events, pipeline, sinks, lambda done: progress(done, total))
@@ -142,7 +144,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     if outcome.fault is not None:
         faults.append(str(outcome.fault))
     faults += recording_notes(source, recorder)
-    faults += [f"{name.replace('_', ' ')}: {n}" for name, n in pipeline.counts.items() if n]
+    faults += count_words(pipeline.counts)
     if taught and pipeline.taught_until_s is None:
         faults.append("nothing was learnt from DGPS: no target was held while it was there, or nothing may be learnt")
     description = RunDescription(

@@ -21,7 +21,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from groundstation.geometry.angles import wrap_rad
-from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample, ReferenceFix
+from groundstation.messages import Arrival, Epoch, Frame, PixelMeasurement, PtuSample, ReferenceFix
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +113,7 @@ class _Queued(NamedTuple):
 
     t_s: float
     number: int
-    event: Event
+    event: Arrival
 
 
 class Synchroniser:
@@ -137,7 +137,7 @@ class Synchroniser:
         self._passed_s = float("-inf")
         self._used: set[int] = set()
 
-    def push(self, event: Event) -> Iterator[Ready]:
+    def push(self, event: Arrival) -> Iterator[Ready]:
         """Take one event and yield, in time order, all whose time has come."""
         if not isinstance(event, ReferenceFix):
             # a receiver has a clock of its own: that it is ahead does not make the cameras late
@@ -162,7 +162,7 @@ class Synchroniser:
         history = self._history.get(station)
         return None if history is None else interpolate(history, t_s, self._config.max_gap_s)
 
-    def _enqueue(self, event: Event) -> None:
+    def _enqueue(self, event: Arrival) -> None:
         """Insert by time; an epoch goes after all of its frames, whose mean its stamp is."""
         self._number += 1
         t = event.t_s
@@ -192,7 +192,7 @@ class Synchroniser:
         while history and history[0].t_s < self._passed_s - _KEPT_S:
             history.popleft()
 
-    def _answer_late(self, event: Event) -> Iterator[Ready]:
+    def _answer_late(self, event: Arrival) -> Iterator[Ready]:
         if isinstance(event, PtuSample):
             self.late.ptu += 1
             self._remember(event)

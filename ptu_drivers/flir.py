@@ -18,6 +18,7 @@ from ptu_drivers.transport import SerialTransport, Transport
 BAUDS = (9600, 115200, 57600, 38400, 19200)
 SETTABLE_BAUDS = (600, 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 _TRIES = 3
+_HOMING_S = 40.0
 
 
 def open_flir(
@@ -109,9 +110,10 @@ def _find(line: FlirLine, settings: UnitSettings, patience_s: float) -> None:
             else:
                 return
             if transport.now() >= end:
-                raise ProtocolError(
-                    transport.url, got=got, wanted=f"a FLIR unit's answer within {patience_s:.0f} s"
-                ) from None
+                wanted = f"a FLIR unit's answer within {patience_s:.0f} s"
+                if patience_s < _HOMING_S:
+                    wanted += f"; one that homes is deaf for up to {_HOMING_S:.0f} s (patience_s)"
+                raise ProtocolError(transport.url, got=got, wanted=wanted) from None
 
 
 def _raise_baud(line: FlirLine, baud: int) -> bool:

@@ -181,6 +181,13 @@ class SimulatedServer:
         if self._rate and self._faults:
             self._plan_fault()
 
+    def strike(self, faults: Sequence[str], per_minute: float) -> None:
+        """From now on let names of `FAULTS` strike at random; for a server that was made without any."""
+        with self.lock:
+            self._faults, self._rate = tuple(faults), per_minute / 60.0
+            if self._rate and self._faults:
+                self._plan_fault()
+
     def _make(self) -> "_Pty | _Tcp":
         if isinstance(self._link, Path):
             return _Pty(self._link)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from groundstation.live.recent_rate import OVER_S, RecentRate
 from groundstation.messages import TrackEstimate, TrackStatus
 
 _WORDS = {
@@ -18,8 +19,6 @@ _WORDS = {
 }
 # a receiver that has given no position for so long is gone
 GONE_S = 2.0
-# over so long, rates and delays are taken
-_OVER_S = 5.0
 # all delays of a day, in bins; the last one holds what is longer
 _BIN_S, _BINS = 0.00025, 8000
 
@@ -82,7 +81,7 @@ class Board:
         self._arrived: dict[int, float] = {}
         self._latencies: deque[tuple[float, float]] = deque()
         self._histogram = np.zeros((2, _BINS), np.int64)
-        self._counts: dict[str, deque[tuple[float, int]]] = {}
+        self._counts: dict[str, RecentRate] = {}
         self._newest: TrackEstimate | None = None
 
     def arrived(self, epoch: int, arrived_s: float) -> None:
@@ -112,18 +111,13 @@ class Board:
 
     def rate(self, name: str, count: int, now_s: float) -> float:
         """Return how often a second something was counted lately."""
-        seen = self._counts.setdefault(name, deque())
-        seen.append((now_s, count))
-        while len(seen) > 2 and seen[0][0] < now_s - _OVER_S:
-            seen.popleft()
-        (from_s, before), (to_s, after) = seen[0], seen[-1]
-        return (after - before) / (to_s - from_s) if to_s > from_s else 0.0
+        return self._counts.setdefault(name, RecentRate()).at(now_s, count)
 
     def status(
         self, now_s: float, track: TrackStatus, devices: tuple[DeviceState, ...], dropped: Mapping[str, int], also: str
     ) -> LiveStatus:
         """Return what is to be said now; ``also`` is what the recorder says."""
-        while self._latencies and self._latencies[0][0] < now_s - _OVER_S:
+        while self._latencies and self._latencies[0][0] < now_s - OVER_S:
             self._latencies.popleft()
         recent = [delay for _, delay in self._latencies]
         p50, p99 = (1e3 * float(np.percentile(recent, q)) if recent else 0.0 for q in (50, 99))

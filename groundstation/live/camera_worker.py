@@ -24,13 +24,16 @@ class CameraWorker:
         self.camera = camera
         self.frames = 0
         self.newest_s = -math.inf
+        self.counts_before = camera.counts
+        """What the camera had counted when its frames began to be taken."""
         self._inbox = inbox
         self._zero_s = session_from_host_s
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name=f"frames-{station}", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Begin; what the camera's short queue dropped until now, while nobody listened, is no loss."""
+        self.counts_before = self.camera.counts
         self._thread.start()
 
     def stop(self) -> None:

@@ -1,7 +1,6 @@
 """`groundstation check`: each device of a station file by itself, before the flight, and what is wrong in one line."""
 
 import math
-import shutil
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -11,18 +10,18 @@ import numpy as np
 
 from groundstation.config import load_config
 from groundstation.errors import GroundstationError
+from groundstation.live.check_disk import check_disk
 from groundstation.live.check_line import CheckLine, well, wrong
 from groundstation.live.check_reference import check_reference
 from groundstation.live.devices import camera_of, check_against_rig
 from groundstation.live.head_device import HeadDevice, open_head
-from groundstation.live.station_file import StationDevices, StationFile, load_station
+from groundstation.live.station_file import StationDevices, load_station
 from groundstation.rig import Rig, load_rig
 from groundstation.sources.cameras.camera import CameraError, CameraEvent
 from ptu_drivers.errors import PtuError
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import NoReading, Reading
 
-_ENOUGH_BYTES = 20e9
 _LEAST_RATE_SHARE = 0.9
 _TURN_RAD = math.radians(0.5)
 _TURN_S = 3.0
@@ -42,13 +41,14 @@ def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckLi
         return
     yield well(f"station file, rig and tuning: {', '.join(rig.names)}")
     yield _known(rig)
-    yield _disk(file)
     if file.reference is not None and file.origin is not None:
         yield check_reference(file.reference, file.origin, seconds)
+    raw: dict[str, bool] = {}
     for station in file.stations:
-        yield _camera(station, file.rate_hz, rig, seconds)
+        yield _camera(station, file.rate_hz, rig, seconds, raw)
         if station.head is not None:
             yield from _head(station.name, station.head, seconds, move=move)
+    yield check_disk(file, rig, raw)
 
 
 def _known(rig: Rig) -> CheckLine:
@@ -63,21 +63,8 @@ def _known(rig: Rig) -> CheckLine:
     return well("rig: calibrated, with covariance")
 
 
-def _disk(file: StationFile) -> CheckLine:
-    if file.record is None:
-        return well("disk: no [record] folder; live will ask for --out")
-    place = file.record
-    while not place.exists():
-        place = place.parent
-    free = shutil.disk_usage(place).free
-    text = f"disk: {free / 1e9:.0f} GB free below {file.record}"
-    if free < _ENOUGH_BYTES:
-        return wrong(f"{text}: less than an hour of tracking")
-    return well(text)
-
-
-def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float) -> CheckLine:
-    """Look at one camera for a while."""
+def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, raw: dict[str, bool]) -> CheckLine:
+    """Look at one camera for a while; notes in ``raw`` whether its pictures have one byte a pixel."""
     name, told = f"{station.name} camera", list[CameraEvent]()
     frames, stamps = [], []
     try:
@@ -88,9 +75,13 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float) -
                 if frame is not None:
                     frames.append(frame.picture.size_px)
                     stamps.append(frame.t_s)
+                    raw[station.name] = frame.picture.pattern is not None
             counts, clock = camera.counts, camera.clock_state
-    except (CameraError, GroundstationError) as fault:
+    except CameraError as fault:
         return wrong(f"{name}: {fault}")
+    except GroundstationError as fault:
+        # it says itself whose camera
+        return wrong(str(fault))
     wanted = rig[station.name].lens.image_size_px
     if frames and frames[-1] != wanted:
         got = f"{frames[-1][0]} × {frames[-1][1]} px"

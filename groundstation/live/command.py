@@ -21,6 +21,7 @@ from groundstation.live.head_process import Heads
 from groundstation.live.lent_range import LentRange
 from groundstation.live.memory import settle_memory
 from groundstation.live.operation import Operation, OperationResult, StatusSink
+from groundstation.live.out_folder import require_free, taken_back_unless_begun
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import Reference, reference_tuning
 from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, landings, score, simulated_set_up
@@ -72,8 +73,8 @@ class LiveRequest:
 class LiveResult:
     """How it went: the operation's figures, what was written, and with a simulated range the truth's verdict.
 
-    ``not_whole`` says in a line each what the disk did not take. ``begin_s`` is the simulated flight's time zero,
-    session time.
+    ``not_whole`` says in a line each what the disk did not take, ``recorded`` how much it took, and how much a second.
+    ``begin_s`` is the simulated flight's time zero, session time.
     """
 
     operation: OperationResult
@@ -81,6 +82,7 @@ class LiveResult:
     score: DayScore | None
     begin_s: float = 0.0
     not_whole: tuple[str, ...] = ()
+    recorded: str = ""
 
 
 def live(
@@ -97,9 +99,22 @@ def live(
     Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin, and KeyboardInterrupt
     where ``stop`` says so before it has begun.
     """
-    say = partial(_step, stop, say)
-    settle_memory()
     out = _folder(request)
+    with taken_back_unless_begun(out) as begun:
+        return _live(request, out, begun, stop, tell, partial(_step, stop, say), lent)
+
+
+def _live(
+    request: LiveRequest,
+    out: Path,
+    begun: Callable[[], None],
+    stop: Callable[[], bool],
+    tell: Callable[[LiveStatus], None],
+    say: Callable[[str], None],
+    lent: LentRange | None,
+) -> LiveResult:
+    """Operate into ``out``; ``begun`` is told once everything is open."""
+    settle_memory()
     flight = landings(request.seconds or 1e9, seed=request.seed, wind_m_s=request.wind_m_s, aircraft=request.aircraft)
     file = _file(request, out) if lent is None else lent.file
     rig = load_rig(file.rig)
@@ -125,8 +140,7 @@ def live(
         sinks: list[Sink] = [tables, keeper]
         recorder = _recorder(request, out, rig, header, opened, sinks)
         operators: list[StatusSink] = [_Teller(tell)]
-        if request.screen != "none":
-            _screen(request, rig, file, opened, sinks, operators, say)
+        screen = _screen(request, rig, file, opened, sinks, operators, say)
         operation = Operation(
             file,
             rig,
@@ -135,7 +149,7 @@ def live(
             recorders=[] if recorder is None else [recorder],
             operators=operators,
             start_s=start_s,
-            recorder_words=lambda: ", ".join(w for w in (_recording(recorder), *faults) if w),
+            also=lambda: ", ".join(w for w in (_recording(recorder), screen(), *faults) if w),
             keep_images=request.screen != "none",
             reference_errors=known.errors if header.taught else None,
         )
@@ -150,6 +164,7 @@ def live(
         begin_s = time.monotonic() + _BEGIN_AFTER_S
         if simulated is not None:
             begin_s = simulated.begin(begin_s)
+        begun()
         end_s = math.inf if request.seconds is None else begin_s + request.seconds
         result = operation.run(cameras, heads, lambda: stop() or time.monotonic() >= end_s, reference.worker)
         reference.close(recorder)
@@ -159,7 +174,15 @@ def live(
     files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
     if recorder is not None and recorder.status.trouble:
         faults.insert(0, f"{_RECORDING}: {recorder.words()}")
-    return LiveResult(operation=result, files=files, score=found, begin_s=begin_s - start_s, not_whole=tuple(faults))
+    recorded = "" if recorder is None else recorder.took()
+    return LiveResult(
+        operation=result,
+        files=files,
+        score=found,
+        begin_s=begin_s - start_s,
+        not_whole=tuple(faults),
+        recorded=recorded,
+    )
 
 
 def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> None:
@@ -241,8 +264,7 @@ def _folder(request: LiveRequest) -> Path:
         out = below / datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%SZ")
     else:
         raise InputError("--out", got="none", wanted="a folder for what is recorded")
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(str(out), got="something that is there already", wanted="a new or empty folder")
+    require_free(out)
     return out
 
 
@@ -276,7 +298,7 @@ def _cameras(
             try:
                 cameras[station.name] = stack.enter_context(camera)
             except CameraError as fault:
-                raise DeviceError(f"{station.name}: {fault}") from fault
+                raise DeviceError(f"{station.name} camera: {fault}") from fault
         yield cameras
 
 
@@ -303,8 +325,10 @@ def _screen(
     sinks: list[Sink],
     operators: list[StatusSink],
     say: Callable[[str], None],
-) -> None:
-    """Open the operator's screen."""
+) -> Callable[[], str]:
+    """Open the operator's screen, if there is to be one; returns what it has to say of itself."""
+    if request.screen == "none":
+        return lambda: ""
     from groundstation.sinks.rerun_live import LiveView
     from groundstation.sinks.rerun_viewer import open_live_stream, open_web_stream, stop_viewer
 
@@ -318,3 +342,4 @@ def _screen(
     opened.callback(view.close)
     sinks.append(view)
     operators.append(_Teller(lambda status: view.say(status.t_s, status.lines)))
+    return view.words

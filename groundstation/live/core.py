@@ -9,11 +9,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from groundstation.arrays import FloatArray
 from groundstation.config import Config
 from groundstation.live.inbox import Item, Said, Shot
 from groundstation.live.pairing import Pairing
 from groundstation.messages import (
+    BegunAnew,
     Event,
     Frame,
     PixelMeasurement,
@@ -30,6 +33,8 @@ from groundstation.search_pattern import SearchPattern
 
 # heads are told as often, in s
 COMMAND_EVERY_S = 0.03
+# what comes of numbers that no filter can work with
+_FAILED = (ArithmeticError, np.linalg.LinAlgError)
 # how far ahead a target is extrapolated for a head
 _FURTHEST_AHEAD_S = 1.0
 
@@ -100,13 +105,12 @@ class LiveCore:
                 self._step(epoch, taken)
         if now_s >= self._commanded_s + COMMAND_EVERY_S:
             self._commanded_s = now_s
-            taken.commands += [self._command(name, head, now_s) for name, head in self._heads.items()]
+            try:
+                taken.commands += self._commands(now_s)
+            except _FAILED as fault:
+                self._begin_anew(fault, now_s, taken, in_vain=False)
+                taken.commands += self._commands(now_s)
         return taken
-
-    def begin_anew(self, pipeline: Pipeline) -> None:
-        """Go on with a fresh pipeline, which knows nothing."""
-        self.pipeline = pipeline
-        self.status = TrackStatus.SEARCHING
 
     def delays(self, seconds: Mapping[str, float], latency_s: float) -> None:
         """Say how long each head's line has lately taken from command to acknowledgement, and the head after that."""
@@ -131,18 +135,39 @@ class LiveCore:
         taken = Taken()
         for epoch in self._pairing.flush():
             self._step(epoch, taken)
-        taken.reports.append(self.pipeline.finish())
+        try:
+            taken.reports.append(self.pipeline.finish())
+        except _FAILED as fault:
+            self._begin_anew(fault, self.pipeline.time_s or 0.0, taken, in_vain=False)
         return taken
 
     def _step(self, event: Event, taken: Taken) -> None:
         taken.consumed.append(event)
-        report = self.pipeline.step(event)
+        try:
+            report = self.pipeline.step(event)
+        except _FAILED as fault:
+            # numbers that no filter can work with: a fresh one may
+            self._begin_anew(fault, event.t_s, taken, in_vain=True)
+        else:
+            self._told(report, taken)
+
+    def _begin_anew(self, fault: Exception, t_s: float, taken: Taken, *, in_vain: bool) -> None:
+        """Have the pipeline forget everything; it is told so by an event, for a replay to do the same."""
+        self.status = TrackStatus.SEARCHING
+        anew = BegunAnew(t_s=t_s, why=f"{type(fault).__name__}: {fault}", in_vain=in_vain)
+        taken.consumed.append(anew)
+        self._told(self.pipeline.step(anew), taken)
+
+    def _told(self, report: StepReport, taken: Taken) -> None:
         for estimate in report.estimates:
             self.status = estimate.status
             if estimate.kinematics is not None and estimate.status is TrackStatus.TRACKING:
                 self._pattern.seen(estimate.t_s, estimate.kinematics)
         if report.cameras or report.estimates or report.events:
             taken.reports.append(report)
+
+    def _commands(self, now_s: float) -> list[PointingCommand]:
+        return [self._command(name, head, now_s) for name, head in self._heads.items()]
 
     def _command(self, name: str, head: HeadPilot, now_s: float) -> PointingCommand:
         if self._parking is not None:

@@ -57,7 +57,8 @@ def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: flo
             station.camera, settings, clock=clock, tell=tell, timing=timing, care=care, name=station.name
         )
     except CameraError as fault:
-        raise DeviceError(f"{station.name}: {fault}") from fault
+        said = str(fault).removeprefix("camera: ")
+        raise DeviceError(f"{station.name} camera: {said}") from fault
 
 
 def _part(kind: type[T], values: Mapping[str, Any], where: str) -> T:

@@ -10,12 +10,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
 from groundstation.config import Config
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.hand_over import quick_hand_over
 from groundstation.live.board import Board, DeviceState, LiveStatus
+from groundstation.live.camera_words import clock_words, lost_words
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.core import LiveCore, Taken
 from groundstation.live.head_process import Heads, HeadState
@@ -85,7 +84,7 @@ class Operation:
     operators : take the status.
     clock : monotonic, s; the devices stamp with the same one.
     start_s : the session's time zero on that clock; None for now.
-    recorder_words : what the recorder has to say of itself, for the status.
+    also : what recorder and screen have to say of themselves, for the status.
     keep_images : whether reports carry the pictures, for a screen.
     reference_errors : what is not known of a reference receiver that the filter learns from; None without one.
     """
@@ -101,14 +100,14 @@ class Operation:
         operators: Sequence[StatusSink] = (),
         clock: Callable[[], float] = time.monotonic,
         start_s: float | None = None,
-        recorder_words: Callable[[], str] = lambda: "",
+        also: Callable[[], str] = lambda: "",
         keep_images: bool = False,
         reference_errors: ParameterPrior | None = None,
     ) -> None:
         self._file, self._rig, self._config = file, rig, config
         self._sinks, self._recorders, self._operators = sinks, recorders, operators
         self._clock = clock
-        self._recorder_words = recorder_words
+        self._also = also
         self._keep_images = keep_images
         self._reference_errors = reference_errors
         self._reference: ReferenceWorker | None = None
@@ -181,13 +180,7 @@ class Operation:
         began_s = self.now_s
         if isinstance(item, Shot) and self._shedding.leaves_out(item.station, item.t_s, self.inbox.frames_waiting):
             item = None
-        try:
-            taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
-        except (ArithmeticError, np.linalg.LinAlgError) as fault:
-            # numbers that no filter can work with: a fresh one may
-            self.say("error", f"the filter has failed ({type(fault).__name__}: {fault}); begun anew")
-            core.begin_anew(self._pipeline())
-            return
+        taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
         if isinstance(item, Shot):
             for event in taken.consumed:
                 if isinstance(event, Frame):
@@ -224,7 +217,7 @@ class Operation:
             rate_hz = self._board.rate("DGPS", self._reference.fixes, now_s)
             states.append(self._reference.state(now_s, rate_hz))
         dropped = self._dropped()
-        status = self._board.status(now_s, core.status, tuple(states), dropped, self._recorder_words())
+        status = self._board.status(now_s, core.status, tuple(states), dropped, self._also())
         for operator in self._operators:
             operator.tell(status)
 
@@ -233,9 +226,9 @@ class Operation:
         return dropped | ({"pairs, being behind": self._shedding.pairs} if self._shedding.pairs else {})
 
     def _camera_state(self, worker: CameraWorker, now_s: float) -> DeviceState:
-        counts = worker.camera.counts
-        missing = {"incomplete": counts.incomplete, "lost": counts.lost, "dropped": counts.dropped}
-        note = ", ".join(f"{n} {what}" for what, n in missing.items() if n)
+        camera, found = worker.camera, worker.camera.read_back
+        clock = clock_words(camera.clock_state, has_clock=found is None or found.device_clock)
+        note = ", ".join(w for w in (lost_words(camera.counts, worker.counts_before), clock) if w)
         name = f"{worker.station} camera"
         rate = self._board.rate(name, worker.frames, now_s)
         return DeviceState(name=name, rate_hz=rate, age_s=now_s - worker.newest_s, note=note)

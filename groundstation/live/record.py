@@ -1,11 +1,14 @@
 """The recording of an operation: a session like any other, whose events came from devices."""
 
 import dataclasses
+import time
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from groundstation.config import Config, config_to_mapping, config_to_toml
+from groundstation.live.recent_rate import RecentRate
 from groundstation.live.station_file import StationFile
 from groundstation.recording.contents import CONFIG, RIG, SESSION, RecordingHeader
 from groundstation.reference_knowledge import ReferenceKnowledge, reference_knowledge
@@ -16,11 +19,45 @@ from groundstation.text_file import AttachedFiles
 
 
 class LiveRecorder(Recorder):
-    """`Recorder` that says how it does in a few words."""
+    """`Recorder` that says how it does in a few words: how much a second, and how long the disk will last."""
+
+    def __init__(
+        self,
+        path: Path,
+        rig: Rig,
+        header: RecordingHeader,
+        config: RecorderConfig,
+        *,
+        free_bytes: Callable[[], int] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__(path, rig, header, config, free_bytes=free_bytes, clock=clock)
+        self._now, self._recent = clock, RecentRate()
+        self._least_free = config.keep_free_bytes
 
     def words(self) -> str:
         """Return what the operator is told."""
-        return self.status.line()
+        status = self.status
+        rate = self._recent.at(self._now(), status.written_bytes)
+        text = f"{status.line()} at {rate / 1e6:.1f} MB/s"
+        if status.free_bytes is None:
+            return text
+        text += f", disk {status.free_bytes / 1e9:.1f} GB free"
+        if rate <= 1.0:
+            return text
+        return text + f", enough for {_long(max(status.free_bytes - self._least_free, 0) / rate)} of this"
+
+    def took(self) -> str:
+        """Return what it came to in the end: bytes, and how many a second while tracking and while searching."""
+        status = self.status
+        return ", ".join(w for w in (f"{status.written_bytes / 1e6:.1f} MB", status.rates.line()) if w)
+
+
+def _long(seconds: float) -> str:
+    """Return a time in the unit that a person would say it in."""
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 100.0 * 60.0 else f"{seconds / 3600.0:.0f} h"
 
 
 def live_header(file: StationFile, config: Config) -> RecordingHeader:

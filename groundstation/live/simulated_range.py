@@ -24,8 +24,19 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.hand_over import quick_hand_over
 from groundstation.live.child import deaf_to_ctrl_c
+from groundstation.live.due_line import DueLine
 from groundstation.live.simulated_receiver import ReceiverModel, SimulatedReceiver
-from groundstation.live.timed_faults import CAMERA_FROZEN, CAMERA_LOST, TimedFault, is_there, strike
+from groundstation.live.timed_faults import (
+    CAMERA_CLOCK_STEPPED,
+    CAMERA_FROZEN,
+    CAMERA_LATE,
+    CAMERA_LOST,
+    LATE_S,
+    STEP_S,
+    TimedFault,
+    is_there,
+    strike,
+)
 from groundstation.picture import BayerPattern
 from groundstation.rig import Rig, load_rig
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -65,7 +76,8 @@ class RangeConfig:
     frame_rate_hz : of both cameras, triggered together.
     delivery_s : from mid-exposure to the picture's arrival; longer where rendering takes longer.
     baud : of the PTUs' lines.
-    ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated_faults.FAULTS`, and how often one strikes a PTU.
+    ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated_faults.FAULTS`, and how often one strikes a PTU
+        once the flight has begun.
     receiver : the reference receiver on the aircraft's nose, at the link ``dgps``; None for none.
     timetable : what goes wrong at stated times of the flight.
     """
@@ -259,6 +271,7 @@ def serve_range(
             flight.start_s = float(told)
             for number, s in enumerate(stations):
                 strike(s.server, config.timetable, s.name, flight.start_s, config.seed + number)
+                s.server.strike(config.ptu_faults, config.ptu_faults_per_minute)
     stop.set()
     for station in stations:
         station.server.stop()
@@ -296,8 +309,6 @@ def _made(rig: Rig, number: int, world: World, config: RangeConfig) -> _Station:
     server = SimulatedServer(
         line,
         config.folder / f"ptu-{station.name}",
-        faults=config.ptu_faults,
-        faults_per_minute=config.ptu_faults_per_minute if config.ptu_faults else 0.0,
         seed=config.seed + number,
     )
     camera = RenderedCamera(world, station, seed=config.seed, number=number)
@@ -318,7 +329,8 @@ def _deliver(
     slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
     period_s, number = 1.0 / config.frame_rate_hz, 0
     frozen: ImageArray | None = None
-    while not stop.is_set():
+    line = DueLine(pipe, time.monotonic)
+    while not stop.is_set() and not line.broken:
         t_s = first_s + number * period_s
         wait_s = t_s - time.monotonic()
         if wait_s > 0:
@@ -340,9 +352,8 @@ def _deliver(
         slots[number % _SLOTS] = shown
         truth = station.camera.truth(t_s, *angles, silhouette=False)
         u, v = (math.nan, math.nan) if truth.pixel_px is None else (float(x) for x in truth.pixel_px)
-        stop.wait(max(t_s + config.delivery_s - time.monotonic(), 0.0))
-        try:
-            pipe.send((number % _SLOTS, number, round(t_s * 1e9), t_s, u, v))
-        except OSError:
-            return
+        late_s = LATE_S * is_there(config.timetable, CAMERA_LATE, station.name, since_s)
+        stamp_s = t_s + STEP_S * is_there(config.timetable, CAMERA_CLOCK_STEPPED, station.name, since_s)
+        line.send(t_s + config.delivery_s + late_s, (number % _SLOTS, number, round(stamp_s * 1e9), t_s, u, v))
         number += 1
+    line.close()

@@ -1,7 +1,9 @@
 """``STATION.toml``: which devices stand at the airstrip and how they are used. The rig file says where they are."""
 
 import math
+import os
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,8 @@ STATION_FORMAT = "groundstation-station/1"
 MAX_STATIONS = 16
 _TOP = frozenset(
     {
-        *("format", "name", "rig", "config", "rate_hz", "target", "record", "pointing", "search", "station", "view"),
-        *("live", "reference", "origin"),
+        *("format", "name", "rig", "config", "rate_hz", "target", "record", "pointing", "search", "station"),
+        *("reference", "origin"),
     }
 )
 _REFERENCE = frozenset({"url", "baud", "clock_offset_s", "clock_sigma_s", "geoid_separation_m", "learn"})
@@ -75,6 +77,7 @@ class StationFile:
     rate_hz : pairs a second.
     span_m : the target's, None if unknown.
     record : where flights are recorded, None for nowhere.
+    record_s : for so long the disk is to hold what is recorded, even if nothing is ever found.
     reference : the reference receiver, if there is one; then ``origin`` is where the runway frame lies on Earth.
     antenna_in_body_m : its antenna from the nose: forward, right, down; None if unknown.
     """
@@ -92,6 +95,7 @@ class StationFile:
     reference: ReferenceDevice | None = None
     origin: GeoOrigin | None = None
     antenna_in_body_m: tuple[float, float, float] | None = None
+    record_s: float = 1800.0
 
 
 def load_station(path: Path) -> StationFile:
@@ -101,7 +105,7 @@ def load_station(path: Path) -> StationFile:
     top.choice("format", [STATION_FORMAT])
     target, record = top.table("target"), top.table("record")
     target.refuse_unknown({"span_m", "antenna_in_body_m"})
-    record.refuse_unknown({"folder"})
+    record.refuse_unknown({"folder", "minutes"})
     listed = top.values.get("station", [])
     if not isinstance(listed, list) or not 2 <= len(listed) <= MAX_STATIONS:
         raise top.fail("station", quoted(listed), f"two to {MAX_STATIONS} tables [[station]]")
@@ -109,6 +113,7 @@ def load_station(path: Path) -> StationFile:
     names = [s.name for s in stations]
     if len(set(names)) < len(names):
         raise top.fail("station", "two of one name", "names that differ, those of the rig file")
+    _refuse_shared(top, stations)
     here = path.parent
     reference = _reference(top.table("reference")) if "reference" in top else None
     if reference is not None and "origin" not in top:
@@ -122,6 +127,7 @@ def load_station(path: Path) -> StationFile:
         rate_hz=top.number("rate_hz", 30.0, above=0.0, maximum=1000.0),
         span_m=target.number("span_m", above=0.0, maximum=200.0) if "span_m" in target else None,
         record=here / record.text("folder") if "folder" in record else None,
+        record_s=60.0 * record.number("minutes", 30.0, above=0.0, maximum=1e5),
         pointing=config_from_mapping(PointingConfig, top.table("pointing").values, f"{path}: pointing"),
         search=config_from_mapping(SearchConfig, top.table("search").values, f"{path}: search"),
         stations=stations,
@@ -129,6 +135,23 @@ def load_station(path: Path) -> StationFile:
         origin=parse_origin(top.table("origin"), "runway") if "origin" in top else None,
         antenna_in_body_m=None if antenna is None else (float(antenna[0]), float(antenna[1]), float(antenna[2])),
     )
+
+
+def _refuse_shared(top: Table, stations: tuple[StationDevices, ...]) -> None:
+    """Raise `ConfigError` where two stations name one device: each would take what the other has asked for."""
+    for one, other in combinations(stations, 2):
+        whose = f"of {one.name} and of {other.name}"
+        if one.head is not None and other.head is not None and _one_line(one.head, other.head):
+            raise top.fail("station", f"{other.head.url} as the PTU {whose}", "a line of its own for each")
+        if one.camera == other.camera and not one.camera.startswith("file:"):
+            raise top.fail("station", f"{one.camera} as the camera {whose}", "one for each")
+
+
+def _one_line(one: HeadDevice, other: HeadDevice) -> bool:
+    """Return whether two heads would open the same line; a server in a network may lead to several addresses."""
+    if "://" in one.url and one.options != other.options:
+        return False
+    return os.path.realpath(one.url) == os.path.realpath(other.url)
 
 
 def _reference(table: Table) -> ReferenceDevice:

@@ -10,6 +10,9 @@ from ptu_drivers.simulated_line import VirtualLine
 from ptu_drivers.simulated_server import SimulatedServer
 
 CAMERA_LOST, CAMERA_FROZEN, PTU_SILENT = "camera lost", "camera frozen", "PTU silent"
+CAMERA_LATE, CAMERA_CLOCK_STEPPED = "camera late", "camera clock stepped"
+# so late is a late camera, and so far off is a clock that stepped
+LATE_S, STEP_S = 0.2, 0.2
 _ONCE = ("power cycle", "unplugged", "echo off", "verbose")
 _AGAIN_S = 0.25
 
@@ -18,8 +21,8 @@ _AGAIN_S = 0.25
 class TimedFault:
     """``what`` happens to a station's devices between two times of the flight, s.
 
-    Of cameras "camera lost" and "camera frozen"; of PTUs "PTU silent", or a name of `ptu_drivers.simulated_faults`,
-    which strikes over and over (what has a length of its own: once).
+    Of cameras "camera lost", "camera frozen", "camera late" and "camera clock stepped"; of PTUs "PTU silent", or a
+    name of `ptu_drivers.simulated_faults`, which strikes over and over (what has a length of its own: once).
     """
 
     what: str

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from groundstation.errors import RecordingError
-from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample, ReferenceFix
+from groundstation.messages import BegunAnew, Epoch, Event, Frame, PixelMeasurement, PtuSample, ReferenceFix
 from groundstation.picture import BayerPattern, clip
 from groundstation.toml_table import quoted, shown
 
@@ -104,6 +104,8 @@ def event_values(n: int, event: Event) -> dict[str, Any]:
         values |= {"u_px": float(event.u_px), "v_px": float(event.v_px)}
     elif isinstance(event, Epoch):
         values |= {"epoch": int(event.epoch), "stations": list(event.stations)}
+    elif isinstance(event, BegunAnew):
+        values |= {"why": event.why, "in_vain": event.in_vain}
     else:
         values |= {"position_runway_m": event.position_runway_m.tolist(), "sigma_m": event.sigma_m.tolist()}
     return values
@@ -133,7 +135,14 @@ def parse_line(data: bytes, sizes_px: Mapping[str, tuple[int, int]], where: str)
     return _Line(values, sizes_px, where).parsed()
 
 
-_KINDS = {PtuSample: "ptu", Frame: "frame", PixelMeasurement: "pixel", Epoch: "epoch", ReferenceFix: "reference"}
+_KINDS: Mapping[type, str] = {
+    PtuSample: "ptu",
+    Frame: "frame",
+    PixelMeasurement: "pixel",
+    Epoch: "epoch",
+    ReferenceFix: "reference",
+    BegunAnew: "begun anew",
+}
 
 
 class _Line:
@@ -170,7 +179,9 @@ class _Line:
         if kind == "reference":
             position, sigma = self._vector("position_runway_m"), self._vector("sigma_m")
             return ReferenceFix(t_s=t_s, position_runway_m=np.array(position), sigma_m=np.array(sigma))
-        raise self._fault("kind", kind, "ptu, frame, pixel, epoch, reference, pixels, dropped or lost")
+        if kind == "begun anew":
+            return BegunAnew(t_s=t_s, why=self._text("why"), in_vain=self._flag("in_vain"))
+        raise self._fault("kind", kind, "ptu, frame, pixel, epoch, reference, begun anew, pixels, dropped or lost")
 
     def _frame(self, t_s: float) -> FrameHead:
         station, given, pattern = self._station(), self._values.get("size_px"), self._values.get("pattern")
@@ -190,9 +201,7 @@ class _Line:
         rows = self._values.get("parts")
         if not isinstance(rows, list) or len(rows) > _MAX_PARTS or not all(isinstance(r, dict) for r in rows):
             raise self._fault("parts", rows, f"at most {_MAX_PARTS} parts")
-        colour = self._values.get("colour")
-        if not isinstance(colour, bool):
-            raise self._fault("colour", colour, "true or false")
+        colour = self._flag("colour")
         parts = []
         for row in rows:
             part = _Line(row, self._sizes, self._where)
@@ -233,6 +242,12 @@ class _Line:
         value = self._values.get(key)
         if not isinstance(value, str):
             raise self._fault(key, value, "text")
+        return value
+
+    def _flag(self, key: str) -> bool:
+        value = self._values.get(key)
+        if not isinstance(value, bool):
+            raise self._fault(key, value, "true or false")
         return value
 
     def _fault(self, key: str, got: object, wanted: str) -> RecordingError:

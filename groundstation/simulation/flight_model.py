@@ -13,7 +13,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 
-_FOOT_M = 0.3048
+FOOT_M = 0.3048
 _SPEED_KT = 65.0
 _START_FT = 1500.0
 # Milspec: the turbulence's probability of exceedance, and 20 ft wind for each m/s of wind
@@ -55,13 +55,30 @@ def fly_by_jsbsim(*, seed: int, samples: int, rate_hz: float, glide_rad: float, 
         _hold(model, pitch_rad, glide_rad)
         model.run()
         if k >= settle:
-            velocity[k - settle] = [model[f"velocities/v-{axis}-fps"] * _FOOT_M for axis in ("north", "east", "down")]
+            velocity[k - settle] = [model[f"velocities/v-{axis}-fps"] * FOOT_M for axis in ("north", "east", "down")]
             attitude[k - settle] = [model[f"attitude/{name}-rad"] for name in ("phi", "theta", "psi")]
     return FlownMotion(velocity_m_s=velocity, attitude_rad=attitude)
 
 
 def _started(seed: int, rate_hz: float, glide_rad: float, wind_m_s: float) -> Any:
     """Return the model, trimmed by its own initial conditions, with the engine running and turbulence on."""
+    model = loaded_c172(rate_hz)
+    for name, value in (
+        ("ic/h-sl-ft", _START_FT), ("ic/vc-kts", _SPEED_KT), ("ic/gamma-deg", -float(np.degrees(glide_rad))),
+        ("ic/psi-true-deg", 0.0), ("ic/vw-east-fps", -wind_m_s / FOOT_M),
+    ):  # fmt: skip
+        model[name] = value
+    model.run_ic()
+    start_turbulence(model, seed, wind_m_s)
+    for name, value in (
+        ("propulsion/set-running", -1.0), ("fcs/throttle-cmd-norm", 0.25), ("fcs/mixture-cmd-norm", 0.9),
+    ):  # fmt: skip
+        model[name] = value
+    return model
+
+
+def loaded_c172(rate_hz: float) -> Any:
+    """Return JSBSim's C172 before its initial conditions, in steps of 1 / ``rate_hz``; raises `NoFlightModelError`."""
     try:
         jsbsim = import_module("jsbsim")
     except ImportError as fault:
@@ -73,21 +90,18 @@ def _started(seed: int, rate_hz: float, glide_rad: float, wind_m_s: float) -> An
     model.set_output_filename(0, "/dev/null")
     model.disable_output()
     model.set_dt(1.0 / rate_hz)
-    for name, value in (
-        ("ic/h-sl-ft", _START_FT), ("ic/vc-kts", _SPEED_KT), ("ic/gamma-deg", -float(np.degrees(glide_rad))),
-        ("ic/psi-true-deg", 0.0), ("ic/vw-east-fps", -wind_m_s / _FOOT_M),
-    ):  # fmt: skip
-        model[name] = value
-    model.run_ic()
+    return model
+
+
+def start_turbulence(model: Any, seed: int, wind_m_s: float) -> None:
+    """Let turbulence blow as such a wind brings it, the same for the same seed."""
     # turbulence of type 3 is MIL-F-8785C
     for name, value in (
         ("simulation/randomseed", float(seed % _SEEDS or _SEEDS - 1)), ("atmosphere/turb-type", 3.0),
-        ("atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps", 2.5 * wind_m_s / _FOOT_M),
-        ("atmosphere/turbulence/milspec/severity", _SEVERITY), ("propulsion/set-running", -1.0),
-        ("fcs/throttle-cmd-norm", 0.25), ("fcs/mixture-cmd-norm", 0.9),
+        ("atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps", 2.5 * wind_m_s / FOOT_M),
+        ("atmosphere/turbulence/milspec/severity", _SEVERITY),
     ):  # fmt: skip
         model[name] = value
-    return model
 
 
 def _hold(model: Any, pitch_rad: float, glide_rad: float) -> None:

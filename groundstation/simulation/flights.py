@@ -18,6 +18,7 @@ from groundstation.simulation.checks import require, require_not_negative, requi
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.disturbance import Gusts
 from groundstation.simulation.flight_model import fly_by_jsbsim
+from groundstation.simulation.flown_take_off import take_off_by_jsbsim
 from groundstation.simulation.pointing import LoopLimits, SecondOrderLoop
 from groundstation.simulation.ptu import PtuModel
 from groundstation.simulation.scenario import Scenario
@@ -83,21 +84,40 @@ def flight(
 ) -> Trajectory:
     """Return a flight; wind gives gusts that grow with it and end near the ground, but neither drift nor crab.
 
+    JSBSim flies its take-off itself, from the brakes on; it gives how others leave their path in turbulence.
+
     Raises `NoFlightModelError` where the aircraft is JSBSim's and JSBSim is not installed.
     """
     rest_m = REST_HEIGHT_PER_SPAN * SPAN_M
+    flown: Trajectory
+    if name is FlightName.TAKE_OFF and aircraft is Aircraft.JSBSIM:
+        # its own from the brakes on: nothing is laid over it
+        _check_wind(wind_m_s)
+        flown = take_off_by_jsbsim(
+            seed=seed, wind_m_s=wind_m_s, span_m=SPAN_M, start_y_m=300.0, end_y_m=60.0, rest_m=rest_m
+        )
+        return _shortened(flown, duration_s)
     if name is FlightName.TAKE_OFF:
-        flown: Trajectory = take_off(TakeOff(start_y_m=300.0, start_z_m=rest_m, end_y_m=60.0))
+        flown = take_off(TakeOff(start_y_m=300.0, start_z_m=rest_m, end_y_m=60.0))
     else:
         flare = Flare.meeting(165.0, 130.0, GLIDE_SLOPE_RAD, floor_m=rest_m)
         flown = Glide(start_y_m=520.0, end_y_m=85.0, speed_m_s=20.0, aim_y_m=130.0, flare=flare)
     if name is FlightName.WEAVE:
         flown = _near_ground(flown, Weave(), rest_m)
     flown = in_wind(flown, rest_m, seed=seed, wind_m_s=wind_m_s, aircraft=aircraft)
+    return _shortened(flown, duration_s)
+
+
+def _shortened(flown: Trajectory, duration_s: float | None) -> Trajectory:
     if duration_s is None:
         return flown
     require_positive("flight: duration_s", duration_s)
     return Shortened(whole=flown, duration_s=duration_s)
+
+
+def _check_wind(wind_m_s: float) -> None:
+    require_not_negative("flight: wind_m_s", wind_m_s)
+    require(wind_m_s <= MAX_WIND_M_S, "flight: wind_m_s", got=wind_m_s, wanted=f"at most {MAX_WIND_M_S:g} m/s")
 
 
 def in_wind(nominal: Trajectory, rest_m: float, *, seed: int, wind_m_s: float, aircraft: Aircraft) -> Trajectory:
@@ -105,8 +125,7 @@ def in_wind(nominal: Trajectory, rest_m: float, *, seed: int, wind_m_s: float, a
 
     Raises `NoFlightModelError` where the aircraft is JSBSim's and JSBSim is not installed.
     """
-    require_not_negative("flight: wind_m_s", wind_m_s)
-    require(wind_m_s <= MAX_WIND_M_S, "flight: wind_m_s", got=wind_m_s, wanted=f"at most {MAX_WIND_M_S:g} m/s")
+    _check_wind(wind_m_s)
     if aircraft is Aircraft.JSBSIM:
         return _near_ground(nominal, _in_turbulence(nominal.span_s, seed, wind_m_s), rest_m)
     if wind_m_s == 0.0:

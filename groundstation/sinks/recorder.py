@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Self
 
 from groundstation.errors import InputError
-from groundstation.messages import Event, Frame, StepReport
+from groundstation.messages import BegunAnew, Event, Frame, StepReport
 from groundstation.recording.contents import RecordingHeader
 from groundstation.recording.event_codec import event_values
 from groundstation.recording.windows import merged
@@ -25,6 +25,7 @@ from groundstation.rig import Rig
 from groundstation.sinks.recorder_messages import RecordingMessages
 from groundstation.sinks.recorder_output import RawOutput, RetriedOutput, new_file
 from groundstation.sinks.recorder_queue import Answer, EventLine, FramePixels, RecorderQueue
+from groundstation.sinks.recorder_rates import RateBook
 from groundstation.sinks.recorder_status import PATIENT, RecorderConfig, RecorderState, RecorderStatus
 from groundstation.sinks.recorder_writer import RecorderWriter
 
@@ -71,6 +72,8 @@ class Recorder:
         self._number = 0
         self._unseen: dict[tuple[str, int], deque[tuple[int, Frame]]] = {}
         self._state, self._reason = RecorderState.RECORDING, ""
+        self._free: int | None = None
+        self._rates = RateBook()
         self._closed = False
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
@@ -96,6 +99,8 @@ class Recorder:
             pictures_dropped=pictures,
             records_lost=records,
             events_lost=events,
+            free_bytes=self._free,
+            rates=self._rates.rates,
         )
 
     def take(self, event: Event) -> None:
@@ -108,6 +113,9 @@ class Recorder:
         number = self._number
         self._number += 1
         self._queue.put(EventLine(n=number, t_s=float(event.t_s), values=event_values(number, event)))
+        if isinstance(event, BegunAnew):
+            # who held frames until now will not report on them
+            self._put_unseen()
         if not isinstance(event, Frame):
             return
         if self._whole_frames:
@@ -145,10 +153,7 @@ class Recorder:
         if self._closed:
             return
         self._closed = True
-        for waiting in self._unseen.values():
-            for number, frame in waiting:
-                self._put_pixels(number, frame, whole=frame.image.whole_read)
-        self._unseen.clear()
+        self._put_unseen()
         self._queue.close()
         self._thread.join(self._config.close_s)
         if self._thread.is_alive():
@@ -160,6 +165,13 @@ class Recorder:
             time.sleep(_PATIENT_S)
         if self._state is not RecorderState.RECORDING:
             raise InputError(str(self._path), got=self.status.line(), wanted="a disk with space for the recording")
+
+    def _put_unseen(self) -> None:
+        """Hand over what was read of the frames that no report is to be expected of."""
+        for waiting in self._unseen.values():
+            for number, frame in waiting:
+                self._put_pixels(number, frame, whole=frame.image.whole_read)
+        self._unseen.clear()
 
     def _put_pixels(self, number: int, frame: Frame, *, whole: bool) -> None:
         """Hand over what is to be kept of a frame; windows are copied, so that the picture's memory is free again."""
@@ -179,13 +191,29 @@ class Recorder:
     def _work(self) -> None:
         try:
             RecorderWriter(
-                self._queue, self._output, self._messages, self._config, self._free_bytes, self._clock, self._say
+                self._queue,
+                self._output,
+                self._messages,
+                self._config,
+                self._look,
+                self._clock,
+                self._say,
+                self._rates,
             ).run()
         except Exception as fault:  # noqa: BLE001 - whatever happens to the recording, the flight goes on
             self._say(RecorderState.FAILED, f"{type(fault).__name__}: {fault}")
             self._queue.refuse_pictures = "failed"
         finally:
             self._output.close()
+
+    def _look(self) -> int:
+        """Return how much is free on the disk, and remember it for the status."""
+        try:
+            self._free = self._free_bytes()
+        except OSError:
+            self._free = None
+            raise
+        return self._free
 
     def _say(self, state: RecorderState, reason: str) -> None:
         self._state, self._reason = state, reason

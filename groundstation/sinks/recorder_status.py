@@ -1,7 +1,9 @@
 """The recorder's tuning, and what it says of itself."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
+
+from groundstation.sinks.recorder_rates import RecordingRates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +50,9 @@ class RecorderState(StrEnum):
 class RecorderStatus:
     """How recording goes, why, and what it has cost so far.
 
-    ``events_lost`` are among ``records_lost``; both are lost for good, not merely late.
+    ``events_lost`` are among ``records_lost``; both are lost for good, not merely late. ``free_bytes`` of the disk were
+    free when last looked, a second ago at most; None before the first look, or where the disk is gone. ``rates`` says
+    what was written while tracking and while searching.
     """
 
     state: RecorderState
@@ -58,6 +62,8 @@ class RecorderStatus:
     pictures_dropped: int
     records_lost: int
     events_lost: int
+    free_bytes: int | None = None
+    rates: RecordingRates = field(default_factory=RecordingRates)
 
     @property
     def trouble(self) -> bool:

@@ -3,9 +3,11 @@
 import time
 from collections.abc import Callable
 
+from groundstation.messages import TrackEstimate
 from groundstation.sinks.recorder_messages import RecordingMessages
 from groundstation.sinks.recorder_output import RetriedOutput
-from groundstation.sinks.recorder_queue import RecorderQueue
+from groundstation.sinks.recorder_queue import Answer, RecorderQueue
+from groundstation.sinks.recorder_rates import RateBook
 from groundstation.sinks.recorder_status import RecorderConfig, RecorderState
 
 
@@ -21,6 +23,7 @@ class RecorderWriter:
         free_bytes: Callable[[], int],
         clock: Callable[[], float],
         say: Callable[[RecorderState, str], None],
+        rates: RateBook,
     ) -> None:
         self._queue = queue
         self._output = output
@@ -29,6 +32,7 @@ class RecorderWriter:
         self._free_bytes = free_bytes
         self._clock = clock
         self._say = say
+        self._rates = rates
         self._flushed_s = self._synced_s = clock()
         self._looked_s = -1e9
         self._give_up_s: float | None = None
@@ -47,6 +51,8 @@ class RecorderWriter:
                 self._messages.note_lost(first, last)
             if item is not None:
                 self._messages.put(item, png=self._queue.fill() < self._config.png_fill)
+                if isinstance(item, Answer) and isinstance(item.content, TrackEstimate):
+                    self._rates.answered(item.content, self._output.tell())
             elif self._queue.closed:
                 break
             self._flush()

@@ -51,6 +51,10 @@ class LiveView:
         """Show what the operator is told; never waits."""
         self._put((t_s, tuple(lines)))
 
+    def words(self) -> str:
+        """Return what the operator is told of the screen itself; "" where it shows everything."""
+        return f"screen: {self.left_out} reports not drawn, it is too slow" if self.left_out else ""
+
     def close(self) -> None:
         """Draw what waits and close the stream."""
         with self._changed:

@@ -30,6 +30,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.cli_view",
         "groundstation.cli_evaluate",
     ),
+    ("groundstation.cli_span",),
     ("calibration",),
     ("groundstation.view", "groundstation.compare"),
     ("groundstation.compared_runs",),
@@ -76,6 +77,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     (
         "groundstation.errors",
         "groundstation.arrays",
+        "groundstation.count_words",
         "groundstation.hand_over",
         "groundstation.png_file",
         "groundstation.__version__",

@@ -87,6 +87,30 @@ def marks_around(
     return tuple(marks)
 
 
+# the grid of docs/calibration.md: twelve marks at these tilts, each near the picture's four corners, 40 rows each
+GRID_TILTS_DEG, GRID_STANDSTILLS, GRID_ROWS = (-10.0, 20.0, 50.0, 75.0), 48, 40
+
+
+def head_on_the_grid(rng: np.random.Generator, rows_each: int, noise_deg: float = NOISE_DEG) -> "Head":
+    """Return a head, its marks and what it sees, standing 48 times; ``noise_deg`` of its encoders, as its rig says."""
+    station = plain_station(ptu_sigma_rad=np.radians(noise_deg))
+    true = spoiled(station, rng)
+    marks = marks_around(true, rng, tilts_deg=GRID_TILTS_DEG)
+    noise = Noise(reading_deg=noise_deg)
+    seen = look(true, marks, rng, GRID_STANDSTILLS, noise, in_corners=True, rows_each=rows_each)
+    return Head(station=station, true=true, marks=marks, seen=seen)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Head:
+    """A station as its rig has it and as it truly is, marks, and what it saw of them."""
+
+    station: Station
+    true: Station
+    marks: tuple[Mark, ...]
+    seen: MountSightings
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
     """How a made-up head is read."""
@@ -104,10 +128,12 @@ def look(
     noise: Noise = Noise(),
     bodies: dict[str, np.ndarray] | None = None,
     in_corners: bool = False,
+    rows_each: int = 1,
 ) -> MountSightings:
     """Return what is seen where the head looks near each mark in turn, coming from either side.
 
-    The mark is anywhere in the picture, or near its corners in turn.
+    The mark is anywhere in the picture, or near its corners in turn. ``rows_each``: so often each is read and seen
+    while the head stands, every row with a time of its own.
     """
     rows, geometry = [], true.geometry()
     truth = [
@@ -135,13 +161,14 @@ def look(
         inside = [p is not None and geometry.contains(p.pixel) for p in pixels]
         if not all(inside):
             continue
-        reading = np.degrees(true.ptu_axes.readings(*angles, *sense)) + noise.reading_deg * rng.normal(size=2)
-        if noise.step_deg:
-            reading = noise.step_deg * np.round(reading / noise.step_deg)
-        for point, projection in zip(body, pixels, strict=True):
-            assert projection is not None
-            pixel = projection.pixel + noise.px * rng.normal(size=2)
-            rows.append((np.radians(reading), sense, pixel, pointing, number, point))
+        for row in range(rows_each):
+            reading = np.degrees(true.ptu_axes.readings(*angles, *sense)) + noise.reading_deg * rng.normal(size=2)
+            if noise.step_deg:
+                reading = noise.step_deg * np.round(reading / noise.step_deg)
+            for point, projection in zip(body, pixels, strict=True):
+                assert projection is not None
+                pixel = projection.pixel + noise.px * rng.normal(size=2)
+                rows.append((np.radians(reading), sense, pixel, pointing * rows_each + row, number, point))
         pointing += 1
     return MountSightings(
         reading_rad=np.array([r[0] for r in rows]),

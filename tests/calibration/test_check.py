@@ -261,7 +261,33 @@ def test_the_survey_s_own_sightings_are_found_beside_the_rig(
     # what is corrected goes by today's sightings from now on, and they agree with it
     assert main([*check.split(), "--out", str(tmp_path / "today.toml")]) == 0
     assert (tmp_path / "today.sightings.csv").read_bytes() == (tmp_path / "today.csv").read_bytes()
-    assert main(f"calibrate check {tmp_path / 'today.csv'} {marks} --rig {tmp_path / 'today.toml'}".split()) == 0
+    write_sightings(tmp_path / "later.csv", look(knocked(day.true, "left", 2, KNOCK_RAD), day.stands, rng, 40))
+    assert main(f"calibrate check {tmp_path / 'later.csv'} {marks} --rig {tmp_path / 'today.toml'}".split()) == 0
+
+
+def test_the_survey_s_own_table_is_not_todays(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A copy of the reference agrees with it whatever has moved: refused, on record; half of it new is taken."""
+    day = morning(rng)
+    write_landmarks(tmp_path / "marks.csv", day.table)
+    first = look(day.true, day.stands, rng, 6)
+    (tmp_path / "rig.toml").write_text(rig_to_toml(solve_survey(day.believed, first, day.table).rig))
+    write_sightings(tmp_path / "rig.sightings.csv", first)
+    write_sightings(tmp_path / "today.csv", first)
+    check = ["calibrate", "check", str(tmp_path / "today.csv"), "--landmarks", str(tmp_path / "marks.csv")]
+    check += ["--rig", str(tmp_path / "rig.toml")]
+    assert main(check) == 1
+    printed = capsys.readouterr()
+    assert printed.err.startswith(
+        "groundstation: today.csv: got 72 of 72 rows that stand in rig.sightings.csv, too; wanted"
+    )
+    assert printed.err.count("\n") == 1
+    assert "accepted" not in printed.out
+    record = json.loads((tmp_path / "rig.checks.jsonl").read_text())
+    assert record["decision"] == "refused"
+    write_sightings(tmp_path / "today.csv", look(day.true, day.stands, rng, 6))
+    assert main(check) == 0
 
 
 def test_sightings_of_another_set_up_are_no_reference(

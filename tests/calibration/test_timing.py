@@ -1,6 +1,7 @@
 """`calibrate timing`: offsets to their bound, rendered swings recovered, real heads, and input that cannot tell."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -206,3 +207,27 @@ def test_wrong_input_ends_in_one_line(landing_1, tmp_path, capsys, options: list
     assert main(["calibrate", "timing", str(landing_1), *options, *out]) == 1
     error = capsys.readouterr().err.strip().splitlines()[-1]
     assert said in error
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["timing", "--pictures"], "--pictures: got no --from-flight; wanted both"),
+        (["timing", "--from", "nan"], "argument --from: got 'nan'; wanted a session time in s"),
+        (["flight", "--to", "soon"], "argument --to: got 'soon'; wanted a session time in s"),
+        (["flight", "--from", "inf"], "argument --from: got 'inf'"),
+        (["flight", "--from", "300", "--to", "100"], "got --from 300 and --to 100; wanted an end after the beginning"),
+        (["timing", "--from", "3", "--to", "3"], "wanted an end after the beginning"),
+    ],
+)
+def test_wrong_usage_is_said_before_anything_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: str
+) -> None:
+    what, *more = options
+    command = ["calibrate", what, str(tmp_path / "nothing"), *more, "--out", str(tmp_path / "out.toml")]
+    try:
+        code = main(command)
+    except SystemExit as stop:
+        code = stop.code
+    assert code == 2
+    assert said in capsys.readouterr().err

@@ -1,12 +1,16 @@
 """What the operator is told."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from groundstation.live.board import Board, DeviceState
+from groundstation.live.camera_words import clock_words, lost_words
 from groundstation.messages import Kinematics, TrackEstimate, TrackStatus, TriangulationStatus
+from groundstation.sources.cameras.camera import CameraCounts
+from groundstation.sources.cameras.clock_fit import ClockFitState
 
 
 def answer(epoch: int, status: TrackStatus = TrackStatus.TRACKING) -> TrackEstimate:
@@ -60,3 +64,24 @@ def test_a_rate_is_that_of_the_last_seconds() -> None:
     for k in range(100, 110):
         rate = board.rate("camera", 30 * 99, float(k))
     assert rate == 0.0
+
+
+def test_a_cameras_clock_is_told_in_words() -> None:
+    """Expected: offset, drift, envelope and how well it is known; nothing of what went by before anybody listened."""
+    clock = ClockFitState(
+        offset_s=1234.56789, drift=12.4e-6, sigma_s=0.00004, drift_sigma=1e-7, spread_s=0.00031, bins=60
+    )
+    words = clock_words(clock, has_clock=True)
+    assert words == (
+        "its clock 1234.5679 s behind ours, drifts +12 ppm, pictures 0.31 ms later than the quickest, "
+        "known to ± 0.04 ms"
+    )
+    assert "0.5000 s ahead of ours" in clock_words(replace(clock, offset_s=-0.5), has_clock=True)
+    assert "drifts +0 ppm" in clock_words(replace(clock, drift=-1e-9), has_clock=True)
+    for early in (replace(clock, bins=7), replace(clock, sigma_s=4.3)):
+        assert clock_words(early, has_clock=True) == "its clock is still being found"
+    assert clock_words(None, has_clock=True) == ""
+    assert clock_words(None, has_clock=False) == "no clock of its own: stamped on arrival"
+    before = CameraCounts(dropped=59, lost=2)
+    assert lost_words(CameraCounts(dropped=59, lost=2), before) == ""
+    assert lost_words(CameraCounts(dropped=61, lost=3, incomplete=1), before) == "1 incomplete, 1 lost, 2 dropped"

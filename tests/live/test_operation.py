@@ -69,6 +69,10 @@ def test_ctrl_c_ends_it_softly(flown: tuple[Path, str, int]) -> None:
     assert code == 0, said
     assert "Traceback" not in said
     assert "delay from a pair's first frame to its answer" in said
+    # at the start of every five seconds, a line for people
+    assert "its clock " in said
+    assert "GB free" in said
+    assert "recorded: " in said
     for name in ("track.csv", "triangulation.csv", "detections.csv", "flight.mcap", "rig.toml", "dgps.csv"):
         assert (out / name).is_file(), said
     rows = (out / "track.csv").read_text(encoding="utf-8").splitlines()
@@ -162,7 +166,7 @@ ptu = "{tmp_path}/nothing"
 [[station]]
 name = "right"
 camera = "file:{tmp_path}/none.mp4"
-ptu = "{tmp_path}/nothing"
+ptu = "{tmp_path}/nothing-either"
 """,
         encoding="utf-8",
     )
@@ -173,6 +177,7 @@ ptu = "{tmp_path}/nothing"
     assert any("left camera: got pictures of 1280 × 960 px; wanted 320 × 240 px as in the rig" in line for line in said)
     assert any(line.startswith("WRONG  left: PTU:") and "nothing" in line for line in said)
     assert any(line.startswith("WRONG  right camera:") and "none.mp4" in line for line in said)
+    assert not any("left camera: left:" in line or "left: left:" in line for line in said)
 
 
 class FullDisk:

@@ -12,6 +12,12 @@ from groundstation.live.station_file import ReferenceDevice, load_station
 from groundstation.rig import load_rig
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "station-example.toml"
+ORIGIN = """[origin]
+lat_deg = 47.1
+lon_deg = 8.6
+height_m = 480
+y_axis_azimuth_deg = 35
+"""
 WHOLE = """
 format = "groundstation-station/1"
 name = "North field"
@@ -62,6 +68,7 @@ def test_everything_that_it_says(tmp_path: Path) -> None:
     assert (file.name, file.rate_hz, file.span_m) == ("North field", 25.0, 2.3)
     assert file.rig == tmp_path / "rig.toml"
     assert file.record == tmp_path / "flights"
+    assert file.record_s == 1800.0
     assert file.pointing.gain_per_s == 3.0
     assert file.search.azimuth_deg == (-8.0, 4.5)
     assert file.antenna_in_body_m == (-0.8, 0.0, -0.1)
@@ -104,7 +111,11 @@ def test_the_example_of_the_docs_is_one() -> None:
         ('url = "udp://:5000"', "", "reference: url: got nothing"),
         ("clock_sigma_s = 0.02", "clock_sigma_s = 0", "clock_sigma_s: got 0"),
         ("clock_sigma_s = 0.02", "clock = 1", "clock: got an unknown key"),
-        ("[origin]", "[view]", "origin: got nothing; wanted a table [origin]"),
+        (ORIGIN, "", "origin: got nothing; wanted a table [origin]"),
+        (ORIGIN, ORIGIN + "[view]\nbogus = 1\n", "view: got an unknown key"),
+        ('folder = "flights"', 'folder = "flights"\nminutes = 0', "minutes: got 0"),
+        ('ptu = "socket://192.168.1.21:4000"', 'ptu = "/dev/../dev/ttyUSB0"', "as the PTU of left and of right"),
+        ('camera = "opencv:0"', 'camera = "gige:192.168.1.10"', "gige:192.168.1.10 as the camera of left and of right"),
         ("lat_deg = 47.1", "lat_deg = 97.1", "origin: lat_deg: got 97.1"),
     ],
 )
@@ -132,3 +143,11 @@ def test_a_camera_setting_that_nobody_knows(tmp_path: Path) -> None:
     file = load_station(written(tmp_path, WHOLE.replace("gain = 6.0", "gian = 6.0")))
     with pytest.raises(ConfigError, match="gian: got an unknown key"):
         camera_of(file.stations[0], lambda: 0.0, lambda _: None, rate_hz=25.0)
+
+
+def test_two_addresses_behind_one_server_are_two_heads(tmp_path: Path) -> None:
+    server = 'ptu = "socket://192.168.1.21:4000"\nptu_protocol = "pelco-d"'
+    text = WHOLE.replace('ptu = "/dev/ttyUSB0"', server + "\nptu_options = { address = 1 }")
+    assert len(load_station(written(tmp_path, text)).stations) == 2
+    with pytest.raises(ConfigError, match=r"got socket://192\.168\.1\.21:4000 as the PTU of left and of right"):
+        load_station(written(tmp_path, text.replace("address = 1", "address = 2")))

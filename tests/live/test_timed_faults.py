@@ -1,9 +1,21 @@
 """Faults of a simulated range happen when they are said to."""
 
+import multiprocessing as mp
 import time
 from pathlib import Path
 
-from groundstation.live.timed_faults import CAMERA_LOST, PTU_SILENT, TimedFault, is_there, strike
+from benchmarks.live_serial_faults import CASES
+from groundstation.live.due_line import DueLine
+from groundstation.live.timed_faults import (
+    CAMERA_CLOCK_STEPPED,
+    CAMERA_FROZEN,
+    CAMERA_LATE,
+    CAMERA_LOST,
+    PTU_SILENT,
+    TimedFault,
+    is_there,
+    strike,
+)
 from tests.live.test_heads import simulated_unit, until
 
 
@@ -28,3 +40,33 @@ def test_a_line_is_silent_for_so_long_and_struck_over_and_over(tmp_path: Path) -
         assert time.monotonic() - begin_s >= 0.2
         assert until(lambda: not server.line.dead)
         assert time.monotonic() - begin_s >= 0.6
+
+
+def test_what_is_late_holds_up_nobody_and_overtakes_nothing() -> None:
+    """Expected: each leaves when it is due, in order; whoever hands over goes on; a reader that left is noticed."""
+    here, there = mp.Pipe(duplex=False)
+    line = DueLine(there, time.monotonic)
+    began_s = time.monotonic()
+    for number, late_s in enumerate((0.2, 0.0, 0.3)):
+        line.send(began_s + late_s, number)
+    handed_s = time.monotonic() - began_s
+    got = []
+    for _ in range(3):
+        assert here.poll(10.0)
+        got.append((here.recv(), time.monotonic() - began_s))
+    assert [number for number, _ in got] == [0, 1, 2]
+    assert handed_s < got[0][1]
+    assert got[0][1] >= 0.2
+    assert got[2][1] >= 0.3
+    here.close()
+    line.send(began_s, 3)
+    assert until(lambda: line.broken)
+    line.close()
+
+
+def test_the_benchmark_knows_every_fault() -> None:
+    """Expected: each fault of cameras and PTUs that a range has is struck on real lines, and six with a full disk."""
+    struck = {what for case in CASES for what, _ in case.faults}
+    assert {CAMERA_LOST, CAMERA_FROZEN, CAMERA_LATE, CAMERA_CLOCK_STEPPED, PTU_SILENT} <= struck
+    assert sum(case.disk_full and bool(case.faults or case.dgps_gone) for case in CASES) >= 6
+    assert len({case.name for case in CASES}) == len(CASES)

@@ -1,5 +1,6 @@
 """`groundstation calibrate check --runway`: the runway's corners seen by a station."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,29 @@ def test_names_that_will_not_do_are_refused(
 ) -> None:
     words = write(tmp_path, station(), station(), rng)
     assert main([*words[:-1], names]) == 1
-    said = capsys.readouterr().err
-    assert wanted in said
-    assert said.count("\n") == 1
+    printed = capsys.readouterr()
+    assert wanted in printed.err
+    assert printed.err.count("\n") == 1
+    # no verdict before an error, and the record says the same
+    assert printed.out == ""
+    assert json.loads((tmp_path / "rig.checks.jsonl").read_text())["decision"] == "refused"
+
+
+def test_verdict_record_and_exit_code_are_one(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Turned by 0.08° since the rig, but not since the reference: only the corners see it, and refuse for all."""
+    true = turned(station(), np.radians([0.0, 0.0, 0.08]))
+    words = write(tmp_path, station(), true, rng)
+    (tmp_path / "today.csv").rename(tmp_path / "rig.sightings.csv")
+    words = write(tmp_path, station(), true, rng)
+    assert main(words[:-2]) == 0
+    assert "accepted" in capsys.readouterr().out
+    assert main([*words, "--out", str(tmp_path / "new.toml")]) == 1
+    said = capsys.readouterr().out
+    assert "left: as calibrated" in said
+    assert "accepted" not in said
+    assert "refused: nothing has moved by the landmarks, but the runway's corners disagree (left)" in said
+    assert not (tmp_path / "new.toml").exists()
+    records = [json.loads(line) for line in (tmp_path / "rig.checks.jsonl").read_text().splitlines()]
+    assert [r["decision"] for r in records] == ["accepted", "refused"]

@@ -1,0 +1,108 @@
+"""`groundstation calibrate intrinsics` on drawn lenses and boards: errors over claimed sigmas.
+
+    python benchmarks/lens_study.py [--lenses 200]
+
+Each lens has its own focal lengths (5 %), centre (2 % of the picture's size) and distortion; boards stand anywhere,
+tilted up to 40°; corners with 0.1 px of white noise, or with boards that bend by as much anew in each view. Corners are
+drawn, not found in pictures. Figures in docs/results.md.
+"""
+
+import argparse
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chi2
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from calibration.boards import parse_board
+from calibration.corners import View
+from calibration.lens_fit import fit_lens
+from calibration.lens_model import PARAMETERS
+from groundstation.geometry.camera import Lens
+from tests.calibration.boards_seen import a_lens, corner_views, parameters
+
+BOARD = parse_board("charuco:9x7:0.04:0.03")
+NOISE_PX = 0.1
+_K3 = PARAMETERS.index("distortion.k3")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A kind of lens and how it is shown boards; ``bent`` px, how far a board's bend moves its corners."""
+
+    size_px: tuple[int, int]
+    focal_px: float
+    views: int
+    held: frozenset[str] = frozenset()
+    bent_px: float = 0.0
+
+
+CASES = {
+    "640x480 px, f 700 px, 16 views": Case(size_px=(640, 480), focal_px=700.0, views=16),
+    "the same, boards bent": Case(size_px=(640, 480), focal_px=700.0, views=16, bent_px=0.1),
+    "1280x960 px, f 6684 px, 20 views": Case(size_px=(1280, 960), focal_px=6684.0, views=20),
+    "the same, k3 held": Case(size_px=(1280, 960), focal_px=6684.0, views=20, held=frozenset({"k3"})),
+}
+
+
+def drawn_lens(case: Case, generator: np.random.Generator) -> Lens:
+    """Return a lens of a kind, k3 zero where it is held."""
+    usual = a_lens(case.size_px, case.focal_px)
+    scale = np.array([0.05, 0.05, 2e-4, 2e-4, 0.0 if case.held else 0.02])
+    return replace(
+        usual,
+        focal_px=usual.focal_px * (1.0 + 0.05 * generator.normal() + 0.002 * generator.normal(size=2)),
+        principal_point_px=usual.principal_point_px + 0.02 * np.array(case.size_px) * generator.normal(size=2),
+        distortion=usual.distortion + scale * generator.normal(size=5),
+    )
+
+
+def bent(view: View, size_px: float, generator: np.random.Generator) -> View:
+    """Move a view's corners as a bent board does, by a curve drawn anew."""
+    flat = view.board_m - view.board_m.mean(axis=0)
+    x, y = (flat / flat.std(axis=0).max())[:, :2].T
+    curve = np.column_stack([x * x, y * y, x * y]) @ generator.normal(size=(3, 2))
+    return replace(view, pixel=view.pixel + size_px * curve)
+
+
+def study(case: Case, lenses: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return errors and sigmas (n, p) of what is free, eᵀC⁻¹e (n,), and which parameters (p,) these are."""
+    free = np.array([k for k in range(len(PARAMETERS)) if not (k == _K3 and case.held)])
+    errors, sigmas, together = [], [], []
+    for seed in range(lenses):
+        generator = np.random.default_rng([31, seed])
+        lens = drawn_lens(case, generator)
+        views = corner_views(generator, BOARD, lens, case.views, sigma_px=NOISE_PX)
+        if case.bent_px:
+            views = [bent(view, case.bent_px, generator) for view in views]
+        fit = fit_lens(views, lens.image_size_px, held=case.held)
+        error = (parameters(fit.lens) - parameters(lens))[free]
+        errors.append(error)
+        sigmas.append(fit.sigma[free])
+        together.append(error @ np.linalg.solve(fit.covariance[np.ix_(free, free)], error))
+    return np.array(errors), np.array(sigmas), np.array(together), free
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--lenses", type=int, default=200)
+    n = parser.parse_args().lenses
+    low, high = chi2.ppf([0.001, 0.999], n) / n
+    print(f"{n} lenses each; chi2/n of errors over claimed sigmas, 99.8 % of such: {low:.2f} to {high:.2f}")
+    for label, case in CASES.items():
+        errors, sigmas, together, free = study(case, n)
+        print(label)
+        for column, k in enumerate(free):
+            rms, said = (float(np.sqrt(np.mean(v[:, column] ** 2))) for v in (errors, sigmas))
+            square = float(np.mean((errors[:, column] / sigmas[:, column]) ** 2))
+            mark = "" if low <= square <= high else "  OUTSIDE"
+            print(f"  {PARAMETERS[k]:<20} rms {rms:.4g}, sigma {said:.4g}; chi2/n {square:.2f}{mark}")
+        p = len(free)
+        least, most = chi2.ppf([0.001, 0.999], n * p) / n
+        print(f"  all together {together.mean():.2f} of {p}, {least:.2f} to {most:.2f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,29 @@
+"""The part of a session that a command takes: `--from S` and `--to S`."""
+
+import argparse
+import math
+
+from groundstation.errors import UsageError
+
+
+def add_span(parser: argparse.ArgumentParser) -> None:
+    """Add `--from` and `--to`, session times in s."""
+    parser.add_argument("--from", type=_time, dest="from_s", metavar="S", help="start at this session time, s")
+    parser.add_argument("--to", type=_time, dest="to_s", metavar="S", help="stop at this session time, s")
+
+
+def require_span(options: argparse.Namespace) -> None:
+    """Raise `UsageError` where the end is not after the beginning."""
+    if options.from_s is not None and options.to_s is not None and options.from_s >= options.to_s:
+        got = f"--from {options.from_s:g} and --to {options.to_s:g}"
+        raise UsageError("--from, --to", got=got, wanted="an end after the beginning")
+
+
+def _time(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a session time in s, as 12.5")
+    return value

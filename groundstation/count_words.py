@@ -1,0 +1,21 @@
+"""What a pipeline counted, in plain words: what it did not use, and what it noticed of the stations."""
+
+from collections.abc import Mapping
+
+_WORDS = {
+    "late_ptu": "PTU readings came too late to be used",
+    "late_frames": "frames came too late to be used",
+    "ptu_spikes": "PTU readings not believed: an angle far off that the next reading did not confirm",
+    "references_refused": "positions of the reference receiver refused",
+    "stations_lost": "times a station delivered nothing for a while",
+    "stations_doubted": "times a station was suspected of a wrong calibration",
+    "stations_excluded": "times a station was left out, its calibration being wrong",
+    "excluded_pixels": "pixels of stations that were left out",
+    "starts_taken_back": "tracks begun and taken back within moments",
+    "begun_anew": "times the filter failed and began anew",
+}
+
+
+def count_words(counts: Mapping[str, int]) -> list[str]:
+    """Return each count that is not zero as a line for a person; one of another name is said by that name."""
+    return [f"{n} {_WORDS.get(name, name.replace('_', ' '))}" for name, n in counts.items() if n]

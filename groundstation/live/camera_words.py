@@ -1,0 +1,31 @@
+"""What the operator is told of a camera: what it lost, and how its clock stands to this machine's."""
+
+from groundstation.sources.cameras.camera import CameraCounts
+from groundstation.sources.cameras.clock_fit import ClockFitConfig, ClockFitState
+
+_SETTLED = ClockFitConfig().settled
+# what is known no better than that tells nobody anything
+_COARSE_S = 0.1
+
+
+def clock_words(clock: ClockFitState | None, *, has_clock: bool) -> str:
+    """Return offset, drift, envelope and sigma of a device's clock in a few words; "" while nothing is known yet."""
+    if clock is None:
+        return "" if has_clock else "no clock of its own: stamped on arrival"
+    if clock.bins < _SETTLED or clock.sigma_s > _COARSE_S:
+        return "its clock is still being found"
+    ahead = "ahead of" if clock.offset_s < 0.0 else "behind"
+    return (
+        f"its clock {abs(clock.offset_s):.4f} s {ahead} ours, drifts {round(1e6 * clock.drift) or 0:+d} ppm, "
+        f"pictures {1e3 * clock.spread_s:.2f} ms later than the quickest, known to ± {1e3 * clock.sigma_s:.2f} ms"
+    )
+
+
+def lost_words(now: CameraCounts, before: CameraCounts) -> str:
+    """Return which frames did not come through since ``before``; "" for none."""
+    missing = {
+        "incomplete": now.incomplete - before.incomplete,
+        "lost": now.lost - before.lost,
+        "dropped": now.dropped - before.dropped,
+    }
+    return ", ".join(f"{n} {what}" for what, n in missing.items() if n)

@@ -1,0 +1,42 @@
+"""The folder of one operation: new or empty before, and as it was before where nothing was operated."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from groundstation.errors import InputError
+
+
+def require_free(out: Path) -> None:
+    """Raise `InputError` unless a folder is new or empty."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(str(out), got="something that is there already", wanted="a new or empty folder")
+    above = next(p for p in out.absolute().parents if p.exists())
+    if not above.is_dir():
+        raise InputError(str(out), got=f"{above}, a file", wanted="a folder that another one can be made in")
+
+
+@contextlib.contextmanager
+def taken_back_unless_begun(out: Path) -> Iterator[Callable[[], None]]:
+    """Yield what to call once there is something to keep; where that was never called, ``out`` is left as it was.
+
+    So a device that is not there costs nothing but another start with the same command.
+    """
+    was_there = out.is_dir()
+    begun: list[bool] = []
+    try:
+        yield lambda: begun.append(True)
+    except BaseException:
+        if not begun:
+            _empty(out, remove=not was_there)
+        raise
+
+
+def _empty(out: Path, *, remove: bool) -> None:
+    """Delete the files of a folder that was new or empty; whatever else there is stays, and so does the fault."""
+    with contextlib.suppress(OSError):
+        for path in out.iterdir():
+            if path.is_symlink() or path.is_file():
+                path.unlink()
+        if remove:
+            out.rmdir()

@@ -1,0 +1,139 @@
+"""A take-off by JSBSim's C172: brakes, full throttle, the roll on its wheels, rotation, climb; an optional extra.
+
+Its size is brought down to the aircraft's by Froude's law, as that of a dynamically similar model: lengths by the ratio
+λ of the spans, times and speeds by √λ, so that accelerations, and with them angles, are the same. A span of 2.3 m
+rotates at 14 m/s, and climbs at 16.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.geometry.angles import wrap_rad
+from groundstation.geometry.rotation import rotation_from_vector
+from groundstation.simulation.flight_model import FOOT_M, loaded_c172, start_turbulence
+from groundstation.simulation.trajectory import Sampled
+
+_SPAN_M = 36.0 * FOOT_M
+_STEP_S = 1.0 / 120.0
+# from the centre of gravity to the propeller, in c172x.xml: 78.7 in ahead, 9.9 in below; forward, right, down
+_NOSE_M = np.array([2.0, 0.0, 0.25])
+_ON_ITS_WHEELS_FT = 4.3
+# it settles, then the throttle is opened against the brakes, then they are released; s of the full-size aircraft
+_SETTLE_S, _THROTTLE_S, _RELEASE_S = 2.0, 4.0, 6.0
+_ROTATE_KT, _CLIMB_KT, _CLIMB_RAD = 55.0, 70.0, math.radians(8.0)
+_MOST_S = 150.0
+# of the pilot: rudder and brakes by heading (1/rad) and its rate (s/rad), heading by metres and by speed off the line,
+# aileron by bank, its rate and its sum (1/rad s)
+_RUDDER, _BRAKE, _MOST_BRAKE, _BRAKES_TO_KT = (12.0, 4.0), (4.0, 4.0), 0.4, 30.0
+_HEADING_BY_PLACE, _HEADING_BY_SPEED, _MOST_HEADING = 0.01, 0.006, 0.15
+_AILERON, _BANK_BY_COURSE, _MOST_BANK = (1.5, 0.5, 0.8), 1.2, 0.3
+_ELEVATOR, _PITCH_BY_KT, _PITCH = (2.5, 1.0), 0.01, (math.radians(3.0), math.radians(11.0))
+
+
+@dataclass(slots=True)
+class _Pilot:
+    """Who has the controls; ``rotated`` once it is fast enough."""
+
+    model: Any
+    rotated: bool = False
+    east_m: float = 0.0
+    trim: float = 0.0
+
+    def act(self, t_s: float) -> None:
+        """Set the controls for the next step."""
+        model = self.model
+        speed_kt = float(model["velocities/vc-kts"])
+        self.rotated = self.rotated or (t_s > _RELEASE_S and speed_kt > _ROTATE_KT)
+        model["fcs/throttle-cmd-norm"] = float(t_s > _THROTTLE_S)
+        airborne = not model["gear/unit[1]/WOW"]
+        wanted, bank = self._heading_rad(), 0.0
+        if airborne:
+            course = math.atan2(model["velocities/v-east-fps"], model["velocities/v-north-fps"])
+            bank = float(np.clip(_BANK_BY_COURSE * (wanted - course), -_MOST_BANK, _MOST_BANK))
+        self._steer(0.0 if airborne else wrap_rad(float(model["attitude/psi-rad"])) - wanted, t_s, speed_kt)
+        leans = float(model["attitude/phi-rad"]) - bank
+        if airborne:
+            # at full throttle the engine turns it to the left
+            self.trim += _AILERON[2] * leans * _STEP_S
+        aileron = _AILERON[0] * leans + _AILERON[1] * model["velocities/p-rad_sec"] + self.trim
+        model["fcs/aileron-cmd-norm"] = float(np.clip(-aileron, -1.0, 1.0))
+        elevator = 0.0
+        if self.rotated:
+            wanted = float(np.clip(_CLIMB_RAD + _PITCH_BY_KT * (speed_kt - _CLIMB_KT), *_PITCH))
+            elevator = _ELEVATOR[0] * (model["attitude/theta-rad"] - wanted)
+            elevator += _ELEVATOR[1] * model["velocities/q-rad_sec"]
+        model["fcs/elevator-cmd-norm"] = float(np.clip(elevator, -1.0, 1.0))
+
+    def _heading_rad(self) -> float:
+        """Return the heading that brings it back onto the runway's line, to the north."""
+        east_m_s = FOOT_M * float(self.model["velocities/v-east-fps"])
+        back = -_HEADING_BY_PLACE * self.east_m - _HEADING_BY_SPEED * east_m_s
+        return float(np.clip(back, -_MOST_HEADING, _MOST_HEADING))
+
+    def _steer(self, off_rad: float, t_s: float, speed_kt: float) -> None:
+        """Keep the heading by rudder and, while that is slow to act, by the brakes: this nose wheel casters."""
+        turning = float(self.model["velocities/r-rad_sec"])
+        rudder = _RUDDER[0] * off_rad + _RUDDER[1] * turning
+        self.model["fcs/rudder-cmd-norm"] = float(np.clip(rudder, -1.0, 1.0))
+        left = right = 1.0
+        if t_s > _RELEASE_S:
+            brake = _BRAKE[0] * off_rad + _BRAKE[1] * turning if speed_kt < _BRAKES_TO_KT else 0.0
+            left, right = (min(max(side * brake, 0.0), _MOST_BRAKE) for side in (1.0, -1.0))
+        self.model["fcs/left-brake-cmd-norm"], self.model["fcs/right-brake-cmd-norm"] = left, right
+
+
+def take_off_by_jsbsim(
+    *, seed: int, wind_m_s: float, span_m: float, start_y_m: float, end_y_m: float, rest_m: float
+) -> Sampled:
+    """Fly a take-off along −y from standing still at ``start_y_m``, until ``end_y_m``; the same for the same seed.
+
+    Parameters
+    ----------
+    wind_m_s : what the turbulence's strength goes by, as the full-size aircraft meets it.
+    span_m : of the aircraft that it is brought down to.
+    rest_m : the nose's height while it stands on its wheels.
+
+    Returns the nose in the runway frame. Raises `NoFlightModelError` where JSBSim is not installed.
+    """
+    scale = span_m / _SPAN_M
+    model = loaded_c172(1.0 / _STEP_S)
+    model["ic/h-agl-ft"], model["ic/vc-kts"], model["ic/psi-true-deg"] = _ON_ITS_WHEELS_FT, 0.0, 0.0
+    model.run_ic()
+    start_turbulence(model, seed, wind_m_s)
+    model["propulsion/set-running"], model["fcs/mixture-cmd-norm"] = -1.0, 0.9
+    pilot, rows = _Pilot(model), []
+    far_m = (start_y_m - end_y_m) / scale
+    for k in range(round(_MOST_S / _STEP_S)):
+        t_s = k * _STEP_S
+        pilot.act(t_s)
+        model.run()
+        place = _nose(model)
+        pilot.east_m = float(place[1])
+        if t_s >= _SETTLE_S:
+            rows.append(place)
+            if place[0] - rows[0][0] > far_m:
+                break
+    flown = np.array(rows)
+    north, east, up = (flown - flown[0]).T
+    t = np.asarray(np.arange(len(flown)) * _STEP_S * math.sqrt(scale), dtype=np.float64)
+    position = np.column_stack([-scale * east, start_y_m - scale * north, rest_m + scale * up])
+    return Sampled(t_s=t, position_m=position, velocity_m_s=np.gradient(position, t, axis=0))
+
+
+def _nose(model: Any) -> FloatArray:
+    """Return where the nose is: north, east, up, m from the start."""
+    roll, pitch, yaw = (float(model[f"attitude/{name}-rad"]) for name in ("phi", "theta", "psi"))
+    turn = rotation_from_vector(np.array([0.0, 0.0, yaw]))
+    turn = turn @ rotation_from_vector(np.array([0.0, pitch, 0.0])) @ rotation_from_vector(np.array([roll, 0.0, 0.0]))
+    north, east, down = turn @ _NOSE_M
+    return np.array(
+        [
+            model["position/distance-from-start-lat-mt"] + north,
+            model["position/distance-from-start-lon-mt"] + east,
+            model["position/h-agl-ft"] * FOOT_M - down,
+        ]
+    )

@@ -1,0 +1,59 @@
+"""Only one place moves hardware in operation; two tools for people do before the flight, and say so."""
+
+import ast
+
+from ptu_drivers.interface import PanTiltUnit
+from tests.architecture.test_imports import imports_of, modules
+
+# what makes a unit turn, or stop turning
+MOVES = {"move_to", "move_at", "halt", "home"}
+OPERATION = "groundstation.live.head_worker"
+# `check --move`, and `ptu jog` and `ptu probe --move`
+TOOLS = {"groundstation.live.check", "ptu_drivers.monitor"}
+# its heads are numbers
+VIRTUAL = "groundstation.live.rehearsal"
+
+
+def calls(tree: ast.AST, names: set[str]) -> set[str]:
+    """Which of these are called as methods or functions."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            found |= {name} & names
+    return found
+
+
+def test_the_list_of_moves_is_the_interfaces() -> None:
+    """Expected: a new method that moves has to be put here, or named as one that does not."""
+    still = {"describe", "read", "health", "close"}
+    public = {name for name in vars(PanTiltUnit) if not name.startswith("_")}
+    assert public == MOVES | still
+
+
+def test_only_one_place_moves_hardware_in_operation() -> None:
+    movers = {}
+    for name, path in modules().items():
+        if not name.startswith("ptu_drivers.") or name in TOOLS:
+            found = calls(ast.parse(path.read_text(encoding="utf-8")), MOVES)
+            if found and name != VIRTUAL:
+                movers[name] = found
+    assert not [i for i in imports_of(modules()[VIRTUAL]) if i.startswith("ptu_drivers")]
+    assert set(movers) == {OPERATION} | TOOLS
+    assert {"move_to", "move_at", "halt"} <= movers[OPERATION]
+
+
+def test_nobody_else_in_operation_holds_a_unit() -> None:
+    """Expected: units are opened by one function, which the PTUs' process and the check alone call."""
+    makers = {"open_head", "open_ptu", "HeadWorker"}
+    users = {}
+    for name, path in modules().items():
+        if name.startswith("groundstation.") and not name.startswith("groundstation.cli"):
+            found = calls(ast.parse(path.read_text(encoding="utf-8")), makers)
+            if found:
+                users[name] = found
+    assert users == {
+        "groundstation.live.head_device": {"open_ptu"},
+        "groundstation.live.head_process": {"open_head", "HeadWorker"},
+        "groundstation.live.check": {"open_head"},
+    }

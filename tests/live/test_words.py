@@ -1,0 +1,157 @@
+"""What the operator is told of the recording, the screen and the counts, in plain words; and where it is shown."""
+
+import io
+import itertools
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from groundstation.cli_live import StatusBlock
+from groundstation.config import Config
+from groundstation.count_words import count_words
+from groundstation.live.board import LiveStatus
+from groundstation.live.camera_worker import CameraWorker
+from groundstation.live.inbox import Inbox
+from groundstation.live.record import LiveRecorder
+from groundstation.messages import Epoch, TrackStatus
+from groundstation.pipeline import Pipeline
+from groundstation.simulation.cases import standard_rig
+from groundstation.sinks.recorder import RecorderConfig
+from groundstation.sinks.recorder_rates import RateBook
+from groundstation.sinks.rerun_live import LiveView
+from groundstation.sources.cameras.camera import CameraCare, CameraDevice, CameraTiming, Grab, SettingsReadBack
+from groundstation.sources.cameras.live_camera import LiveCamera
+from tests.recording.recorded import events, header, looked_at, small_rig
+
+
+def test_the_recorder_says_rate_and_free_disk(tmp_path: Path) -> None:
+    """Expected: MB, MB/s, free GB and how long they last; in the end both rates."""
+    path, now = tmp_path / "flight.mcap", [0.0]
+    config = RecorderConfig(png_fill=0.0, keep_free_bytes=2 * 10**9, chunk_s=0.0)
+    with LiveRecorder(path, small_rig(), header(), config, free_bytes=lambda: 82 * 10**9) as recorder:
+        recorder._now = lambda: now[0]
+        recorder.words()
+        for event in recorder.taken(events(120, np.random.default_rng(1))):
+            recorder.write(looked_at(event))
+        while recorder.status.fill > 0.0 or recorder.status.free_bytes is None:
+            time.sleep(0.001)
+        now[0] = 2.0
+        words = recorder.words()
+    assert words.startswith("recording, ")
+    assert "MB/s, disk 82.0 GB free, enough for " in words
+    # nothing of these pictures is whole or tracked
+    assert "MB/s while searching (4 s)" in recorder.took()
+    assert "tracking" not in recorder.took()
+
+
+def test_what_is_written_is_booked_to_what_the_track_did() -> None:
+    answers = looked_at(Epoch(t_s=0.0, epoch=0, stations=())).estimates
+    book = RateBook()
+    at = 0
+    for k in range(401):
+        tracking = 100 < k <= 300
+        status = TrackStatus.TRACKING if tracking else TrackStatus.SEARCHING
+        at += 100_000 if tracking else 2_000_000
+        # a gap of the clock, and one that went back, are nobody's
+        t_s = 0.05 * k + (50.0 if k > 350 else 0.0)
+        book.answered(replace(answers[0], t_s=t_s, status=status), at)
+    rates = book.rates
+    assert rates.tracking_s == pytest.approx(200 * 0.05)
+    assert rates.searching_s == pytest.approx(199 * 0.05)
+    assert rates.tracking_bytes / rates.tracking_s == pytest.approx(2e6)
+    assert rates.line() == "2.0 MB/s while tracking (10 s), 40.0 MB/s while searching (10 s)"
+
+
+def test_what_the_screen_left_out_is_said() -> None:
+    import rerun as rr
+
+    view = LiveView(rr.RecordingStream("test"), standard_rig(), "test")
+    try:
+        assert view.words() == ""
+        view.left_out = 7
+        assert view.words() == "screen: 7 reports not drawn, it is too slow"
+    finally:
+        view.close()
+
+
+def test_each_count_of_the_pipeline_has_its_words() -> None:
+    """Expected: no name of the code reaches the operator."""
+    counts = Pipeline(standard_rig(), Config()).counts
+    lines = count_words(dict.fromkeys(counts, 3))
+    assert len(lines) == len(counts)
+    for name, line in zip(counts, lines, strict=True):
+        assert name.replace("_", " ") not in line
+    assert count_words({"ptu_spikes": 0}) == []
+    assert count_words({"something_new": 2}) == ["2 something new"]
+
+
+class Terminal(io.StringIO):
+    """A terminal that remembers."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def status(*lines: str) -> LiveStatus:
+    return LiveStatus(
+        t_s=1.0,
+        track=TrackStatus.SEARCHING,
+        latency_p50_ms=0.0,
+        latency_p99_ms=0.0,
+        devices=(),
+        dropped={},
+        lines=lines,
+    )
+
+
+def test_a_terminal_shows_every_line_and_the_next_in_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    screen = Terminal()
+    block = StatusBlock(screen)
+    long = "left camera 30 Hz, its clock 0.0001 s behind ours, drifts +1 ppm"
+    block.show(status("searching", long))
+    first = screen.getvalue()
+    assert " ".join(first.split()) == f"searching {long}"
+    assert max(map(len, first.splitlines())) < 40
+    block.show(status("tracking"))
+    assert screen.getvalue() == first + f"\x1b[{first.count(chr(10))}F\x1b[Jtracking\n"
+
+
+class Flood(CameraDevice):
+    """A camera that delivers at once, so many frames."""
+
+    def __init__(self) -> None:
+        self.read_back = SettingsReadBack(model="flood", device_clock=False)
+        self._left: Iterator[int] = iter(range(50))
+
+    def grab(self, timeout_s: float) -> Grab | None:
+        number = next(self._left, None)
+        if number is None:
+            time.sleep(timeout_s)
+            return None
+        pixels = np.full((4, 4), number, np.uint8)
+        pixels[0, 0] = 255
+        return Grab(frame_id=number, device_ns=None, pixels=pixels, pattern=None, payload_bytes=16)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def test_what_a_camera_dropped_before_anybody_listened_is_no_loss() -> None:
+    clock = itertools.count(0.0, 0.001)
+    camera = LiveCamera(
+        "left", Flood, CameraTiming(), CameraCare(silent_after_s=math.inf), lambda: next(clock), lambda _: None
+    )
+    with camera:
+        while camera.counts.dropped < 46:
+            time.sleep(0.001)
+        worker = CameraWorker("left", camera, Inbox(), 0.0)
+        worker.start()
+        worker.stop()
+        assert worker.counts_before.dropped == 46
+        assert camera.counts.dropped == 46
