@@ -1,6 +1,8 @@
 """Damaged logs and session files, a million and more: only errors of our own may come out, and only sane numbers.
 
-python benchmarks/log_fuzz.py [--inputs N] [--seed S]
+python benchmarks/log_fuzz.py [--inputs N] [--seed S] [--only logs|sessions|videos]
+
+Videos are read in processes of their own: a decoder that ends one by a signal is counted, and its input kept.
 """
 
 import argparse
@@ -9,7 +11,9 @@ import contextlib
 import os
 import random
 import resource
+import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -27,7 +31,7 @@ from groundstation.errors import GroundstationError, InputError  # noqa: E402
 from groundstation.logs.fixes import LogOptions  # noqa: E402
 from groundstation.logs.read import GnssLog, read_log  # noqa: E402
 from tests.logs.damage import altered, damaged, forged, seeds  # noqa: E402
-from tests.session.damage import SLOW, Parts, session_targets  # noqa: E402
+from tests.session.damage import SLOW, SUMMARY, VIDEOS, Parts, session_targets  # noqa: E402
 
 OPTIONS = (
     LogOptions(),
@@ -40,6 +44,9 @@ MOST_KEPT = 50
 # thousands of times what any of these small files takes
 MOST_S = 60.0
 MOST_BYTES = 8 << 30
+# so many videos are read by one process
+A_PROCESS = 1000
+TOLD = "input: "
 
 
 def check(log: GnssLog) -> None:
@@ -99,15 +106,18 @@ def fuzz_logs(inputs: int, chance: random.Random, folder: Path, counts: collecti
             keep(path, f"input {k} of {name}", error, counts)
 
 
-def keep(path: Path, what: str, error: Exception, counts: collections.Counter[str]) -> None:
+def keep(path: Path, what: str, error: Exception, counts: collections.Counter[str]) -> str:
     """Put an input that brought another error where it can be looked at, and go on: a long run finds more than one."""
     counts[FOREIGN] += 1
     if counts[FOREIGN] > MOST_KEPT:
         raise error
     kept = Path(tempfile.mkdtemp(prefix="fuzz_failure_")) / path.name
     kept.write_bytes(path.read_bytes())
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    print(f"{what}: {type(error).__name__}: {error} ({last.filename}:{last.lineno}); kept as {kept}", file=sys.stderr)
+    places = traceback.extract_tb(error.__traceback__)
+    where = f"{places[-1].filename}:{places[-1].lineno}" if places else "no place"
+    said = f"{what}: {type(error).__name__}: {error} ({where}); kept as {kept}"
+    print(said, file=sys.stderr)
+    return said
 
 
 def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: collections.Counter[str]) -> None:
@@ -116,17 +126,18 @@ def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: coll
     whole = {name: (folder / name).read_bytes() for name in targets}
     parts = Parts(folder / "flight.mcap")
     quick = [name for name in targets if name not in SLOW]
+    slow = [name for name in SLOW if name not in VIDEOS]
     for k in range(inputs):
         tell(k, "session files")
         # pictures and recordings take a hundred times as long as a table
-        name = chance.choice(SLOW) if k % 20 == 0 else quick[k % len(quick)]
+        name = chance.choice(slow) if k % 20 == 0 else quick[k % len(quick)]
         path = folder / name
         kind = name
         if name == "flight.mcap" and chance.random() < 0.5:
             kind = "its messages"
             parts.write(path, chance)
         else:
-            spoil = altered if path.suffix in (".csv", ".toml") and chance.random() < 0.5 else damaged
+            spoil = altered if path.suffix in (".csv", ".toml", ".json") and chance.random() < 0.5 else damaged
             path.write_bytes(spoil(whole[name], chance))
         try:
             with refused_in_words(InputError) as outcome:
@@ -137,11 +148,74 @@ def fuzz_sessions(inputs: int, chance: random.Random, folder: Path, counts: coll
         path.write_bytes(whole[name])
 
 
+def fuzz_videos(inputs: int, seed: int, root: Path, counts: collections.Counter[str], *, summary: bool) -> None:
+    """Read damaged videos of each kind, and summaries in turn with them, some hundreds in a process of their own."""
+    names = [*VIDEOS, *([SUMMARY] if summary else [])]
+    done = 0
+    while done < inputs:
+        folder = Path(tempfile.mkdtemp(dir=root))
+        done = _apart(done, min(inputs, done + A_PROCESS), seed, names, folder, counts)
+        shutil.rmtree(folder)
+        print(f"{done} of {inputs} videos", file=sys.stderr, flush=True)
+
+
+def _apart(first: int, last: int, seed: int, names: list[str], folder: Path, counts: collections.Counter[str]) -> int:
+    """Read inputs ``first`` to ``last`` in a process of its own; return the number of the next."""
+    part = f"{first} {last} {seed} {folder} {' '.join(names)}"
+    done = subprocess.run(
+        [sys.executable, __file__, "--part", part],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        check=False,
+    )
+    told = [line for line in done.stdout.splitlines() if line.startswith(TOLD)]
+    for line in told:
+        what, kept = line.removeprefix(TOLD).split("\t")
+        counts[what] += 1
+        if kept:
+            print(kept, file=sys.stderr)
+    if len(told) == last - first and done.returncode == 0:
+        return last
+    read = first + len(told)
+    path = folder / names[read % len(names)]
+    keep(path, f"input {read}", RuntimeError(f"the process ended, exit code {done.returncode}"), counts)
+    return read + 1
+
+
+def read_part(first: int, last: int, seed: int, folder: Path, names: list[str]) -> None:
+    """Read some damaged videos and tell of each in a line."""
+    targets = session_targets(folder)
+    whole = {name: (folder / name).read_bytes() for name in names}
+    for k in range(first, last):
+        name, chance = names[k % len(names)], random.Random(f"{seed} {k}")
+        spoil = altered if name == SUMMARY and chance.random() < 0.5 else damaged
+        # the parent keeps what is here where this process does not live to tell
+        (folder / name).write_bytes(spoil(whole[name], chance))
+        kept = ""
+        try:
+            with refused_in_words(InputError) as outcome:
+                targets[name]()
+            what = f"{name} {outcome[-1]}"
+        except Exception as error:  # noqa: BLE001 - counted, kept, and the run fails
+            what, kept = FOREIGN, keep(folder / name, f"input {k}, {name}", error, collections.Counter())
+        print(f"{TOLD}{what}\t{kept}", flush=True)
+        (folder / name).write_bytes(whole[name])
+
+
+def shares(inputs: int) -> dict[str, int]:
+    """Return how many inputs of each kind there are; videos take a hundred times as long as a table."""
+    logs, videos = inputs * 2 // 3, inputs // 100
+    return {"logs": logs, "videos": videos, "sessions": inputs - logs - videos}
+
+
 def main() -> None:
-    """Run both and print how many were read and refused."""
+    """Run all and print how many were read and refused."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--inputs", type=int, default=1_050_000, metavar="N", help="how many in all")
     parser.add_argument("--seed", type=int, default=8, metavar="S")
+    parser.add_argument("--only", choices=("logs", "sessions", "videos"), help="all inputs of this kind")
+    parser.add_argument("--part", help=argparse.SUPPRESS)
     options = parser.parse_args()
     counts: collections.Counter[str] = collections.Counter()
     chance = random.Random(options.seed)
@@ -150,13 +224,20 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     # a number that is none is to be refused before it is reckoned with
     warnings.simplefilter("error")
+    if options.part:
+        first, last, seed, folder, *names = options.part.split()
+        read_part(int(first), int(last), int(seed), Path(folder), names)
+        return
     shared = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(dir=shared) as name:
-        fuzz_logs(options.inputs * 2 // 3, chance, Path(name), counts)
-        session = Path(name) / "session"
-        session.mkdir()
-        fuzz_sessions(options.inputs - options.inputs * 2 // 3, chance, session, counts)
+        n = {options.only: options.inputs} if options.only else shares(options.inputs)
+        films, session = Path(name) / "videos", Path(name) / "session"
+        for folder in (films, session):
+            folder.mkdir()
+        fuzz_videos(n.get("videos", 0), options.seed, films, counts, summary=options.only == "videos")
+        fuzz_logs(n.get("logs", 0), chance, Path(name), counts)
+        fuzz_sessions(n.get("sessions", 0), chance, session, counts)
     foreign = counts.pop(FOREIGN, 0)
     for kind in sorted({key.rsplit(" ", 1)[0] for key in counts}):
         print(f"{kind:<15} read {counts[f'{kind} read']:>8}  refused {counts[f'{kind} refused']:>8}")

@@ -15,9 +15,10 @@ _MORE = """examples:
   groundstation evaluate recordings/landing-1 --config soft.toml --config stiff.toml
   groundstation evaluate recordings/landing-1 --baseline out/last-month --json now.json
 
-SOURCE is the output folder of a replay, a session folder or a recording (.mcap);
-the last two are replayed first, once with each --config. The columns "± %" say by
-how much an error is larger (+) or smaller (−) than the baseline's.
+SOURCE is the output folder of a replay, a session folder, a recording (.mcap) or a
+live run's folder with its flight.mcap; the last three are replayed first, once with
+each --config. The columns "± %" say by how much an error is larger (+) or smaller (−)
+than the baseline's. Runs of other length are compared as they are, and a note says so.
 
 exit code: 0 done; 1 a source is at fault; 2 wrong usage; 130 interrupted"""
 

@@ -75,7 +75,7 @@ def _add_log(add: argparse.ArgumentParser) -> None:
     log.add_argument(
         "--origin", type=_place, metavar="LAT,LON,H", help="the session's origin: degrees, height above the ellipsoid"
     )
-    log.add_argument("--azimuth", type=_number, metavar="DEG", help="where +y points, clockwise from true north")
+    log.add_argument("--azimuth", type=_azimuth, metavar="DEG", help="where +y points, clockwise from true north")
     log.add_argument("--date", type=_date, metavar="DATE", help="UTC date of the log's first position, if it has none")
     log.add_argument("--height", choices=("ellipsoid", "sea level"), help="what a table's bare altitude is above")
     log.add_argument(
@@ -155,6 +155,13 @@ def _number(text: str) -> float:
         value = math.nan
     if not abs(value) < 1e6:
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number")
+    return value
+
+
+def _azimuth(text: str) -> float:
+    value = _number(text)
+    if not -360.0 <= value <= 360.0:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted degrees clockwise from true north, -360 to 360")
     return value
 
 

@@ -20,8 +20,9 @@ _MORE = """examples:
   groundstation view recordings/landing-1 --config soft.toml --config stiff.toml
   groundstation view out/a out/b --save both.rrd
 
-SOURCE is the output folder of a replay, its session.rrd, a session folder or a
-recording (.mcap); the last two are replayed first. A run without an estimate, or a
+SOURCE is the output folder of a replay, its session.rrd, a session folder, a
+recording (.mcap) or a live run's folder with its flight.mcap; the last three are
+replayed first. A run without an estimate, or a
 session that cannot be replayed yet, shows what it has, and a note says what is missing.
 
 exit code: 0 done; 1 a source is at fault, or there is no display; 2 wrong usage;

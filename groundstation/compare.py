@@ -3,7 +3,8 @@
 import csv
 import io
 import json
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from groundstation.evaluation.figures_of_run import moved_figures
 from groundstation.evaluation.summary import SUMMARY_FORMAT
 
 COMPARISON_FORMAT = "groundstation-comparison/1"
+# the same pairs, though their stamps may have been read otherwise: number, first and last time in s
+_ALIKE = (0.0, 0.02, 0.02)
 _COLUMNS = ("run", "figure", "value", "baseline", "difference", "percent")
 
 
@@ -64,7 +67,28 @@ def compare(
         found.insert(0, _scored(known, request, progress, notes))
     wanted = request.baseline if before is None else found[0].name
     baseline = next((run for run in found if run.name == wanted), found[0])
+    notes += [note for run in found if run is not baseline for note in _other_part(run, baseline)]
     return CompareResult(runs=tuple(found), baseline=baseline, notes=tuple(notes))
+
+
+def _other_part(run: ScoredRun, baseline: ScoredRun) -> Iterator[str]:
+    """Say where a run's pairs are not the baseline's: its errors may differ for that alone."""
+    if any(abs(a - b) > most for a, b, most in zip(_part(run), _part(baseline), _ALIKE, strict=True)):
+        yield (
+            f"{run.name} has {_part_in_words(run)}, {baseline.name} {_part_in_words(baseline)}: not the same pairs, so "
+            "compare ranges rather than all (of one session, `replay --from` and `--to` make the parts alike)"
+        )
+
+
+def _part(run: ScoredRun) -> tuple[float, float, float]:
+    """Return how many pairs a run has, and the first and last of their times in s."""
+    session = run.summary["session"]
+    return float(session["epochs"]), float(session["from_s"]), float(session["to_s"])
+
+
+def _part_in_words(run: ScoredRun) -> str:
+    pairs, from_s, to_s = _part(run)
+    return f"{pairs:.0f} pairs from {from_s:g} to {to_s:g} s"
 
 
 def _scored(
@@ -91,10 +115,11 @@ def _with_figures(run: PlannedRun, path: Path) -> ScoredRun:
         found = scored(run.name, str(run.source), summary)
         # what the tables take of it is all there, or it is said here
         format_comparison((found,), found)
+        _part(found)
         parts = (summary["session"]["name"], summary["configuration"].items(), summary["versions"].items())
-    except (KeyError, TypeError, AttributeError, ValueError) as fault:
+    except (KeyError, TypeError, AttributeError, ValueError, ArithmeticError) as fault:
         raise InputError(str(path), got=f"not all of it as it should be: {fault}", wanted=wanted) from fault
-    odd = [name for name, value in found.figures.items() if not isinstance(value, int | float | None)]
+    odd = [name for name, value in found.figures.items() if not math.isfinite(value)]
     if odd or not isinstance(parts[0], str):
         raise InputError(str(path), got=f"no number for {', '.join(odd[:3]) or 'session.name'}", wanted=wanted)
     return found
@@ -104,7 +129,7 @@ def load_summary(path: Path) -> dict[str, Any]:
     """Read a summary.json; raises `InputError` if it is missing or none of ours."""
     wanted = "the summary.json of a replay that was finished"
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
+        summary = json.loads(path.read_text(encoding="utf-8"), parse_float=_finite, parse_constant=_finite)
     except OSError as fault:
         raise InputError(str(path), got=str(fault.strerror), wanted=wanted) from fault
     except ValueError as fault:
@@ -113,6 +138,14 @@ def load_summary(path: Path) -> dict[str, Any]:
         got = summary.get("format") if isinstance(summary, dict) else type(summary).__name__
         raise InputError(str(path), got=f"format {got!r}", wanted=f"{SUMMARY_FORMAT!r}")
     return summary
+
+
+def _finite(text: str) -> float:
+    """Return a number of a file; no comparison can be written with one that is none."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:20]} is no finite number")
+    return value
 
 
 def comparison_csv(result: CompareResult) -> str:

@@ -12,6 +12,8 @@ from groundstation.replay import ReplayRequest, replay
 RECORDING = "session.rrd"
 SUMMARY = "summary.json"
 TRACK = "track.csv"
+# what a live run leaves beside its tables
+LIVE_RECORDING = "flight.mcap"
 _WANTED = "a session folder, a recording (.mcap), a replay's output folder or its session.rrd"
 
 
@@ -38,6 +40,8 @@ def kind_of(path: Path) -> SourceKind:
     if path.is_dir():
         if (path / "session.toml").is_file() or (path / "rig.toml").is_file():
             return SourceKind.SESSION
+        if _of_live(path) is not None:
+            return SourceKind.SESSION
         if any((path / name).is_file() for name in (RECORDING, SUMMARY, TRACK)):
             return SourceKind.RESULTS
         raise InputError(str(path), got="neither session.toml nor track.csv in it", wanted=_WANTED)
@@ -47,6 +51,12 @@ def kind_of(path: Path) -> SourceKind:
     if path.suffix.lower() not in kinds:
         raise InputError(str(path), got=f"a file {path.suffix or 'without an ending'}", wanted=_WANTED)
     return kinds[path.suffix.lower()]
+
+
+def _of_live(path: Path) -> Path | None:
+    """Return the recording of a live run's folder, which is to be replayed; None for any other folder."""
+    replayed = any((path / name).is_file() for name in (RECORDING, SUMMARY))
+    return path / LIVE_RECORDING if not replayed and (path / LIVE_RECORDING).is_file() else None
 
 
 def planned_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[PlannedRun]:
@@ -66,7 +76,7 @@ def planned_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[
                 raise InputError(str(config), got="no such file", wanted="a tuning, TOML")
             suffix = "" if config is None else _plain(config.stem)
             full = name if not suffix else suffix if len(sources) == 1 else f"{name}-{suffix}"
-            plain.append((full, source, kind, config))
+            plain.append((full, _of_live(source) or source, kind, config))
     names = _unique([name for name, *_ in plain])
     return [
         PlannedRun(name=name, source=source, kind=kind, config=config)

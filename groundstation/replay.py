@@ -129,7 +129,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
             initial=initial,
             stopwatch=time.perf_counter,
             reference_errors=known.errors if learns else None,
-            keep_images=view is not None and session.recorded is not None,
+            keep_images=view is not None and view.wants_pictures,
         )
         if smoothed is not None:
             smoothed.want = pipeline.smooth(smoothed.found)

@@ -121,7 +121,15 @@ def _unplayed(run: PlannedRun, request: ViewRequest, why: InputError, notes: lis
 def _missing(shown: Sequence[ShownRun], align: Align) -> list[str]:
     """Say which runs have no track, and how they are put in time."""
     where = "" if align is Align.NONE else ", put by the first time in it"
-    return [f"{run.name}: no estimate in it, so no track{where}" for run in shown if not len(run.track)]
+    notes = [f"{run.name}: no estimate in it, so no track{where}" for run in shown if not len(run.track)]
+    for run in shown:
+        if align is Align.TOUCHDOWN and len(run.track) and not run.track.touches_down:
+            lowest_m = float(run.track.position_runway_m[:, 2].min())
+            notes.append(
+                f"{run.name}: no touchdown in it, the track is never below {lowest_m:.0f} m: put by the time at which "
+                "it comes within 0.5 m of that (--align start puts it by its first estimate)"
+            )
+    return notes
 
 
 def _kept(path: Path, save: Path | None) -> Path:

@@ -212,3 +212,34 @@ def test_the_list_names_all(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["reproduce", "--list"]) == 0
     said = capsys.readouterr().out
     assert all(e.name in said and e.numbers in said for e in EXPERIMENTS)
+
+
+def test_an_obstructed_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    part = ["--only", "runway-pose", "--from", str(FROM_S), "--to", str(FROM_S + 0.2)]
+    for name in ("reproduce.html", "pose_range.csv"):
+        (tmp_path / name).mkdir()
+        assert main(["reproduce", *part, "--out", str(tmp_path)]) == 1
+        assert f"{tmp_path / name}: got a folder; wanted a file that can be written" in capsys.readouterr().err
+        (tmp_path / name).rmdir()
+    (tmp_path / "taken").write_text("")
+    assert main(["reproduce", *part, "--out", str(tmp_path / "taken")]) == 1
+    assert f"{tmp_path / 'taken'}: got File exists; wanted a folder" in capsys.readouterr().err
+
+
+def test_each_round_leads_astray_as_far_as_the_filter_says(found: dict[str, Findings]) -> None:
+    """Expected: in every pass the runway brings the filter back, and before it the filter knows how far it is off."""
+    (table,) = found["passes"].tables
+    rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    assert [row["pass"] for row in rows] == ["pass 1", "pass 2"]
+    assert rows[0]["astray m"] is None
+    for row in rows:
+        assert int(str(row["pictures"])) > 50
+        assert all(float(str(row[f"{axis} m"])) < 2.0 for axis in "xyz")
+        assert float(str(row["steps, most"])) >= float(str(row["steps, median"])) >= 1.0
+    after = rows[1]
+    assert float(str(after["without runway s"])) > 20.0
+    astray, sigma = (float(str(after[name])) for name in ("astray m", "1σ m"))
+    assert astray < 4.0 * sigma
+    # chi-square of 6 degrees of freedom, 99.99 %
+    assert float(str(after["NEES before (6)"])) < 27.9
+    assert astray > 3.0 * float(str(after["y m"]))

@@ -46,7 +46,9 @@ figure{margin:0;break-inside:avoid}figure svg{width:100%;height:auto;display:blo
 pre{background:var(--panel);padding:.7rem;font-size:.82rem;border-radius:6px;white-space:pre-wrap;
 overflow-wrap:anywhere}
 summary{cursor:pointer;font-weight:600;padding:.5rem 0}
-@media screen and (max-width:760px){
+@media screen and (max-width:1340px){.stack{font-size:.75rem}.stack th,.stack td{padding:.22rem .3rem}
+.stack .axes{grid-template-columns:repeat(3,3.6em)}}
+@media screen and (max-width:1050px){.stack{font-size:.9rem}
 .stack,.stack tbody,.stack tr,.stack td{display:block;width:100%}.stack thead{display:none}
 .stack tr{padding:.5rem 0;border-bottom:1px solid var(--line)}
 .stack td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.08rem 0;text-align:right}

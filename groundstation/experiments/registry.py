@@ -7,6 +7,7 @@ from groundstation.experiments import (
     localisation,
     nose_edges,
     nose_flights,
+    nose_passes,
     nose_pose,
     online,
     sensitivity,
@@ -108,9 +109,16 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     Experiment(
         name="inertial",
         paper=Paper.POSE,
-        numbers="figures 4 to 7",
+        numbers="section 5",
         title="Runway poses and an inertial unit, 20 s without runway",
         run=nose_pose.inertial,
+    ),
+    Experiment(
+        name="passes",
+        paper=Paper.POSE,
+        numbers="figures 4 to 7",
+        title="Several lengthwise passes over a runway",
+        run=nose_passes.passes,
     ),
     Experiment(
         name="nose-flights",

@@ -1,7 +1,8 @@
 """Doing experiments one after the other and writing what they found: a page, a CSV per table, a PNG per figure."""
 
+import contextlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -54,18 +55,23 @@ def reproduce(request: ReproduceRequest, say: Callable[[str], None] = lambda wor
     take_off = None if request.take_off is None else Recorded(request.take_off, say=say)
     recorded = Recorded(folder, request.from_s, request.to_s, say, take_off=take_off)
     _make(request.out)
+    page = request.out / _PAGE
+    if page.is_dir():
+        # said before minutes of work, and not after them
+        raise InputError(str(page), got="a folder", wanted="a file that can be written")
     warm_up()
     found, elapsed, files = [], [], []
     for experiment in chosen:
         say(experiment.title)
         began = time.perf_counter()
         findings = experiment.run(recorded)
-        files += _write(request.out, findings)
+        with _writable(request.out):
+            files += _write(request.out, findings)
         found.append((experiment, findings))
         elapsed.append(time.perf_counter() - began)
-    page = request.out / _PAGE
     title = f"The papers' experiments on {recorded.session.name}"
-    page.write_text(paper_page(title, found, request.out, _notes(request)), encoding="utf-8")
+    with _writable(page):
+        page.write_text(paper_page(title, found, request.out, _notes(request)), encoding="utf-8")
     return Reproduced(found=tuple(found), elapsed_s=tuple(elapsed), files=(page, *files))
 
 
@@ -74,6 +80,17 @@ def _make(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
+
+
+@contextlib.contextmanager
+def _writable(path: Path) -> Iterator[None]:
+    """Turn what the disk says into an error in words; it names the file where the system does."""
+    try:
+        yield
+    except OSError as fault:
+        where = Path(fault.filename or path)
+        got = "a folder" if where.is_dir() and where != path else str(fault.strerror or fault)
+        raise InputError(str(where), got=got, wanted="a file that can be written") from fault
 
 
 def _write(folder: Path, findings: Findings) -> list[Path]:

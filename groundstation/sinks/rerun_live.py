@@ -14,7 +14,7 @@ import rerun as rr
 from groundstation.messages import CameraReport, StepReport
 from groundstation.rig import Rig
 from groundstation.sinks import rerun_tree as tree
-from groundstation.sinks.rerun_media import jpeg_image
+from groundstation.sinks.rerun_pictures import jpeg_image
 from groundstation.sinks.rerun_view import RerunSink
 
 _PICTURE_EVERY_S = 0.2

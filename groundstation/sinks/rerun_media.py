@@ -1,24 +1,25 @@
 """The pictures of a Rerun recording: the session's own files, as they are.
 
 A video goes in whole, once; each frame then is a reference to its own presentation timestamp in that file.
-A picture of an image folder goes in as the bytes on disk. Only what a recording kept of a picture has to be encoded.
+A picture of an image folder goes in as the bytes on disk. Encoded anew is only what a recording kept of a picture, and
+a video that Rerun cannot read or that is too large (`rerun_pictures`).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
 import numpy as np
+import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from groundstation.arrays import ImageArray
 from groundstation.errors import SessionError
+from groundstation.sinks.mp4_tables import mp4_fault
 
-# beyond this a video is left out: the recording keeps a file in one piece, and that piece in memory
-MAX_VIDEO_BYTES = 1_000_000_000
-_JPEG_QUALITY = 75
+# beyond this a video goes in picture by picture: Rerun keeps a file in one piece, and that piece in memory three times
+MAX_VIDEO_BYTES = 250_000_000
+# what a viewer takes as it is
 MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 
 
@@ -43,7 +44,12 @@ class ImageFolder:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedWindows:
-    """A station's pictures come with its reports, as far as they were recorded."""
+    """A station's pictures come with its reports, as far as they were recorded.
+
+    ``expected`` is how many frames there are, 0 where that is not known.
+    """
+
+    expected: int = 0
 
 
 Media = VideoAsset | ImageFolder | RecordedWindows
@@ -65,29 +71,27 @@ def load_video(video: VideoAsset) -> LoadedVideo:
     size = video.path.stat().st_size
     if size > MAX_VIDEO_BYTES:
         raise SessionError(path, got=f"{size} bytes", wanted=f"at most {MAX_VIDEO_BYTES} bytes to embed it")
+    fault = mp4_fault(video.path)
+    if fault:
+        # Rerun's reader would not come to an end
+        raise SessionError(path, got=fault, wanted="an MP4 video")
     asset = rr.AssetVideo(path=video.path)
     if video.frame_timestamps_ns is not None:
         return LoadedVideo(asset=asset, timestamps_ns=video.frame_timestamps_ns)
     try:
         timestamps_ns = asset.read_frame_timestamps_nanos()
-    except (RuntimeError, ValueError) as fault:
-        raise SessionError(path, got=str(fault).splitlines()[0], wanted="an MP4 video") from fault
+    except (RuntimeError, ValueError) as error:
+        raise SessionError(path, got=str(error).splitlines()[0], wanted="an MP4 video") from error
     return LoadedVideo(asset=asset, timestamps_ns=timestamps_ns)
 
 
-def encoded_image(path: Path) -> rr.EncodedImage:
-    """Return a picture as it lies on disk; raises `SessionError` if it is missing or of another kind."""
-    media_type = MEDIA_TYPES.get(path.suffix.lower())
-    if media_type is None:
-        raise SessionError(str(path), got=f"a {path.suffix} file", wanted="a JPEG or PNG picture")
-    try:
-        contents = path.read_bytes()
-    except OSError as fault:
-        raise SessionError(str(path), got=str(fault.strerror), wanted="a readable picture") from fault
-    return rr.EncodedImage(contents=contents, media_type=media_type)
-
-
-def jpeg_image(picture: ImageArray) -> rr.EncodedImage:
-    """Return a picture (h, w, 3) BGR for a person's eyes; pixels are measured before, not in this."""
-    _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    return rr.EncodedImage(contents=jpeg.tobytes(), media_type="image/jpeg")
+def log_video(stream: rr.RecordingStream, entity: str, video: VideoAsset) -> NDArray[np.int64]:
+    """Log a video file and return its frames' timestamps (n,); raises `SessionError` if it cannot be embedded."""
+    loaded = load_video(video)
+    stream.log(entity, loaded.asset, static=True)
+    timestamps_ns = loaded.timestamps_ns
+    del loaded
+    # the piece goes to the file now, and its memory back to the system
+    stream.flush()
+    pa.default_memory_pool().release_unused()
+    return timestamps_ns

@@ -17,6 +17,8 @@ from groundstation.sinks import rerun_tree as tree
 
 # the aircraft has touched down when it has come as close to its lowest height
 TOUCHDOWN_M = 0.5
+# the nose of an aircraft that has landed is below this height
+_LANDED_BELOW_M = 5.0
 _PROPERTIES = "/__properties"
 # columns of frame names, which a recording has for itself
 _FRAME_COLUMNS = (
@@ -70,6 +72,11 @@ class RecordedTrack:
             return self.start_s
         z = self.position_runway_m[:, 2]
         return float(self.t_s[np.flatnonzero(z <= z.min() + TOUCHDOWN_M)[0]])
+
+    @property
+    def touches_down(self) -> bool:
+        """Return whether the track's lowest height is one that an aircraft on its wheels has."""
+        return bool(len(self)) and float(self.position_runway_m[:, 2].min()) < _LANDED_BELOW_M
 
     def event_s(self, align: Align) -> float:
         """Return the time of the event that is to be at 0."""

@@ -5,14 +5,14 @@ from pathlib import Path
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, track_series
 from groundstation.session import MediumKind, Session
-from groundstation.sinks.rerun_media import ImageFolder, Media, RecordedWindows, VideoAsset
+from groundstation.sinks.rerun_media import MEDIA_TYPES, ImageFolder, Media, RecordedWindows, VideoAsset
 from groundstation.sinks.rerun_reference import AxisErrors, ReferenceLine, ReferenceTracks
 from groundstation.sinks.rerun_view import RerunSink
 from groundstation.sources.pictures import image_files
 
 
 def session_view(path: Path, session: Session) -> RerunSink:
-    """Open the recording of a session's replay; videos are referred to, not encoded again.
+    """Open the recording of a session's replay; videos are embedded, not encoded again, where Rerun can read them.
 
     Of a recording (.mcap) those windows of the pictures are shown that were kept.
     """
@@ -21,7 +21,9 @@ def session_view(path: Path, session: Session) -> RerunSink:
         if medium.kind is MediumKind.VIDEO:
             media[name] = VideoAsset(path=medium.path)
         elif medium.kind is MediumKind.IMAGES:
-            media[name] = ImageFolder(files=image_files(medium.path))
+            files = image_files(medium.path)
+            plain = all(path.suffix.lower() in MEDIA_TYPES for path in files.values())
+            media[name] = ImageFolder(files=files) if plain else RecordedWindows(expected=len(files))
         else:
             media[name] = RecordedWindows()
     return RerunSink(path, session.rig, session_name=session.name, media=media)

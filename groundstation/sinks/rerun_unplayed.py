@@ -4,16 +4,20 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
-from groundstation.errors import MissingExtraError, SessionError
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.errors import InputError, MissingExtraError, SessionError
 from groundstation.session import MediumKind, Session, load_dgps, load_truth
+from groundstation.session.media import image_files, read_image
 from groundstation.sinks import rerun_tree as tree
 from groundstation.sinks.rerun_columns import Batch
-from groundstation.sinks.rerun_media import VideoAsset, encoded_image, load_video
+from groundstation.sinks.rerun_media import VideoAsset, log_video
+from groundstation.sinks.rerun_pictures import PictureChannel
 from groundstation.sinks.rerun_reference import ReferenceLine, log_reference_line
 from groundstation.sinks.rerun_scene import log_pedestal, log_runway, log_world, long_enough, outline_between
 from groundstation.sources.frame_table import read_frames
-from groundstation.sources.pictures import image_files
+from groundstation.sources.video_file import VideoFile
 
 
 def recording_of_session(session: Session, path: Path) -> tuple[str, ...]:
@@ -72,20 +76,50 @@ def _log_pictures(stream: rr.RecordingStream, session: Session) -> list[str]:
         stamps_s, numbers = table.stamps_s[name][there], table.numbers[name][there]
         try:
             if medium.kind is MediumKind.VIDEO:
-                video = load_video(VideoAsset(path=medium.path))
-                stream.log(tree.image(name), video.asset, static=True)
-                in_video = numbers < len(video.timestamps_ns)
-                columns = rr.VideoFrameReference.columns_nanos(video.timestamps_ns[numbers[in_video]])
-                Batch(entity=tree.image(name), t_s=stamps_s[in_video], columns=columns).send(stream)
+                _log_video(stream, name, medium.path, stamps_s, numbers)
             elif medium.kind is MediumKind.IMAGES:
+                channel = PictureChannel(name, expected=len(numbers))
                 files = image_files(medium.path)
                 for t_s, number in zip(stamps_s, numbers, strict=True):
-                    if int(number) in files:
-                        stream.set_time(tree.TIMELINE, duration=np.timedelta64(round(float(t_s) * 1e9), "ns"))
-                        stream.log(tree.image(name), encoded_image(files[int(number)]))
+                    picture = read_image(files[int(number)]) if int(number) in files else None
+                    if isinstance(picture, np.ndarray):
+                        _send(stream, channel, float(t_s), int(number), picture)
+                _finish(stream, channel)
             else:
                 continue
-        except SessionError:
+        except InputError:
             continue
         shown.append(name)
     return shown
+
+
+def _log_video(
+    stream: rr.RecordingStream, name: str, path: Path, stamps_s: FloatArray, numbers: NDArray[np.int64]
+) -> None:
+    """Log a station's video in one piece, or picture by picture where Rerun cannot read it or it is too large."""
+    try:
+        video_ns = log_video(stream, tree.image(name), VideoAsset(path=path))
+    except SessionError:
+        channel, wanted = (
+            PictureChannel(name, expected=len(numbers)),
+            dict(zip(numbers.tolist(), stamps_s, strict=True)),
+        )
+        for frame in VideoFile(path).frames():
+            if frame.index in wanted:
+                _send(stream, channel, float(wanted[frame.index]), frame.index, frame.image)
+        _finish(stream, channel)
+        return
+    inside = numbers < len(video_ns)
+    columns = rr.VideoFrameReference.columns_nanos(video_ns[numbers[inside]])
+    Batch(entity=tree.image(name), t_s=stamps_s[inside], columns=columns).send(stream)
+
+
+def _send(stream: rr.RecordingStream, channel: PictureChannel, t_s: float, number: int, picture: ImageArray) -> None:
+    channel.add_picture(t_s, number, picture)
+    if channel.full:
+        _finish(stream, channel)
+
+
+def _finish(stream: rr.RecordingStream, channel: PictureChannel) -> None:
+    for batch in channel.take():
+        batch.send(stream)

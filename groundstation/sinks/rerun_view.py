@@ -7,22 +7,15 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from groundstation.errors import SessionError
+from groundstation.errors import InputError, SessionError
 from groundstation.messages import CameraReport, StepReport, TrackEvent
 from groundstation.rig import Rig
 from groundstation.sinks import rerun_tree as tree
 from groundstation.sinks.rerun_blueprint import Eye, blueprint, eye_before, eye_over, live_blueprint
 from groundstation.sinks.rerun_cameras import CameraChannel
-from groundstation.sinks.rerun_media import (
-    MAX_VIDEO_BYTES,
-    ImageFolder,
-    Media,
-    RecordedWindows,
-    VideoAsset,
-    encoded_image,
-    jpeg_image,
-    load_video,
-)
+from groundstation.sinks.rerun_columns import Batch
+from groundstation.sinks.rerun_media import ImageFolder, Media, VideoAsset, log_video
+from groundstation.sinks.rerun_pictures import PictureChannel
 from groundstation.sinks.rerun_reference import (
     AxisErrors,
     ReferenceLine,
@@ -42,6 +35,7 @@ from groundstation.sinks.rerun_scene import (
     outline_between,
 )
 from groundstation.sinks.rerun_track import TrackChannel
+from groundstation.sources.video_file import VideoFile
 
 __all__ = ["AxisErrors", "ImageFolder", "Media", "ReferenceLine", "ReferenceTracks", "RerunSink", "VideoAsset"]
 
@@ -85,16 +79,23 @@ class RerunSink:
         self._stream = _file_stream(path, session_name) if isinstance(path, Path) else path
         self._send_blueprint(eye_before(rig), loop_s=None)
         media = media or {}
-        self._folders = {name: m for name, m in media.items() if isinstance(m, ImageFolder)}
-        # of those whose pictures come with the reports, the bytes that may still be sent
-        self._room = {name: MAX_VIDEO_BYTES for name, m in media.items() if isinstance(m, RecordedWindows)}
+        self._pictures = {
+            name: PictureChannel(name, m) if isinstance(m, ImageFolder) else PictureChannel(name, expected=m.expected)
+            for name, m in media.items()
+            if not isinstance(m, VideoAsset)
+        }
         self._cameras = self._log_scene({name: m for name, m in media.items() if isinstance(m, VideoAsset)})
+
+    @property
+    def wants_pictures(self) -> bool:
+        """Whether reports shall carry the pictures."""
+        return any(channel.from_reports for channel in self._pictures.values())
 
     def write(self, report: StepReport) -> None:
         """Take one step's report; rows reach the file each `FLUSH_EPOCHS` pairs."""
         for camera in report.cameras:
             self._cameras[camera.station].add(camera)
-            self._log_picture(camera)
+            self._take_picture(camera)
             if self._notices:
                 self._note(camera.t_s, self._notices)
                 self._notices = []
@@ -135,30 +136,25 @@ class RerunSink:
         for text in texts:
             self._track.add_event(TrackEvent(t_s=t_s, level="warning", text=text))
 
-    def _log_picture(self, camera: CameraReport) -> None:
-        """Log a frame of an image folder as it lies on disk, or what a recording kept of it."""
-        folder = self._folders.get(camera.station)
-        if folder is not None and camera.epoch in folder.files:
-            shown = encoded_image(folder.files[camera.epoch])
-        elif camera.image is not None and self._room.get(camera.station, 0) > 0:
-            shown = jpeg_image(camera.image.glance())
-            self._take_room(camera.station, shown)
-        else:
+    def _take_picture(self, camera: CameraReport) -> None:
+        """Take a frame of an image folder as it lies on disk, or what comes with the report."""
+        channel = self._pictures.get(camera.station)
+        if channel is None:
             return
-        self._stream.set_time(tree.TIMELINE, duration=np.timedelta64(round(camera.t_s * 1e9), "ns"))
-        self._stream.log(tree.image(camera.station), shown)
-
-    def _take_room(self, station: str, shown: rr.EncodedImage) -> None:
-        """Count what a station's pictures take; a notice where there is no room for more."""
-        blob = shown.blob
-        self._room[station] -= 0 if blob is None else len(blob.as_arrow_array()[0])
-        if self._room[station] <= 0:
-            self._notices.append(f"no more pictures of {station}: they take {MAX_VIDEO_BYTES / 1e9:g} GB already")
+        channel.add(camera)
+        self._notices += channel.notices
+        channel.notices = []
+        if channel.full:
+            self._send(channel.take())
 
     def _flush(self) -> None:
         """Send all collected rows."""
-        batches = [batch for camera in self._cameras.values() for batch in camera.take()]
-        for batch in (*batches, *self._track.take()):
+        self._send([batch for camera in self._cameras.values() for batch in camera.take()])
+        self._send([batch for channel in self._pictures.values() for batch in channel.take()])
+        self._send(self._track.take())
+
+    def _send(self, batches: Iterable[Batch]) -> None:
+        for batch in batches:
             batch.send(self._stream)
 
     def _send_blueprint(self, eye: Eye, loop_s: tuple[float, float] | None) -> None:
@@ -187,14 +183,17 @@ class RerunSink:
         return channels
 
     def _log_video(self, station: str, video: VideoAsset) -> NDArray[np.int64]:
-        """Embed a video and return its frames' timestamps (n,); none, and a notice, where it cannot be embedded."""
+        """Embed a video and return its frames' timestamps (n,); none where its pictures come one by one, or not."""
         try:
-            loaded = load_video(video)
+            return log_video(self._stream, tree.image(station), video)
         except SessionError as fault:
-            self._notices.append(f"no pictures of {station}: {fault}")
-            return np.zeros(0, dtype=np.int64)
-        self._stream.log(tree.image(station), loaded.asset, static=True)
-        return loaded.timestamps_ns
+            try:
+                count = VideoFile(video.path).count
+            except InputError:
+                self._notices.append(f"no pictures of {station}: {fault}")
+            else:
+                self._pictures[station] = PictureChannel(station, expected=count or 0)
+        return np.zeros(0, dtype=np.int64)
 
 
 def _file_stream(path: Path, session_name: str) -> rr.RecordingStream:

@@ -6,7 +6,8 @@ A fenced block with commands may have comments right before it, which readers do
     <!-- run with: replay --to 3 -->    these options are added to the commands with these words (or to all of them)
     <!-- run in: FOLDER -->             in this folder of the prepared inputs
 
-Without `parsed only` the block is run, from top to bottom, after the blocks before it on the page.
+Without `parsed only` the block is run, from top to bottom, after the blocks before it on the page. What of it is no
+command of ours is on a list in the tests, with a reason for each line.
 """
 
 import re
@@ -23,12 +24,14 @@ PAGES = tuple(sorted((ROOT / "docs").glob("*.md"))) + (
 )
 
 _FENCE = re.compile(r"((?:^<!--[^\n]*-->\n)*)^(```+)([^\n]*)\n(.*?)^\2$", re.MULTILINE | re.DOTALL)
+_SHELLS = ("console", "sh", "bash")
+_SCRIPT = re.compile(r"<<'EOF'\n(.*?)^EOF$\n?", re.MULTILINE | re.DOTALL)
 _COMMENT = re.compile(r"<!-- (parsed only|run with|run in): (.+?) -->")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Block:
-    """A fenced block with commands: its page and line, its lines, and what the comments before it say."""
+    """A fenced block with commands: its page and line, its lines, what the comments before it say, programs in it."""
 
     page: Path
     line: int
@@ -36,6 +39,7 @@ class Block:
     parsed_only: bool
     extra: tuple[str, ...]
     folder: str
+    scripts: tuple[str, ...]
 
 
 def text_of(page: Path) -> str:
@@ -47,10 +51,12 @@ def blocks(page: Path) -> Iterator[Block]:
     text = text_of(page)
     for match in _FENCE.finditer(text):
         comments, _, language, body = match.groups()
-        if language.strip() not in ("", "console", "sh", "bash"):
+        if language.strip() not in ("", *_SHELLS):
             continue
-        lines = tuple(line for line in body.replace("\\\n", " ").splitlines() if line.strip())
-        if not any(line.startswith(("groundstation ", "make ", "python benchmarks")) for line in lines):
+        text_alone = _SCRIPT.sub("<<'EOF'\n", body).replace("\\\n", " ")
+        lines = tuple(line for line in text_alone.splitlines() if line.strip())
+        ours = any(line.startswith(("groundstation ", "make ", "python benchmarks")) for line in lines)
+        if not ours and language.strip() not in _SHELLS:
             continue
         said = dict(_COMMENT.findall(comments))
         assert len(said) == comments.count("<!--"), f"{page.name}: a comment that is not understood: {comments}"
@@ -61,6 +67,7 @@ def blocks(page: Path) -> Iterator[Block]:
             parsed_only="parsed only" in said,
             extra=tuple(part.strip() for part in said.get("run with", "").split(";") if part.strip()),
             folder=said.get("run in", "."),
+            scripts=tuple(_SCRIPT.findall(body)),
         )
 
 

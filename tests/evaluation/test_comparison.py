@@ -123,11 +123,28 @@ def test_a_baseline_may_be_a_folder_that_is_not_among_the_runs(compared: Path, t
         compare(CompareRequest(sources=(loose,), work=tmp_path, baseline="nowhere"))
 
 
+def test_runs_of_other_length_are_compared_with_a_word(
+    compared: Path, session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    usual, loose = (compared / "runs" / name for name in ("usual", "loose"))
+    assert compare(CompareRequest(sources=(usual, loose), work=tmp_path)).notes == ()
+    assert main(["replay", str(session), "--out", str(tmp_path / "part"), "--to", "3", "--no-rerun"]) == 0
+    capsys.readouterr()
+    assert main(["evaluate", str(usual), str(tmp_path / "part")]) == 0
+    said = capsys.readouterr().err
+    whole, part = (summary(folder)["session"] for folder in (usual, tmp_path / "part"))
+    assert whole["epochs"] > part["epochs"] > 10
+    assert f"note: part has {part['epochs']} pairs from {part['from_s']:g} to {part['to_s']:g} s, usual" in said
+    assert f"usual {whole['epochs']} pairs from {whole['from_s']:g} to {whole['to_s']:g} s: not the same pairs" in said
+
+
 def test_what_is_no_finished_replay_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "track.csv").write_text("")
     assert main(["evaluate", str(tmp_path)]) == 1
     assert "summary.json: got No such file" in capsys.readouterr().err
-    for text in ("{", "[]", '{"format": "other/1"}'):
+    # a number beyond all, or none, cannot be written again as JSON
+    odd = [f'{{"format": "groundstation-summary/1", "x": {number}}}' for number in ("1e999", "NaN", "-Infinity")]
+    for text in ("{", "[]", '{"format": "other/1"}', *odd):
         (tmp_path / "summary.json").write_text(text)
         with pytest.raises(InputError, match=r"summary\.json"):
             load_summary(tmp_path / "summary.json")

@@ -111,7 +111,7 @@ LAID_OUT = """({
 })"""
 
 
-@pytest.mark.parametrize("width_px", [390, 1440])
+@pytest.mark.parametrize("width_px", [390, 800, 1060, 1100, 1340, 1440])
 def test_a_real_browser_shows_it(chromium: Browser, written: Path, width_px: int) -> None:
     """Expected: no complaint, no request but for the page, nothing beyond the window's edge, every picture drawn."""
     address = (written / "report.html").as_uri()
@@ -180,7 +180,7 @@ def test_every_table_fits_a_phone(page: str) -> None:
 
 
 def test_the_style_knows_phone_and_paper() -> None:
-    assert "@media screen and (max-width:760px)" in PAGE_CSS
+    assert "@media screen and (max-width:1050px)" in PAGE_CSS
     assert "@media print" in PAGE_CSS
     assert PAGE_CSS.count("{") == PAGE_CSS.count("}")
 

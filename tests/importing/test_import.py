@@ -147,9 +147,14 @@ def test_other_refusals(parts: Path, capsys: pytest.CaptureFixture[str]) -> None
     (parts / "L.avi").write_bytes(b"RIFF")
     assert run(parts) == 1
     assert "L.avi: got no video that OpenCV can open" in capsys.readouterr().err
-    with pytest.raises(SystemExit) as wrong:
-        run(parts, "--origin", "95,0,0")
-    assert wrong.value.code == 2
+    for option, value, wanted in (
+        ("--origin", "95,0,0", "wanted latitude, longitude in degrees"),
+        ("--azimuth", "400", "got '400'; wanted degrees clockwise from true north, -360 to 360"),
+    ):
+        with pytest.raises(SystemExit) as wrong:
+            run(parts, option, value)
+        assert wrong.value.code == 2
+        assert wanted in capsys.readouterr().err
 
 
 def test_offsets_a_frame_table_and_no_log(parts: Path) -> None:

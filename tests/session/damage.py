@@ -1,18 +1,23 @@
 """A small session with every file that it may have, how each is read, and a recording whose messages are damaged."""
 
+import itertools
 import random
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
+from groundstation.compare import CompareRequest, compare, comparison_csv, comparison_json
 from groundstation.config import load_config
-from groundstation.errors import RecordingError
+from groundstation.errors import InputError, RecordingError, SessionError
+from groundstation.evaluation.comparison_text import format_comparison
 from groundstation.experiments.scenes import Silhouettes
 from groundstation.importing.angle_table import ptu_csv
 from groundstation.importing.session_clock import SessionClock
+from groundstation.importing.video_stamps import read_video_stamps
 from groundstation.logs.gps_time import gps_from_text
 from groundstation.messages import Event, Frame
 from groundstation.picture import PictureError
@@ -21,13 +26,15 @@ from groundstation.recover import recover
 from groundstation.rig import load_rig
 from groundstation.session import Session, load_dgps, load_session, load_truth
 from groundstation.sinks.recorder import PATIENT, Recorder
+from groundstation.sinks.rerun_media import VideoAsset, load_video
 from groundstation.sources.frame_table import read_frames
 from groundstation.sources.labels import read_labels
 from groundstation.sources.ptu_readings import PtuReadings
 from groundstation.sources.session_source import session_source
+from groundstation.sources.video_file import VideoFile
 from tests.logs.damage import altered, damaged
 from tests.recording.recorded import WINDOW, events, header, looked_at, small_rig
-from tests.session.folder import Tiny
+from tests.session.folder import Tiny, write_video
 
 _SESSION = """name = "tiny"
 [origin]
@@ -69,8 +76,11 @@ _EPOCH = "2025-05-08T11:59:00Z"
 _PAIRS = 4
 
 
+VIDEOS = {"avi/left.avi": "MJPG", "mp4/left.mp4": "mp4v", "mkv/left.mkv": "FFV1"}
+SUMMARY = "results/summary.json"
 # a hundred times as long as a table each, and so not read as often
-SLOW = ("left/000001.png", "flight.mcap")
+SLOW = ("left/000001.png", "flight.mcap", *VIDEOS)
+_SUMMARY = Path(__file__).parent / "data" / "summary.json"
 
 
 def session_targets(folder: Path) -> dict[str, Callable[[], object]]:
@@ -87,6 +97,13 @@ def session_targets(folder: Path) -> dict[str, Callable[[], object]]:
     mask = np.ones((3, 5), np.uint8)
     np.savez_compressed(folder / "masks.npz", left_0000=mask, left_0000_xy=np.array([4, 5]))
     _record(folder / "flight.mcap")
+    (folder / SUMMARY).parent.mkdir()
+    (folder / SUMMARY).write_bytes(_SUMMARY.read_bytes())
+    for name, fourcc in VIDEOS.items():
+        path = folder / name
+        Tiny(rows=4, video="none", ptu_from_s=0.9, ptu_to_s=1.4, ptu_step_s=0.1).write(path.parent)
+        for station in ("left", "right"):
+            write_video(path.with_stem(station), range(4), fourcc)
     session = load_session(folder)
     clock = SessionClock(epoch_gps_s=gps_from_text(_EPOCH), starts_s={}, ptu_start_s=0.0)
     return {
@@ -102,6 +119,8 @@ def session_targets(folder: Path) -> dict[str, Callable[[], object]]:
         "masks.npz": lambda: Silhouettes(session).find("left", 0),
         "left/000001.png": lambda: _played(folder),
         "flight.mcap": lambda: _recovered(folder / "flight.mcap"),
+        SUMMARY: lambda: _compared((folder / SUMMARY).parent),
+        **{name: partial(_watched, folder / name) for name in VIDEOS},
     }
 
 
@@ -124,6 +143,47 @@ def _played(path: Path) -> None:
     with session_source(load_session(path)) as source:
         for event in source:
             _look(event)
+
+
+def _watched(path: Path) -> None:
+    """Read a station's video in every way that there is: for its stamps, for the viewer, as frames, in its session."""
+    faults = []
+    for way in (
+        lambda path: read_video_stamps(path).summary(),
+        _embedded,
+        _all_frames,
+        lambda path: _played(path.parent),
+    ):
+        try:
+            way(path)
+        except InputError as fault:
+            faults.append(fault)
+    if faults:
+        raise faults[0]
+
+
+def _stamped(path: Path) -> None:
+    read_video_stamps(path).summary()
+
+
+def _embedded(path: Path) -> None:
+    # Rerun takes no MPEG-4 of 1999, whole or not
+    with suppress(SessionError):
+        load_video(VideoAsset(path=path))
+
+
+def _all_frames(path: Path) -> None:
+    # a header may announce any number of frames
+    for _ in itertools.islice(VideoFile(path).frames(), 100):
+        pass
+
+
+def _compared(folder: Path) -> None:
+    """Take a replay's figures, and say them in every form."""
+    result = compare(CompareRequest(sources=(folder,), work=folder))
+    format_comparison(result.runs, result.baseline)
+    comparison_csv(result)
+    comparison_json(result)
 
 
 def _look(event: Event) -> None:

@@ -22,7 +22,7 @@ def test_only_our_own_errors_come_out(tmp_path: Path) -> None:
             if name == "flight.mcap":
                 parts.write(path, chance)
             else:
-                spoil = altered if k % 2 and path.suffix in (".csv", ".toml") else damaged
+                spoil = altered if k % 2 and path.suffix in (".csv", ".toml", ".json") else damaged
                 path.write_bytes(spoil(whole, chance))
             try:
                 read()

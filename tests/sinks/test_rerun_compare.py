@@ -220,6 +220,35 @@ def test_a_session_that_cannot_be_replayed_shows_its_pictures_and_references(tmp
         prepare_view(ViewRequest(sources=(session,), work=tmp_path / "work"))
 
 
+def test_a_run_without_a_touchdown_is_said_when_they_are_put_by_it(two: tuple[Path, Path], tmp_path: Path) -> None:
+    rig = Landing(ROOT / "recordings" / "landing-1").rig
+    above = tmp_path / "above"
+    above.mkdir()
+    sink = RerunSink(above / "session.rrd", rig, session_name="above")
+    for estimate in estimates(3.0):
+        k = estimate.kinematics
+        raised = None if k is None else replace(k, position_runway_m=k.position_runway_m + [0.0, 0.0, 30.0])
+        sink.write(StepReport(estimates=(replace(estimate, kinematics=raised),)))
+    sink.close()
+    request = ViewRequest(sources=(two[0], above), work=tmp_path / "work", align=Align.TOUCHDOWN)
+    (note,) = prepare_view(request).notes
+    assert note.startswith("above: no touchdown in it, the track is never below 30 m: put by the time")
+    assert prepare_view(replace(request, align=Align.START)).notes == ()
+
+
+def test_a_live_runs_folder_is_its_recording(tmp_path: Path) -> None:
+    run = tmp_path / "monday"
+    run.mkdir()
+    (run / "track.csv").write_text("")
+    assert kind_of(run) is SourceKind.RESULTS
+    (run / "flight.mcap").write_bytes(b"")
+    (planned,) = planned_runs([run])
+    assert (planned.name, planned.source, planned.kind) == ("monday", run / "flight.mcap", SourceKind.SESSION)
+    # what it was replayed to since is not replayed once more
+    (run / "summary.json").write_text("")
+    assert planned_runs([run])[0].source == run
+
+
 def test_what_holds_no_track_of_ours_is_named(two: tuple[Path, Path], tmp_path: Path) -> None:
     other = tmp_path / "other.rrd"
     stream = rr.RecordingStream("other", send_properties=False)

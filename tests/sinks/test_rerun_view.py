@@ -23,7 +23,7 @@ from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.messages import StepReport
 from groundstation.picture import Kept, PartialPicture
 from groundstation.rig import Rig
-from groundstation.sinks import rerun_view
+from groundstation.sinks import rerun_pictures
 from groundstation.sinks.rerun_cameras import CameraChannel
 from groundstation.sinks.rerun_media import Media, RecordedWindows
 from groundstation.sinks.rerun_view import (
@@ -313,7 +313,7 @@ def test_of_a_recorded_picture_the_windows_that_were_kept_are_shown(
     outside = cv2.dilate(bright.astype(np.uint8), np.ones((17, 17))) == 0
     assert np.abs(shown[inside].astype(int) - 200).max() <= 3
     assert np.abs(shown[outside].astype(int) - 40).max() <= 3
-    monkeypatch.setattr(rerun_view, "MAX_VIDEO_BYTES", 1)
+    monkeypatch.setattr(rerun_pictures, "MAX_PICTURE_BYTES", 1)
     full = _write(tmp_path / "full.rrd", landing.rig, seen, media=media)
     assert len(full.column("/cameras/left/image", "EncodedImage:blob")) == 1
     assert [t for t in full.text("/log/track") if "no more pictures" in t and "left" in t]

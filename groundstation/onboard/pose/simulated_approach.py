@@ -158,7 +158,7 @@ def see_runway(
     )
 
 
-def _waves(t: FloatArray, periods_s: tuple[float, float], size: float, rng: np.random.Generator) -> FloatArray:
+def waves(t: FloatArray, periods_s: tuple[float, float], size: float, rng: np.random.Generator) -> FloatArray:
     """Return a sum of sines (n,) with root mean square ``size``."""
     periods = rng.uniform(*periods_s, _GUSTS)
     phases = rng.uniform(0, 2 * np.pi, _GUSTS)
@@ -169,16 +169,16 @@ def _waves(t: FloatArray, periods_s: tuple[float, float], size: float, rng: np.r
 def drawn_attitudes(t: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return runway_from_body (n, 3, 3) of a gusty approach with a crab angle."""
     crab = rng.uniform(-3.0, 3.0)
-    yaw = np.radians(crab + _waves(t, (4.0, 12.0), 1.0, rng))
-    pitch = np.radians(1.0 + _waves(t, (2.0, 8.0), 1.0, rng))
-    roll = np.radians(_waves(t, (2.0, 8.0), 3.0, rng))
+    yaw = np.radians(crab + waves(t, (4.0, 12.0), 1.0, rng))
+    pitch = np.radians(1.0 + waves(t, (2.0, 8.0), 1.0, rng))
+    roll = np.radians(waves(t, (2.0, 8.0), 3.0, rng))
     turns = [rotation_z(y) @ rotation_y(p) @ rotation_x(r) for y, p, r in zip(yaw, pitch, roll, strict=True)]
     return np.asarray(RUNWAY_FROM_LEVEL_BODY @ np.array(turns))
 
 
 def _acceleration(t: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return the acceleration (n, 3) of gusts; its mean is taken off, so that the approach stays one."""
-    a = np.stack([_waves(t, (4.0, 10.0), size, rng) for size in (0.4, 0.3, 0.4)], axis=1)
+    a = np.stack([waves(t, (4.0, 10.0), size, rng) for size in (0.4, 0.3, 0.4)], axis=1)
     return np.asarray(a - a.mean(axis=0))
 
 

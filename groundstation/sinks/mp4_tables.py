@@ -1,0 +1,91 @@
+"""Whether the boxes of an MP4 file can be true: a reader that believes a damaged one may never come to an end.
+
+ISO/IEC 14496-12: boxes inside boxes (4.2), and in section 8.6 and 8.7 the tables `stts` and `ctts`, runs of samples,
+`stsc`, samples per chunk, `stsz`, the samples' sizes, `stco` and `co64`, the chunks.
+"""
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+# boxes that hold boxes, on the way to the tables, and beside them
+_HOLDERS = (b"moov", b"trak", b"mdia", b"minf", b"dinf", b"stbl", b"edts", b"udta", b"ilst", b"mvex", b"meta")
+# bytes of an entry, after a full box's version and flags and the number of entries
+_ENTRY_BYTES = {b"stts": 8, b"ctts": 8, b"stsc": 12, b"stco": 4, b"co64": 8, b"stss": 4, b"elst": 12}
+_HEAD = 8
+_DEEPEST = 10
+
+
+class _UntrueError(Exception):
+    """What cannot be, in words."""
+
+
+def mp4_fault(path: Path) -> str:
+    """Return what cannot be true of an MP4 file, in words; nothing where all can be, or it is no MP4."""
+    file_bytes = path.stat().st_size
+    try:
+        with path.open("rb") as file:
+            place = 0
+            while place + 2 * _HEAD <= file_bytes:
+                file.seek(place)
+                size, kind, long = struct.unpack(">I4sQ", file.read(2 * _HEAD))
+                size = {0: file_bytes - place, 1: long}.get(size, size)
+                if size < _HEAD or place + size > file_bytes:
+                    return f"a box of {size} bytes at {place}, in a file of {file_bytes}"
+                if kind == b"moov":
+                    file.seek(place + _HEAD)
+                    _check(kind, file.read(size - _HEAD), file_bytes, 0)
+                place += size
+    except _UntrueError as fault:
+        return str(fault)
+    return ""
+
+
+def _check(kind: bytes, body: bytes, file_bytes: int, depth: int) -> None:
+    """Raise `_UntrueError` for a box, or one in it, that cannot be."""
+    if kind in _HOLDERS or kind == b"":
+        if depth > _DEEPEST:
+            raise _UntrueError(f"boxes more than {_DEEPEST} deep")
+        # the box of notes has version and flags in front, but not QuickTime's
+        skipped = 4 if kind == b"meta" and body[4:8] != b"hdlr" else 0
+        for inner, content in _boxes(body[skipped:], kind):
+            # each note is a box with boxes
+            _check(b"" if kind == b"ilst" else inner, content, file_bytes, depth + 1)
+    elif kind == b"stsz" and len(body) >= 12:
+        same, count = struct.unpack(">II", body[4:12])
+        if count > file_bytes or (not same and 12 + 4 * count > len(body)):
+            raise _UntrueError(f"a table of {count} sample sizes in {len(body)} bytes")
+    elif kind in _ENTRY_BYTES and len(body) >= _HEAD:
+        _check_table(kind, body, file_bytes)
+
+
+def _boxes(body: bytes, holder: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield kind and content of the boxes in one; a few bytes may be left at its end, or an end marker of zeros."""
+    place = 0
+    while place + _HEAD <= len(body):
+        size, kind = struct.unpack(">I4s", body[place : place + _HEAD])
+        if not any(body[place:]):
+            return
+        if size < _HEAD or place + size > len(body):
+            name = holder.decode("latin-1") or "a note"
+            raise _UntrueError(f"a box of {size} bytes in {name!r}, where {len(body) - place} are left")
+        yield kind, body[place + _HEAD : place + size]
+        place += size
+
+
+def _check_table(kind: bytes, body: bytes, most: int) -> None:
+    """Raise `_UntrueError` for a table larger than its box, or with more samples than the file has bytes."""
+    (count,) = struct.unpack(">I", body[4:8])
+    name, entry = kind.decode(), _ENTRY_BYTES[kind]
+    if 8 + entry * count > len(body):
+        raise _UntrueError(f"a table {name} of {count} entries in {len(body)} bytes")
+    if kind in (b"stts", b"ctts"):
+        samples = int(np.frombuffer(body, ">u4", 2 * count, 8)[::2].sum(dtype=np.uint64))
+        if samples > most:
+            raise _UntrueError(f"a table {name} of {samples} samples in {most} bytes")
+    if kind == b"stsc" and count:
+        rows = np.frombuffer(body, ">u4", 3 * count, 8).reshape(-1, 3)[:, :2].astype(np.int64)
+        if rows.max() > most or rows.min() < 1 or np.any(np.diff(rows[:, 0]) <= 0):
+            raise _UntrueError("a table stsc of chunks that cannot be")

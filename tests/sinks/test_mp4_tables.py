@@ -1,0 +1,51 @@
+"""What Rerun's reader of MP4 files would not come to an end with, and what every whole file passes."""
+
+import struct
+from pathlib import Path
+
+import pytest
+
+from groundstation.errors import SessionError
+from groundstation.sinks.mp4_tables import mp4_fault
+from groundstation.sinks.rerun_media import VideoAsset, load_video
+from tests.session.folder import write_video
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_whole_files_pass(tmp_path: Path) -> None:
+    write_video(tmp_path / "own.mp4", range(4), "mp4v")
+    for path in (tmp_path / "own.mp4", *(ROOT / "recordings" / "landing-1").glob("*.mp4")):
+        assert mp4_fault(path) == ""
+
+
+def spoilt(path: Path, kind: bytes, offset: int, value: int) -> Path:
+    """A video with one number changed, so many bytes behind the name of a box."""
+    write_video(path, range(4), "mp4v")
+    content = bytearray(path.read_bytes())
+    place = content.index(kind) + 4 + offset
+    content[place : place + 4] = struct.pack(">I", value)
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("kind", "offset", "value", "says"),
+    [
+        # a note of no length: the reader goes on at the same place for ever
+        (b"ilst", -8, 0, "a box of 0 bytes in 'meta'"),
+        (b"stts", -8, 4, "a box of 4 bytes in 'stbl'"),
+        (b"stbl", -8, 2**31, "a box of 2147483648 bytes in 'minf'"),
+        (b"moov", -8, 2**31, "a box of 2147483648 bytes at"),
+        (b"stts", 4, 2**32 - 1, "a table stts of 4294967295 entries"),
+        (b"stts", 8, 2**32 - 1, "a table stts of 4294967295 samples"),
+        (b"stsz", 8, 2**32 - 1, "a table of 4294967295 sample sizes"),
+        (b"stsc", 12, 2**32 - 1, "a table stsc of chunks that cannot be"),
+        (b"stco", 4, 2**31, "a table stco of 2147483648 entries"),
+    ],
+)
+def test_what_cannot_be_is_said_and_not_read(tmp_path: Path, kind: bytes, offset: int, value: int, says: str) -> None:
+    path = spoilt(tmp_path / "left.mp4", kind, offset, value)
+    assert mp4_fault(path).startswith(says)
+    with pytest.raises(SessionError, match=says.replace("'", "."), check=lambda e: "left.mp4" in str(e)):
+        load_video(VideoAsset(path=path))
