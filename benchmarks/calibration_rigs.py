@@ -129,8 +129,7 @@ def one_rig(case: str, seed: int) -> RigErrors:
             if case != "mounts":
                 about = path / "session.toml"
                 about.write_text(about.read_text() + _CLOCKS.format(sigma=CLOCK_S))
-        # the pixels drawn are of the point itself
-        request = FlightRequest(session=session, out=Path(folder) / "rig.toml", free=FREE[case], point_sigma_m=0.0)
+        request = FlightRequest(session=session, out=Path(folder) / "rig.toml", free=FREE[case])
         found = calibrate_flight(request)
         exact = gather_flight(load_session(quiet), None, None, None)
     error = errors(found.fit, found.rig, drawn)

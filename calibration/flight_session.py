@@ -44,7 +44,8 @@ class FlightRequest:
 
     ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known; ``report`` is a
     folder for report.html and its pictures. ``point_sigma_m`` is how far along the body the point that pixels are of
-    may lie from the nose, and so from the antenna, beside what session.toml says; the same all the time, 1 sigma.
+    may lie from the nose, and so from the antenna, beside what session.toml says; the same all the time, 1 sigma. None
+    is `POINT_SIGMA_M` for ``detections``, which a program found, and nothing for pixels that the session itself gives.
     """
 
     session: Path
@@ -56,7 +57,7 @@ class FlightRequest:
     free: str = ""
     hold: bool = False
     report: Path | None = None
-    point_sigma_m: float = POINT_SIGMA_M
+    point_sigma_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,7 +88,8 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
         for doubted in _DOUBTED if surveyed else _DOUBTED[:1]:
             found, note = _doubted(session, start, found, (*words, *doubted))
             notes += note
-    fit = judged(found, request.point_sigma_m)
+    usual_m = POINT_SIGMA_M if request.detections is not None else 0.0
+    fit = judged(found, usual_m if request.point_sigma_m is None else request.point_sigma_m)
     _require_fit(session, fit)
     rig = solved_rig(session.rig, fit, session.name, antenna)
     verdict = judge_flight(rig, fit)

@@ -113,7 +113,8 @@ def _add_flight(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         "--point-sigma",
         type=_length,
         metavar="M",
-        help="the point seen may lie so far along the body from where it is taken to be, 1 sigma (default 0.05)",
+        help="the point seen may lie so far along the body from where it is taken to be, 1 sigma (default 0.05 with "
+        "--detections, else 0)",
     )
 
 
@@ -165,7 +166,7 @@ def _flight(options: argparse.Namespace) -> int:
         free=options.free,
         hold=options.hold,
         report=options.report,
-        **({} if options.point_sigma is None else {"point_sigma_m": options.point_sigma}),
+        point_sigma_m=options.point_sigma,
     )
     found = calibrate_flight(request)
     print(found.report)

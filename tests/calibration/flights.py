@@ -37,8 +37,6 @@ def calibrated(folder: Path, scenario: Scenario, *, clocks_sigma_s: float | None
 
 
 def run(folder: Path, **how: object) -> FlightCalibration:
-    # what was simulated is seen where it is
-    how = {"point_sigma_m": 0.0, **how}
     return calibrate_flight(FlightRequest(session=folder / "session", out=folder / "rig.toml", **how))
 
 

@@ -51,3 +51,11 @@ def test_mounts_hardly_care(flown: Path) -> None:
 def test_an_antenna_that_is_looked_for_is_no_doubt_besides(flown: Path) -> None:
     fits = [run(flown, free="orientation,antenna", point_sigma_m=sigma).fit for sigma in (0.0, SIGMA_M)]
     np.testing.assert_array_equal(fits[0].covariance, fits[1].covariance)
+
+
+def test_pixels_that_a_program_found_are_doubted_and_those_of_the_session_are_not(flown: Path, tmp_path: Path) -> None:
+    rows = (flown / "session" / "detections.csv").read_text().splitlines()
+    found = tmp_path / "detections.csv"
+    found.write_text("\n".join([rows[0] + ",status", *(row + ",ok" for row in rows[1:])]) + "\n")
+    assert run(flown, free="orientation").fit.point_sigma_m == 0.0
+    assert run(flown, free="orientation", detections=found).fit.point_sigma_m == SIGMA_M
