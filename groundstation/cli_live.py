@@ -202,13 +202,17 @@ def _words(result: "LiveResult") -> str:
 
     done = result.operation
     share = 100.0 * done.tracked / done.epochs if done.epochs else 0.0
-    lines = [
-        f"{done.epochs} pairs in {done.elapsed_s:.1f} s, tracking in {share:.1f} % of them",
-        f"delay from a pair's first frame to its answer: median {done.latency_p50_ms:.1f} ms, "
-        f"99 % within {done.latency_p99_ms:.1f} ms",
-        f"the same while tracking: median {done.tracking_p50_ms:.1f} ms, 99 % within {done.tracking_p99_ms:.1f} ms",
-        f"the pipeline computed {100 * done.busy_s / done.elapsed_s:.0f} % of the time",
-    ]
+    lines = [f"{done.epochs} pairs in {done.elapsed_s:.1f} s, tracking in {share:.1f} % of them"]
+    if done.latency_p99_ms:
+        lines.append(
+            f"delay from a pair's first frame to its answer: median {done.latency_p50_ms:.1f} ms, "
+            f"99 % within {done.latency_p99_ms:.1f} ms"
+        )
+    if done.tracking_p99_ms:
+        lines.append(
+            f"the same while tracking: median {done.tracking_p50_ms:.1f} ms, 99 % within {done.tracking_p99_ms:.1f} ms"
+        )
+    lines.append(f"the pipeline computed {100 * done.busy_s / done.elapsed_s:.0f} % of the time")
     if result.recorded:
         lines.append(f"recorded: {result.recorded}")
     if done.dropped:

@@ -1,0 +1,36 @@
+"""What `live` says at its end, and its exit code."""
+
+from groundstation.cli_live import _words
+from groundstation.live.command import LiveResult
+from groundstation.live.operation import OperationResult
+
+
+def ended(*, epochs: int = 40, tracked: int = 20, p50_ms: float = 9.0, tracking_p50_ms: float = 7.5) -> LiveResult:
+    """An operation's end; delays of 0 are those of nothing."""
+    return LiveResult(
+        operation=OperationResult(
+            elapsed_s=10.0,
+            epochs=epochs,
+            tracked=tracked,
+            latency_p50_ms=p50_ms,
+            latency_p99_ms=2.0 * p50_ms,
+            tracking_p50_ms=tracking_p50_ms,
+            tracking_p99_ms=2.0 * tracking_p50_ms,
+            dropped={},
+            counts={},
+            busy_s=1.0,
+        ),
+        files=(),
+        score=None,
+    )
+
+
+def test_delays_of_nothing_are_not_told() -> None:
+    """Expected: a line for what was measured; none, rather than 0.0 ms, where nothing was tracked or nothing came."""
+    assert "the same while tracking: median 7.5 ms, 99 % within 15.0 ms" in _words(ended())
+    never = _words(ended(tracked=0, tracking_p50_ms=0.0))
+    assert "its answer: median 9.0 ms, 99 % within 18.0 ms" in never
+    assert "while tracking" not in never
+    nothing = _words(ended(epochs=0, tracked=0, p50_ms=0.0, tracking_p50_ms=0.0))
+    assert nothing.startswith("0 pairs in 10.0 s, tracking in 0.0 % of them\nthe pipeline computed")
+    assert " 0.0 ms" not in nothing
