@@ -2,15 +2,15 @@
 
 import argparse
 import shutil
-import signal
 import sys
 import textwrap
-import threading
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from groundstation.cli_simulate import pairs_per_s, whole_number, wind_m_s
+from groundstation.spoken import say
+from groundstation.stop_asked import StopAsked
 
 if TYPE_CHECKING:
     from groundstation.live.board import LiveStatus
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 _RATE_HZ = 30.0
 _LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, live; heads
-follow it, everything is recorded. Ctrl-C parks the heads and ends it."""
+follow it, everything is recorded. Ctrl-C parks the heads and ends it, and so does
+a terminal that is closed (unless nohup says otherwise)."""
 _LIVE_MORE = """examples:
   groundstation live field.toml --view
   groundstation live field.toml --for 1800 --web
@@ -128,24 +129,10 @@ def run_live(options: argparse.Namespace) -> int:
         wind_m_s=options.wind,
         aircraft=Aircraft(options.aircraft),
     )
-    stop = threading.Event()
-    before: dict[signal.Signals, Any] = {}
-
-    def ask_to_stop(*_: object) -> None:
-        stop.set()
-        # whoever presses twice does not want to wait for anything
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        before[number] = signal.signal(number, ask_to_stop)
-    try:
+    with StopAsked() as stop:
         block = StatusBlock(sys.stderr)
-        result = live(request, stop.is_set, block.show, lambda text: print(f"{text} …", file=sys.stderr))
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    print(_words(result))
+        result = live(request, stop, block.show, lambda text: say(f"{text} …", sys.stderr))
+        say(_words(result), sys.stdout)
     return 0
 
 
@@ -189,10 +176,10 @@ class StatusBlock:
             width = max(shutil.get_terminal_size().columns - 1, 20)
             up = f"\x1b[{self._lines}F\x1b[J" if self._lines else ""
             rows = [row for line in status.lines for row in textwrap.wrap(line, width, subsequent_indent="    ")]
-            print(up + "\n".join(rows), file=self._stream, flush=True)
+            say(up + "\n".join(rows), self._stream)
             self._lines = len(rows)
         elif int(2.0 * status.t_s) % 10 == 0:
-            print(f"{status.t_s:7.1f} s  {status.one_line()}", file=self._stream, flush=True)
+            say(f"{status.t_s:7.1f} s  {status.one_line()}", self._stream)
 
 
 def _words(result: "LiveResult") -> str:
