@@ -333,7 +333,7 @@ def _screen(
     from groundstation.sinks.rerun_viewer import open_live_stream, open_web_stream, stop_viewer
 
     if request.screen == "desktop":
-        stream = open_live_stream("groundstation", os.environ)
+        stream = open_live_stream("groundstation", os.environ, "--web shows the same in a browser")
     else:
         stream, address, process = open_web_stream("groundstation", os.environ)
         opened.callback(stop_viewer, process)

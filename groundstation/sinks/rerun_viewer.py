@@ -93,18 +93,18 @@ def live_viewer_command(port: int) -> list[str]:
     return [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
 
 
-def open_live_stream(application: str, environment: Mapping[str, str]) -> rr.RecordingStream:
+def open_live_stream(application: str, environment: Mapping[str, str], instead: str) -> rr.RecordingStream:
     """Open the desktop viewer and return a stream that it shows as the data come.
 
-    ``environment`` is the caller's (os.environ). Raises `ViewerError` where there is no display or the viewer
-    stops at once.
+    ``environment`` is the caller's (os.environ), ``instead`` what the user can do where it fails. Raises
+    `ViewerError` where there is no display or the viewer stops at once.
     """
     if not has_display(environment):
-        raise ViewerError("no display for --view; --save-video writes the same pictures into a file")
+        raise ViewerError(f"no display for --view; {instead}")
     port = _free_port()
     code = _stopped(_start(live_viewer_command(port), environment))
     if code is not None:
-        raise ViewerError(f"the viewer stopped at once (exit code {code}); --save-video writes a file")
+        raise ViewerError(f"the viewer stopped at once (exit code {code}); {instead}")
     return _stream_to(application, port)
 
 

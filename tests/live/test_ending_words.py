@@ -1,8 +1,17 @@
-"""What `live` says at its end, and its exit code."""
+"""What `live` says at its end, its exit code, and what to do where its screen cannot be shown."""
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
 
 from groundstation.cli_live import _words
-from groundstation.live.command import LiveResult
+from groundstation.live.command import LiveRequest, LiveResult, _screen
 from groundstation.live.operation import OperationResult
+from groundstation.live.simulated_day import simulated_set_up
+from groundstation.simulation.cases import standard_rig
+from groundstation.sinks.rerun_viewer import ViewerError
 
 
 def ended(*, epochs: int = 40, tracked: int = 20, p50_ms: float = 9.0, tracking_p50_ms: float = 7.5) -> LiveResult:
@@ -34,3 +43,13 @@ def test_delays_of_nothing_are_not_told() -> None:
     nothing = _words(ended(epochs=0, tracked=0, p50_ms=0.0, tracking_p50_ms=0.0))
     assert nothing.startswith("0 pairs in 10.0 s, tracking in 0.0 % of them\nthe pipeline computed")
     assert " 0.0 ms" not in nothing
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems always have a display")
+def test_without_a_display_it_names_an_option_that_it_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    request = LiveRequest(station=None, out=tmp_path / "out", simulate=True, screen="desktop")
+    file = simulated_set_up(tmp_path, 30.0, None)
+    with ExitStack() as opened, pytest.raises(ViewerError, match="no display for --view; --web shows the same"):
+        _screen(request, standard_rig(), file, opened, [], [], lambda _: None)

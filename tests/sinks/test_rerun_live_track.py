@@ -58,5 +58,5 @@ def test_the_live_viewer_listens_to_this_machine_alone() -> None:
 def test_a_live_viewer_that_stops_at_once_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     stops = [rerun_viewer.sys.executable, "-c", "raise SystemExit(4)"]
     monkeypatch.setattr(rerun_viewer, "live_viewer_command", lambda _: stops)
-    with pytest.raises(ViewerError, match="exit code 4"):
-        open_live_stream(APPLICATION, {"DISPLAY": ":0"})
+    with pytest.raises(ViewerError, match=r"\(exit code 4\); try another"):
+        open_live_stream(APPLICATION, {"DISPLAY": ":0"}, "try another")
