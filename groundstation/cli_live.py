@@ -30,7 +30,8 @@ _LIVE_MORE = """examples:
 cameras that look where the PTUs look, one landing after the other.
 The station file: docs/live.md
 
-exit code: 0 done; 1 a device or a file is at fault; 2 wrong usage; 130 interrupted
+exit code: 0 done; 1 a device or a file is at fault, or nothing at all could be
+recorded; 2 wrong usage; 130 interrupted
 before it had begun"""
 _CHECK = """Test each device of a station before the flight: is it there, does it answer,
 how fast, does its clock hold; one line each, and what to do about it."""
@@ -133,7 +134,9 @@ def run_live(options: argparse.Namespace) -> int:
         block = StatusBlock(sys.stderr)
         result = live(request, stop, block.show, lambda text: say(f"{text} …", sys.stderr))
         say(_words(result), sys.stdout)
-    return 0
+    if result.lost:
+        say("groundstation: nothing could be recorded", sys.stderr)
+    return 1 if result.lost else 0
 
 
 def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:

@@ -2,13 +2,16 @@
 
 import sys
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from groundstation.cli import main
 from groundstation.cli_live import _words
 from groundstation.live.command import LiveRequest, LiveResult, _screen
 from groundstation.live.operation import OperationResult
+from groundstation.live.out_folder import written_files
 from groundstation.live.simulated_day import simulated_set_up
 from groundstation.simulation.cases import standard_rig
 from groundstation.sinks.rerun_viewer import ViewerError
@@ -53,3 +56,24 @@ def test_without_a_display_it_names_an_option_that_it_has(tmp_path: Path, monkey
     file = simulated_set_up(tmp_path, 30.0, None)
     with ExitStack() as opened, pytest.raises(ViewerError, match="no display for --view; --web shows the same"):
         _screen(request, standard_rig(), file, opened, [], [], lambda _: None)
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_where_nothing_was_recorded_the_exit_code_says_so(
+    lost: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: 1 and a line where a recording was wanted and nothing of it is there; 0 where only some of it lacks."""
+    why = "flight.mcap: failed: the disk took nothing at the end (disk full, 12 MB free)"
+    result = replace(ended(), not_whole=(why,), lost=lost)
+    monkeypatch.setattr("groundstation.live.command.live", lambda *_: result)
+    assert main(["live", "--simulate", "--out", "x"]) == int(lost)
+    said = capsys.readouterr()
+    assert f"not whole: {why}" in said.out
+    assert said.err == ("groundstation: nothing could be recorded\n" if lost else "")
+
+
+def test_a_file_of_no_bytes_is_not_listed(tmp_path: Path) -> None:
+    (tmp_path / "flight.mcap").touch()
+    (tmp_path / "track.csv").write_text("t_s\n", encoding="utf-8")
+    (tmp_path / "ptu-left").symlink_to("/dev/pts/none")
+    assert written_files(tmp_path) == (tmp_path / "track.csv",)
