@@ -19,6 +19,8 @@ STARTUP_S = 2.0
 _END_S = 10.0
 # what a viewer that comes late may still see
 _SERVER_MEMORY = "256MB"
+# a window that is open all day beside a station: beyond it the oldest goes
+_LIVE_MEMORY = "1GB"
 
 
 class ViewerError(GroundstationError):
@@ -90,7 +92,8 @@ def has_display(environment: Mapping[str, str]) -> bool:
 
 def live_viewer_command(port: int) -> list[str]:
     """Return the command that opens a viewer waiting for data on a port of this machine, and of no other."""
-    return [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
+    command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
+    return [*command, "--memory-limit", _LIVE_MEMORY]
 
 
 def open_live_stream(application: str, environment: Mapping[str, str], instead: str) -> rr.RecordingStream:
