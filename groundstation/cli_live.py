@@ -188,6 +188,7 @@ class StatusBlock:
 def _words(result: "LiveResult") -> str:
     """Return how it went, for a person."""
     from groundstation.count_words import count_words
+    from groundstation.live.board import dropped_words
     from groundstation.live.simulated_day import format_score
 
     done = result.operation
@@ -206,7 +207,7 @@ def _words(result: "LiveResult") -> str:
     if result.recorded:
         lines.append(f"recorded: {result.recorded}")
     if done.dropped:
-        lines.append("dropped: " + ", ".join(f"{n} {what}" for what, n in done.dropped.items()))
+        lines.append(dropped_words(done.dropped))
     lines += [f"counted: {what}" for what in count_words(done.counts)]
     if result.score is not None:
         lines += ["", format_score(result.score)]
