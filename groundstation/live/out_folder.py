@@ -31,9 +31,12 @@ def taken_back_unless_begun(out: Path) -> Iterator[Callable[[], None]]:
     begun: list[bool] = []
     try:
         yield lambda: begun.append(True)
-    except BaseException:
+    except BaseException as fault:
         if not begun:
             _empty(out, remove=not was_there)
+            if isinstance(fault, OSError) and fault.filename and Path(str(fault.filename)).is_relative_to(out):
+                got, wanted = fault.strerror or str(fault), "a folder that files can be made in"
+                raise InputError(str(out), got=got, wanted=wanted) from fault
         raise
 
 
