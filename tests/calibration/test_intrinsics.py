@@ -98,7 +98,7 @@ def test_three_views_are_too_few(shots: list[GreyPicture]) -> None:
 def test_views_all_alike_are_too_few(shots: list[GreyPicture]) -> None:
     same = [GreyPicture(name=f"{i}.png", grey=shots[0].grey) for i in range(8)]
     message = complaint(IntrinsicsError, lambda: calibrate_intrinsics(same, parse_board(CHARUCO)))
-    assert "got 1 usable views of 8 pictures (7 nearly the same as another)" in message
+    assert "got 1 usable view of 8 pictures (7 nearly the same as another)" in message
 
 
 @pytest.mark.parametrize("spec", ["charuco:7x5:0.04:0.03:DICT_6X6_50", "chessboard:9x6:0.04", "charuco:11x8:0.04:0.03"])
