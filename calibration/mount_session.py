@@ -32,6 +32,8 @@ _SAME_RAD = 1e-9
 _WRONG_SENSE_SIGMAS = 6.0
 # a direction known no better is not written down: 8 m along the runway at 400 m
 _WORST_DEG = 0.03
+# as far as a camera that was screwed on by eye is off: what tells less makes a rig worse as often as better
+_WORST_UNTIED_DEG = 0.1
 # more is no job for a morning, where other marks do with a tenth
 _MOST_SIGHTINGS = 3_000
 # a rig that knows its orientation is not so far off
@@ -172,6 +174,8 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     told = pointing_sigma(fit, told=True).worst_deg
     # one board whose place nobody knows cannot tell it better, and is good for the rest
     tied = any(mark.kind.known for mark in fit.problem.marks)
+    if not tied:
+        _require_aimed(fit, told)
     if standing >= unknowns and (told <= _WORST_DEG or not tied):
         return
     got = f"{count} sightings at {standing} pairs of angles for {unknowns} unknowns, where the camera looks known to"
@@ -181,6 +185,23 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     many = f"some {needed} sightings of" if needed <= _MOST_SIGHTINGS else "other"
     wanted = f"{USABLE_DEG:g} deg: {many} marks of known place, far apart in pan and 20 deg or more in"
     wanted += " tilt, each brought near the corners of the picture"
+    raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
+
+
+def _require_aimed(fit: MountFit, told_deg: float) -> None:
+    """Raise `MountFitError` where marks of unknown place tell the boresight's pan and tilt less than a rig's eye does.
+
+    A point's own direction takes up what pan and tilt are off by; only how its pixels turn and spread with the
+    angles is left, which is next to nothing near the horizon. A board's corners have directions to each other.
+    """
+    marks = fit.problem.marks
+    if told_deg <= _WORST_UNTIED_DEG or any(mark.kind is MarkKind.BOARD for mark in marks):
+        return
+    count, what = len(marks), "one mark" if len(marks) == 1 else f"{len(marks)} marks"
+    got = f"{len(fit.problem.sightings)} sightings of {what} of unknown place, which leave where the camera looks open"
+    got += f" by {told_deg:.2g} deg"
+    place, other = ("its place", "a second mark") if count == 1 else ("their places", "another mark")
+    wanted = f"{place} (--landmarks), {other} 40 deg or more above the horizon, or a board (--board)"
     raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
 
 
