@@ -49,6 +49,9 @@ Stations without a pose: positions, shutters, drifts and lenses are freed where
 the pixels contradict them; --hold keeps them.
 
 exit code: 0 done; 1 the flight cannot teach that; 2 wrong usage"""
+_UNCARRIED = (
+    "the lens's covariance is not carried: Kalibr's camchain has no place for it (.toml and OpenCV's .yaml have)"
+)
 _HOLDABLE = ("k2", "k3", "p")
 
 
@@ -215,6 +218,8 @@ def _intrinsics(options: argparse.Namespace) -> int:
     print()
     if rig is None:
         write_lens(options.out, found.calibrated, form)
+        if form == "kalibr":
+            print(_UNCARRIED)
     else:
         write_rig_with_lens(options.out, rig, options.station, found.calibrated)
         if "orientation" in rig[options.station].known:
@@ -248,6 +253,8 @@ def _convert(options: argparse.Namespace) -> int:
         print(f"k3 is now in k1 and k2; a pixel moves by at most {reduced.worst_px:.3f} px")
     write_lens(options.out, calibrated, form)
     print(f"wrote {options.out}")
+    if form == "kalibr" and calibrated.covariance.any():
+        print(_UNCARRIED)
     return 0
 
 

@@ -93,7 +93,12 @@ def test_the_command_writes_lens_and_report(
     assert "k3 = 0" in capsys.readouterr().err
     assert not kalibr.exists()
     assert main(["calibrate", "convert-lens", str(out), str(kalibr), "--format", "kalibr", "--refit"]) == 0
-    assert "a pixel moves by at most" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "a pixel moves by at most" in said
+    assert "the lens's covariance is not carried" in said
+    assert main(["calibrate", "convert-lens", str(kalibr), str(tmp_path / "again.yaml"), "--format", "kalibr"]) == 0
+    assert main(["calibrate", "convert-lens", str(out), str(tmp_path / "cv.yaml")]) == 0
+    assert "covariance" not in capsys.readouterr().out
 
 
 def test_the_command_writes_a_whole_rig_and_never_a_lens_over_one(
@@ -206,3 +211,10 @@ def test_a_video_is_read_like_pictures(shots: list[GreyPicture], tmp_path: Path)
 )  # fmt: skip
 def test_a_board_that_cannot_be(spec: str) -> None:
     assert complaint(IntrinsicsError, lambda: parse_board(spec)).startswith("--board: got ")
+
+
+@pytest.mark.parametrize("spec", ["charuco:7x5:40:30", "chessboard:8x6:30", "chessboard:8x6:2.5"])
+def test_squares_in_millimetres_are_refused_with_a_hint(spec: str) -> None:
+    message = complaint(IntrinsicsError, lambda: parse_board(spec))
+    assert message == f"--board: got '{spec}'; wanted edges in m, above 0.0001 and up to 2 (40 mm are 0.04)"
+    assert parse_board("chessboard:8x6:2").square_m == 2.0
