@@ -22,6 +22,7 @@ from calibration.sightings import Landmark, Sighting, read_landmarks, read_sight
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, RigError
 from groundstation.rig import Rig, Station
+from groundstation.rig_covariance import ParameterCovariance
 from groundstation.rig_toml import rig_to_toml
 from groundstation.toml_table import quoted
 
@@ -236,9 +237,13 @@ def calibrate_mounts(
     words = mount_words(free)
     found = [calibrate_station(rig[name], sightings, marks, words) for name, sightings in seen.items()]
     after = {one.after.name: one.after for one in found}
-    return MountCalibration(
-        stations=tuple(found), rig=replace(rig, stations=tuple(after.get(s.name, s) for s in rig.stations))
-    )
+    # what was known of it together with other stations was known of the values of before
+    anew = {f"{one.after.name}.{name}" for one in found for name in one.fit.problem.names}
+    shared = rig.shared_covariance
+    keep = [k for k, name in enumerate(shared.names) if name not in anew or name.split(".")[1] == "ptu_position"]
+    shared = ParameterCovariance(names=tuple(shared.names[k] for k in keep), matrix=shared.matrix[np.ix_(keep, keep)])
+    stations = tuple(after.get(s.name, s) for s in rig.stations)
+    return MountCalibration(stations=tuple(found), rig=replace(rig, stations=stations, shared_covariance=shared))
 
 
 def write_rig(path: Path, found: MountCalibration) -> None:

@@ -15,12 +15,13 @@ from calibration.mount_pictures import find_lamp
 from calibration.mount_pointing import pointing_sigma
 from calibration.mount_problem import Mark, MarkKind, MountProblem, MountSightings
 from calibration.mount_report import format_mount, verdict
-from calibration.mount_session import StationMount, calibrate_station
+from calibration.mount_session import StationMount, calibrate_mounts, calibrate_station, write_rig
 from calibration.mount_standstills import standstills, with_shared_error
 from groundstation.cli import main
 from groundstation.errors import InputError
 from groundstation.geometry.rotation import rotation_from_vector, rotation_x, rotation_y, wxyz_from_matrix
 from groundstation.rig import Rig, Station, load_rig
+from groundstation.rig_covariance import ParameterCovariance
 from groundstation.rig_toml import rig_to_toml
 from tests.calibration.mounts import (
     GRID_ROWS,
@@ -535,6 +536,22 @@ def test_what_is_held_keeps_value_and_covariance(made, rng, tmp_path, capsys) ->
         assert found.camera_in_head_m["xyz".index(axis)] == station.camera_in_head_m["xyz".index(axis)]
     places = [found.covariance_parameters.index(f"camera_in_head.{axis}") for axis in "yz"]
     np.testing.assert_allclose(found.covariance[np.ix_(places, places)], given[1:, 1:], rtol=1e-9)
+
+
+def test_what_two_stations_knew_together_goes_where_one_is_found_anew(made, rng, tmp_path) -> None:
+    """The rig that is written can be read: its shared covariance no longer states what the station now does."""
+    station, true, marks = made
+    left = replace(station, covariance_parameters=("head_from_camera.x",), covariance=np.array([[1e-4]]))
+    names = ("left.head_from_camera.x", "right.head_from_camera.x", "right.head_from_camera.z")
+    matrix = 5e-5 * (np.eye(3) + np.ones((3, 3)))
+    rig = Rig(
+        stations=(left, replace(left, name="right")), shared_covariance=ParameterCovariance(names=names, matrix=matrix)
+    )
+    found = calibrate_mounts(rig, {"left": look(true, marks, rng, 60)}, marks)
+    write_rig(tmp_path / "out.toml", found)
+    back = load_rig(tmp_path / "out.toml")
+    assert back.shared_covariance.names == names[1:]
+    np.testing.assert_array_equal(back.shared_covariance.matrix, matrix[1:, 1:])
 
 
 def test_tables_calibrate_by_the_command(made, rng, tmp_path, capsys) -> None:
