@@ -64,6 +64,24 @@ def test_rendered_pictures_give_the_lens(shots: list[GreyPicture]) -> None:
     assert list(said) == [s.name for s in shots]
 
 
+def test_plain_opencv_finds_the_same_in_the_same_pictures(shots: list[GreyPicture]) -> None:
+    """OpenCV from end to end: its detector's corners, its `calibrateCamera`, in the pictures that were used."""
+    found = calibrate_intrinsics(shots, parse_board(CHARUCO))
+    used = {v.name for v in found.verdicts if v.choice is Choice.USED}
+    board = cv2.aruco.CharucoBoard((7, 5), 0.04, 0.03, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
+    detector = cv2.aruco.CharucoDetector(board)
+    points, pixels = [], []
+    for shot in shots:
+        if shot.name in used:
+            corners, ids, _, _ = detector.detectBoard(shot.grey)
+            on_board, in_picture = board.matchImagePoints(corners, ids)
+            points.append(on_board)
+            pixels.append(in_picture)
+    _, matrix, distortion, _, _ = cv2.calibrateCamera(points, pixels, LENS.image_size_px, np.eye(3), np.zeros(5))
+    plain = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *distortion.reshape(-1)])
+    assert np.all(np.abs(parameters(found.fit.lens) - plain) < found.fit.sigma)
+
+
 def test_a_chessboard_gives_the_lens(rng: np.random.Generator) -> None:
     board = parse_board("chessboard:7x5:0.04")
     poses = [a_pose(rng, board, CHESS_LENS, tilt_deg=35.0, fill=0.5) for _ in range(12)]
