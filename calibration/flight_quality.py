@@ -14,6 +14,8 @@ from groundstation.rig import Rig
 RANGES_M = (100.0, 200.0, 400.0)
 _SHARES = (0.05, 0.35, 0.65, 0.95)
 _AXES_LEAST = 1e-9
+# px; nobody labels a pixel worse than that
+_LABELLED = 3.0
 # within such a share of a range, the aircraft was there
 _THERE = 0.1
 
@@ -105,7 +107,9 @@ def _quality(after: Rig, fit: FlightFit, at: _Place) -> RangeQuality | None:
             elif short == clock:
                 columns[:, place] = seen.jacobian[:, :3] @ at.velocity_m_s
         by_angle = seen.jacobian[:, 3:]
-        pixel = float(np.median(problem.looks[name].sigma_px)) * station.noise_factor
+        # a misfit is no noise: what does not fit makes no calibration good enough
+        usual = float(np.median(problem.looks[name].sigma_px))
+        pixel = usual * min(station.noise_factor, 1.0 if problem.looks[name].sigma_given else _LABELLED / usual)
         noise.append(pixel**2 * np.eye(2) + rig.angle_sigma_rad**2 * by_angle @ by_angle.T)
         by_point.append(seen.jacobian[:, :3])
         by_change.append(columns)

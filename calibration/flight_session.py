@@ -32,6 +32,9 @@ _WORST_EXCLUDED_SHARE = 0.4
 # a pose of which nothing was known has to come out better than this, one sigma
 _WORST_ROTATION_RAD = float(np.radians(2.0))
 _WORST_POSITION_M = 10.0
+# what a rig states of a pose, and how well, is not overruled by one flight that is this far off
+_POSES = ("runway_from_base.", "head_from_camera.", "ptu_position.")
+_MOST_SIGMAS_OFF = 5.0
 # what is doubted first, and what only where that is not all; a lens only where the position is surveyed: without
 # one, focal length and distance go together
 _DOUBTED = (("position", "readout", "drift"), ("position", "readout", "drift", "lens"))
@@ -177,6 +180,21 @@ def _require_fit(session: Session, fit: FlightFit) -> None:
             unit = f"{np.degrees(sigma):.3g}°" if "runway_from_base" in name else f"{sigma:.3g} m"
             wanted = "a flight that moves more across this station's view, or this part known"
             raise FlightFitError(f"{name}: got ± {unit} from this flight; wanted {wanted}")
+    _require_agreement(session, fit)
+
+
+def _require_agreement(session: Session, fit: FlightFit) -> None:
+    """Raise `FlightFitError` where the flight contradicts what the rig itself states of a pose, and how well."""
+    for k, name in enumerate(fit.problem.names):
+        station, _, short = name.partition(".")
+        stated = station in session.rig.names and short in session.rig[station].covariance_parameters
+        off = abs(fit.change[k]) / fit.problem.prior_sigma[k]
+        if stated and short.startswith(_POSES) and off > _MOST_SIGMAS_OFF:
+            prior = fit.problem.prior_sigma[k]
+            unit = f"{prior:.3g} m" if short.startswith("ptu_position") else f"{np.degrees(prior):.3g}°"
+            got = f"{off:.0f} sigmas from what {session.rig.path or 'the rig'} says (± {unit})"
+            wanted = "DGPS in the rig's own frame and of the same flight; or a larger sigma there, if it has moved"
+            raise FlightFitError(f"{name}: got {got}; wanted {wanted}")
 
 
 def _write(path: Path, text: str) -> None:

@@ -14,7 +14,10 @@ _MOST_CONDITION = 1e10
 # errors that last raise a sigma so much where labels, lens or target point are off in a pattern
 _LASTING = 3.0
 _GROSS_SHARE = 0.05
-_CONTRADICTED = 3.0
+# of what whoever found the pixels states; and of pixels without a sigma
+_MOST_NOISE, _WORST_LABELS_PX = 3.0, 4.5
+# sigmas from what was known before: worth a word, and none of chance's
+_NOTED, _CONTRADICTED = 3.0, 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,6 +47,8 @@ def judge_flight(after: Rig, fit: FlightFit) -> FlightVerdict:
     if not wanted and not _good_everywhere(ranges):
         wanted.append(advice_for([name for name in fit.problem.names if "runway_from_base" in name]))
     steps = [*dict.fromkeys(wanted), *_of_residuals(fit)]
+    if _far_off(fit, _CONTRADICTED) or _misfits(fit):
+        steps.insert(0, "look at the frame and the clock of the DGPS, and at what the rig states: one of them is wrong")
     if not steps:
         steps.append("nothing: use the rig, and look at a landmark with check before each session")
     return FlightVerdict(
@@ -78,6 +83,10 @@ def _summary(fit: FlightFit, mixed: list[Confusion], weak: list[str], ranges: li
     good = [q for q in ranges if q.good]
     if not ranges:
         return known + "; what a fix is worth cannot be said with one station"
+    if contradicted := _far_off(fit, _CONTRADICTED):
+        return f"not to be trusted: the flight contradicts what was known of {', '.join(contradicted)}; {known}"
+    if misfits := _misfits(fit):
+        return f"not to be trusted: {'; '.join(misfits)}; {known}"
     if len(good) == len(ranges):
         reach = f"good enough at all ranges looked at, to {ranges[-1].range_m:.0f} m"
     elif good:
@@ -93,11 +102,25 @@ def _summary(fit: FlightFit, mixed: list[Confusion], weak: list[str], ranges: li
 def _notes(fit: FlightFit) -> list[str]:
     condition = f"condition {fit.condition:.1e}, reduced chi-square {fit.reduced_chi_square:.2f}"
     lines = [condition + (": badly conditioned" if fit.condition > _MOST_CONDITION else "")]
+    lines += [f"{name} is {off:.0f} sigmas from what was known before" for name, off in _far_off(fit, _NOTED).items()]
+    return lines
+
+
+def _far_off(fit: FlightFit, sigmas: float) -> dict[str, float]:
+    """Return what is far from where it was before, and by how many sigmas."""
     prior = fit.problem.prior_sigma
     off = np.abs(fit.change) / np.where(np.isfinite(prior), prior, np.inf)
-    for k in np.flatnonzero(off > _CONTRADICTED):
-        lines.append(f"{fit.problem.names[k]} is {off[k]:.0f} sigmas from what was known before")
-    return lines
+    return {fit.problem.names[k]: float(off[k]) for k in np.flatnonzero(off > sigmas)}
+
+
+def _misfits(fit: FlightFit) -> list[str]:
+    """Return which stations' pixels fit far worse than pixels are found or labelled."""
+    words = []
+    for name, station in fit.stations.items():
+        given = fit.problem.looks[name].sigma_given
+        if station.noise_factor > _MOST_NOISE if given else station.rms_px > _WORST_LABELS_PX:
+            words.append(f"the pixels of {name} fit to {station.rms_px:.1f} px only")
+    return words
 
 
 def _of_residuals(fit: FlightFit) -> list[str]:
