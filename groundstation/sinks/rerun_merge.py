@@ -30,7 +30,7 @@ _IMPLICIT = "tf#/"
 
 
 class Align(StrEnum):
-    """What is to be at time 0 in all runs; or nothing, and each keeps its own time."""
+    """What is to be at the same time in all runs; or nothing, and each keeps its own time."""
 
     NONE = "none"
     START = "start"
@@ -79,7 +79,7 @@ class RecordedTrack:
         return bool(len(self)) and float(self.position_runway_m[:, 2].min()) < _LANDED_BELOW_M
 
     def event_s(self, align: Align) -> float:
-        """Return the time of the event that is to be at 0."""
+        """Return the run's own time of the event that all are put by."""
         return {Align.NONE: 0.0, Align.START: self.start_s, Align.TOUCHDOWN: self.touchdown_s}[align]
 
 
