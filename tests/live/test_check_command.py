@@ -1,4 +1,4 @@
-"""`groundstation check`, with and without `--move`, on two whole stations: videos as cameras, simulated units on ptys."""
+"""`groundstation check`, with and without `--move`, on whole stations: videos as cameras, simulated units on ptys."""
 
 import math
 from contextlib import ExitStack
