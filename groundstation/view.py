@@ -53,8 +53,7 @@ def prepare_view(
     Raises `InputError` for what is no run, or cannot be shown beside others.
     """
     runs = planned_runs(request.sources, request.configs)
-    if request.save is not None and request.save.resolve() in {run.source.resolve() for run in runs}:
-        raise InputError(str(request.save), got="one of the recordings to show", wanted="another file")
+    _check_not_onto_itself(request.save, runs)
     if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
         raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
     notes: list[str] = []
@@ -83,6 +82,14 @@ def prepare_view(
     return ViewResult(
         recording=path, names=tuple(recordings), align=align, notes=tuple(notes), event_s=event_at(shown, align)
     )
+
+
+def _check_not_onto_itself(save: Path | None, runs: Sequence[PlannedRun]) -> None:
+    """Refuse to write onto a recording that is to be read, be it given itself or by its folder."""
+    read = {path.resolve() for run in runs for path in (run.source, run.source / RECORDING)}
+    if save is not None and save.resolve() in read:
+        got = "one of the recordings to show, which cannot be written onto itself"
+        raise InputError(str(save), got=got, wanted="another file")
 
 
 def _recording(

@@ -4,6 +4,7 @@ import itertools
 import os
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -149,6 +150,32 @@ def test_runs_that_never_meet_in_time_are_shown_from_their_starts(two: tuple[Pat
     same = prepare_view(ViewRequest(sources=(two[0], two[0]), work=tmp_path / "work"))
     assert same.align is Align.NONE
     assert same.names == ("monday", "monday-2") or same.names[0] != same.names[1]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_recording_is_not_written_onto_itself(two: tuple[Path, Path], tmp_path: Path, count: int) -> None:
+    """Expected: a folder's own recording as --save is refused in words, and left as it is."""
+    save = two[0] / "session.rrd"
+    before = save.read_bytes()
+    with pytest.raises(InputError, match="cannot be written onto itself"):
+        prepare_view(ViewRequest(sources=two[:count], work=tmp_path / "work", save=save))
+    assert save.read_bytes() == before
+
+
+def test_a_cut_recording_is_said_in_one_line(
+    two: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut.rrd"
+    whole = (two[0] / "session.rrd").read_bytes()
+    cut.write_bytes(whole[: len(whole) // 2])
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        assert main(["view", str(cut), "--save", str(tmp_path / "x.rrd")]) == 1
+    assert warned == []
+    said = capfd.readouterr().err.splitlines()
+    assert len(said) == 1, said
+    assert said[0].startswith("groundstation: ")
+    assert "cut.rrd: got " in said[0]
 
 
 def test_one_recording_is_shown_as_it_is(two: tuple[Path, Path], tmp_path: Path) -> None:
