@@ -16,6 +16,8 @@ WANTED = (
     "as in charuco:8x6:0.04:0.03:DICT_4X4_50"
 )
 _MOST_SQUARES = 60
+# a square longer than this was given in mm or cm
+_SHORTEST_M, _LONGEST_M = 1e-4, 2.0
 _DEFAULT_DICTIONARY = "DICT_4X4_50"
 
 
@@ -74,8 +76,9 @@ def parse_board(text: str) -> Board:
         lengths = [float(part) for part in parts[1:3]]
     except ValueError:
         raise _refused(text) from None
-    if not all(math.isfinite(v) and 1e-4 < v < 100.0 for v in lengths):
-        raise IntrinsicsError("--board", got=quoted(text), wanted="edges in m, between 0.0001 and 100")
+    if not all(math.isfinite(v) and _SHORTEST_M < v <= _LONGEST_M for v in lengths):
+        wanted = f"edges in m, above {_SHORTEST_M:g} and up to {_LONGEST_M:g} (40 mm are 0.04)"
+        raise IntrinsicsError("--board", got=quoted(text), wanted=wanted)
     if not 3 <= columns <= _MOST_SQUARES or not 3 <= rows <= _MOST_SQUARES:
         raise IntrinsicsError("--board", got=quoted(text), wanted=f"3 to {_MOST_SQUARES} columns and rows")
     if kind == "chessboard":

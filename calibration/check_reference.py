@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from calibration.check import Check
 from calibration.landmark_problem import AXES
@@ -15,8 +16,12 @@ from groundstation.errors import InputError
 # a rig turned further than this from what its table saw stands elsewhere by now
 _OTHER_SET_UP_RAD = float(np.radians(0.1))
 NONE = "none"
-# a pixel and two angles that come out the same to the last digit, row after row, were not seen a second time
+# a pixel and two angles that come out the same, row after row, were not seen a second time
 _MOST_SAME = 0.5
+# the same: as near as tables that were rounded; noise is thirty times as much
+_ROUNDED_PX = 0.01
+_ROUNDED_RAD = float(np.radians(0.001))
+_ROUNDED_S = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,18 +62,38 @@ def find_reference(rig: Path, asked: Path | None) -> Reference:
 
 
 def require_seen_anew(today: Sequence[Sighting], then: Sequence[Sighting], path: Path, reference: Path) -> None:
-    """Raise `InputError` where today's rows are those of the reference: a table agrees with itself, whatever moved."""
-    known = {_row(sighting) for sighting in then}
-    same = sum(_row(sighting) in known for sighting in today)
+    """Raise `InputError` where today's rows are those of the reference: a table agrees with itself, whatever moved.
+
+    Numbers are compared, not their text: a program that rounded them has seen nothing anew.
+    """
+    same = _count_same(today, then)
     if same > _MOST_SAME * len(today):
         got = f"{same} of {len(today)} rows that stand in {reference.name}, too"
         wanted = "rows seen today: a table compared with itself shows no knock"
         raise InputError(path.name, got=got, wanted=f"{wanted} (where all comes out the same, t_s tells them apart)")
 
 
-def _row(sighting: Sighting) -> tuple[object, ...]:
-    angles = (sighting.pan_rad, sighting.tilt_rad)
-    return (sighting.station, sighting.landmark, *angles, *sighting.pixel_px.tolist(), sighting.t_s)
+def _count_same(today: Sequence[Sighting], then: Sequence[Sighting]) -> int:
+    """Return how many of today's rows are rows of then, as near as rounding leaves them; stamps if all have one."""
+    stamped = all(sighting.t_s is not None for sighting in (*today, *then))
+    numbers: dict[tuple[str, str], tuple[list[list[float]], list[list[float]]]] = {}
+    for table, sightings in enumerate((today, then)):
+        for sighting in sightings:
+            both = numbers.setdefault((sighting.station, sighting.landmark), ([], []))
+            both[table].append(_in_roundings(sighting, stamped))
+    same = 0
+    for new, old in numbers.values():
+        if new and old:
+            away, _ = cKDTree(old).query(new, p=np.inf)
+            same += int(np.count_nonzero(away <= 1.0))
+    return same
+
+
+def _in_roundings(sighting: Sighting, stamped: bool) -> list[float]:
+    """Return angles, pixel and perhaps the stamp, each in units of what rounding may do to it."""
+    angles = [sighting.pan_rad / _ROUNDED_RAD, sighting.tilt_rad / _ROUNDED_RAD]
+    stamp = [sighting.t_s / _ROUNDED_S] if stamped and sighting.t_s is not None else []
+    return [*angles, *(sighting.pixel_px / _ROUNDED_PX).tolist(), *stamp]
 
 
 def other_set_up(check: Check) -> str | None:

@@ -1,5 +1,6 @@
 """The rig that comes out of a flight: every station with what was found, and how well, alone and together."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -64,6 +65,10 @@ def _shared(rig: Rig, stations: Sequence[Station], fit: FlightFit) -> ParameterC
     least = np.array([names[k].partition(".")[2] in CLOCK_NAMES or names[k] == DGPS_OFFSET for k in chosen])
     variance = np.diag(matrix)
     np.fill_diagonal(matrix, np.where(least, np.maximum(variance, floors**2), variance + floors**2))
+    for place, k in enumerate(chosen):
+        station, _, short = names[k].partition(".")
+        if short == "camera_clock.offset":
+            matrix[place, place] += _drifted_s(fit, station) ** 2
     found = ParameterCovariance(names=tuple(names[k] for k in chosen), matrix=matrix)
     if len({name.partition(".")[0] for name in found.names}) < 2:
         found = ParameterCovariance.nothing()
@@ -98,7 +103,7 @@ def _solved(before: Station, fit: FlightFit) -> Station:
         camera = ClockModel(
             offset_s=camera.offset_s + offset - drift * device_s,
             drift_ppm=camera.drift_ppm + drift * 1e6,
-            sigma_s=max(uncertain, FLOOR_CLOCK_S),
+            sigma_s=math.hypot(max(uncertain, FLOOR_CLOCK_S), _drifted_s(fit, name)),
         )
     if "ptu_clock.offset" in own:
         uncertain = float(sigma[own["ptu_clock.offset"]])
@@ -116,6 +121,15 @@ def _solved(before: Station, fit: FlightFit) -> Station:
         covariance_parameters=names,
         covariance=covariance,
     )
+
+
+def _drifted_s(fit: FlightFit, station: str) -> float:
+    """Return one sigma of what a camera's clock has drifted at the flight's ends, s: a rig carries offsets alone."""
+    drift = f"{station}.camera_clock.drift"
+    if drift not in fit.problem.names:
+        return 0.0
+    t = fit.problem.looks[station].t_s
+    return 0.5 * float(t.max() - t.min()) * float(fit.sigma[fit.problem.names.index(drift)])
 
 
 def _covariance(station: Station, fit: FlightFit) -> tuple[tuple[str, ...], FloatArray]:

@@ -1,5 +1,6 @@
 """Lens files: the lens keys of rig.toml, a whole rig.toml, OpenCV's and ROS's YAML, Kalibr's camchain."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -37,10 +38,23 @@ def format_of(path: Path, asked: str | None) -> str:
 
 
 def write_lens(path: Path, calibrated: CalibratedLens, form: str) -> None:
-    """Write a lens in one of the formats of `lens_text.TEXT`; raises `IntrinsicsError` where that cannot hold it."""
+    """Write a lens in one of the formats of `lens_text.TEXT`.
+
+    Raises `IntrinsicsError` where that cannot hold it, and where a whole rig stands under that name.
+    """
     text = TEXT[form](calibrated)
+    require_no_rig(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
+
+
+def require_no_rig(path: Path) -> None:
+    """Raise `IntrinsicsError` where a rig file stands at ``path``: a lens written there would be all that is left."""
+    if path.suffix.lower() != ".toml" or not path.is_file():
+        return
+    if re.search(r"^\s*\[\[\s*station\s*\]\]", path.read_text(encoding="utf-8", errors="replace"), re.MULTILINE):
+        wanted = "another name for the lens alone (calibrate intrinsics --rig RIG --station NAME writes a whole rig)"
+        raise IntrinsicsError(str(path), got="a rig file with [[station]], which would be lost", wanted=wanted)
 
 
 def read_lens(path: Path, name: str | None = None) -> CalibratedLens:

@@ -22,6 +22,7 @@ from calibration.sightings import Landmark, Sighting, read_landmarks, read_sight
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, RigError
 from groundstation.rig import Rig, Station
+from groundstation.rig_covariance import ParameterCovariance
 from groundstation.rig_toml import rig_to_toml
 from groundstation.toml_table import quoted
 
@@ -32,6 +33,8 @@ _SAME_RAD = 1e-9
 _WRONG_SENSE_SIGMAS = 6.0
 # a direction known no better is not written down: 8 m along the runway at 400 m
 _WORST_DEG = 0.03
+# as far as a camera that was screwed on by eye is off: what tells less makes a rig worse as often as better
+_WORST_UNTIED_DEG = 0.1
 # more is no job for a morning, where other marks do with a tenth
 _MOST_SIGHTINGS = 3_000
 # a rig that knows its orientation is not so far off
@@ -172,6 +175,8 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     told = pointing_sigma(fit, told=True).worst_deg
     # one board whose place nobody knows cannot tell it better, and is good for the rest
     tied = any(mark.kind.known for mark in fit.problem.marks)
+    if not tied:
+        _require_aimed(fit, told)
     if standing >= unknowns and (told <= _WORST_DEG or not tied):
         return
     got = f"{count} sightings at {standing} pairs of angles for {unknowns} unknowns, where the camera looks known to"
@@ -181,6 +186,23 @@ def _require_told(fit: MountFit, words: Sequence[str]) -> None:
     many = f"some {needed} sightings of" if needed <= _MOST_SIGHTINGS else "other"
     wanted = f"{USABLE_DEG:g} deg: {many} marks of known place, far apart in pan and 20 deg or more in"
     wanted += " tilt, each brought near the corners of the picture"
+    raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
+
+
+def _require_aimed(fit: MountFit, told_deg: float) -> None:
+    """Raise `MountFitError` where marks of unknown place tell the boresight's pan and tilt less than a rig's eye does.
+
+    A point's own direction takes up what pan and tilt are off by; only how its pixels turn and spread with the
+    angles is left, which is next to nothing near the horizon. A board's corners have directions to each other.
+    """
+    marks = fit.problem.marks
+    if told_deg <= _WORST_UNTIED_DEG or any(mark.kind is MarkKind.BOARD for mark in marks):
+        return
+    count, what = len(marks), "one mark" if len(marks) == 1 else f"{len(marks)} marks"
+    got = f"{len(fit.problem.sightings)} sightings of {what} of unknown place, which leave where the camera looks open"
+    got += f" by {told_deg:.2g} deg"
+    place, other = ("its place", "a second mark") if count == 1 else ("their places", "another mark")
+    wanted = f"{place} (--landmarks), {other} 40 deg or more above the horizon, or a board (--board)"
     raise MountFitError(f"station {fit.problem.station.name}: got {got}; wanted {wanted}")
 
 
@@ -215,9 +237,13 @@ def calibrate_mounts(
     words = mount_words(free)
     found = [calibrate_station(rig[name], sightings, marks, words) for name, sightings in seen.items()]
     after = {one.after.name: one.after for one in found}
-    return MountCalibration(
-        stations=tuple(found), rig=replace(rig, stations=tuple(after.get(s.name, s) for s in rig.stations))
-    )
+    # what was known of it together with other stations was known of the values of before
+    anew = {f"{one.after.name}.{name}" for one in found for name in one.fit.problem.names}
+    shared = rig.shared_covariance
+    keep = [k for k, name in enumerate(shared.names) if name not in anew or name.split(".")[1] == "ptu_position"]
+    shared = ParameterCovariance(names=tuple(shared.names[k] for k in keep), matrix=shared.matrix[np.ix_(keep, keep)])
+    stations = tuple(after.get(s.name, s) for s in rig.stations)
+    return MountCalibration(stations=tuple(found), rig=replace(rig, stations=stations, shared_covariance=shared))
 
 
 def write_rig(path: Path, found: MountCalibration) -> None:

@@ -21,6 +21,7 @@ from groundstation.cli_simulate import add_simulate, run_simulate
 from groundstation.cli_view import add_view, run_view
 from groundstation.errors import GroundstationError, UsageError
 from groundstation.progress import ProgressLine
+from groundstation.spoken import say
 
 _REPLAY = """Replay a recorded session: find the aircraft in every camera, track it in 3-D,
 compare with DGPS and truth, and write track.csv, triangulation.csv,
@@ -70,14 +71,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except GroundstationError as error:
-        print(f"groundstation: {error}", file=sys.stderr)
+        say(f"groundstation: {error}", sys.stderr)
         return 2 if isinstance(error, UsageError) else 1
     except OSError as error:
         # a full disk, a cable pulled: nothing that a stack of calls would explain
-        print(f"groundstation: {error}", file=sys.stderr)
+        say(f"groundstation: {error}", sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("groundstation: interrupted; the tables hold what was done until then", file=sys.stderr)
+        say("groundstation: interrupted; the tables hold what was done until then", sys.stderr)
         return 130
 
 

@@ -10,7 +10,7 @@ from groundstation.cli_calibrate_landmarks import add_landmark_kinds, run_calibr
 from groundstation.cli_calibrate_mount import add_mount, run_mount
 from groundstation.cli_calibrate_timing import add_timing, run_timing
 from groundstation.cli_span import add_span, require_span
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 from groundstation.progress import ProgressLine
 
 _INTRINSICS = """The lens of a camera from pictures of a board: corners to a fraction of a pixel,
@@ -21,6 +21,11 @@ _INTRINSICS_MORE = """examples:
       --board charuco:9x7:0.04:0.03:DICT_4X4_50
   groundstation calibrate intrinsics board.mp4 --out cam.yaml --format kalibr \\
       --board chessboard:8x6:0.03
+  groundstation calibrate intrinsics shots/ --board charuco:9x7:0.04:0.03 \\
+      --rig rig.toml --station left --out better.toml
+
+with --rig and --station, FILE is that rig with the station's lens and its
+covariance replaced; without, a lens alone, never written over a rig
 
 the board: charuco:COLSxROWS:SQUARE_M:MARKER_M[:DICT], counted in squares, or
 chessboard:COLSxROWS:SQUARE_M, counted in inner corners; lengths in m
@@ -44,6 +49,9 @@ Stations without a pose: positions, shutters, drifts and lenses are freed where
 the pixels contradict them; --hold keeps them.
 
 exit code: 0 done; 1 the flight cannot teach that; 2 wrong usage"""
+_UNCARRIED = (
+    "the lens's covariance is not carried: Kalibr's camchain has no place for it (.toml and OpenCV's .yaml have)"
+)
 _HOLDABLE = ("k2", "k3", "p")
 
 
@@ -75,7 +83,11 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
         metavar="SPEC",
         help="the board, see below",
     )
-    intrinsics.add_argument("--out", type=Path, required=True, metavar="FILE", help="the lens: .toml or .yaml")
+    intrinsics.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="the lens: .toml or .yaml; with --rig a rig"
+    )
+    intrinsics.add_argument("--rig", type=Path, metavar="RIG", help="write this rig with the lens, not the lens alone")
+    intrinsics.add_argument("--station", metavar="NAME", help="whose lens it is in the rig")
     _add_format(intrinsics)
     intrinsics.add_argument(
         "--hold", type=_held, default=frozenset(), metavar="K", help="coefficients that stay zero: k3, k2, p; as k3,p"
@@ -181,13 +193,21 @@ def _intrinsics(options: argparse.Namespace) -> int:
     from calibration.boards import parse_board
     from calibration.intrinsics import calibrate_intrinsics
     from calibration.lens_advice import advise
-    from calibration.lens_files import format_of, write_lens
+    from calibration.lens_files import format_of, require_no_rig, write_lens
     from calibration.lens_report import write_lens_report
+    from calibration.lens_rig import require_station, write_rig_with_lens
     from calibration.lens_summary import format_intrinsics
     from calibration.pictures import read_pictures
+    from groundstation.rig import load_rig
 
+    _require_whole_rig(options)
     board = parse_board(options.board)
     form = format_of(options.out, options.format)
+    rig = None if options.rig is None else load_rig(options.rig)
+    if rig is None:
+        require_no_rig(options.out)
+    else:
+        require_station(rig, options.station)
     # Kalibr's model has no k3: better fitted without it than bent afterwards
     held = options.hold | {"k3"} if form == "kalibr" else options.hold
     with ProgressLine(sys.stderr, "corners", "picture") as line:
@@ -196,12 +216,28 @@ def _intrinsics(options: argparse.Namespace) -> int:
         )
     print(format_intrinsics(found, advise(found)))
     print()
-    write_lens(options.out, found.calibrated, form)
+    if rig is None:
+        write_lens(options.out, found.calibrated, form)
+        if form == "kalibr":
+            print(_UNCARRIED)
+    else:
+        write_rig_with_lens(options.out, rig, options.station, found.calibrated)
+        if "orientation" in rig[options.station].known:
+            print(f"next: {options.station} was aimed with its lens of before: calibrate mount or survey it again")
     print(f"wrote {options.out}")
     if options.report is not None:
         for path in write_lens_report(options.report, found, options.out.stem):
             print(f"wrote {path}")
     return 0
+
+
+def _require_whole_rig(options: argparse.Namespace) -> None:
+    """Raise `UsageError` for one of --rig and --station without the other, or with another file than a rig's."""
+    if (options.rig is None) != (options.station is None):
+        got = "--rig without --station" if options.station is None else "--station without --rig"
+        raise UsageError("--rig, --station", got=got, wanted="both, or neither for the lens alone")
+    if options.rig is not None and (options.out.suffix != ".toml" or options.format not in (None, "toml")):
+        raise UsageError("--rig", got=f"--out {options.out} for a rig", wanted="--out rig.toml, in the format toml")
 
 
 def _convert(options: argparse.Namespace) -> int:
@@ -217,6 +253,8 @@ def _convert(options: argparse.Namespace) -> int:
         print(f"k3 is now in k1 and k2; a pixel moves by at most {reduced.worst_px:.3f} px")
     write_lens(options.out, calibrated, form)
     print(f"wrote {options.out}")
+    if form == "kalibr" and calibrated.covariance.any():
+        print(_UNCARRIED)
     return 0
 
 

@@ -16,10 +16,12 @@ _MOUNT_MORE = """examples:
   groundstation calibrate mount --pictures shots/ --board charuco:9x7:0.04:0.03 \\
       --rig rig.toml --out better.toml
   groundstation calibrate mount --pictures night/ --lamp --rig rig.toml \\
-      --out better.toml
+      --out better.toml --free backlash
 
 sightings.csv: station, landmark, pan_deg, tilt_deg, u_px, v_px. landmarks.csv:
-landmark, x_m, y_m, z_m; marks that are not in it are points of unknown place.
+landmark, x_m, y_m, z_m; marks that are not in it are points of unknown place. Such
+marks near the horizon, a lone lamp above all, cannot tell where the camera looks:
+refused, unless --free leaves the boresight out; a board, or one 40 deg up, can.
 pictures.csv in the folder of --pictures: file, station, pan_deg, tilt_deg.
 
 LIST, with commas, of boresight, lever, lean, scale, backlash, base (all of these

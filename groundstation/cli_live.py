@@ -2,15 +2,15 @@
 
 import argparse
 import shutil
-import signal
 import sys
 import textwrap
-import threading
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from groundstation.cli_simulate import pairs_per_s, whole_number, wind_m_s
+from groundstation.spoken import say
+from groundstation.stop_asked import StopAsked
 
 if TYPE_CHECKING:
     from groundstation.live.board import LiveStatus
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 _RATE_HZ = 30.0
 _LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, live; heads
-follow it, everything is recorded. Ctrl-C parks the heads and ends it."""
+follow it, everything is recorded. Ctrl-C parks the heads and ends it, and so does
+a terminal that is closed (unless nohup says otherwise)."""
 _LIVE_MORE = """examples:
   groundstation live field.toml --view
   groundstation live field.toml --for 1800 --web
@@ -29,7 +30,8 @@ _LIVE_MORE = """examples:
 cameras that look where the PTUs look, one landing after the other.
 The station file: docs/live.md
 
-exit code: 0 done; 1 a device or a file is at fault; 2 wrong usage; 130 interrupted
+exit code: 0 done; 1 a device or a file is at fault, or nothing at all could be
+recorded; 2 wrong usage; 130 interrupted
 before it had begun"""
 _CHECK = """Test each device of a station before the flight: is it there, does it answer,
 how fast, does its clock hold; one line each, and what to do about it."""
@@ -128,25 +130,13 @@ def run_live(options: argparse.Namespace) -> int:
         wind_m_s=options.wind,
         aircraft=Aircraft(options.aircraft),
     )
-    stop = threading.Event()
-    before: dict[signal.Signals, Any] = {}
-
-    def ask_to_stop(*_: object) -> None:
-        stop.set()
-        # whoever presses twice does not want to wait for anything
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        before[number] = signal.signal(number, ask_to_stop)
-    try:
+    with StopAsked() as stop:
         block = StatusBlock(sys.stderr)
-        result = live(request, stop.is_set, block.show, lambda text: print(f"{text} …", file=sys.stderr))
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    print(_words(result))
-    return 0
+        result = live(request, stop, block.show, lambda text: say(f"{text} …", sys.stderr))
+        say(_words(result), sys.stdout)
+    if result.lost:
+        say("groundstation: nothing could be recorded", sys.stderr)
+    return 1 if result.lost else 0
 
 
 def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
@@ -189,30 +179,35 @@ class StatusBlock:
             width = max(shutil.get_terminal_size().columns - 1, 20)
             up = f"\x1b[{self._lines}F\x1b[J" if self._lines else ""
             rows = [row for line in status.lines for row in textwrap.wrap(line, width, subsequent_indent="    ")]
-            print(up + "\n".join(rows), file=self._stream, flush=True)
+            say(up + "\n".join(rows), self._stream)
             self._lines = len(rows)
         elif int(2.0 * status.t_s) % 10 == 0:
-            print(f"{status.t_s:7.1f} s  {status.one_line()}", file=self._stream, flush=True)
+            say(f"{status.t_s:7.1f} s  {status.one_line()}", self._stream)
 
 
 def _words(result: "LiveResult") -> str:
     """Return how it went, for a person."""
     from groundstation.count_words import count_words
+    from groundstation.live.board import dropped_words
     from groundstation.live.simulated_day import format_score
 
     done = result.operation
     share = 100.0 * done.tracked / done.epochs if done.epochs else 0.0
-    lines = [
-        f"{done.epochs} pairs in {done.elapsed_s:.1f} s, tracking in {share:.1f} % of them",
-        f"delay from a pair's first frame to its answer: median {done.latency_p50_ms:.1f} ms, "
-        f"99 % within {done.latency_p99_ms:.1f} ms",
-        f"the same while tracking: median {done.tracking_p50_ms:.1f} ms, 99 % within {done.tracking_p99_ms:.1f} ms",
-        f"the pipeline computed {100 * done.busy_s / done.elapsed_s:.0f} % of the time",
-    ]
+    lines = [f"{done.epochs} pairs in {done.elapsed_s:.1f} s, tracking in {share:.1f} % of them"]
+    if done.latency_p99_ms:
+        lines.append(
+            f"delay from a pair's first frame to its answer: median {done.latency_p50_ms:.1f} ms, "
+            f"99 % within {done.latency_p99_ms:.1f} ms"
+        )
+    if done.tracking_p99_ms:
+        lines.append(
+            f"the same while tracking: median {done.tracking_p50_ms:.1f} ms, 99 % within {done.tracking_p99_ms:.1f} ms"
+        )
+    lines.append(f"the pipeline computed {100 * done.busy_s / done.elapsed_s:.0f} % of the time")
     if result.recorded:
         lines.append(f"recorded: {result.recorded}")
     if done.dropped:
-        lines.append("dropped: " + ", ".join(f"{n} {what}" for what, n in done.dropped.items()))
+        lines.append(dropped_words(done.dropped))
     lines += [f"counted: {what}" for what in count_words(done.counts)]
     if result.score is not None:
         lines += ["", format_score(result.score)]

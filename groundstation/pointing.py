@@ -18,6 +18,8 @@ from groundstation.geometry.station import StationGeometry
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 
 _GAIN_TIMES_LATENCY = 0.3
+# a driver refuses a rate from which the axis could not stop before its limit if the command to stop came so late
+_STOPS_AFTER_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,8 +133,7 @@ class AxisPilot:
         margin = math.radians(self._config.margin_deg)
         room = (self._limits.high_rad - margin - angle_rad) if rate > 0 else (angle_rad - self._limits.low_rad - margin)
         if math.isfinite(room):
-            may = math.sqrt(2.0 * brakes * room) if room > 0 and math.isfinite(brakes) else math.inf
-            rate = math.copysign(min(abs(rate), may), rate) if room > 0 else 0.0
+            rate = math.copysign(min(abs(rate), _fastest_within(room, brakes)), rate) if room > 0 else 0.0
         slowest = self._limits.slowest_rad_s
         if abs(rate) < slowest:
             rate = math.copysign(slowest, rate) if abs(rate) > 0.5 * slowest else 0.0
@@ -145,6 +146,14 @@ class AxisPilot:
         while len(self._told) > 2 and self._told[1][0] < oldest_s:
             self._told.popleft()
         return rate
+
+
+def _fastest_within(room_rad: float, brakes_rad_s2: float) -> float:
+    """Return the rate v whose way to rest, v ``_STOPS_AFTER_S`` + v² / (2 brakes), is all of the room."""
+    if math.isinf(brakes_rad_s2):
+        return room_rad / _STOPS_AFTER_S
+    late = brakes_rad_s2 * _STOPS_AFTER_S
+    return math.sqrt(late * late + 2.0 * brakes_rad_s2 * room_rad) - late
 
 
 class HeadPilot:

@@ -180,7 +180,7 @@ def _open_sinks(
         from groundstation.sinks.rerun_live_track import APPLICATION, LiveTrackView
         from groundstation.sinks.rerun_viewer import open_live_stream
 
-        stream = open_live_stream(APPLICATION, environment or {})
+        stream = open_live_stream(APPLICATION, environment or {}, "--save-video writes the same pictures into a file")
         view = opened.enter_context(LiveTrackView(stream, request.video.name))
         sinks.append(lambda frame, track: view.write(frame.image, track))
     table = opened.enter_context(PixelTrackFile(request.out))

@@ -112,6 +112,19 @@ def test_no_command_leads_beyond_a_limit(pan: float, tilt: float, goal_pan: floa
     assert np.all(np.abs(head.angles - goal) < 0.3 * DEG)
 
 
+@given(at=st.floats(-1.0, 1.0), goal=st.floats(-3.0, 3.0), acceleration=st.floats(0.5, 10.0))
+def test_no_rate_is_told_that_a_driver_refuses(at: float, goal: float, acceleration: float) -> None:
+    """Expected: by the driver's own rule, the head could be told 0.1 s later to stop, and would before its limit."""
+    limits = AxisLimits(low_rad=-1.0, high_rad=1.0, fastest_rad_s=2.0, acceleration_rad_s2=acceleration)
+    pilot = HeadPilot(make_rig().stations[0].geometry(), HeadLimits(pan=limits, tilt=limits), PointingConfig())
+    for k in range(40):
+        # held where it is while what is told grows to all that it would ever be told there
+        pilot.read(PtuSample(t_s=0.03 * k, station="left", pan_rad=at, tilt_rad=at))
+        rate = pilot.go_to(0.03 * k, goal, goal, Purpose.TRACK).tilt_rate_rad_s
+        reach = at + rate * abs(rate) / (2.0 * acceleration) + 0.1 * rate
+        assert reach < 1.0 if rate > 0 else reach > -1.0 if rate < 0 else True
+
+
 def test_without_readings_the_head_stands() -> None:
     geometry = make_rig().stations[0].geometry()
     pilot = HeadPilot(geometry, HEAD, PointingConfig(stale_s=0.5))

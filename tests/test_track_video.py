@@ -240,7 +240,9 @@ def test_a_view_without_a_display(
 ) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    refused(capsys, [str(video), "--out", str(video.with_suffix(".csv")), "--view"], "no display for --view")
+    refused(
+        capsys, [str(video), "--out", str(video.with_suffix(".csv")), "--view"], "no display for --view; --save-video "
+    )
     assert not video.with_suffix(".csv").exists()
 
 

@@ -1,6 +1,7 @@
 """What the operator is told, in plain words: the track, each device, the delay, what was dropped."""
 
 import math
+import re
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -74,6 +75,12 @@ class LiveStatus:
         return " · ".join(self.lines)
 
 
+def dropped_words(dropped: Mapping[str, int]) -> str:
+    """Return what was dropped and how much of it, one of a kind in the singular."""
+    one = {what: re.sub("^([a-z]+)s", r"\1", what) for what in dropped}
+    return "dropped: " + ", ".join(f"{n} {one[what] if n == 1 else what}" for what, n in dropped.items())
+
+
 class Board:
     """Gathers what `LiveStatus` says."""
 
@@ -126,7 +133,7 @@ class Board:
         if recent:
             lines.append(f"delay {p50:.0f} ms, 99 % within {p99:.0f} ms")
         if dropped:
-            lines.append("dropped: " + ", ".join(f"{n} {what}" for what, n in dropped.items()))
+            lines.append(dropped_words(dropped))
         if also:
             lines.append(also)
         return LiveStatus(
@@ -144,6 +151,7 @@ class Board:
         newest = self._newest
         if newest is None or newest.kinematics is None:
             return ""
-        x, y, z = (float(v) for v in newest.kinematics.position_runway_m)
+        # as rounded, and without a zero's sign
+        x, y, z = (round(float(v), 1) + 0.0 for v in newest.kinematics.position_runway_m)
         sigma = np.sqrt(np.diag(newest.kinematics.covariance)[:3])
         return f" at {y:.0f} ± {sigma[1]:.1f} m, x {x:+.1f} ± {sigma[0]:.2f}, z {z:.1f} ± {sigma[2]:.2f}"

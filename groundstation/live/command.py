@@ -21,7 +21,7 @@ from groundstation.live.head_process import Heads
 from groundstation.live.lent_range import LentRange
 from groundstation.live.memory import settle_memory
 from groundstation.live.operation import Operation, OperationResult, StatusSink
-from groundstation.live.out_folder import require_free, taken_back_unless_begun
+from groundstation.live.out_folder import require_free, taken_back_unless_begun, written_files
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import Reference, reference_tuning
 from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, landings, score, simulated_set_up
@@ -73,8 +73,9 @@ class LiveRequest:
 class LiveResult:
     """How it went: the operation's figures, what was written, and with a simulated range the truth's verdict.
 
-    ``not_whole`` says in a line each what the disk did not take, ``recorded`` how much it took, and how much a second.
-    ``begin_s`` is the simulated flight's time zero, session time.
+    ``files`` are those with something in them. ``not_whole`` says in a line each what the disk did not take,
+    ``recorded`` how much it took, and how much a second; ``lost`` is that a recording was wanted and nothing of it is
+    there. ``begin_s`` is the simulated flight's time zero, session time.
     """
 
     operation: OperationResult
@@ -83,6 +84,7 @@ class LiveResult:
     begin_s: float = 0.0
     not_whole: tuple[str, ...] = ()
     recorded: str = ""
+    lost: bool = False
 
 
 def live(
@@ -171,17 +173,16 @@ def _live(
         found = None
         if simulated is not None:
             found = score(flight, begin_s - start_s, keeper.rows(), simulated.truth, rig, begin_s)
-    files = tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink()))
     if recorder is not None and recorder.status.trouble:
         faults.insert(0, f"{_RECORDING}: {recorder.words()}")
-    recorded = "" if recorder is None else recorder.took()
     return LiveResult(
         operation=result,
-        files=files,
+        files=written_files(out),
         score=found,
         begin_s=begin_s - start_s,
         not_whole=tuple(faults),
-        recorded=recorded,
+        recorded="" if recorder is None else recorder.took(),
+        lost=recorder is not None and recorder.status.written_bytes == 0,
     )
 
 
@@ -333,7 +334,7 @@ def _screen(
     from groundstation.sinks.rerun_viewer import open_live_stream, open_web_stream, stop_viewer
 
     if request.screen == "desktop":
-        stream = open_live_stream("groundstation", os.environ)
+        stream = open_live_stream("groundstation", os.environ, "--web shows the same in a browser")
     else:
         stream, address, process = open_web_stream("groundstation", os.environ)
         opened.callback(stop_viewer, process)

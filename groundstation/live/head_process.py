@@ -18,7 +18,7 @@ from types import TracebackType
 
 from groundstation.errors import GroundstationError
 from groundstation.hand_over import quick_hand_over
-from groundstation.live.child import deaf_to_ctrl_c
+from groundstation.live.child import deaf_to_the_terminal
 from groundstation.live.head_device import DeviceError, HeadDevice, open_head
 from groundstation.live.head_worker import HeadWorker, head_limits
 from groundstation.live.inbox import Inbox, Item, Said
@@ -105,7 +105,7 @@ class Heads:
         process = context.Process(
             target=serve_heads, args=(self._heads, self._start_s, other), name="ptus", daemon=True
         )
-        with deaf_to_ctrl_c():
+        with deaf_to_the_terminal():
             process.start()
         self._process = process
         other.close()

@@ -57,8 +57,8 @@ class OperationResult:
     """How an operation went.
 
     ``epochs`` pairs were answered, ``dropped`` counts what was not taken, ``latency_*`` from a pair's first frame at
-    the host to its answer, ``tracking_*`` while tracking; ``counts`` are the pipeline's; ``busy_s`` is what its thread
-    computed in ``elapsed_s``.
+    the host to its answer, ``tracking_*`` while tracking, 0 where there is none; ``counts`` are the pipeline's;
+    ``busy_s`` is what its thread computed in ``elapsed_s``.
     """
 
     elapsed_s: float

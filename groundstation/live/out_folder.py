@@ -16,6 +16,11 @@ def require_free(out: Path) -> None:
         raise InputError(str(out), got=f"{above}, a file", wanted="a folder that another one can be made in")
 
 
+def written_files(out: Path) -> tuple[Path, ...]:
+    """Return the files of a folder in order of name; one in which the disk took nothing is none."""
+    return tuple(sorted(p for p in out.iterdir() if p.is_file() and not p.is_symlink() and p.stat().st_size > 0))
+
+
 @contextlib.contextmanager
 def taken_back_unless_begun(out: Path) -> Iterator[Callable[[], None]]:
     """Yield what to call once there is something to keep; where that was never called, ``out`` is left as it was.
@@ -26,9 +31,12 @@ def taken_back_unless_begun(out: Path) -> Iterator[Callable[[], None]]:
     begun: list[bool] = []
     try:
         yield lambda: begun.append(True)
-    except BaseException:
+    except BaseException as fault:
         if not begun:
             _empty(out, remove=not was_there)
+            if isinstance(fault, OSError) and fault.filename and Path(str(fault.filename)).is_relative_to(out):
+                got, wanted = fault.strerror or str(fault), "a folder that files can be made in"
+                raise InputError(str(out), got=got, wanted=wanted) from fault
         raise
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.hand_over import quick_hand_over
-from groundstation.live.child import deaf_to_ctrl_c
+from groundstation.live.child import deaf_to_the_terminal
 from groundstation.live.due_line import DueLine
 from groundstation.live.simulated_receiver import ReceiverModel, SimulatedReceiver
 from groundstation.live.timed_faults import (
@@ -129,12 +129,13 @@ class SimulatedRange:
         context = mp.get_context("spawn")
         ends: dict[str, Connection] = {}
         for name, (w, h) in self._sizes.items():
-            self._memory[name] = SharedMemory(create=True, size=_SLOTS * w * h)
+            with deaf_to_the_terminal():
+                self._memory[name] = SharedMemory(create=True, size=_SLOTS * w * h)
             self._pipes[name], ends[name] = context.Pipe(duplex=False)
         self._control, other = context.Pipe()
         blocks = {name: memory.name for name, memory in self._memory.items()}
         process = context.Process(target=serve_range, args=(self._config, blocks, ends, other), daemon=True)
-        with deaf_to_ctrl_c():
+        with deaf_to_the_terminal():
             process.start()
         self._process = process
         for end in (*ends.values(), other):

@@ -26,7 +26,7 @@ from groundstation.sinks.recorder_messages import RecordingMessages
 from groundstation.sinks.recorder_output import RawOutput, RetriedOutput, new_file
 from groundstation.sinks.recorder_queue import Answer, EventLine, FramePixels, RecorderQueue
 from groundstation.sinks.recorder_rates import RateBook
-from groundstation.sinks.recorder_status import PATIENT, RecorderConfig, RecorderState, RecorderStatus
+from groundstation.sinks.recorder_status import PATIENT, RecorderConfig, RecorderState, RecorderStatus, left_to_recover
 from groundstation.sinks.recorder_writer import RecorderWriter
 
 _PATIENT_FILL = 0.5
@@ -157,7 +157,8 @@ class Recorder:
         self._queue.close()
         self._thread.join(self._config.close_s)
         if self._thread.is_alive():
-            self._state, self._reason = RecorderState.FAILED, "the disk did not answer at the end; see `recover`"
+            self._state = RecorderState.FAILED
+            self._reason = "the disk did not answer at the end" + left_to_recover(self._output.written_bytes)
 
     def _wait(self) -> None:
         """Wait while much is to be written; raises `InputError` if that will not be."""

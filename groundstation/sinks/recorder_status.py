@@ -82,5 +82,10 @@ class RecorderStatus:
         return text
 
 
+def left_to_recover(written_bytes: int) -> str:
+    """Return what is to be done about a recording that the disk ended."""
+    return "; see `recover`" if written_bytes else "; nothing could be recorded"
+
+
 # nothing waits longer than its picture takes to be packed
 PATIENT = RecorderConfig(patient=True, png_fill=2.0, close_s=120.0)

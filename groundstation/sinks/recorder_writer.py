@@ -8,7 +8,7 @@ from groundstation.sinks.recorder_messages import RecordingMessages
 from groundstation.sinks.recorder_output import RetriedOutput
 from groundstation.sinks.recorder_queue import Answer, RecorderQueue
 from groundstation.sinks.recorder_rates import RateBook
-from groundstation.sinks.recorder_status import RecorderConfig, RecorderState
+from groundstation.sinks.recorder_status import RecorderConfig, RecorderState, left_to_recover
 
 
 class RecorderWriter:
@@ -36,13 +36,14 @@ class RecorderWriter:
         self._flushed_s = self._synced_s = clock()
         self._looked_s = -1e9
         self._give_up_s: float | None = None
+        self._refused = ""
 
     def run(self) -> None:
         """Write until the queue is closed and empty, then the index."""
         while True:
             if not self._may_write():
                 if self._out_of_time():
-                    self._say(RecorderState.FAILED, "the disk took nothing at the end; see `recover`")
+                    self._fail()
                     return
                 time.sleep(self._config.retry_s)
                 continue
@@ -59,10 +60,15 @@ class RecorderWriter:
         self._messages.finish()
         while not self._commit(sync=True):
             if self._out_of_time():
-                self._say(RecorderState.FAILED, "the disk took nothing at the end; see `recover`")
+                self._fail()
                 return
             time.sleep(self._config.retry_s)
         self._say(RecorderState.CLOSED, "")
+
+    def _fail(self) -> None:
+        """Say why nothing more was taken, and what is left to do."""
+        why = f"the disk took nothing at the end ({self._refused})"
+        self._say(RecorderState.FAILED, why + left_to_recover(self._output.written_bytes))
 
     def _out_of_time(self) -> bool:
         """Return whether closing has waited long enough for a disk that takes nothing."""
@@ -103,6 +109,7 @@ class RecorderWriter:
         return self._commit(sync=False) if self._output.waiting_bytes else True
 
     def _refuse(self, reason: str) -> bool:
+        self._refused = reason
         self._queue.refuse_pictures = reason
         self._say(RecorderState.WAITING, reason)
         return False

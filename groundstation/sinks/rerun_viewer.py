@@ -19,6 +19,8 @@ STARTUP_S = 2.0
 _END_S = 10.0
 # what a viewer that comes late may still see
 _SERVER_MEMORY = "256MB"
+# a window that is open all day beside a station: beyond it the oldest goes
+_LIVE_MEMORY = "1GB"
 
 
 class ViewerError(GroundstationError):
@@ -90,21 +92,22 @@ def has_display(environment: Mapping[str, str]) -> bool:
 
 def live_viewer_command(port: int) -> list[str]:
     """Return the command that opens a viewer waiting for data on a port of this machine, and of no other."""
-    return [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
+    command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
+    return [*command, "--memory-limit", _LIVE_MEMORY]
 
 
-def open_live_stream(application: str, environment: Mapping[str, str]) -> rr.RecordingStream:
+def open_live_stream(application: str, environment: Mapping[str, str], instead: str) -> rr.RecordingStream:
     """Open the desktop viewer and return a stream that it shows as the data come.
 
-    ``environment`` is the caller's (os.environ). Raises `ViewerError` where there is no display or the viewer
-    stops at once.
+    ``environment`` is the caller's (os.environ), ``instead`` what the user can do where it fails. Raises
+    `ViewerError` where there is no display or the viewer stops at once.
     """
     if not has_display(environment):
-        raise ViewerError("no display for --view; --save-video writes the same pictures into a file")
+        raise ViewerError(f"no display for --view; {instead}")
     port = _free_port()
     code = _stopped(_start(live_viewer_command(port), environment))
     if code is not None:
-        raise ViewerError(f"the viewer stopped at once (exit code {code}); --save-video writes a file")
+        raise ViewerError(f"the viewer stopped at once (exit code {code}); {instead}")
     return _stream_to(application, port)
 
 

@@ -12,14 +12,17 @@ from scipy.stats import chi2
 
 from calibration.check import solve_check
 from calibration.check_pictures import expected_px
+from calibration.check_reference import require_seen_anew
 from calibration.check_report import station_line
 from calibration.rig_reach import approach_point
+from calibration.sightings import Sighting, read_sightings
 from calibration.survey import solve_survey
 from groundstation.cli import main
-from groundstation.errors import GroundstationError
+from groundstation.errors import GroundstationError, InputError
 from groundstation.geometry.aim import aim_at
 from groundstation.rig import Rig, load_rig
 from groundstation.rig_toml import rig_to_toml
+from tests.complaints import complaint
 
 KNOCK_RAD = float(np.radians(0.01))
 READINGS = 24
@@ -289,6 +292,40 @@ def test_the_survey_s_own_table_is_not_todays(
     assert [record["decision"] for record in records] == ["refused", "refused"]
     write_sightings(tmp_path / "today.csv", look(day.true, day.stands, rng, 6))
     assert main(check) == 0
+
+
+@pytest.mark.parametrize(
+    "how", ["u_px to 3 decimals", "pixels to 2 decimals", "angles to 3 decimals", "no t_s", "sorted"]
+)
+def test_a_table_is_the_same_however_it_is_written(tmp_path: Path, rng: np.random.Generator, how: str) -> None:
+    """What rounding leaves of the survey's table shows no knock either; seen anew, the same words are another table."""
+    day = morning(rng)
+    path, survey = tmp_path / "today.csv", tmp_path / "rig.sightings.csv"
+    write_sightings(survey, look(day.true, day.stands, rng, 6))
+
+    def rewritten(table: Path) -> tuple[Sighting, ...]:
+        head, *rows = [line.split(",") for line in table.read_text().splitlines()]
+        for row in rows:
+            if how == "u_px to 3 decimals":
+                row[4] = f"{float(row[4]):.3f}"
+            elif how == "pixels to 2 decimals":
+                row[4:6] = [f"{float(v):.2f}" for v in row[4:6]]
+            elif how == "angles to 3 decimals":
+                row[2:4] = [f"{float(v):.3f}" for v in row[2:4]]
+            elif how == "no t_s":
+                del row[6]
+        if how == "no t_s":
+            del head[6]
+        if how == "sorted":
+            rows.sort()
+        path.write_text("\n".join(",".join(line) for line in [head, *rows]) + "\n")
+        return read_sightings(path)
+
+    then = read_sightings(survey)
+    message = complaint(InputError, lambda: require_seen_anew(rewritten(survey), then, path, survey))
+    assert "today.csv: got 72 of 72 rows that stand in rig.sightings.csv, too" in message
+    write_sightings(tmp_path / "new.csv", look(day.true, day.stands, rng, 6))
+    require_seen_anew(rewritten(tmp_path / "new.csv"), then, path, survey)
 
 
 def test_sightings_of_another_set_up_are_no_reference(

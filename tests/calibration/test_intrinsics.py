@@ -9,11 +9,17 @@ import pytest
 from calibration.boards import parse_board
 from calibration.errors import IntrinsicsError
 from calibration.intrinsics import calibrate_intrinsics
+from calibration.lens_model import PARAMETERS, CalibratedLens
+from calibration.lens_rig import write_rig_with_lens
 from calibration.pictures import GreyPicture, read_pictures
 from calibration.view_choice import Choice
 from groundstation.cli import main
 from groundstation.geometry.camera import Lens
+from groundstation.rig import Rig, load_rig
+from groundstation.rig_covariance import ParameterCovariance
+from groundstation.rig_toml import rig_to_toml
 from tests.calibration.boards_seen import Pose, a_lens, a_pose, parameters, render
+from tests.calibration.mounts import plain_station
 from tests.complaints import complaint
 
 CHARUCO = "charuco:7x5:0.04:0.03"
@@ -58,6 +64,24 @@ def test_rendered_pictures_give_the_lens(shots: list[GreyPicture]) -> None:
     assert list(said) == [s.name for s in shots]
 
 
+def test_plain_opencv_finds_the_same_in_the_same_pictures(shots: list[GreyPicture]) -> None:
+    """OpenCV from end to end: its detector's corners, its `calibrateCamera`, in the pictures that were used."""
+    found = calibrate_intrinsics(shots, parse_board(CHARUCO))
+    used = {v.name for v in found.verdicts if v.choice is Choice.USED}
+    board = cv2.aruco.CharucoBoard((7, 5), 0.04, 0.03, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
+    detector = cv2.aruco.CharucoDetector(board)
+    points, pixels = [], []
+    for shot in shots:
+        if shot.name in used:
+            corners, ids, _, _ = detector.detectBoard(shot.grey)
+            on_board, in_picture = board.matchImagePoints(corners, ids)
+            points.append(on_board)
+            pixels.append(in_picture)
+    _, matrix, distortion, _, _ = cv2.calibrateCamera(points, pixels, LENS.image_size_px, np.eye(3), np.zeros(5))
+    plain = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *distortion.reshape(-1)])
+    assert np.all(np.abs(parameters(found.fit.lens) - plain) < found.fit.sigma)
+
+
 def test_a_chessboard_gives_the_lens(rng: np.random.Generator) -> None:
     board = parse_board("chessboard:7x5:0.04")
     poses = [a_pose(rng, board, CHESS_LENS, tilt_deg=35.0, fill=0.5) for _ in range(12)]
@@ -87,7 +111,67 @@ def test_the_command_writes_lens_and_report(
     assert "k3 = 0" in capsys.readouterr().err
     assert not kalibr.exists()
     assert main(["calibrate", "convert-lens", str(out), str(kalibr), "--format", "kalibr", "--refit"]) == 0
-    assert "a pixel moves by at most" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "a pixel moves by at most" in said
+    assert "the lens's covariance is not carried" in said
+    assert main(["calibrate", "convert-lens", str(kalibr), str(tmp_path / "again.yaml"), "--format", "kalibr"]) == 0
+    assert main(["calibrate", "convert-lens", str(out), str(tmp_path / "cv.yaml")]) == 0
+    assert "covariance" not in capsys.readouterr().out
+
+
+def test_the_command_writes_a_whole_rig_and_never_a_lens_over_one(
+    shots: list[GreyPicture], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The lens of one station is new, with its covariance; a rig under --out without --rig is refused, and stays."""
+    folder, given = _folder(tmp_path / "shots", shots), tmp_path / "rig.toml"
+    left, right = plain_station(), plain_station(name="right", ptu_position_m=np.array([5.0, 0.0, 1.6]))
+    given.write_text(rig_to_toml(Rig(stations=(left, right))))
+    before = given.read_bytes()
+    arguments = ["calibrate", "intrinsics", str(folder), "--board", CHARUCO]
+    assert main([*arguments, "--out", str(given)]) == 1
+    assert "rig.toml: got a rig file with [[station]]" in capsys.readouterr().err
+    for wrong in (["--rig", str(given)], ["--station", "left"], ["--rig", str(given), "--station", "left"]):
+        out = tmp_path / ("x.yaml" if len(wrong) == 4 else "x.toml")
+        assert main([*arguments, *wrong, "--out", str(out)]) == 2
+    out = tmp_path / "better.toml"
+    assert main([*arguments, "--rig", str(given), "--station", "middle", "--out", str(out)]) == 1
+    assert "--station with one of left, right" in capsys.readouterr().err
+    assert main([*arguments, "--rig", str(given), "--station", "right", "--out", str(out)]) == 0
+    assert "next: right was aimed with its lens of before" in capsys.readouterr().out
+    assert given.read_bytes() == before
+    rig = load_rig(out)
+    assert rig["left"].lens.image_size_px == left.lens.image_size_px
+    assert rig["right"].ptu_position_m.tolist() == [5.0, 0.0, 1.6]
+    found = rig["right"].lens
+    assert found.image_size_px == (480, 360)
+    np.testing.assert_allclose(found.focal_px, LENS.focal_px, rtol=0.005)
+    assert set(rig["right"].covariance_parameters) == set(PARAMETERS)
+    place = rig["right"].covariance_parameters.index("focal.x")
+    assert 0.0 < rig["right"].covariance[place, place] < (0.005 * 520.0) ** 2
+
+
+def test_another_lens_leaves_what_else_a_rig_knows(tmp_path: Path) -> None:
+    """Own and shared covariance lose what they said of the lens, and nothing else; the file is read back."""
+    names = ("head_from_camera.x", "focal.x", "camera_in_head.y")
+    own = np.array([[4e-8, 1e-5, 1e-8], [1e-5, 9.0, 0.0], [1e-8, 0.0, 1e-6]])
+    left = plain_station(covariance_parameters=names, covariance=own)
+    right = plain_station(name="right")
+    together = ("left.head_from_camera.x", "right.head_from_camera.x", "left.focal.x", "left.camera_clock.offset")
+    matrix = np.diag([4e-8, 5e-8, 9.0, 1e-6])
+    matrix[0, 1] = matrix[1, 0] = 2e-8
+    matrix[0, 2] = matrix[2, 0] = 1e-5
+    rig = Rig(stations=(left, right), shared_covariance=ParameterCovariance(names=together, matrix=matrix))
+    covariance = np.diag([1.0, 1.0, 2.0, 2.0, 1e-6, 1e-4, 1e-8, 1e-8, 0.0])
+    covariance[0, 1] = covariance[1, 0] = 0.9
+    write_rig_with_lens(tmp_path / "out.toml", rig, "left", CalibratedLens(lens=LENS, covariance=covariance))
+    found = load_rig(tmp_path / "out.toml")
+    assert found["left"].covariance_parameters == ("head_from_camera.x", "camera_in_head.y", *PARAMETERS[:8])
+    np.testing.assert_array_equal(found["left"].covariance[:2, :2], own[np.ix_([0, 2], [0, 2])])
+    np.testing.assert_array_equal(found["left"].covariance[2:, 2:], covariance[:8, :8])
+    assert not found["left"].covariance[:2, 2:].any()
+    assert found.shared_covariance.names == (*together[:2], together[3])
+    np.testing.assert_array_equal(found.shared_covariance.matrix, matrix[np.ix_([0, 1, 3], [0, 1, 3])])
+    assert found["right"].lens.focal_px.tolist() == right.lens.focal_px.tolist()
 
 
 def test_three_views_are_too_few(shots: list[GreyPicture]) -> None:
@@ -98,7 +182,7 @@ def test_three_views_are_too_few(shots: list[GreyPicture]) -> None:
 def test_views_all_alike_are_too_few(shots: list[GreyPicture]) -> None:
     same = [GreyPicture(name=f"{i}.png", grey=shots[0].grey) for i in range(8)]
     message = complaint(IntrinsicsError, lambda: calibrate_intrinsics(same, parse_board(CHARUCO)))
-    assert "got 1 usable views of 8 pictures (7 nearly the same as another)" in message
+    assert "got 1 usable view of 8 pictures (7 nearly the same as another)" in message
 
 
 @pytest.mark.parametrize("spec", ["charuco:7x5:0.04:0.03:DICT_6X6_50", "chessboard:9x6:0.04", "charuco:11x8:0.04:0.03"])
@@ -145,3 +229,10 @@ def test_a_video_is_read_like_pictures(shots: list[GreyPicture], tmp_path: Path)
 )  # fmt: skip
 def test_a_board_that_cannot_be(spec: str) -> None:
     assert complaint(IntrinsicsError, lambda: parse_board(spec)).startswith("--board: got ")
+
+
+@pytest.mark.parametrize("spec", ["charuco:7x5:40:30", "chessboard:8x6:30", "chessboard:8x6:2.5"])
+def test_squares_in_millimetres_are_refused_with_a_hint(spec: str) -> None:
+    message = complaint(IntrinsicsError, lambda: parse_board(spec))
+    assert message == f"--board: got '{spec}'; wanted edges in m, above 0.0001 and up to 2 (40 mm are 0.04)"
+    assert parse_board("chessboard:8x6:2").square_m == 2.0

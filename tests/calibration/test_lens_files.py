@@ -134,6 +134,18 @@ def test_a_rig_gives_its_lens(landing_1: Path, tmp_path: Path) -> None:
     )
 
 
+def test_a_lens_is_not_written_over_a_rig(landing_1: Path, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_bytes((landing_1 / "rig.toml").read_bytes())
+    back = read_lens(rig, "right")
+    message = complaint(IntrinsicsError, lambda: write_lens(rig, back, "toml"))
+    assert "got a rig file with [[station]], which would be lost; wanted another name" in message
+    assert rig.read_bytes() == (landing_1 / "rig.toml").read_bytes()
+    for _ in range(2):
+        write_lens(tmp_path / "lens.toml", back, "toml")
+    assert np.array_equal(parameters(read_lens(tmp_path / "lens.toml").lens), parameters(back.lens))
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

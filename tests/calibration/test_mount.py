@@ -15,12 +15,13 @@ from calibration.mount_pictures import find_lamp
 from calibration.mount_pointing import pointing_sigma
 from calibration.mount_problem import Mark, MarkKind, MountProblem, MountSightings
 from calibration.mount_report import format_mount, verdict
-from calibration.mount_session import StationMount, calibrate_station
+from calibration.mount_session import StationMount, calibrate_mounts, calibrate_station, write_rig
 from calibration.mount_standstills import standstills, with_shared_error
 from groundstation.cli import main
 from groundstation.errors import InputError
 from groundstation.geometry.rotation import rotation_from_vector, rotation_x, rotation_y, wxyz_from_matrix
 from groundstation.rig import Rig, Station, load_rig
+from groundstation.rig_covariance import ParameterCovariance
 from groundstation.rig_toml import rig_to_toml
 from tests.calibration.mounts import (
     GRID_ROWS,
@@ -222,6 +223,62 @@ def test_marks_of_unknown_place_leave_the_base_alone(made, rng) -> None:
         assert abs(off[name]) < 4.5 * one.fit.sigma(name), name
     text = format_mount(one)
     assert "no mark of known place" in text
+
+
+def lone_mark(station: Station, tilt_deg: float) -> Mark:
+    up = np.radians(tilt_deg)
+    place = station.ptu_position_m + 60.0 * np.array([-0.1 * np.cos(up), np.cos(up), np.sin(up)])
+    return Mark(name="lamp", kind=MarkKind.UNKNOWN_POINT, place_m=place, sigma=np.zeros(3), runway_from_board=np.eye(3))
+
+
+def unknown_place(mark: Mark) -> Mark:
+    return replace(mark, place_m=np.array([0.0, 50.0, 0.0]))
+
+
+def test_marks_of_unknown_place_near_the_horizon_write_no_rig(made, rng, tmp_path, capsys) -> None:
+    """A lone lamp, then two, leave the boresight's pan and tilt open; refused with what is missing."""
+    station, true, _ = made
+    marks = (lone_mark(true, 6.0), replace(lone_mark(true, 12.0), name="lantern"))
+    for some, told in ((marks[:1], "60 sightings of one mark"), (marks, "60 sightings of 2 marks")):
+        command = tables(tmp_path, station, look(true, some, rng, 60), some)
+        at = command.index("--landmarks")
+        assert main([*command[:at], *command[at + 2 :]]) == 1
+        error = capsys.readouterr().err.strip()
+        assert f"got {told} of unknown place, which leave where the camera looks open by 0." in error
+        assert "(--landmarks)" in error
+        assert "or a board" in error
+        assert len(error.splitlines()) == 1
+        assert not (tmp_path / "out.toml").exists()
+
+
+def test_a_lone_mark_high_up_tells_where_the_camera_looks(made, rng) -> None:
+    """50 degrees up the boresight comes out within its sigma, and better than the rig's 0.3 deg."""
+    station, true, _ = made
+    lamp = lone_mark(true, 50.0)
+    one = calibrate_station(station, look(true, (lamp,), rng, 60), (unknown_place(lamp),), USUAL_WORDS)
+    off = off_by(one.after, true)
+    for axis in "xz":
+        name = f"head_from_camera.{axis}"
+        place = one.after.covariance_parameters.index(name)
+        assert abs(off[name]) < 4.0 * np.sqrt(one.after.covariance[place, place]) < np.radians(0.8), name
+
+
+def test_a_boresight_before_a_board_is_off_by_what_its_sigma_says() -> None:
+    """Six boards of unknown place: they stay as they are, for their sigmas cover the errors (chi-square)."""
+    squares: dict[str, float] = {}
+    for seed in range(6):
+        rng = np.random.default_rng([45, seed])
+        station = plain_station()
+        true = spoiled(station, rng)
+        seen = look(true, (standing_board(true),), rng, 30, Noise(px=0.1), {"board": board_body()[[0, 7, 40, 47]]})
+        one = calibrate_station(station, seen, (UNKNOWN_BOARD,), USUAL_WORDS)
+        off = off_by(one.after, true)
+        for axis in "xyz":
+            name = f"head_from_camera.{axis}"
+            place = one.after.covariance_parameters.index(name)
+            squares[name] = squares.get(name, 0.0) + off[name] ** 2 / one.after.covariance[place, place]
+    low, high = chi2.ppf([1e-3, 1 - 1e-3], 6)
+    assert all(low < total < high for total in squares.values()), squares
 
 
 def test_a_board_gives_backlash_and_lever_arm(made, rng) -> None:
@@ -479,6 +536,22 @@ def test_what_is_held_keeps_value_and_covariance(made, rng, tmp_path, capsys) ->
         assert found.camera_in_head_m["xyz".index(axis)] == station.camera_in_head_m["xyz".index(axis)]
     places = [found.covariance_parameters.index(f"camera_in_head.{axis}") for axis in "yz"]
     np.testing.assert_allclose(found.covariance[np.ix_(places, places)], given[1:, 1:], rtol=1e-9)
+
+
+def test_what_two_stations_knew_together_goes_where_one_is_found_anew(made, rng, tmp_path) -> None:
+    """The rig that is written can be read: its shared covariance no longer states what the station now does."""
+    station, true, marks = made
+    left = replace(station, covariance_parameters=("head_from_camera.x",), covariance=np.array([[1e-4]]))
+    names = ("left.head_from_camera.x", "right.head_from_camera.x", "right.head_from_camera.z")
+    matrix = 5e-5 * (np.eye(3) + np.ones((3, 3)))
+    rig = Rig(
+        stations=(left, replace(left, name="right")), shared_covariance=ParameterCovariance(names=names, matrix=matrix)
+    )
+    found = calibrate_mounts(rig, {"left": look(true, marks, rng, 60)}, marks)
+    write_rig(tmp_path / "out.toml", found)
+    back = load_rig(tmp_path / "out.toml")
+    assert back.shared_covariance.names == names[1:]
+    np.testing.assert_array_equal(back.shared_covariance.matrix, matrix[1:, 1:])
 
 
 def test_tables_calibrate_by_the_command(made, rng, tmp_path, capsys) -> None:

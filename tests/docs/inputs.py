@@ -52,6 +52,7 @@ def _lens(folder: Path, rng: np.random.Generator) -> None:
     (folder / "shots").mkdir(parents=True)
     for k in range(10):
         cv2.imwrite(str(folder / "shots" / f"{k:02d}.png"), render(rng, board, lens, a_pose(rng, board, lens)))
+    (folder / "rig.toml").write_text(rig_to_toml(Rig(stations=(plain_station(),))))
 
 
 def _mount(folder: Path, rng: np.random.Generator) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from groundstation.live.board import Board, DeviceState
+from groundstation.live.board import Board, DeviceState, dropped_words
 from groundstation.live.camera_words import clock_words, lost_words
 from groundstation.messages import Kinematics, TrackEstimate, TrackStatus, TriangulationStatus
 from groundstation.sources.cameras.camera import CameraCounts
@@ -41,6 +41,21 @@ def test_delays_are_from_the_first_frame_to_the_answer() -> None:
     assert "delay 10 ms" in status.one_line()
     assert "dropped: 2 frames of left" in status.one_line()
     assert status.one_line().endswith("recording, 3 MB/s")
+
+
+def test_one_of_a_kind_is_told_in_the_singular() -> None:
+    dropped = {"frames of left": 1, "frames of right": 2, "readings": 1, "pairs, being behind": 1}
+    assert dropped_words(dropped) == "dropped: 1 frame of left, 2 frames of right, 1 reading, 1 pair, being behind"
+
+
+def test_zero_has_no_sign() -> None:
+    """Expected: what is -0.04 m is told as +0.0."""
+    board, newest = Board(), answer(0)
+    assert newest.kinematics is not None
+    near = replace(newest.kinematics, position_runway_m=np.array([-0.04, 212.0, -0.04]))
+    board.answered(replace(newest, kinematics=near), 0.0)
+    said = board.status(0.0, TrackStatus.TRACKING, (), {}, "").lines[0]
+    assert said == "tracking at 212 ± 0.5 m, x +0.0 ± 0.10, z 0.0 ± 0.10"
 
 
 def test_before_anything_has_come() -> None:

@@ -1,25 +1,52 @@
-"""Ctrl-C while a station is being opened: nobody is left behind, and nobody complains."""
+"""Ctrl-C or a closed terminal: nobody is left behind, and nobody complains."""
 
+import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, TextIO
 
 import pytest
 
-from groundstation.live.child import deaf_to_ctrl_c
-from groundstation.live.command import LiveRequest, live
+from groundstation.cli import main
+from groundstation.live.board import LiveStatus
+from groundstation.live.child import deaf_to_the_terminal
+from groundstation.live.command import LiveRequest, LiveResult, live
+from groundstation.stop_asked import StopAsked
+from tests.live.test_ending_words import ended
+from tests.live.test_words import status
 
-ASKED = "import signal, sys; sys.exit(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
+SIGNALS = (signal.SIGINT, signal.SIGHUP)
+ASKED = "import signal, sys; sys.exit(sum(s in signal.pthread_sigmask(signal.SIG_BLOCK, []) for s in (1, 2)))"
+STARTED = """
+import signal
+from multiprocessing import resource_tracker
+from pathlib import Path
+from groundstation.live.child import deaf_to_the_terminal
+with deaf_to_the_terminal():
+    inside = signal.pthread_sigmask(signal.SIG_BLOCK, [])
+lines = Path(f"/proc/{resource_tracker._resource_tracker._pid}/status").read_text().splitlines()
+blocked = int(next(line for line in lines if line.startswith("SigBlk")).split()[1], 16)
+print(sorted(int(s) for s in inside), blocked & 1, sorted(signal.pthread_sigmask(signal.SIG_BLOCK, [])))
+"""
 
 
 def test_a_child_hears_nothing_and_its_parent_hears_again() -> None:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
-    with deaf_to_ctrl_c():
+    with deaf_to_the_terminal():
         deaf = subprocess.run([sys.executable, "-S", "-c", ASKED], check=False).returncode
     hears = subprocess.run([sys.executable, "-S", "-c", ASKED], check=False).returncode
-    assert (deaf, hears) == (1, signal.SIGINT in before)
+    assert (deaf, hears) == (2, sum(s in before for s in SIGNALS))
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == before
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the mask of another process is read in /proc")
+def test_the_first_child_is_as_deaf_and_so_is_the_librarys_own_process() -> None:
+    """Expected: where `multiprocessing` starts its tracker only now, which lets its caller hear Ctrl-C again."""
+    done = subprocess.run([sys.executable, "-c", STARTED], check=True, capture_output=True, text=True)
+    assert done.stdout == "[1, 2] 1 []\n"
 
 
 def test_what_is_not_wanted_any_more_is_not_opened(tmp_path: Path) -> None:
@@ -28,3 +55,77 @@ def test_what_is_not_wanted_any_more_is_not_opened(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         live(request, lambda: True, lambda status: None, said.append)
     assert said == []
+
+
+@pytest.fixture
+def dead_terminal() -> Iterator[TextIO]:
+    """A terminal whose window has been closed: every write is an error."""
+    window, end = os.openpty()
+    os.close(window)
+    with os.fdopen(end, "w", encoding="utf-8", closefd=True) as stream:
+        with pytest.raises(OSError, match="Input/output error"):
+            os.write(end, b"x")
+        yield stream
+
+
+def hang_up(times: int) -> None:
+    for _ in range(times):
+        os.kill(os.getpid(), signal.SIGHUP)
+
+
+def test_a_closed_terminal_lands_it_softly(dead_terminal: TextIO, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: SIGHUP, however often, only asks for the end, and what cannot be said stops nothing; exit code 0."""
+
+    def flown(
+        request: LiveRequest,
+        stop: Callable[[], bool],
+        tell: Callable[[LiveStatus], None],
+        say: Callable[[str], None],
+    ) -> LiveResult:
+        say("opening the PTUs")
+        assert not stop()
+        hang_up(3)
+        assert stop()
+        tell(status("tracking"))
+        tell(status("parking"))
+        return ended()
+
+    monkeypatch.setattr("groundstation.live.command.live", flown)
+    monkeypatch.setattr(sys, "stdout", dead_terminal)
+    monkeypatch.setattr(sys, "stderr", dead_terminal)
+    before = signal.getsignal(signal.SIGHUP)
+    assert main(["live", "--simulate", "--out", "x"]) == 0
+    assert signal.getsignal(signal.SIGHUP) is before
+    # nothing is left that would fail when the program ends
+    dead_terminal.flush()
+
+
+def test_a_terminal_that_closes_while_it_starts(
+    dead_terminal: TextIO, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Expected: as after Ctrl-C: nothing is opened, nothing left behind, exit code 130."""
+
+    def starting(*given: Any) -> LiveResult:
+        hang_up(2)
+        return live(*given)
+
+    monkeypatch.setattr("groundstation.live.command.live", starting)
+    monkeypatch.setattr(sys, "stderr", dead_terminal)
+    assert main(["live", "--simulate", "--out", str(tmp_path / "out")]) == 130
+    assert not (tmp_path / "out").exists()
+
+
+def test_nohup_is_obeyed_and_who_presses_twice_need_not_wait() -> None:
+    before = {s: signal.getsignal(s) for s in (signal.SIGHUP, signal.SIGINT)}
+    try:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        with StopAsked() as stop:
+            hang_up(1)
+            assert not stop()
+            os.kill(os.getpid(), signal.SIGINT)
+            assert stop()
+            assert signal.getsignal(signal.SIGINT) is before[signal.SIGINT]
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

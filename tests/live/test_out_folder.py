@@ -70,3 +70,12 @@ ptu = "{tmp_path}/right"
         assert not (tmp_path / "out").exists()
     assert "left: PTU:" in said[0]
     assert said[0] == said[1]
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    """Expected: what was got and wanted, where the system gives a number; another file's fault stays what it is."""
+    out = tmp_path / "out"
+    with pytest.raises(InputError, match=r"out: got No such file or directory; wanted a folder that files can be"):
+        operate(out, FileNotFoundError(2, "No such file or directory", str(out)), begins=False)
+    with pytest.raises(FileNotFoundError):
+        operate(out, FileNotFoundError(2, "No such file or directory", "/elsewhere"), begins=False)

@@ -92,6 +92,27 @@ def test_a_disk_that_takes_nothing_ever_does_not_stop_the_flight(tmp_path: Path)
     assert status.records_lost >= status.events_lost
     assert status.events_lost <= number
     assert "the disk took nothing" in status.line()
+    # a file of no bytes is nothing that could be recovered
+    assert status.written_bytes == path.stat().st_size == 0
+    assert "(the disk takes nothing (No space left on device)); nothing could be recorded, 0.0 MB" in status.line()
+    assert "recover`" not in status.line()
+
+
+def test_a_disk_that_is_full_from_some_byte_on_leaves_something_to_recover(tmp_path: Path) -> None:
+    path, taken = tmp_path / "flight.mcap", [3]
+
+    def before() -> None:
+        taken[0] -= 1
+        if taken[0] < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    config = RecorderConfig(chunk_bytes=4096, retry_s=0.001, chunk_s=0.001, close_s=0.2)
+    with Recorder(
+        path, small_rig(), header(), config, output=FaultyFile(path, before), free_bytes=lambda: PLENTY
+    ) as recorder:
+        feed(recorder, 20)
+    assert 0 < recorder.status.written_bytes == path.stat().st_size
+    assert "; see `recover`, " in recorder.status.line()
 
 
 def test_while_the_disk_hangs_pictures_go_first_and_every_event_is_kept(tmp_path: Path) -> None:

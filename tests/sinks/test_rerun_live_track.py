@@ -55,8 +55,14 @@ def test_the_live_viewer_listens_to_this_machine_alone() -> None:
     assert command[command.index("--port") + 1] == "9999"
 
 
+def test_the_live_viewer_keeps_so_much_and_no_more() -> None:
+    """Expected: a stated bound, where Rerun's own is three quarters of the machine."""
+    command = live_viewer_command(9999)
+    assert command[command.index("--memory-limit") + 1] == "1GB"
+
+
 def test_a_live_viewer_that_stops_at_once_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     stops = [rerun_viewer.sys.executable, "-c", "raise SystemExit(4)"]
     monkeypatch.setattr(rerun_viewer, "live_viewer_command", lambda _: stops)
-    with pytest.raises(ViewerError, match="exit code 4"):
-        open_live_stream(APPLICATION, {"DISPLAY": ":0"})
+    with pytest.raises(ViewerError, match=r"\(exit code 4\); try another"):
+        open_live_stream(APPLICATION, {"DISPLAY": ":0"}, "try another")

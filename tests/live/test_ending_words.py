@@ -1,0 +1,79 @@
+"""What `live` says at its end, its exit code, and what to do where its screen cannot be shown."""
+
+import sys
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from groundstation.cli import main
+from groundstation.cli_live import _words
+from groundstation.live.command import LiveRequest, LiveResult, _screen
+from groundstation.live.operation import OperationResult
+from groundstation.live.out_folder import written_files
+from groundstation.live.simulated_day import simulated_set_up
+from groundstation.simulation.cases import standard_rig
+from groundstation.sinks.rerun_viewer import ViewerError
+
+
+def ended(*, epochs: int = 40, tracked: int = 20, p50_ms: float = 9.0, tracking_p50_ms: float = 7.5) -> LiveResult:
+    """An operation's end; delays of 0 are those of nothing."""
+    return LiveResult(
+        operation=OperationResult(
+            elapsed_s=10.0,
+            epochs=epochs,
+            tracked=tracked,
+            latency_p50_ms=p50_ms,
+            latency_p99_ms=2.0 * p50_ms,
+            tracking_p50_ms=tracking_p50_ms,
+            tracking_p99_ms=2.0 * tracking_p50_ms,
+            dropped={},
+            counts={},
+            busy_s=1.0,
+        ),
+        files=(),
+        score=None,
+    )
+
+
+def test_delays_of_nothing_are_not_told() -> None:
+    """Expected: a line for what was measured; none, rather than 0.0 ms, where nothing was tracked or nothing came."""
+    assert "the same while tracking: median 7.5 ms, 99 % within 15.0 ms" in _words(ended())
+    never = _words(ended(tracked=0, tracking_p50_ms=0.0))
+    assert "its answer: median 9.0 ms, 99 % within 18.0 ms" in never
+    assert "while tracking" not in never
+    nothing = _words(ended(epochs=0, tracked=0, p50_ms=0.0, tracking_p50_ms=0.0))
+    assert nothing.startswith("0 pairs in 10.0 s, tracking in 0.0 % of them\nthe pipeline computed")
+    assert " 0.0 ms" not in nothing
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems always have a display")
+def test_without_a_display_it_names_an_option_that_it_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    request = LiveRequest(station=None, out=tmp_path / "out", simulate=True, screen="desktop")
+    file = simulated_set_up(tmp_path, 30.0, None)
+    with ExitStack() as opened, pytest.raises(ViewerError, match="no display for --view; --web shows the same"):
+        _screen(request, standard_rig(), file, opened, [], [], lambda _: None)
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_where_nothing_was_recorded_the_exit_code_says_so(
+    lost: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: 1 and a line where a recording was wanted and nothing of it is there; 0 where only some of it lacks."""
+    why = "flight.mcap: failed: the disk took nothing at the end (disk full, 12 MB free)"
+    result = replace(ended(), not_whole=(why,), lost=lost)
+    monkeypatch.setattr("groundstation.live.command.live", lambda *_: result)
+    assert main(["live", "--simulate", "--out", "x"]) == int(lost)
+    said = capsys.readouterr()
+    assert f"not whole: {why}" in said.out
+    assert said.err == ("groundstation: nothing could be recorded\n" if lost else "")
+
+
+def test_a_file_of_no_bytes_is_not_listed(tmp_path: Path) -> None:
+    (tmp_path / "flight.mcap").touch()
+    (tmp_path / "track.csv").write_text("t_s\n", encoding="utf-8")
+    (tmp_path / "ptu-left").symlink_to("/dev/pts/none")
+    assert written_files(tmp_path) == (tmp_path / "track.csv",)
