@@ -43,7 +43,7 @@ def add_view(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     view.add_argument(
         "--align",
         choices=_ALIGN,
-        help="what is at time 0 in every run: its first estimate, its touchdown, or nothing "
+        help="what is at the same time in every run: its first estimate, its touchdown, or nothing "
         "(default: none; start where the runs have no time in common)",
     )
     view.add_argument(

@@ -8,7 +8,7 @@ from pathlib import Path
 from groundstation.compared_runs import RECORDING, PlannedRun, SourceKind, planned_runs, results_of
 from groundstation.errors import InputError, RigError, SessionError
 from groundstation.session import load_session
-from groundstation.sinks.rerun_compare import ShownRun, shown_runs, together_in_time, write_comparison
+from groundstation.sinks.rerun_compare import ShownRun, event_at, shown_runs, together_in_time, write_comparison
 from groundstation.sinks.rerun_merge import Align, check_recording
 from groundstation.sinks.rerun_results import recording_of_results
 from groundstation.sinks.rerun_unplayed import recording_of_session
@@ -33,12 +33,16 @@ class ViewRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViewResult:
-    """The recording to open, the names of the runs in it, how they are aligned, and what is to be said."""
+    """The recording to open, the names of the runs in it, how they are aligned, and what is to be said.
+
+    ``event_s`` is the time at which the start or touchdown of each is; None where nothing is aligned.
+    """
 
     recording: Path
     names: tuple[str, ...]
     align: Align
     notes: tuple[str, ...]
+    event_s: float | None = None
 
 
 def prepare_view(
@@ -49,8 +53,7 @@ def prepare_view(
     Raises `InputError` for what is no run, or cannot be shown beside others.
     """
     runs = planned_runs(request.sources, request.configs)
-    if request.save is not None and request.save.resolve() in {run.source.resolve() for run in runs}:
-        raise InputError(str(request.save), got="one of the recordings to show", wanted="another file")
+    _check_not_onto_itself(request.save, runs)
     if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
         raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
     notes: list[str] = []
@@ -76,7 +79,17 @@ def prepare_view(
     path = request.save if request.save is not None else request.work / _VIEW
     _make_folder(path.parent)
     write_comparison(path, shown, align)
-    return ViewResult(recording=path, names=tuple(recordings), align=align, notes=tuple(notes))
+    return ViewResult(
+        recording=path, names=tuple(recordings), align=align, notes=tuple(notes), event_s=event_at(shown, align)
+    )
+
+
+def _check_not_onto_itself(save: Path | None, runs: Sequence[PlannedRun]) -> None:
+    """Refuse to write onto a recording that is to be read, be it given itself or by its folder."""
+    read = {path.resolve() for run in runs for path in (run.source, run.source / RECORDING)}
+    if save is not None and save.resolve() in read:
+        got = "one of the recordings to show, which cannot be written onto itself"
+        raise InputError(str(save), got=got, wanted="another file")
 
 
 def _recording(
@@ -155,5 +168,7 @@ def names_line(result: ViewResult, sources: Sequence[Path]) -> str:
     """Return one line that says what is shown and how."""
     if len(result.names) == 1:
         return f"showing {sources[0]}"
-    how = "each in its own time" if result.align is Align.NONE else f"time 0 is each one's {result.align.value}"
+    how = (
+        "each in its own time" if result.event_s is None else f"{result.align.value} of each at {result.event_s:.0f} s"
+    )
     return f"showing {', '.join(result.names)} on one runway, {how}"

@@ -62,6 +62,10 @@ th,td{padding:.15rem .2rem}td.text{min-width:0}
 .axes{grid-template-columns:repeat(3,minmax(2.4em,max-content));column-gap:.4em}
 h2{margin-top:1.2rem}.columns{grid-template-columns:1fr 1fr}}
 """
+_CLOCK_CAVEAT = (
+    "The ± is of what is new at each pair: an error along the path that lasts, as where on the aircraft its nose is "
+    "detected, is not in it, and the clock can be several times as far off."
+)
 
 
 def write_report(path: Path, evaluation: Evaluation, config: EvaluationConfig) -> tuple[Path, ...]:
@@ -168,7 +172,7 @@ def _tiles(summary: dict[str, Any]) -> str:
         tiles.append((f"NIS {nis['mean']:.2f}", f"{nis['rejected']} of {nis['judged']} pixels rejected"))
     offset = summary["reference"]["time_offset"]
     if offset and offset["offset_s"] is not None:
-        tiles.append((f"{offset['offset_s']:+.4f} s", f"DGPS clock ± {1e3 * offset['sigma_s']:.1f} ms"))
+        tiles.append((f"{offset['offset_s']:+.4f} s", f"DGPS clock ± {1e3 * offset['sigma_s']:.1f} ms of noise"))
     if latency["p50"]:
         tiles.append((f"{latency['p50']:.1f} ms", f"median latency, {latency['p99']:.1f} ms at 99 %"))
     tiles += [(f"{value:.3g}", key.replace("_", " ")) for key, value in summary["speed"].items() if value is not None]
@@ -203,7 +207,7 @@ def _reference(reference: dict[str, Any]) -> str:
         text = (
             f"<p>Clock: t<sub>dgps</sub> = t<sub>session</sub> {offset['offset_s']:+.4f} s ± "
             f"{1e3 * offset['sigma_s']:.1f} ms (1 σ), aligned on the {escape(offset['from'])} at {offset['epochs']} "
-            "pairs, beside a constant bias.</p>"
+            f"pairs, beside a constant bias. {_CLOCK_CAVEAT}</p>"
             + ("<p>By the session's word the two clocks are one, so it is not applied.</p>" if one else "")
         )
     spans = "<p>Nothing of the log was left out.</p>"

@@ -1,5 +1,6 @@
 """The runway-edge paper's table 1 and figure 15 on rendered approaches with exact truth."""
 
+import functools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -23,19 +24,19 @@ from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_ro
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Renderer, Sequence
 
-_FRAMES = 50
-_HZ = 10.0
-_KAPPA = intrinsic_matrix(NOSE_LENS)
-_GUESS = RunwayGuess(width_m=20.0, length_m=500.0)
+FRAMES = 50
+HZ = 10.0
+KAPPA = intrinsic_matrix(NOSE_LENS)
+GUESS = RunwayGuess(width_m=20.0, length_m=500.0)
 # an error counts as at most this: a line that is off the picture is lost, however far
-_LOST_PX = 200.0
+LOST_PX = 200.0
 _OURS, _VARIANT, _FLAT, _HOUGH = "ours", "spatially variant", "non-variant", "Hough and Canny"
 # the paper's table 1: mean and spread of the three methods, px
 _PAPERS = (("paper's 1", 6.9, 3.6, 30.9, 24.5, 54.3, 99.4), ("paper's 2", 7.3, 2.9, 32.9, 22.6, 57.9, 39.9))
-_SEED_STEP = 7000
+SEED_STEP = 7000
 _SHOWN = (0, 25, 45)
 _COLOURS = {_OURS: (80, 255, 80), _VARIANT: (255, 160, 60), _HOUGH: (60, 200, 255)}
-_DIFFERENCES = (
+DIFFERENCES = (
     "The paper's two sequences are of a flight simulator and are not published; ours are rendered, 50 frames each, one "
     "for each light, with exact truth, and with taxiways and roads beside the runway.",
     "“Spatially variant” and “non-variant” are the paper's tracker with either energy, started by Algorithm 1; a frame "
@@ -58,8 +59,8 @@ class _Tracked:
 
 def edges(recorded: Recorded) -> Findings:
     """Edges in four lights: ours, the paper's tracker with both energies, and Hough on Canny."""
-    count = round(recorded.at_most_s(_FRAMES / _HZ) * _HZ)
-    tracked = [_track(replace(s, seed=s.seed + _SEED_STEP), count) for s in SEQUENCES[:4]]
+    count = round(recorded.at_most_s(FRAMES / HZ) * HZ)
+    tracked = [_track(replace(s, seed=s.seed + SEED_STEP), count) for s in SEQUENCES[:4]]
     rows: list[list[Cell]] = []
     for one in tracked:
         rows.append([one.sequence.name, len(one.frames), *_rms_and_spread(one.errors)])
@@ -93,7 +94,7 @@ def edges(recorded: Recorded) -> Findings:
         caption="Each light at three moments: the truth red, ours green, the paper's blue, Hough and Canny yellow.",
         draw=lambda path: _draw(tracked, path),
     )
-    return Findings(tables=tables, figures=(figure,), differences=_DIFFERENCES)
+    return Findings(tables=tables, figures=(figure,), differences=DIFFERENCES)
 
 
 def _rms_and_spread(errors: Mapping[str, FloatArray]) -> list[Cell]:
@@ -105,19 +106,19 @@ def _rms_and_spread(errors: Mapping[str, FloatArray]) -> list[Cell]:
     return cells
 
 
-def _truth(sequence: Sequence, pose: CameraPose) -> tuple[FloatArray, FloatArray]:
+def true_edges(sequence: Sequence, pose: CameraPose) -> tuple[FloatArray, FloatArray]:
     """Return where the true edges cross rows (4,), and the rows (2,) between which they are seen."""
     field = sequence.airfield
     guess = RunwayGuess(width_m=field.width_m, length_m=field.length_m, margin_m=0.5, margin_px=0.0)
-    rows = band_rows(pose, _KAPPA, NOSE_LENS.image_size_px, guess)
+    rows = band_rows(pose, KAPPA, NOSE_LENS.image_size_px, guess)
     if isinstance(rows, NoBand):
         rows = np.array([240.0, 300.0])
     lines = np.array([1.0, 0.0, -0.5 * field.width_m, 0.5 * field.width_m])
-    return project_lines(lines, line_map(pose, _KAPPA), rows)[0], rows
+    return project_lines(lines, line_map(pose, KAPPA), rows)[0], rows
 
 
 def _tracker(config: TrackerConfig) -> Step:
-    tracker = EdgeTracker(_KAPPA, NOSE_LENS.image_size_px, config)
+    tracker = EdgeTracker(KAPPA, NOSE_LENS.image_size_px, config)
 
     def step(frame: NoseFrame) -> Found:
         found = tracker.step(frame.image, frame.said).edges
@@ -127,18 +128,18 @@ def _tracker(config: TrackerConfig) -> Step:
 
 
 def _hough(frame: NoseFrame) -> Found:
-    rows = band_rows(frame.said, _KAPPA, NOSE_LENS.image_size_px, _GUESS)
+    rows = band_rows(frame.said, KAPPA, NOSE_LENS.image_size_px, GUESS)
     found = None if isinstance(rows, NoBand) else hough_edges(frame.image, rows)
     return None if found is None or isinstance(rows, NoBand) else (found, rows)
 
 
 def _track(sequence: Sequence, count: int) -> _Tracked:
     """Run every method over a sequence."""
-    frames = _frames(sequence, count)
+    frames = rendered(sequence, count)
     steps: dict[str, Step] = {
-        _OURS: _tracker(TrackerConfig(guess=_GUESS)),
-        _VARIANT: _tracker(paper_config(_GUESS)),
-        _FLAT: _tracker(paper_config(_GUESS, Energy.NON_VARIANT)),
+        _OURS: _tracker(TrackerConfig(guess=GUESS)),
+        _VARIANT: _tracker(paper_config(GUESS)),
+        _FLAT: _tracker(paper_config(GUESS, Energy.NON_VARIANT)),
         _HOUGH: _hough,
     }
     errors, everything = {}, {}
@@ -147,15 +148,17 @@ def _track(sequence: Sequence, count: int) -> _Tracked:
         for frame in frames:
             found = step(frame)
             last = found or last
-            wanted, rows = _truth(sequence, frame.truth)
-            off = np.full(4, _LOST_PX) if last is None else crossings_at(*last, rows) - wanted
-            own.append(np.clip(off, -_LOST_PX, _LOST_PX))
+            wanted, rows = true_edges(sequence, frame.truth)
+            off = np.full(4, LOST_PX) if last is None else crossings_at(*last, rows) - wanted
+            own.append(np.clip(off, -LOST_PX, LOST_PX))
             all_found.append(found)
         errors[name], everything[name] = np.array(own), all_found
     return _Tracked(sequence=sequence, frames=frames, errors=errors, found=everything)
 
 
-def _frames(sequence: Sequence, count: int) -> list[NoseFrame]:
+@functools.lru_cache(maxsize=4)
+def rendered(sequence: Sequence, count: int) -> list[NoseFrame]:
+    """Return the first pictures of a sequence; rendered once for all experiments that look at them."""
     renderer = Renderer(replace(sequence, approach=replace(sequence.approach, frames=count)))
     return list(renderer.frames())
 
@@ -168,19 +171,20 @@ def _draw(tracked: list[_Tracked], path: Path) -> None:
         for k in sorted({min(k, len(one.frames) - 1) for k in _SHOWN} | {0}):
             frame = one.frames[k]
             picture = frame.image.copy()
-            wanted, rows = _truth(one.sequence, frame.truth)
-            _line(picture, (60, 60, 255), wanted, rows)
+            wanted, rows = true_edges(one.sequence, frame.truth)
+            draw_line(picture, (60, 60, 255), wanted, rows)
             for name, colour in _COLOURS.items():
                 found = one.found[name][k]
                 if found is not None:
-                    _line(picture, colour, crossings_at(*found, rows), rows)
+                    draw_line(picture, colour, crossings_at(*found, rows), rows)
             row.append(picture[120:420])
         row += [np.zeros_like(row[0])] * (len(_SHOWN) - len(row))
         sheets.append(np.hstack(row))
     cv2.imwrite(str(path), np.vstack(sheets))
 
 
-def _line(picture: ImageArray, colour: tuple[int, int, int], crossings: FloatArray, rows: FloatArray) -> None:
+def draw_line(picture: ImageArray, colour: tuple[int, int, int], crossings: FloatArray, rows: FloatArray) -> None:
+    """Draw both edges (4,) into a picture."""
     for pair in np.clip(crossings, -2000.0, 3000.0).reshape(2, 2):
         ends = [(round(16 * float(u)), round(16 * float(v))) for u, v in zip(pair, rows, strict=True)]
         cv2.line(picture, ends[0], ends[1], colour, 1, cv2.LINE_AA, 4)
@@ -192,11 +196,11 @@ _THREE, _TWO, _HELD = "3-D model, IMU", "2-D model, constant velocity", "2-D, he
 
 def prediction(recorded: Recorded) -> Findings:
     """Predictions that no picture corrects: the 3-D model against the 2-D ones (figure 15)."""
-    count = round(recorded.at_most_s(_FRAMES / _HZ) * _HZ)
+    count = round(recorded.at_most_s(FRAMES / HZ) * HZ)
     before = min(10, count // 2)
     curves: dict[str, list[FloatArray]] = {_THREE: [], _TWO: [], _HELD: []}
     for sequence in SEQUENCES[:4]:
-        for name, own in _predicted(replace(sequence, seed=sequence.seed + _SEED_STEP), count, before).items():
+        for name, own in _predicted(replace(sequence, seed=sequence.seed + SEED_STEP), count, before).items():
             curves[name].append(own)
     means = {name: np.sqrt(np.mean(np.array(own) ** 2, axis=0)) for name, own in curves.items()}
     moments = sorted({min(k, count - before - 1) for k in (5, 10, 20, 39)})
@@ -204,7 +208,7 @@ def prediction(recorded: Recorded) -> Findings:
     table = Table(
         name="edge_prediction",
         title="Figure 15: edges without a measurement, root mean square error in px",
-        columns=("model", *(f"after {k / _HZ:g} s" for k in moments)),
+        columns=("model", *(f"after {k / HZ:g} s" for k in moments)),
         rows=rows,
         notes=(
             "Over four lights. Both models are told the true edges until then; the IMU's lasting errors are known.",
@@ -219,7 +223,7 @@ def prediction(recorded: Recorded) -> Findings:
     text = (
         "The paper's figure shows two sequences with measurements; ours leaves them out, which is what the models do."
     )
-    return Findings(tables=(table,), figures=(figure,), differences=(_DIFFERENCES[0], text))
+    return Findings(tables=(table,), figures=(figure,), differences=(DIFFERENCES[0], text))
 
 
 def _predicted(sequence: Sequence, count: int, before: int) -> dict[str, FloatArray]:
@@ -231,13 +235,13 @@ def _predicted(sequence: Sequence, count: int, before: int) -> dict[str, FloatAr
     lines = np.array([1.0, 0.0, -0.5 * field.width_m, 0.5 * field.width_m])
     turn = said[before].threshold_from_camera.T @ truths[before].threshold_from_camera
     shift = truths[before].camera_threshold_m - said[before].camera_threshold_m
-    wanted, rows = _truth(sequence, truths[0])
+    wanted, rows = true_edges(sequence, truths[0])
     flat, held = picture_state(wanted, rows, 240.0, np.array([100.0, 1.0])), (wanted, rows)
     found: dict[str, list[float]] = {_THREE: [], _TWO: [], _HELD: []}
     for k, true in enumerate(truths):
-        wanted, rows = _truth(sequence, true)
+        wanted, rows = true_edges(sequence, true)
         if k:
-            flat = predict_picture(flat, 1.0 / _HZ, np.array([500.0, 0.05]))
+            flat = predict_picture(flat, 1.0 / HZ, np.array([500.0, 0.05]))
         if k <= before:
             flat = update_picture(flat, wanted, rows, 0.01 * np.eye(4))
             held = wanted, rows
@@ -248,11 +252,11 @@ def _predicted(sequence: Sequence, count: int, before: int) -> dict[str, FloatAr
             camera_threshold_m=said[k].camera_threshold_m + shift,
         )
         for name, crossings in (
-            (_THREE, project_lines(lines, line_map(imu, _KAPPA), rows)[0]),
+            (_THREE, project_lines(lines, line_map(imu, KAPPA), rows)[0]),
             (_TWO, picture_crossings(flat, rows)),
             (_HELD, crossings_at(*held, rows)),
         ):
-            off = np.clip(crossings - wanted, -_LOST_PX, _LOST_PX)
+            off = np.clip(crossings - wanted, -LOST_PX, LOST_PX)
             found[name].append(math.sqrt(float(np.mean(off**2))))
     return {name: np.array(values) for name, values in found.items()}
 
@@ -260,7 +264,7 @@ def _predicted(sequence: Sequence, count: int, before: int) -> dict[str, FloatAr
 def _draw_prediction(means: dict[str, FloatArray], path: Path) -> None:
     figure, (ax,) = plots.blank(1, 1, (6.5, 3.6))
     for k, (name, curve) in enumerate(means.items()):
-        ax.semilogy(np.arange(len(curve)) / _HZ, np.maximum(curve, 1e-2), color=plots.COLOURS[k], label=name)
+        ax.semilogy(np.arange(len(curve)) / HZ, np.maximum(curve, 1e-2), color=plots.COLOURS[k], label=name)
     ax.set_xlabel("s without a measurement")
     ax.set_ylabel("edges, px")
     ax.legend(frameon=False, fontsize=8)

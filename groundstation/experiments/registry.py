@@ -9,6 +9,7 @@ from groundstation.experiments import (
     nose_flights,
     nose_passes,
     nose_pose,
+    nose_segmentation,
     online,
     sensitivity,
 )
@@ -84,6 +85,13 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         numbers="figure 1",
         title="Canny's sensitivity to its σ",
         run=canny.canny,
+    ),
+    Experiment(
+        name="edge-segmentation",
+        paper=Paper.EDGES,
+        numbers="figures 9 to 11",
+        title="Runway edges by the descent alone, and the filter's steps",
+        run=nose_segmentation.segmentation,
     ),
     Experiment(
         name="runway-edges",

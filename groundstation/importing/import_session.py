@@ -58,7 +58,7 @@ def import_session(request: ImportRequest, progress: Callable[[int], None] = lam
         parts.texts["ptu.csv"], rows = ptu_csv(request.ptu, rig, clock, *span)
         parts.summary.append(f"{request.ptu.name}: {rows} readings")
     if request.dgps is not None:
-        _positions(request, log, clock, span, parts)
+        _positions(request, rig, log, clock, span, parts)
     parts.texts["session.toml"] = config_to_toml(_session(request, clock)) + "\n"
     parts.copies["rig.toml"] = request.rig
     files = _write(request, parts)
@@ -150,7 +150,7 @@ def _given_frames(request: ImportRequest, rig: Rig, parts: _Parts) -> tuple[floa
 
 
 def _positions(
-    request: ImportRequest, log: GnssLog | None, clock: SessionClock, span: tuple[float, float], parts: _Parts
+    request: ImportRequest, rig: Rig, log: GnssLog | None, clock: SessionClock, span: tuple[float, float], parts: _Parts
 ) -> None:
     """Add dgps.csv; a log that has no time in common with the videos is refused."""
     path = request.dgps
@@ -173,7 +173,21 @@ def _positions(
     parts.summary.append(
         f"{path.name}: {len(fixes)} positions, {len(inside)} while the cameras ran ({words}), {ranges}"
     )
+    parts.remarks += _behind(inside, rig, request.azimuth_deg, path.name)
     parts.texts["dgps.csv"] = _dgps_csv(fixes)
+
+
+def _behind(fixes: list[DgpsFix], rig: Rig, azimuth_deg: float, name: str) -> list[str]:
+    """Say where most positions lie behind the stations, which look along +y, and which azimuth puts them before."""
+    stations_m = min(float(s.ptu_position_m[1]) for s in rig.stations)
+    behind = sum(float(fix.position_runway_m[1]) < stations_m for fix in fixes)
+    if 2 * behind <= len(fixes):
+        return []
+    other = (azimuth_deg + 180.0) % 360.0
+    return [
+        f"{name}: {behind} of {len(fixes)} positions lie behind the stations at --azimuth {azimuth_deg:g}; if the "
+        f"runway is the other way round, it is --azimuth {other:g}"
+    ]
 
 
 def _dgps_csv(fixes: list[DgpsFix]) -> str:

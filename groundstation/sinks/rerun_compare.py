@@ -1,5 +1,6 @@
 """Several runs on one screen: one runway, every run's pictures beside the others', errors and consistency overlaid."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,9 @@ from groundstation.sinks.rerun_scene import EXPECTED_RANGE_M
 
 APPLICATION = "groundstation"
 RUNS = "runs"
+EVENT_LOG = f"{RUNS}/log"
+EVENT_LINE = f"{RUNS}/event"
+_LINE_WIDTH_S = 1e-3
 # apart for eyes without one kind of cone, too: by lightness where the hue does not tell
 RUN_COLOURS = (
     tree.EKF_COLOUR,
@@ -41,16 +45,27 @@ class ShownRun:
 
 
 def shown_runs(recordings: Mapping[str, Path], align: Align) -> list[ShownRun]:
-    """Read the tracks and put the event at time 0 in each; with `Align.NONE` nothing is moved.
+    """Read the tracks and put the event at one time in all (`event_at`); with `Align.NONE` nothing is moved.
 
     A run without an estimate is put by its first picture. Raises `InputError` where a recording is none of ours.
     """
-    runs = []
-    for name, path in recordings.items():
-        track = read_track(path)
-        shift_s = 0.0 if align is Align.NONE else -track.event_s(align)
-        runs.append(ShownRun(name=name, path=path, track=track, shift_s=shift_s))
-    return runs
+    tracks = {name: read_track(path) for name, path in recordings.items()}
+    # Rerun draws no JPEG picture at a time below 0: the event is as many whole seconds on as the longest run-up takes
+    at_s = float(math.ceil(max(0.0, *(t.event_s(align) - t.span_s[0] for t in tracks.values()))))
+    return [
+        ShownRun(
+            name=name,
+            path=recordings[name],
+            track=track,
+            shift_s=0.0 if align is Align.NONE else at_s - track.event_s(align),
+        )
+        for name, track in tracks.items()
+    ]
+
+
+def event_at(runs: Sequence[ShownRun], align: Align) -> float | None:
+    """Return the time, s, at which the event is in all runs; None where each keeps its own time."""
+    return None if align is Align.NONE else runs[0].track.event_s(align) + runs[0].shift_s
 
 
 def together_in_time(runs: Sequence[ShownRun]) -> bool:
@@ -74,9 +89,25 @@ def write_comparison(path: Path, runs: Sequence[ShownRun], align: Align) -> None
         send_run(stream, run.path, run.name, run.shift_s, runway=number == longest)
         _log_run_styles(stream, run, _colour(number))
     stream.log(RUNS, rr.TextDocument(_words(runs, align), media_type=rr.MediaType.MARKDOWN), static=True)
+    at_s = event_at(runs, align)
+    if at_s is not None:
+        _log_event(stream, at_s, align)
     stream.send_blueprint(comparison_blueprint(runs))
     stream.flush()
     stream.disconnect()
+
+
+def _log_event(stream: rr.RecordingStream, at_s: float, align: Align) -> None:
+    """Mark the time that all runs are put by: a line in the log, and an upright one in the plot of the NIS."""
+    name = f"{align.value} of each run"
+    stream.set_time(tree.TIMELINE, duration=at_s)
+    stream.log(EVENT_LOG, rr.TextLog(name, level=rr.TextLogLevel.INFO))
+    style = rr.SeriesLines(colors=tree.BOUND_COLOUR, names=name, widths=1.5)
+    stream.log(EVENT_LINE, style, static=True)
+    for k, value in enumerate((0.0, MAX_NIS_SHOWN)):
+        stream.set_time(tree.TIMELINE, duration=at_s + k * _LINE_WIDTH_S)
+        stream.log(EVENT_LINE, rr.Scalars(value))
+    stream.reset_time()
 
 
 def _log_run_styles(stream: rr.RecordingStream, run: ShownRun, colour: tree.Colour) -> None:
@@ -111,7 +142,8 @@ def _words(runs: Sequence[ShownRun], align: Align) -> str:
         f"{f'{run.track.start_s:.2f}' if len(run.track) else 'none'} | {run.shift_s:+.2f} |"
         for k, run in enumerate(runs)
     ]
-    at = "each in its own time" if align is Align.NONE else f"time 0 is each one's {align.value}"
+    at_s = event_at(runs, align)
+    at = "each in its own time" if at_s is None else f"each one's {align.value} is at {at_s:.0f} s"
     return "\n".join(
         [f"One runway frame; {at}.", "", "| run | colour | track from, s | moved by, s |", "|--|--|--|--|", *rows]
     )
@@ -132,7 +164,8 @@ def comparison_blueprint(runs: Sequence[ShownRun]) -> rrb.Blueprint:
     pictures = [_pictures(run) for run in runs if run.track.stations]
     words = rrb.TextDocumentView(origin=f"/{RUNS}", name="Runs")
     states = [rrb.StateTimelineView(origin=f"/{run.name}/{tree.STATUS}", name=f"Status: {run.name}") for run in runs]
-    logs = rrb.TextLogView(origin="/", contents=[f"+ /{run.name}/{tree.LOG}/**" for run in runs], name="Log")
+    contents = [f"+ /{EVENT_LOG}", *(f"+ /{run.name}/{tree.LOG}/**" for run in runs)]
+    logs = rrb.TextLogView(origin="/", contents=contents, name="Log")
     below = rrb.Horizontal(words, rrb.Tabs(*states, logs), column_shares=[1, 1])
     right = rrb.Vertical(rrb.Horizontal(*pictures), below, row_shares=[3, 1]) if pictures else below
     start_s = min(r.track.start_s + r.shift_s for r in runs)
@@ -205,7 +238,7 @@ def _plots(runs: Sequence[ShownRun]) -> rrb.Container:
     nis = [f"{run.name}/{tree.NIS}/{s}" for run in runs for s in run.track.stations]
     bounds = [f"{run.name}/{tree.NIS_BOUNDS}" for run in runs]
     consistency = [
-        _plot([*nis, *bounds], "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
+        _plot([*nis, *bounds, EVENT_LINE], "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
         _plot([f"{run.name}/{tree.PAIR_LATENCY}" for run in runs], "Latency of a pair [ms]"),
     ]
     shown = any(run.track.has_errors for run in runs)

@@ -1,5 +1,6 @@
 """Several Rerun recordings in one, each below a name of its own: to be looked at together, in space and in time."""
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -30,7 +31,7 @@ _IMPLICIT = "tf#/"
 
 
 class Align(StrEnum):
-    """What is to be at time 0 in all runs; or nothing, and each keeps its own time."""
+    """What is to be at the same time in all runs; or nothing, and each keeps its own time."""
 
     NONE = "none"
     START = "start"
@@ -79,7 +80,7 @@ class RecordedTrack:
         return bool(len(self)) and float(self.position_runway_m[:, 2].min()) < _LANDED_BELOW_M
 
     def event_s(self, align: Align) -> float:
-        """Return the time of the event that is to be at 0."""
+        """Return the run's own time of the event that all are put by."""
         return {Align.NONE: 0.0, Align.START: self.start_s, Align.TOUCHDOWN: self.touchdown_s}[align]
 
 
@@ -183,7 +184,10 @@ def check_recording(path: Path) -> None:
 def _chunks(path: Path) -> Iterator[Chunk]:
     """Return what a file's first recording holds, without its properties; raises `InputError` if it is damaged."""
     try:
-        reader = RrdReader(path)
+        with warnings.catch_warnings():
+            # a cut file warns of its missing end before it fails, and what it fails at is said below
+            warnings.simplefilter("ignore")
+            reader = RrdReader(path)
         stores = reader.recordings()
         if not stores:
             raise InputError(str(path), got="no recording in it", wanted="a Rerun recording (.rrd)")

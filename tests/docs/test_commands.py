@@ -27,8 +27,11 @@ BLOCKS = {page: tuple(blocks(page)) for page in PAGES}
 NOT_RUN = {
     ("airstrip.md", "groundstation cameras list"): "fails without a camera; tests/test_cli_cameras.py",
     ("airstrip.md", "groundstation ptu probe /dev/ttyUSB0"): "wants a unit; ptu.md runs it on a simulated one",
-    ("airstrip.md", "groundstation check field.toml"): "wants cameras and units; tests/live/test_operation.py",
-    ("airstrip.md", "groundstation check field.toml --move"): "wants cameras and units; tests/live/test_operation.py",
+    ("airstrip.md", "groundstation check field.toml"): "wants cameras and units; tests/live/test_check_command.py",
+    (
+        "airstrip.md",
+        "groundstation check field.toml --move",
+    ): "wants cameras and units; tests/live/test_check_command.py",
     ("airstrip.md", "groundstation calibrate check today.csv --landmarks landmarks.csv --rig rig.toml"): (
         "calibration.md runs the same line"
     ),

@@ -195,6 +195,13 @@ def test_figures_lie_beside_the_page(written: Path) -> None:
         assert path.read_bytes().startswith(b"\x89PNG")
 
 
+def test_what_the_clocks_sigma_leaves_out_stands_beside_it(page: str) -> None:
+    """Expected: in the same paragraph as the figure, that a lasting error of the detected nose is not in its ±."""
+    clock = next(p for p in page.split("<p>") if p.startswith("Clock: t<sub>dgps</sub>")).partition("</p>")[0]
+    assert " ms (1 σ)" in clock
+    assert "where on the aircraft its nose is detected, is not in it" in clock
+
+
 def test_what_was_learnt_is_said(page: str) -> None:
     assert "+2.0000 ± 1.0000 ms" in page
     assert "not estimated" in page

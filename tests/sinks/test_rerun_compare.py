@@ -4,6 +4,7 @@ import itertools
 import os
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -87,8 +88,8 @@ def show(sources: tuple[Path, ...], tmp_path: Path, align: Align | None) -> Path
 
 @pytest.mark.parametrize(
     ("align", "first_s"),
-    # the first estimate is the second pair; the ground (0.5 m above the lowest) is reached at pair 38
-    [(Align.NONE, (5.0, 1000.0)), (Align.START, (-0.1, -0.1)), (Align.TOUCHDOWN, (-3.8, -3.8))],
+    # the first estimate is the second pair, put at 1 s; the ground (0.5 m above the lowest), at pair 38, at 4 s
+    [(Align.NONE, (5.0, 1000.0)), (Align.START, (0.9, 0.9)), (Align.TOUCHDOWN, (0.2, 0.2))],
 )
 def test_every_row_is_below_its_run_at_its_moved_time(
     two: tuple[Path, Path], tmp_path: Path, align: Align, first_s: tuple[float, float]
@@ -98,6 +99,25 @@ def test_every_row_is_below_its_run_at_its_moved_time(
         t_s = seconds(moving(both, f"/{folder.name}/aircraft/ekf"))
         np.testing.assert_allclose(t_s, start_s + 0.1 * np.arange(PAIRS), atol=1e-6)
         assert seconds(moving(both, f"/{folder.name}/aircraft/ekf/ellipsoid"))[0] == t_s[0]
+
+
+@pytest.mark.parametrize(("align", "at_s"), [(Align.START, 1.0), (Align.TOUCHDOWN, 4.0)])
+def test_nothing_lies_before_0_and_the_event_is_marked(
+    two: tuple[Path, Path], tmp_path: Path, align: Align, at_s: float
+) -> None:
+    """Expected: no row of any entity at a negative time, where Rerun draws no JPEG; a line and words at the event's."""
+    both = show(two, tmp_path, align)
+    reader = RrdReader(both)
+    rows = 0
+    for chunk in reader.stream(store=reader.recordings()[0]):
+        batch = chunk.to_record_batch()
+        if not chunk.is_static and "session_time" in batch.schema.names:
+            times = batch.column("session_time").cast(pa.int64()).to_numpy()
+            assert times.min() >= 0, chunk.entity_path
+            rows += len(times)
+    assert rows > 4 * PAIRS
+    np.testing.assert_allclose(seconds(moving(both, "/runs/log")), [at_s], atol=1e-6)
+    np.testing.assert_allclose(seconds(moving(both, "/runs/event")), at_s, atol=2e-3)
 
 
 def test_nothing_is_lost_and_rerun_finds_no_fault(two: tuple[Path, Path], tmp_path: Path) -> None:
@@ -126,10 +146,36 @@ def test_runs_that_never_meet_in_time_are_shown_from_their_starts(two: tuple[Pat
     result = prepare_view(ViewRequest(sources=two, work=tmp_path / "work"))
     assert result.align is Align.START
     assert "no time in common" in result.notes[0]
-    assert "time 0 is each one's start" in names_line(result, two)
+    assert "start of each at 1 s" in names_line(result, two)
     same = prepare_view(ViewRequest(sources=(two[0], two[0]), work=tmp_path / "work"))
     assert same.align is Align.NONE
     assert same.names == ("monday", "monday-2") or same.names[0] != same.names[1]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_recording_is_not_written_onto_itself(two: tuple[Path, Path], tmp_path: Path, count: int) -> None:
+    """Expected: a folder's own recording as --save is refused in words, and left as it is."""
+    save = two[0] / "session.rrd"
+    before = save.read_bytes()
+    with pytest.raises(InputError, match="cannot be written onto itself"):
+        prepare_view(ViewRequest(sources=two[:count], work=tmp_path / "work", save=save))
+    assert save.read_bytes() == before
+
+
+def test_a_cut_recording_is_said_in_one_line(
+    two: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut.rrd"
+    whole = (two[0] / "session.rrd").read_bytes()
+    cut.write_bytes(whole[: len(whole) // 2])
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        assert main(["view", str(cut), "--save", str(tmp_path / "x.rrd")]) == 1
+    assert warned == []
+    said = capfd.readouterr().err.splitlines()
+    assert len(said) == 1, said
+    assert said[0].startswith("groundstation: ")
+    assert "cut.rrd: got " in said[0]
 
 
 def test_one_recording_is_shown_as_it_is(two: tuple[Path, Path], tmp_path: Path) -> None:
@@ -192,7 +238,7 @@ def test_a_run_without_an_estimate_is_shown_beside_the_others_and_said(
     result = prepare_view(ViewRequest(sources=(two[0], empty), work=tmp_path / "work", align=Align.START, save=out))
     assert any(note.startswith("empty: no estimate in it, so no track") for note in result.notes)
     assert not any(note.startswith("monday") for note in result.notes)
-    np.testing.assert_allclose(seconds(moving(out, "/empty/status/track"))[0], 0.0, atol=1e-6)
+    np.testing.assert_allclose(seconds(moving(out, "/empty/status/track"))[0], 1.0, atol=1e-6)
     assert len(seconds(moving(out, "/monday/aircraft/ekf/path"))) == PAIRS - 2
     alone = prepare_view(ViewRequest(sources=(empty, empty), work=tmp_path / "work"))
     assert len([note for note in alone.notes if "no track" in note]) == 2
