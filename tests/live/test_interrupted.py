@@ -58,6 +58,14 @@ def test_what_is_not_wanted_any_more_is_not_opened(tmp_path: Path) -> None:
 
 
 @pytest.fixture
+def heard() -> Iterator[None]:
+    """SIGHUP as a terminal's programs have it, also where these tests run by nohup, which ignores it."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.fixture
 def dead_terminal() -> Iterator[TextIO]:
     """A terminal whose window has been closed: every write is an error."""
     window, end = os.openpty()
@@ -73,6 +81,7 @@ def hang_up(times: int) -> None:
         os.kill(os.getpid(), signal.SIGHUP)
 
 
+@pytest.mark.usefixtures("heard")
 def test_a_closed_terminal_lands_it_softly(dead_terminal: TextIO, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: SIGHUP, however often, only asks for the end, and what cannot be said stops nothing; exit code 0."""
 
@@ -100,6 +109,7 @@ def test_a_closed_terminal_lands_it_softly(dead_terminal: TextIO, monkeypatch: p
     dead_terminal.flush()
 
 
+@pytest.mark.usefixtures("heard")
 def test_a_terminal_that_closes_while_it_starts(
     dead_terminal: TextIO, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -111,7 +121,8 @@ def test_a_terminal_that_closes_while_it_starts(
 
     monkeypatch.setattr("groundstation.live.command.live", starting)
     monkeypatch.setattr(sys, "stderr", dead_terminal)
-    assert main(["live", "--simulate", "--out", str(tmp_path / "out")]) == 130
+    # one that did not hear it would fly for ever
+    assert main(["live", "--simulate", "--for", "1", "--out", str(tmp_path / "out")]) == 130
     assert not (tmp_path / "out").exists()
 
 
