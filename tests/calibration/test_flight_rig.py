@@ -167,3 +167,20 @@ def test_a_reference_is_written_and_read(tmp_path: Path) -> None:
 )
 def test_a_reference_that_is_none(tmp_path: Path, text: str, message: str) -> None:
     assert message in complaint(RigError, lambda: load_rig(with_reference(tmp_path, text)))
+
+
+def test_a_cameras_sigma_covers_what_its_clock_drifts_over_the_flight(tmp_path: Path) -> None:
+    """A rig carries offsets alone: at the flight's ends a drift has moved them by half the flight times its sigma."""
+    scenario = approach(4, MOUNTS)
+    result = calibrated(tmp_path, scenario, clocks_sigma_s=0.02, free="orientation,camera_clock,drift")
+    fit, again = result.fit, load_rig(tmp_path / "rig.toml")
+    for name in again.names:
+        offset, drift = (
+            float(fit.sigma[fit.problem.names.index(f"{name}.camera_clock.{part}")]) for part in ("offset", "drift")
+        )
+        t = fit.problem.looks[name].t_s
+        clock = again[name].camera_clock
+        assert clock is not None
+        assert clock.sigma_s == pytest.approx(np.hypot(offset, 0.5 * (t.max() - t.min()) * drift), rel=1e-6)
+        place = again.shared_covariance.names.index(f"{name}.camera_clock.offset")
+        assert again.shared_covariance.matrix[place, place] == pytest.approx(clock.sigma_s**2, rel=1e-3)
