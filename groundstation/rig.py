@@ -213,7 +213,8 @@ def _own_variances(stations: Sequence[Station]) -> dict[str, float]:
         ):
             if model is not None:
                 variances[f"{s.name}.{clock}.offset"] = model.sigma_s**2
-        variances[f"{s.name}.{READOUT}"] = s.readout_sigma_s**2
+        if s.readout_sigma_s > 0.0:
+            variances[f"{s.name}.{READOUT}"] = s.readout_sigma_s**2
     return variances
 
 
