@@ -124,8 +124,9 @@ def _near_head_on(
 ) -> NosePoint:
     """Return the nose of an aircraft whose wing is seen in its full width.
 
-    ``seen`` is the silhouette's width, its contrast and how many of the camera's px one px is, ``forward`` (2,) the expected image of the body axis, px per
-    that width, ``known`` the expected span with its log-sigma and how surely it flies.
+    ``seen`` is the silhouette's width, its contrast and how many of the camera's px one px is, ``forward`` (2,) the
+    expected image of the body axis, px per that width, ``known`` the expected span with its log-sigma and how surely
+    it flies.
     """
     width, contrast, scale = seen
     expected, airborne = known
@@ -142,8 +143,8 @@ def _near_head_on(
         lost += max(abs(middle - body) - _BODY_ASIDE * span, 0.0)
         middle_sigma = math.hypot(edge, _TIP_PER_SPAN * span, lost)
     level_forward = wing.rotation.T @ forward * (span / width)
-    # where crab can be read it is left open; where it cannot, an approach in usual wind is assumed. What blurs it is the
-    # camera, not that a large silhouette is looked at in a reduced picture
+    # where crab can be read it is left open; where it cannot, an approach in usual wind is assumed. What blurs it is
+    # the camera, not that a large silhouette is looked at in a reduced picture
     legible = min(max((scale * span - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
     flying = _CRAB_SIGMA_RAD + min(2.0 * legible, 1.0) * (_CRAB_SIGMA - _CRAB_SIGMA_RAD)
     crab = _ROLLING_CRAB_SIGMA + airborne * (flying - _ROLLING_CRAB_SIGMA)
