@@ -36,10 +36,12 @@ truth, for `onboard fly` and `onboard edges` to be tried on."""
 _RENDER_MORE = """example:
   groundstation onboard render --scene dusk --seed 3 --out out/flight
 
-DIR gets nose.avi (no loss), nose.toml, imu.csv and truth.csv
+DIR gets nose.avi (no loss), nose.toml, imu.csv and truth.csv; one that is there already
+is left as it is, and nothing is rendered
 
 exit code: 0 done; 1 the folder or --motion is at fault; 2 wrong usage; 130 interrupted"""
 SCENES = ("day", "haze", "dusk", "night", "short-final")
+_MOST_SEED_DIGITS = 9
 
 
 def add_fly(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -89,7 +91,7 @@ def add_fly(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> Non
     )
     render.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the files go; made if missing")
     render.add_argument("--scene", choices=SCENES, default="day", help="airfield and light (default day)")
-    render.add_argument("--seed", type=int, default=1, help="of gusts, sensors and noise (default 1)")
+    render.add_argument("--seed", type=_seed, default=1, metavar="N", help="of gusts, sensors and noise (default 1)")
     render.add_argument(
         "--motion",
         choices=("waves", "jsbsim"),
@@ -120,8 +122,14 @@ def _sigma(text: str) -> float:
     return value
 
 
+def _seed(text: str) -> int:
+    if not (text.isascii() and text.isdigit()) or len(text) > _MOST_SEED_DIGITS:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a whole number from 0 to 999999999")
+    return int(text)
+
+
 def _count(text: str) -> int:
-    if not text.isdigit() or not 2 <= int(text) <= 130:
+    if not (text.isascii() and text.isdigit()) or not 2 <= int(text) <= 130:
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number from 2 to 130")
     return int(text)
 

@@ -68,10 +68,9 @@ def run_pose(options: argparse.Namespace) -> int:
     from groundstation.onboard.pose.files import Runways, read_corners, write_poses
     from groundstation.onboard.pose.label import solve_corners
     from groundstation.onboard.pose.solve import RunwayPose
+    from groundstation.overwriting import refuse_overwriting
 
-    for given in (options.corners, options.runways, options.camera):
-        if options.out.resolve() == given.resolve():
-            raise InputError(str(options.out), got="a file that is read", wanted="another --out")
+    refuse_overwriting((options.corners, options.runways, options.camera), [options.out])
     if options.out.is_dir():
         raise InputError(str(options.out), got="a folder", wanted="--out with a file's name")
     lens = read_lens(options.camera).lens

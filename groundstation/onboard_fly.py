@@ -26,8 +26,9 @@ from groundstation.onboard.pose.files import Runways
 from groundstation.onboard.pose.inertial import ImuSample
 from groundstation.onboard.pose.runway import Runway, rectangle
 from groundstation.onboard_fly_sinks import FlyRecording, draw_sight
+from groundstation.overwriting import refuse_overwriting
 from groundstation.sinks.overlay_video import OverlayVideo
-from groundstation.sources.video_file import VideoFile, VideoFrame
+from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other_times
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +74,7 @@ def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] =
 
     Raises `InputError` where nothing can be done at all; a fault met on the way is in the result.
     """
+    _refuse_overwriting(request)
     camera = load_nose_camera(request.camera)
     samples = read_samples(request.imu)
     log = load_imu(request.imu, camera) if has_poses(request.imu) else None
@@ -85,6 +87,9 @@ def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] =
         said = request.ground
         ground = read_ground_track(said.path, np.array(said.threshold_m), said.sigma_m)
     video = VideoFile(request.video)
+    refuse_other_times(request.imu, (samples[0].t_s, samples[-1].t_s), video)
+    if ground is not None and request.ground is not None:
+        refuse_other_times(request.ground.path, (float(ground.t_s[0]), float(ground.t_s[-1])), video)
     if video.size_px != camera.lens.image_size_px:
         w, h = video.size_px
         wanted = "×".join(str(n) for n in camera.lens.image_size_px) + " px as in the camera file"
@@ -98,6 +103,19 @@ def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] =
         _runway(request, camera), camera.lens, unit.mount, ApproachConfig(inertial=unit.config, corners=request.corners)
     )
     return _Flight(request, video, camera, navigator, log).run(samples, ground, progress)
+
+
+def _refuse_overwriting(request: FlyRequest) -> None:
+    """Raise where what is read would be written over."""
+    names = ["track.csv", "track.tum", "pictures.csv", "fly.mp4"]
+    names += ["fly.rrd"] if request.rerun else []
+    names += [] if request.ground is None else ["agreement.csv"]
+    read = (
+        *(request.video, request.camera, request.imu),
+        None if request.runway is None else request.runway[0],
+        None if request.ground is None else request.ground.path,
+    )
+    refuse_overwriting(read, [request.out / name for name in names])
 
 
 def _runway(request: FlyRequest, camera: NoseCamera) -> Runway:

@@ -20,6 +20,7 @@ from groundstation.onboard.scenes.nose_flight import (
     said_poses,
 )
 from groundstation.onboard.scenes.sequences import SEQUENCES
+from groundstation.overwriting import refuse_existing
 
 _FFV1 = sum(ord(c) << 8 * i for i, c in enumerate("FFV1"))
 _LOG_COLUMNS = (*SAMPLE_COLUMNS, "roll_deg", "pitch_deg", "yaw_deg", "x_m", "y_m", "z_m")
@@ -47,9 +48,13 @@ def render_flight(
     motion: str = "waves",
     progress: Callable[[int, int | None], None] = lambda done, total: None,
 ) -> tuple[Path, ...]:
-    """Write a flight's files; raises `InputError` where the folder cannot be written. Returns the files."""
-    flight = drawn_flight(scene, seed, frames, motion)
+    """Write a flight's files; returns them.
+
+    Raises `InputError` where the folder cannot be written, or one of the files is there already.
+    """
     files = tuple(folder / name for name in ("nose.avi", "nose.toml", "imu.csv", "truth.csv"))
+    refuse_existing(files)
+    flight = drawn_flight(scene, seed, frames, motion)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         files[1].write_text(camera_file(flight), encoding="utf-8")

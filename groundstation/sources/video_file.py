@@ -107,3 +107,14 @@ class VideoFile:
         if self.count is not None and place < self.count - max(1, _MISSING_SHARE * self.count):
             got = f"the end of the video after {place} frames of the {self.count} that its header announces"
             raise InputError(f"{self.path}: frame {place}", got=got, wanted="a complete video file")
+
+
+def refuse_other_times(path: Path, span_s: tuple[float, float], video: VideoFile) -> None:
+    """Raise `InputError` where a log's or a track's first and last time (s) and the video have no time in common."""
+    first, last = span_s
+    # stamps may begin a little later than 0, and a rate is rounded
+    length = math.inf if video.count is None else (video.count + 1) / video.rate_hz
+    if last < 0.0 or first > length:
+        until = "on" if video.count is None else f"to {video.count / video.rate_hz:.6g} s"
+        got = f"times from {first:.6g} to {last:.6g} s"
+        raise InputError(f"{path}: t_s", got=got, wanted=f"the video's, from 0 {until}")

@@ -79,6 +79,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.arrays",
         "groundstation.count_words",
         "groundstation.hand_over",
+        "groundstation.overwriting",
         "groundstation.png_file",
         "groundstation.spoken",
         "groundstation.stop_asked",

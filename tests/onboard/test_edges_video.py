@@ -1,6 +1,7 @@
 """`groundstation onboard edges` as a user meets it, on a few rendered frames."""
 
 import csv
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -99,6 +100,7 @@ def test_bad_input_is_one_line_and_exit_code_1(
         LENS.replace("640", "320") + START: "got pictures of 640×480 px",
         LENS + "zoom = 3\n": "an unknown key",
         LENS.replace("[620.0, 620.0]", "[0.0, 620.0]") + START: "focal_px",
+        LENS.replace("[620.0, 620.0]", "[620.0, 1e-9]") + START: "wanted two numbers of px from 64 to 640000",
         "image_size_px = [640": "not TOML",
     }
     for text, words in cases.items():
@@ -112,6 +114,28 @@ def test_bad_input_is_one_line_and_exit_code_1(
         assert words in said
         assert said.count("\n") == 1
     assert main(["onboard", "edges", "no.mp4", "--camera", str(flight / "nose.toml"), "--out", str(tmp_path)]) == 1
+
+
+def test_the_video_is_not_written_over(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    video = tmp_path / "edges.mp4"
+    shutil.copy(flight / "nose.avi", video)
+    before = video.read_bytes()
+    call = ["onboard", "edges", str(video), "--camera", str(flight / "nose.toml"), "--out", str(tmp_path)]
+    assert main(call) == 1
+    assert "edges.mp4: got a file that is read; wanted another --out" in capsys.readouterr().err
+    assert video.read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["edges.mp4"]
+
+
+def test_an_imu_table_of_another_time_is_refused(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    late = tmp_path / "late.csv"
+    head, *lines = (flight / "imu.csv").read_text().splitlines()
+    late.write_text("\n".join([head, *(f"7{line}" for line in lines)]) + "\n")
+    assert run(flight, tmp_path / "out", "--imu", str(late)) == 1
+    assert "got times from 70 to 70.4 s; wanted the video's, from 0 to 0.5 s" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_help_says_how(capsys: pytest.CaptureFixture[str]) -> None:

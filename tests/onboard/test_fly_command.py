@@ -1,6 +1,7 @@
 """`groundstation onboard render` and `onboard fly` as a user meets them."""
 
 import csv
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,85 @@ def test_bad_input_is_one_line(flight: Path, tmp_path: Path, capsys: pytest.Capt
     with pytest.raises(SystemExit) as ended:
         run(flight, out, "--threshold-m", "1,2")
     assert ended.value.code == 2
+
+
+def test_what_is_read_is_not_written_over(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: nothing at all is written, by the file's own name, a link's, or another way to its folder."""
+    video, imu, out = tmp_path / "fly.mp4", tmp_path / "track.csv", tmp_path / "out"
+    shutil.copy(flight / "nose.avi", video)
+    shutil.copy(flight / "imu.csv", imu)
+    out.mkdir()
+    (out / "track.tum").hardlink_to(flight / "truth.csv")
+    camera = ["--camera", str(flight / "nose.toml")]
+    cases = (
+        (video, flight / "imu.csv", tmp_path, None),
+        (flight / "nose.avi", imu, out / "..", None),
+        (flight / "nose.avi", flight / "imu.csv", out, flight / "truth.csv"),
+    )
+    before = {path: path.read_bytes() for path in (video, imu, flight / "truth.csv")}
+    for film, log, to, ground in cases:
+        call = ["onboard", "fly", str(film), *camera, "--imu", str(log), "--out", str(to)]
+        assert main([*call, *([] if ground is None else ["--ground-track", str(ground)])]) == 1
+        assert "got a file that is read; wanted another --out" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in before} == before
+    assert {path.name for path in tmp_path.iterdir()} == {"fly.mp4", "track.csv", "out"}
+
+
+def test_a_rendered_flight_takes_no_files_place(
+    flight: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    before = (flight / "nose.toml").read_bytes()
+    (tmp_path / "nose.toml").write_bytes(before)
+    assert main(["onboard", "render", "--out", str(tmp_path), "--frames", "2", "--scene", "night"]) == 1
+    assert "nose.toml: got a file that is there already" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["nose.toml"]
+    assert (tmp_path / "nose.toml").read_bytes() == before
+    for seed in ("-1", "x", "1" * 10, "²"):
+        with pytest.raises(SystemExit) as ended:
+            main(["onboard", "render", "--out", str(tmp_path / "n"), "--frames", "2", "--seed", seed])
+        assert ended.value.code == 2
+        assert "wanted a whole number from 0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("factor", "shift_s", "words"),
+    [
+        ((1 / 9.80665,) * 3, 0.0, "in the median; are they in g?; wanted specific force in m/s²"),
+        ((3.2808,) * 3, 0.0, "are they in ft/s²?"),
+        ((0.2, 0.2, 0.2), 0.0, "has gravity been taken off them?"),
+        ((1.0, -1.0, -1.0), 0.0, "are the axes forward, left, up?"),
+        ((1.0, 1.0, 1.0), 1000.0, "got times from 1000 to"),
+    ],
+)
+def test_a_log_that_is_not_this_flights_is_refused(
+    flight: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    factor: tuple[float, float, float],
+    shift_s: float,
+    words: str,
+) -> None:
+    log = rows(flight / "imu.csv")
+    with (tmp_path / "imu.csv").open("w", newline="") as stream:
+        out = csv.DictWriter(stream, list(log[0]))
+        out.writeheader()
+        for row in log:
+            forces = {f"force_{a}_m_s2": float(row[f"force_{a}_m_s2"]) * f for a, f in zip("xyz", factor, strict=True)}
+            out.writerow({**row, **forces, "t_s": float(row["t_s"]) + shift_s})
+    assert run(flight, tmp_path / "out", imu=tmp_path / "imu.csv") == 1
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_ground_track_of_another_time_is_refused(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "g.tum").write_text("50 0 200 9 0 0 0 1\n60 0 100 9 0 0 0 1\n")
+    assert run(flight, tmp_path / "out", "--ground-track", str(tmp_path / "g.tum")) == 1
+    assert "got times from 50 to 60 s; wanted the video's, from 0 to 1.2 s" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

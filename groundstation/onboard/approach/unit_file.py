@@ -10,6 +10,7 @@ from groundstation.errors import InputError
 from groundstation.onboard.approach.config import ApproachConfig
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera
 from groundstation.onboard.pose.inertial import CameraMount, ImuSample, InertialConfig
+from groundstation.onboard.pose.inertial_kernel import GRAVITY_M_S2
 from groundstation.onboard.pose.simulated_approach import BODY_FROM_FORWARD_CAMERA
 from groundstation.session.tables import CsvTable
 from groundstation.toml_table import Table, load_toml
@@ -22,6 +23,8 @@ _NOISES = (
     *("force_noise", "rate_noise", "force_bias_walk", "rate_bias_walk"),
     *("force_bias_sigma", "rate_bias_sigma", "speed_sigma_m_s"),
 )
+_MOST_GRAVITIES = 1.6
+_OTHER_UNITS = {"g": 1.0, "ft/s²": 32.17, "mg": 1000.0, "mm/s²": 9807.0}
 _KEYS = frozenset({"camera_in_body_m", *_NOISES})
 
 
@@ -68,7 +71,34 @@ def read_samples(path: Path) -> list[ImuSample]:
         samples.append(ImuSample(t_s=t, force_m_s2=numbers[:3], rate_rad_s=np.radians(numbers[3:])))
     if len(samples) < 2:
         raise UnitLogError(str(path), got=f"{len(samples)} samples", wanted="a log of the video's whole time")
+    _check_forces(path, np.array([sample.force_m_s2 for sample in samples]))
     return samples
+
+
+def _check_forces(path: Path, forces_m_s2: FloatArray) -> None:
+    """Raise where specific forces (n, 3) are in another unit, without gravity, or in axes that are not ours."""
+    usual = float(np.median(np.linalg.norm(forces_m_s2, axis=1)))
+    if not _near(usual, GRAVITY_M_S2):
+        guess = next((f"; are they in {name}?" for name, one in _OTHER_UNITS.items() if _near(usual, one)), "")
+        if not guess and usual < GRAVITY_M_S2:
+            guess = "; has gravity been taken off them?"
+        raise UnitLogError(
+            f"{path}: force_x_m_s2, force_y_m_s2, force_z_m_s2",
+            got=f"forces of {usual:.3g} in the median{guess}",
+            wanted=f"specific force in m/s², about {GRAVITY_M_S2:.1f}",
+        )
+    down = float(np.median(forces_m_s2[:, 2]))
+    if down > 0.5 * GRAVITY_M_S2:
+        raise UnitLogError(
+            f"{path}: force_z_m_s2",
+            got=f"{down:+.3g} in the median; are the axes forward, left, up?",
+            wanted=f"axes forward, right, down: about {-GRAVITY_M_S2:.1f}",
+        )
+
+
+def _near(value: float, gravity: float) -> bool:
+    """Return whether a force is that of gravity in its unit, as far as flight may change it."""
+    return 1.0 / _MOST_GRAVITIES < value / gravity < _MOST_GRAVITIES
 
 
 def has_poses(path: Path) -> bool:

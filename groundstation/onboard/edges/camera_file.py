@@ -17,6 +17,8 @@ _KEYS = frozenset(
 )
 _RUNWAY_KEYS = frozenset({"width_m", "length_m", "heading_deg", "lat_deg", "lon_deg", "alt_m"})
 _START_KEYS = frozenset({"height_m", "distance_m", "lateral_m", "roll_deg", "pitch_deg", "yaw_deg"})
+# of the picture's width: a view of 157°, and one of 0.06°
+_LEAST_FOCAL, _MOST_FOCAL = 0.1, 1000.0
 
 
 class CameraFileError(InputError):
@@ -74,8 +76,9 @@ def _lens(table: Table) -> Lens:
     if np.any(size < 16) or np.any(size != np.round(size)) or np.any(size > 65536):
         raise table.fail("image_size_px", str(size.tolist()), "two whole numbers of pixels from 16 to 65536")
     focal = table.vector("focal_px", 2)
-    if np.any(focal <= 0):
-        raise table.fail("focal_px", str(focal.tolist()), "two numbers > 0")
+    least, most = _LEAST_FOCAL * size[0], _MOST_FOCAL * size[0]
+    if np.any(focal < least) or np.any(focal > most):
+        raise table.fail("focal_px", str(focal.tolist()), f"two numbers of px from {least:g} to {most:g}")
     return Lens(
         image_size_px=(int(size[0]), int(size[1])),
         focal_px=focal,

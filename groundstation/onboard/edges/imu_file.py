@@ -36,6 +36,11 @@ class PoseLog:
         self._columns = np.hstack([positions_m, attitude_rad])
         self._mount = mount
 
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Return the first and the last time."""
+        return float(self._t[0]), float(self._t[-1])
+
     def pose(self, t_s: float) -> CameraPose | None:
         """Return the pose at a time, in between linearly; None outside, and in gaps longer than `MAX_GAP_S`."""
         after = int(np.searchsorted(self._t, t_s))
