@@ -39,12 +39,13 @@ class TrackerConfig:
     hypotheses : pairs followed side by side until one has proved to be the runway.
     confirm_frames : that takes at least so many frames; 1 takes Algorithm 1's best pair at once, for good.
     margin : by how much the best pair's score must exceed the others'.
-    doubt_agreement, doubt_missed, doubt_frames : a runway whose edges' colours agree less, or that was missed so often
-        in a row, is compared with Algorithm 1's pairs; not again for so many frames.
+    doubt_agreement, doubt_missed, doubt_score, doubt_frames : a runway whose edges' colours agree less, that was missed
+        so often in a row, or whose score is lower, is compared with Algorithm 1's pairs; not again for so many frames.
     check_frames : after so many frames it is compared in any case.
     edge_sigma_m, edge_sigma_px : what the seen edge and the pavement's may lie apart, for paint, lamps and shoulders,
         alike along an edge, and for blur and haze at either end; it does not average out, and is added to what is
         reported (crossings only).
+    plain_contrast : contrast (0 to 1) below which an edge is faint, and ``edge_sigma_px`` grows as it falls.
     gate : largest normalised innovation squared of an accepted measurement, 4 degrees of freedom.
     coast_frames : how long the lines are predicted alone before they are sought anew.
     line_noise, process_noise : the paper's U and Q, per element (lines only).
@@ -78,10 +79,12 @@ class TrackerConfig:
     margin: float = 0.5
     doubt_agreement: float = 0.3
     doubt_missed: int = 3
+    doubt_score: float = 1.0
     doubt_frames: int = 5
     check_frames: int = 30
     edge_sigma_m: float = 0.7
     edge_sigma_px: float = 1.2
+    plain_contrast: float = 0.07
     gate: float = 25.0
     coast_frames: int = 10
     line_noise: float = 0.01

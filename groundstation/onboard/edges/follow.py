@@ -134,7 +134,7 @@ def _in_picture(
     prior = look.h @ predicted.covariance @ look.h.T + pose_noise(config, look)
     gain = np.linalg.solve(prior + found.covariance_px2, prior).T
     crossings = look.predicted + gain @ (found.crossings_px - look.predicted)
-    return crossings, gain @ found.covariance_px2 + edge_noise(config, look.predicted, predicted.mean)
+    return crossings, gain @ found.covariance_px2 + edge_noise(config, look.predicted, predicted.mean, found.contrast)
 
 
 def _missed(config: TrackerConfig, look: Look, predicted: LineState, miss: EdgeMiss, nis: float) -> Followed:

@@ -32,9 +32,11 @@ from groundstation.onboard.edges.plausible import plausible
 from groundstation.onboard.edges.pose import CameraPose
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
-from groundstation.onboard.edges.strip import FoundEdges, find_edges, settle
+from groundstation.onboard.edges.strip import FoundEdges, find_edges, search_edges, settle
 
 _FIRST_SIGMA_PX = 3.0
+# what an announced runway's edges may each be off by, for its width and for the pose's place
+_ANNOUNCED_M = 3.0
 # pairs of a picture that are looked at more closely, the lowest energies
 _FIRST_PAIRS, _MORE_PAIRS = 4, 2
 _ALIKE_PX, _ALIKE_SHARE = 3.0, 0.08
@@ -109,17 +111,21 @@ def find_pairs(
     px_per_m = np.abs(middle[2:] - middle[:2]) / (2.0 * half)
     image = without_paint(image, rows, config.paint_m * float(px_per_m[1]))
     pairs = detect(image, rows, px_per_m, config.detection, lambda x: plausible(x, rows, pose, kappa, config))
-    if isinstance(pairs, NoPair):
-        return EdgeMiss.NO_PAIR
     wanted = (_MORE_PAIRS if known else _FIRST_PAIRS) if config.confirm_frames > 1 else 1
     found = []
-    for crossings in pairs.pairs_px[:wanted]:
+    if config.use_strip and config.confirm_frames > 1:
+        announced = _announced(lookout, image, rows, pose)
+        if announced is not None and not any(
+            one.edges is not None and alike_px(one.edges, announced.crossings_px, rows) for one in known
+        ):
+            found.append(_started(lookout, announced, middle, rows, pose))
+    for crossings in [] if isinstance(pairs, NoPair) else pairs.pairs_px[:wanted]:
         if any(one.edges is not None and alike_px(one.edges, crossings, rows) for one in known):
             continue
         near = _first_look(lookout, image, crossings, rows, pose, e)
         if near is not None:
             found.append(_started(lookout, near, crossings, rows, pose))
-    return found or EdgeMiss.FAINT
+    return found or (EdgeMiss.NO_PAIR if isinstance(pairs, NoPair) else EdgeMiss.FAINT)
 
 
 def followed(lookout: Lookout, image: ImageArray, pose: CameraPose, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
@@ -151,6 +157,22 @@ def alike_px(edges: Edges, crossings_px: FloatArray, rows_px: FloatArray) -> boo
     return bool(np.abs(there - crossings_px).max() < apart)
 
 
+def _announced(lookout: Lookout, image: ImageArray, rows: FloatArray, pose: CameraPose) -> FoundEdges | None:
+    """Return what is seen about where the announced runway lies by the pose, to within what both may be off by."""
+    config = lookout.config
+    half = 0.5 * config.guess.width_m
+    state = _prior(config, np.array([1.0, 0.0, -half, half]))
+    state.covariance[C, C] = state.covariance[D, D] = _ANNOUNCED_M**2
+    look = look_between(lookout, pose, state, rows)
+    prior = look.h @ state.covariance @ look.h.T + pose_noise(config, look)
+    widths = widths_of(config, state.mean[:4], look.e, rows, look.predicted, config.band_m)
+    wide = search_edges(image, look.predicted, rows, widths, look.across, prior, config.strip)
+    if wide is None:
+        return None
+    down = descend(image, wide, rows, widths, config.descent, look.across)
+    return settle(image, down.crossings_px, rows, widths, look.across, config.strip)
+
+
 def _first_look(
     lookout: Lookout, image: ImageArray, crossings: FloatArray, rows: FloatArray, pose: CameraPose, e: FloatArray
 ) -> FoundEdges | None:
@@ -177,13 +199,7 @@ def _started(
 ) -> Hypothesis:
     """Return the filter's start: next to nothing known of the lines, and the pose's errors as configured."""
     config = lookout.config
-    mean = state_from_crossings(found.crossings_px, rows, pose, lookout.kappa)
-    prior = np.diag([0.0, 0.0, 100.0, 100.0, *[config.lasting_attitude_rad**2] * 2, config.lasting_height_m**2])
-    prior[:2, :2] = config.start_turn_rad**2 * np.outer([-mean[1], mean[0]], [-mean[1], mean[0]])
-    if config.measurement is Measurement.LINES:
-        state = LineState(mean=mean, covariance=prior[:4, :4])
-    else:
-        state = LineState(mean=np.concatenate([mean, np.zeros(3)]), covariance=prior)
+    state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, lookout.kappa))
     look = look_between(lookout, pose, state, rows)
     noise = found.covariance_px2 + pose_noise(config, look)
     update = update_crossings(state, look.predicted, look.h, found.crossings_px, noise)
@@ -191,9 +207,19 @@ def _started(
         state=update.state,
         rows_px=rows,
         crossings_px=found.crossings_px,
-        covariance_px2=found.covariance_px2 + edge_noise(config, found.crossings_px, update.state.mean),
+        covariance_px2=found.covariance_px2
+        + edge_noise(config, found.crossings_px, update.state.mean, found.contrast),
         predicted_px=detected,
         measured_px=found.crossings_px,
         nis=math.nan,
     )
     return Hypothesis(state=update.state, edges=edges, frames=1, missed=0, agreement=found.agreement, nis=4.0, lost=0.0)
+
+
+def _prior(config: TrackerConfig, mean: FloatArray) -> LineState:
+    """Return lines (4,) of which next to nothing is known, with the pose's errors as configured."""
+    prior = np.diag([0.0, 0.0, 100.0, 100.0, *[config.lasting_attitude_rad**2] * 2, config.lasting_height_m**2])
+    prior[:2, :2] = config.start_turn_rad**2 * np.outer([-mean[1], mean[0]], [-mean[1], mean[0]])
+    if config.measurement is Measurement.LINES:
+        return LineState(mean=mean, covariance=prior[:4, :4])
+    return LineState(mean=np.concatenate([mean, np.zeros(3)]), covariance=prior)

@@ -22,6 +22,8 @@ from groundstation.onboard.edges.lines import (
 from groundstation.onboard.edges.pose import CameraPose, corrected_pose
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows, band_widths
 
+_MOST_FAINT = 4.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lookout:
@@ -101,9 +103,16 @@ def pose_noise(config: TrackerConfig, look: Look) -> FloatArray:
     return np.asarray((look.by_pose * sigmas**2) @ look.by_pose.T)
 
 
-def edge_noise(config: TrackerConfig, crossings: FloatArray, mean: FloatArray) -> FloatArray:
-    """Return what the definition of an edge leaves open, (4, 4) px²: alike at both ends of a line."""
+def edge_noise(
+    config: TrackerConfig, crossings: FloatArray, mean: FloatArray, contrast: FloatArray | None = None
+) -> FloatArray:
+    """Return what the definition of an edge leaves open, (4, 4) px²: alike at both ends of a line.
+
+    ``contrast`` (2,) across each edge: where it is faint, other marks draw it farther. None where it was not seen.
+    """
+    faint = np.ones(2) if contrast is None else np.clip(config.plain_contrast / contrast, 1.0, _MOST_FAINT)
     px_per_m = np.abs(crossings[2:] - crossings[:2]) / max(abs(float(mean[C] - mean[D])), 1.0)
     own = np.outer(px_per_m, px_per_m) * config.edge_sigma_m**2
-    own += config.edge_sigma_px**2 * np.eye(2)
-    return np.block([[own, np.zeros((2, 2))], [np.zeros((2, 2)), own]])
+    blur = config.edge_sigma_px**2 * np.eye(2)
+    none = np.zeros((2, 2))
+    return np.block([[own + faint[0] ** 2 * blur, none], [none, own + faint[1] ** 2 * blur]])

@@ -65,6 +65,7 @@ class EdgeTracker:
         """Return whether Algorithm 1 brings a better pair; all are compared anew if so."""
         config = self._config
         strange = runway.missed >= config.doubt_missed or runway.agreement < config.doubt_agreement
+        strange = strange or score(runway, config) < config.doubt_score
         wait = config.doubt_frames if strange else config.check_frames
         if self._unchecked < wait:
             return False
