@@ -207,8 +207,7 @@ def _started(
         state=update.state,
         rows_px=rows,
         crossings_px=found.crossings_px,
-        covariance_px2=found.covariance_px2
-        + edge_noise(config, found.crossings_px, update.state.mean, found.contrast),
+        covariance_px2=found.covariance_px2 + edge_noise(config, found.crossings_px, update.state.mean, found.contrast),
         predicted_px=detected,
         measured_px=found.crossings_px,
         nis=math.nan,

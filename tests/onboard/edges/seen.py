@@ -40,11 +40,11 @@ def smooth_picture(seed: int) -> ImageArray:
 
 def painted_runway(
     pose: CameraPose, *, inside: tuple[int, int, int] = (90, 90, 95), outside: tuple[int, int, int] = (50, 110, 80),
-    noise: float = 3.0, seed: int = 3,
+    noise: float = 3.0, seed: int = 3, lines: FloatArray = RUNWAY,
 ) -> ImageArray:  # fmt: skip
     """Return a picture (480, 640, 3) of plain ground and a plain endless runway, a pixel of blur, noise."""
     rows = np.array([245.0, 479.0])
-    ends, _ = project_lines(RUNWAY, line_map(pose, KAPPA), rows)
+    ends, _ = project_lines(lines, line_map(pose, KAPPA), rows)
     t = ((np.arange(480) - rows[0]) / (rows[1] - rows[0]))[:, None]
     left, right = (ends[k] * (1 - t) + ends[k + 1] * t for k in (0, 2))
     u = np.arange(640)[None, :]

@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from groundstation.onboard.edges import hypotheses
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
+from groundstation.onboard.edges.detection import NoPair
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
+from groundstation.onboard.edges.look import edge_noise
 from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix
 from groundstation.onboard.edges.report import EdgeMiss, EdgeStatus
 from groundstation.onboard.edges.search_band import RunwayGuess
@@ -72,6 +75,51 @@ def test_a_wrong_track_is_doubted_and_the_runway_found() -> None:
     assert last is not None
     wanted, _ = project_lines(RUNWAY, line_map(pose, KAPPA), last.rows_px)
     assert np.abs(last.crossings_px - wanted).max() < 1.5
+
+
+def test_a_strip_within_the_runway_is_doubted_long_before_the_usual_check() -> None:
+    """Started on a dark strip a third as wide as announced, whose edges are the strongest: the runway is found."""
+    pose, config = approach(), TrackerConfig(guess=replace(GUESS, width_m=18.0))
+    tracker = EdgeTracker(KAPPA, SIZE, config)
+    strip = np.array([1.0, 0.0, -3.0, 3.0])
+    tracker.start(LineState(mean=np.concatenate([strip, np.zeros(3)]), covariance=1e-4 * np.eye(7)))
+    dark = painted_runway(pose, inside=(45, 45, 50), outside=(255, 255, 255), lines=strip, noise=0.0)
+    frames = 2 * config.doubt_frames + config.confirm_frames
+    assert frames < config.check_frames
+    reports = [tracker.step(np.minimum(painted_runway(pose, seed=k), dark), pose) for k in range(frames)]
+    assert reports[0].status is EdgeStatus.TRACKING
+    for report, lines, most_px in ((reports[0], strip, 3.0), (reports[-1], RUNWAY, 1.5)):
+        assert report.edges is not None
+        wanted, _ = project_lines(lines, line_map(pose, KAPPA), report.edges.rows_px)
+        assert np.abs(report.edges.crossings_px - wanted).max() < most_px
+
+
+def test_the_announced_runway_is_looked_for_where_algorithm_1_finds_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pose that is off by 0.4°, 2 m aside and 1 m high; and on bare ground there is still none."""
+    monkeypatch.setattr(hypotheses, "detect", lambda *_: NoPair(response=np.zeros(640), candidates=np.zeros((0, 2))))
+    config = TrackerConfig(guess=replace(GUESS, width_m=20.0))
+    truth, said = approach(), approach(x=5.0, z=16.0, pitch=-0.037)
+    tracker = EdgeTracker(KAPPA, SIZE, config)
+    reports = [tracker.step(painted_runway(truth, seed=k), said) for k in range(5)]
+    assert [r.status for r in reports] == [EdgeStatus.ACQUIRING] * 3 + [EdgeStatus.TRACKING] * 2
+    last = reports[-1].edges
+    assert last is not None
+    wanted, _ = project_lines(RUNWAY, line_map(truth, KAPPA), last.rows_px)
+    assert np.abs(last.crossings_px - wanted).max() < 1.5
+    bare = painted_runway(truth, inside=(50, 110, 80))
+    assert EdgeTracker(KAPPA, SIZE, config).step(bare, said).miss is EdgeMiss.NO_PAIR
+
+
+def test_faint_edges_are_said_to_be_less_sure() -> None:
+    """Plain edges and unseen ones are off by as much as configured, fainter ones by more, to four times."""
+    config = TrackerConfig()
+    crossings, mean = np.array([300.0, 200.0, 340.0, 380.0]), np.array([1.0, 0.0, -10.0, 10.0])
+    usual = edge_noise(config, crossings, mean)
+    plain = config.plain_contrast
+    np.testing.assert_array_equal(usual, edge_noise(config, crossings, mean, np.array([plain, 0.3])))
+    faint = edge_noise(config, crossings, mean, np.array([0.5 * plain, 0.01 * plain])) - usual
+    np.testing.assert_allclose(np.diag(faint), config.edge_sigma_px**2 * np.array([3.0, 3.0, 15.0, 15.0]))
+    np.testing.assert_allclose(faint, np.diag(np.diag(faint)), atol=1e-12)
 
 
 def test_the_papers_tracker_follows_by_day() -> None:
