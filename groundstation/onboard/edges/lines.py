@@ -107,7 +107,11 @@ def state_from_crossings(
     Each line then goes through the middle of its piece on the ground. NaN where a row is above the horizon.
     """
     pixels = np.column_stack([crossings_px, np.tile(rows_px, 2)])
-    ground = ground_from_pixels(pose, kappa, pixels).reshape(2, 2, 2)
+    return state_from_ground(ground_from_pixels(pose, kappa, pixels).reshape(2, 2, 2))
+
+
+def state_from_ground(ground: FloatArray) -> FloatArray:
+    """Return the state (4,) of two lines through points of the ground (2, 2, 2): line, upper or lower row, x and y."""
     along = ground[:, 1] - ground[:, 0]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     mean = along.sum(axis=0) / np.linalg.norm(along.sum(axis=0))

@@ -6,8 +6,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.config import TrackerConfig
-from groundstation.onboard.edges.lines import C, D, angle_between, state_from_crossings
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.lines import C, D, angle_between, state_from_ground
+from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels
 
 _FARTHEST = 3.0
 # place and width have long tails: a position may be off by a runway's width, pitch makes a far one look narrow
@@ -23,9 +23,10 @@ def plausible(
     Each of these is measured in the configuration's ``start_…``; beyond three of one, nine of the place, five of the
     width, it is no runway, and the nearer the weightier.
     """
-    pair = crossings_px.reshape(2, 2)
-    each = [state_from_crossings(np.concatenate([line, line]), rows_px, pose, kappa) for line in pair]
-    both = state_from_crossings(crossings_px, rows_px, pose, kappa)
+    pixels = np.column_stack([crossings_px, np.tile(rows_px, 2)])
+    ground = ground_from_pixels(pose, kappa, pixels).reshape(2, 2, 2)
+    each = [state_from_ground(ground[[line, line]]) for line in range(2)]
+    both = state_from_ground(ground)
     if not np.isfinite(both).all() or not all(np.isfinite(one).all() for one in each):
         return 0.0
     turns = [abs(angle_between(state)) / config.start_turn_rad for state in (*each, both)]

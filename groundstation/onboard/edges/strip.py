@@ -18,6 +18,8 @@ from groundstation.onboard.edges.strip_kernel import (
     fill_strip,
     own_places,
     robust_line,
+    usual_best,
+    usual_middle,
 )
 
 _LEAST_SIGMA_PX = 0.7
@@ -124,8 +126,7 @@ def settle(
         spread = float(robust_line(offsets, weights, ends, block))
         if spread < 0.0 or np.abs(ends).max() > 2.0 * config.window_px:
             return None
-        middle = _scores(strip[line], config.block)[:, strip.shape[2] // 2]
-        contrast[line] = np.sqrt(np.nanmedian(middle) / 3.0) if np.isfinite(middle).any() else 0.0
+        contrast[line] = np.sqrt(float(usual_middle(strip[line], config.block)) / 3.0)
         found[own] += ends
         covariance[own, own] = config.block * spread**2 * block + config.floor_px**2 * np.eye(2)
     if contrast.min() < config.least_contrast:
@@ -150,13 +151,6 @@ def _strip(
     return strip
 
 
-def _scores(strip: FloatArray, block: int) -> FloatArray:
-    """Return |u − v|² of each whole block of places (blocks, displacements) of a strip (places, displacements, 3)."""
-    blocks = strip.shape[0] // block
-    means = strip[: blocks * block].reshape(blocks, block, *strip.shape[1:]).mean(axis=1)
-    return np.asarray((means**2).sum(axis=2))
-
-
 def _agreement(strip: FloatArray, block: int) -> float:
     """Return the correlation of inside − outside at both edges, over blocks of places of a strip (2, …)."""
     blocks, middle = strip.shape[1] // block, strip.shape[2] // 2
@@ -169,7 +163,4 @@ def _agreement(strip: FloatArray, block: int) -> float:
 
 def _kappa(strip: FloatArray, block: int) -> float:
     """Return half the usual best |u − v|² of a block of places."""
-    scores = _scores(strip, block)
-    best = np.where(np.isfinite(scores), scores, 0.0).max(axis=1)
-    best = best[best > 0.0]
-    return max(0.5 * float(np.median(best)), 1e-6) if best.size else 1e-6
+    return max(0.5 * float(usual_best(strip, block)), 1e-6)

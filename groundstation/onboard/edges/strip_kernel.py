@@ -93,6 +93,45 @@ def displacement_scores(strip: FloatArray, block: int, kappa: float, out: FloatA
 
 
 @njit(cache=True, nogil=True)
+def block_score(strip: FloatArray, first: int, block: int, displacement: int) -> float:
+    """Return |u − v|² of a block of places (places, displacements, 3) together, from the place ``first``."""
+    r, g, h = 0.0, 0.0, 0.0
+    for k in range(first, first + block):
+        r += strip[k, displacement, 0]
+        g += strip[k, displacement, 1]
+        h += strip[k, displacement, 2]
+    return (r * r + g * g + h * h) / (block * block)
+
+
+@njit(cache=True, nogil=True)
+def usual_best(strip: FloatArray, block: int) -> float:
+    """Return the median over blocks of their best |u − v|² at any displacement; 0 where there is none."""
+    n_t, n_o = strip.shape[:2]
+    best, count = np.zeros(n_t // block), 0
+    for first in range(0, n_t - block + 1, block):
+        top = 0.0
+        for o in range(n_o):
+            top = max(block_score(strip, first, block, o), top)
+        if top > 0.0:
+            best[count] = top
+            count += 1
+    return float(np.median(best[:count])) if count else 0.0
+
+
+@njit(cache=True, nogil=True)
+def usual_middle(strip: FloatArray, block: int) -> float:
+    """Return the median over blocks of their |u − v|² at no displacement; 0 where none is in the picture."""
+    n_t, n_o = strip.shape[:2]
+    own, count = np.zeros(n_t // block), 0
+    for first in range(0, n_t - block + 1, block):
+        score = block_score(strip, first, block, n_o // 2)
+        if score >= 0.0:
+            own[count] = score
+            count += 1
+    return float(np.median(own[:count])) if count else 0.0
+
+
+@njit(cache=True, nogil=True)
 def best_displacements(scores: FloatArray, weight: FloatArray, alone: FloatArray, step: float, out: FloatArray) -> bool:
     """Fill ``out`` (4,) with the displacements (px) of both lines that score best, less what they cost.
 
