@@ -62,6 +62,7 @@ th,td{padding:.15rem .2rem}td.text{min-width:0}
 .axes{grid-template-columns:repeat(3,minmax(2.4em,max-content));column-gap:.4em}
 h2{margin-top:1.2rem}.columns{grid-template-columns:1fr 1fr}}
 """
+_REFERENCES = {"truth": "the truth", "dgps": "DGPS"}
 _CLOCK_CAVEAT = (
     "The ± is of what is new at each pair: an error along the path that lasts, as where on the aircraft its nose is "
     "detected, is not in it, and the clock can be several times as far off."
@@ -165,7 +166,7 @@ def _tiles(summary: dict[str, Any]) -> str:
             tiles.append(
                 (
                     f"ANEES {a['mean']:.2f}",
-                    f"against {name}; 1 is ideal, {a['low_95']:.2f}–{a['high_95']:.2f} if independent",
+                    f"against {_REFERENCES.get(name, name)}; 1 is ideal, {a['low_95']:.2f}–{a['high_95']:.2f} if independent",
                 )
             )
     if nis["mean"] is not None:

@@ -116,7 +116,7 @@ def test_uneven_stamps_are_the_containers(parts: Path) -> None:
         ((), ("--azimuth",), "flight.nmea: got no --azimuth"),
         (("--origin", "47,8,400"), (), "km and more from the origin"),
         (("--date", "2025-05-09"), (), ""),
-        (("--date", "2025-07-09"), (), "got a first position of 2025-05-08; wanted 2025-07-09"),
+        (("--date", "2025-07-09"), (), "got positions of 2025-05-08; wanted 2025-07-09"),
         (
             ("--left-start", "2025-05-08T11:00:51.5Z", "--right-start", "2025-05-08T11:00:51.5Z"),
             (),
