@@ -166,7 +166,8 @@ def _tiles(summary: dict[str, Any]) -> str:
             tiles.append(
                 (
                     f"ANEES {a['mean']:.2f}",
-                    f"against {_REFERENCES.get(name, name)}; 1 is ideal, {a['low_95']:.2f}–{a['high_95']:.2f} if independent",
+                    f"against {_REFERENCES.get(name, name)}; 1 is ideal, "
+                    f"{a['low_95']:.2f}–{a['high_95']:.2f} if independent",
                 )
             )
     if nis["mean"] is not None:

@@ -21,8 +21,8 @@ _END_S = 10.0
 _SERVER_MEMORY = "256MB"
 # a server drops the oldest beyond its limit: a whole file has to be below it, with what is made of it
 _SERVER_MARGIN, _SERVER_LEAST_BYTES = 2, 1_000_000_000
-# a page in a browser can address 4 GB, and what it shows takes room beside what it holds
-MAX_BROWSER_BYTES = 1_000_000_000
+# a page in a browser can address 4 GB; 2 GB of videos took 3.3
+MAX_BROWSER_BYTES = 2_000_000_000
 # a window that is open all day beside a station: beyond it the oldest goes
 _LIVE_MEMORY = "1GB"
 
@@ -80,8 +80,8 @@ def browser_notice(path: Path) -> str:
     if size <= MAX_BROWSER_BYTES:
         return ""
     return (
-        f"{size / 1e9:.1f} GB is more than a browser may hold ({MAX_BROWSER_BYTES / 1e9:g} GB is safe): where the page stops, "
-        "--view opens it without a browser, or show a part: groundstation replay SESSION --from S --to S"
+        f"{size / 1e9:.1f} GB may be more than a browser holds ({MAX_BROWSER_BYTES / 1e9:g} GB it does): where the "
+        "page stops, --view opens it without one, or show a part of it: groundstation replay SESSION --from S --to S"
     )
 
 
