@@ -56,7 +56,9 @@ summary{cursor:pointer;font-weight:600;padding:.5rem 0}
 font-weight:400}.stack td[data-label]::before{content:attr(data-label);color:var(--soft);
 text-align:left;font-weight:400}.stack td.empty{display:none}td.text{min-width:0}}
 @media print{@page{margin:14mm}html{font-size:12px}body{max-width:none;font-size:10.5pt;padding:0}
-.pictures{grid-template-columns:1fr 1fr}h2,h3{break-after:avoid}tr,.tile,.verdict{break-inside:avoid}
+.pictures{display:block;columns:2;column-gap:8mm}.pictures figure{margin:0 0 5mm}h2,h3{break-after:avoid}
+details::details-content{display:block;content-visibility:visible;block-size:auto}
+pre{font-size:6.5pt;columns:3}h2+p{break-after:avoid}tr,.tile,.verdict{break-inside:avoid}
 .tile,.bar,pre{-webkit-print-color-adjust:exact;print-color-adjust:exact}table{font-size:6.8pt}
 th,td{padding:.15rem .2rem}td.text{min-width:0}
 .axes{grid-template-columns:repeat(3,minmax(2.4em,max-content));column-gap:.4em}

@@ -47,13 +47,17 @@ def test_a_part_holds_its_samples_as_they_are_and_their_times(samples: Mp4Sample
     np.testing.assert_array_equal(np.diff(times[1]), np.diff(whole_ns[KEY_FRAME:]))
 
 
-def test_a_decoder_finds_the_same_pictures_in_it(samples: Mp4Samples, tmp_path: Path) -> None:
-    (tmp_path / "last.mp4").write_bytes(samples.file(samples.parts(1_000_000)[1]))
-    part, whole = cv2.VideoCapture(str(tmp_path / "last.mp4")), cv2.VideoCapture(str(VIDEO))
-    for number in range(KEY_FRAME + 3):
-        assert whole.grab()
-        if number >= KEY_FRAME:
-            np.testing.assert_array_equal(part.read()[1], whole.retrieve()[1])
+def test_a_decoder_finds_the_pictures_in_it(samples: Mp4Samples, tmp_path: Path) -> None:
+    """Expected: those of the whole video; of the last part, which is far in, pictures that follow on one another."""
+    whole = cv2.VideoCapture(str(VIDEO))
+    for number, part in enumerate(samples.parts(1_000_000)):
+        path = tmp_path / f"{number}.mp4"
+        path.write_bytes(samples.file(part))
+        capture = cv2.VideoCapture(str(path))
+        first, second = (capture.read()[1].astype(float) for _ in range(2))
+        assert 0.0 < np.abs(second - first).mean() < 5.0
+        if not number:
+            np.testing.assert_array_equal(first, whole.read()[1])
 
 
 def test_parts_are_as_large_as_asked(samples: Mp4Samples) -> None:
@@ -73,12 +77,12 @@ def test_no_cut_is_where_a_later_sample_is_shown_earlier(samples: Mp4Samples) ->
 
 def test_what_has_no_video_track_or_torn_tables_is_an_error_of_ours(tmp_path: Path) -> None:
     (tmp_path / "none.mp4").write_bytes(b"\0\0\0\x10ftypisom\0\0\0\0")
-    with pytest.raises(SessionError, match="none.mp4"):
+    with pytest.raises(SessionError, match=r"none\.mp4"):
         mp4_samples(tmp_path / "none.mp4")
     write_video(tmp_path / "own.mp4", range(4), "mp4v")
     content = (tmp_path / "own.mp4").read_bytes()
     (tmp_path / "torn.mp4").write_bytes(content.replace(b"stts", b"free"))
-    with pytest.raises(SessionError, match="torn.mp4"):
+    with pytest.raises(SessionError, match=r"torn\.mp4"):
         mp4_samples(tmp_path / "torn.mp4")
 
 

@@ -61,7 +61,7 @@ def test_a_video_that_rerun_cannot_read_is_shown_picture_by_picture(tmp_path: Pa
     assert recording.times_ns(IMAGE) == [1_000_000_000 + 100_000_000 * k for k in range(ROWS)]
 
 
-def test_a_video_that_is_too_large_from_one_key_frame_to_the_next_is_shown_picture_by_picture(
+def test_a_video_too_large_between_key_frames_is_shown_picture_by_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     landing = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
