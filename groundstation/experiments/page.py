@@ -16,8 +16,8 @@ _MANY_COLUMNS = 14
 _STYLE = (
     "<style>.wide{overflow-x:auto}figure{margin:1rem 0}figure img{max-width:100%;height:auto}"
     "nav li{margin:.15rem 0}.wide table{font-size:.84rem}.wide th,.wide td{padding:.2rem .4rem}"
-    ".wide td.text{min-width:7rem}.many table{font-size:.76rem}.many th,.many td{padding:.2rem .25rem}"
-    ".many th{font-size:.68rem}.many td.text{min-width:5.5rem}"
+    ".wide td.text{min-width:7rem}.many table{font-size:.74rem}.many th,.many td{padding:.2rem .2rem}"
+    ".many th{font-size:.66rem}.many td.text{min-width:5.5rem}"
     "@media print{.wide{overflow:visible}.wide table{font-size:6.5pt}.wide td.text{min-width:0}"
     ".many table{font-size:5.2pt}.many th{font-size:4.8pt}.many th,.many td{padding:.1rem .12rem}"
     "figure{break-inside:avoid}figure img{max-height:120mm}}</style>"
