@@ -58,7 +58,7 @@ text-align:left;font-weight:400}.stack td.empty{display:none}td.text{min-width:0
 @media print{@page{margin:14mm}html{font-size:12px}body{max-width:none;font-size:10.5pt;padding:0}
 .pictures{display:block;columns:2;column-gap:8mm}.pictures figure{margin:0 0 5mm}h2,h3{break-after:avoid}
 details::details-content{display:block;content-visibility:visible;block-size:auto}
-pre{font-size:6.5pt;columns:3}h2+p{break-after:avoid}tr,.tile,.verdict{break-inside:avoid}
+pre{font-size:6.5pt}.long{columns:3}h2+p{break-after:avoid}tr,.tile,.verdict{break-inside:avoid}
 .tile,.bar,pre{-webkit-print-color-adjust:exact;print-color-adjust:exact}table{font-size:6.8pt}
 th,td{padding:.15rem .2rem}td.text{min-width:0}
 .axes{grid-template-columns:repeat(3,minmax(2.4em,max-content));column-gap:.4em}
@@ -276,7 +276,7 @@ def _appendix(summary: dict[str, Any]) -> str:
     versions = page_table((Column("part"), Column("version", text=True)), rows, stacked=False)
     return (
         "<h2>Configuration and versions</h2>"
-        f"<details><summary>Resolved configuration</summary><pre>{configuration}</pre></details>"
+        f"<details><summary>Resolved configuration</summary><pre class=long>{configuration}</pre></details>"
         "<details open><summary>Versions</summary>"
         f"{versions}</details>"
     )
