@@ -106,7 +106,7 @@ def _of_station(station: Station, words: Sequence[str]) -> dict[str, float]:
     if "drift" in words:
         chosen["camera_clock.drift"] = KNOWN_DRIFT
     if "readout" in words:
-        chosen["readout"] = KNOWN_READOUT_S
+        chosen["readout"] = station.readout_sigma_s or KNOWN_READOUT_S
     return chosen
 
 

@@ -51,11 +51,12 @@ class PathPart:
 
     def known(self) -> tuple[csr_matrix, FloatArray]:
         """Return design and data of samples and smoothness, in sigmas."""
-        design, differences = self.basis.at(self.t_s), self.basis.differences
+        design = self.basis.at(self.t_s)
         rows, data = [], []
         for axis, smooth in enumerate(self.smoothness):
             weight = 1.0 / (self.sigma[:, axis] * smooth.noise_factor)
-            rows.append(vstack([design.multiply(weight[:, None]), diags(1.0 / smooth.third_difference) @ differences]))
+            differences = self.basis.differences(smooth.order)
+            rows.append(vstack([design.multiply(weight[:, None]), diags(1.0 / smooth.difference) @ differences]))
             data += [self.samples[:, axis] * weight, np.zeros(differences.shape[0])]
         return block_diag(rows, format="csr"), np.concatenate(data)
 
@@ -226,12 +227,13 @@ class PathResiduals:
         return tuple(self._loosened(part, at) if part.station is None else part for part in self.parts)
 
     def _loosened(self, part: PathPart, at: _Solved) -> PathPart:
-        D, smooth = part.basis.differences, list(part.smoothness)
+        smooth = list(part.smoothness)
         for axis, coefficients in enumerate(part.coefficients(at.theta)):
             first = part.first + axis * part.basis.count
+            D = part.basis.differences(smooth[axis].order)
             found, taken = D @ coefficients, np.zeros(D.shape[0])
             # only the largest can break the path, and each costs a solution
-            largest = np.argsort(np.abs(found) / smooth[axis].third_difference)[-_LARGEST:]
+            largest = np.argsort(np.abs(found) / smooth[axis].difference)[-_LARGEST:]
             columns = np.zeros((len(at.theta), len(largest)))
             columns[first : first + part.basis.count] = D[largest].T.toarray()
             taken[largest] = np.sum(columns * at.root.solve(columns), axis=0)

@@ -12,7 +12,7 @@ from calibration.flight_problem import ANTENNA, DGPS_OFFSET
 from groundstation.arrays import FloatArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig import PARTS, ClockModel, Rig, Station
-from groundstation.rig_covariance import CLOCK_NAMES, REFERENCE_NAMES, ParameterCovariance, joined
+from groundstation.rig_covariance import CLOCK_NAMES, READOUT, REFERENCE_NAMES, ParameterCovariance, joined
 from groundstation.rig_reference import RigReference
 
 _FLOORS = {
@@ -20,7 +20,7 @@ _FLOORS = {
     "runway_from_base": FLOOR_ROTATION_RAD,
     "head_from_camera": FLOOR_ROTATION_RAD,
 }
-_SHARED_NAMES = frozenset((*CALIBRATION_PARAMETERS, *CLOCK_NAMES))
+_SHARED_NAMES = frozenset((*CALIBRATION_PARAMETERS, *CLOCK_NAMES, READOUT))
 
 
 def solved_rig(rig: Rig, fit: FlightFit, session: str, antenna_in_body_m: FloatArray | None) -> Rig:
@@ -54,7 +54,7 @@ def _reference(
 
 
 def _shared(rig: Rig, stations: Sequence[Station], fit: FlightFit) -> ParameterCovariance:
-    """Return the covariance of all that was found, over stations, clocks and DGPS.
+    """Return the covariance of all that was found, over stations, clocks, shutters and DGPS.
 
     Its variances are those that the stations state themselves.
     """
@@ -117,7 +117,8 @@ def _solved(before: Station, fit: FlightFit) -> Station:
         camera_clock=camera,
         ptu_clock=ptu,
         ptu_clock_given=before.ptu_clock_given or "ptu_clock.offset" in own,
-        readout_s=station.readout_s + problem.value(fit.change, f"{name}.readout"),
+        readout_s=station.readout_s + problem.value(fit.change, f"{name}.{READOUT}"),
+        readout_sigma_s=float(sigma[own[READOUT]]) if READOUT in own else station.readout_sigma_s,
         covariance_parameters=names,
         covariance=covariance,
     )

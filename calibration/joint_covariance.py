@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig import Rig, Station
 from groundstation.rig_covariance import ParameterCovariance
 
@@ -15,7 +16,7 @@ _LEAST_CORRELATION = 1e-3
 def with_covariance(rig: Rig, found: ParameterCovariance) -> Rig:
     """Return the rig with what was found of some parameters, ``station.parameter``; of the others it says what it said.
 
-    Stations that correlate through anything stand together in the shared covariance.
+    Stations that correlate through anything, or whose clocks the rig knows, stand together in the shared covariance.
     """
     before = rig.calibration_covariance()
     rest = [k for k, name in enumerate(before.names) if name not in found.names]
@@ -25,7 +26,9 @@ def with_covariance(rig: Rig, found: ParameterCovariance) -> Rig:
     matrix[:n, :n] = 0.5 * (found.matrix + found.matrix.T)
     matrix[n:, n:] = before.matrix[np.ix_(rest, rest)]
     owners = [name.partition(".")[0] for name in names]
-    together = _correlated(owners, matrix)
+    # clocks, shutters and the DGPS have no place in a station's own table
+    timed = {owners[k] for k, name in enumerate(names) if name.partition(".")[2] not in CALIBRATION_PARAMETERS}
+    together = _correlated(owners, matrix) | timed
     shared = [k for k, owner in enumerate(owners) if owner in together]
     return replace(
         rig,

@@ -194,7 +194,9 @@ def pose_problem(
         blocks.append(((name,), np.array([[scale]]), False))
     for name in moved:
         blocks += [((f"{name}.moved.{axis}",), np.array([[MOVED_SIGMA_RAD]]), True) for axis in AXES]
-    rest = [k for k, name in enumerate(before.names) if name not in free and name.partition(".")[0] in stations]
+    # landmarks stand still: what a rig knows of its clocks is no part of it
+    told = {f"{station}.{short}" for station in stations for short in CALIBRATION_PARAMETERS}.difference(free)
+    rest = [k for k, name in enumerate(before.names) if name in told]
     if rest:
         names = tuple(before.names[k] for k in rest)
         blocks.append((names, root_of(before.matrix[np.ix_(rest, rest)]), True))

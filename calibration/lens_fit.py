@@ -33,6 +33,8 @@ _NO_INFORMATION = 1e-13
 _GROUPS = ((0, 1), (4, 5, 8), (2, 3, 6, 7))
 # of lenses whose corners' errors are all new, so many keep the sigmas that follow from that
 _CHANCE = 0.95
+# below it Student's t has no variance
+_LEAST_FREEDOM = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -293,7 +295,8 @@ def _raised(covariance: FloatArray, seen: FloatArray, views: int, columns: list[
     """Return a covariance (p, p), raised where the views scatter by more: ``seen`` (p, p), by the jackknife.
 
     Combination by combination within `_GROUPS`: parameters of one are known together far better than alone, and one
-    raised by itself would turn that. What chance makes of so few views, in the worst of p combinations, raises nothing.
+    raised by itself would turn that. What chance makes of so few views, in the worst of p combinations, raises nothing;
+    what is added is widened to the variance of Student's t, n/(n − 2) with n + 1 views.
     """
     sigma = np.sqrt(np.diag(covariance))
     unit, seen = covariance / np.outer(sigma, sigma), seen / np.outer(sigma, sigma)
@@ -305,7 +308,10 @@ def _raised(covariance: FloatArray, seen: FloatArray, views: int, columns: list[
     ratio = np.diag(axes.T @ seen @ axes) / np.maximum(np.diag(size), _NO_INFORMATION)
     freedom = max(views - 1, 1)
     limit = chi2.ppf(_CHANCE ** (1.0 / len(ratio)), freedom) / freedom
-    raised = np.sqrt(np.where(ratio > limit, ratio, 1.0))
+    # a variance told by so few views is uncertain itself: Student's t with that freedom is wider; that of the corners'
+    # own noise is told by all of them
+    wider = freedom / (freedom - 2.0) if freedom > _LEAST_FREEDOM else 1.0
+    raised = np.sqrt(np.where(ratio > limit, 1.0 + wider * (ratio - 1.0), 1.0))
     spread = sigma[:, None] * axes * raised
     return np.asarray(spread @ size @ spread.T)
 

@@ -81,7 +81,7 @@ def relative_sigma_rad(rig: Rig, first: str, second: str, range_m: float) -> Flo
         angles = np.linalg.solve(seen.jacobian[:, 3:], seen.calibration_jacobian)
         for k, parameter in enumerate(known.names):
             owner, _, short = parameter.partition(".")
-            if owner == name:
+            if owner == name and short in CALIBRATION_PARAMETERS:
                 difference[:, k] += sign * angles[:, CALIBRATION_PARAMETERS.index(short)]
     return np.sqrt(np.maximum(np.diag(difference @ known.matrix @ difference.T), 0.0))
 

@@ -23,6 +23,7 @@ from calibration.sightings import Landmark, Sighting, require_consistent
 from calibration.survey_start import found_stations
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig import PARTS, Rig, Station
 from groundstation.rig_covariance import ParameterCovariance
 
@@ -116,6 +117,9 @@ def known_before(rig: Rig, names: Sequence[str], words: Sequence[str]) -> Parame
     keep = []
     for k, name in enumerate(known.names):
         owner, _, short = name.partition(".")
+        # clocks, shutters and the DGPS, which a flight has found: landmarks do not show them
+        if short not in CALIBRATION_PARAMETERS:
+            continue
         unknown = "position" not in rig[owner].known and short.startswith("ptu_position")
         if owner in names and not unknown and not short.startswith("runway_from_base"):
             keep.append(k)

@@ -18,6 +18,7 @@ from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
 from groundstation.cli_reproduce import add_reproduce, run_reproduce
 from groundstation.cli_simulate import add_simulate, run_simulate
+from groundstation.cli_span import add_span
 from groundstation.cli_view import add_view, run_view
 from groundstation.errors import GroundstationError, UsageError
 from groundstation.progress import ProgressLine
@@ -135,8 +136,7 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         metavar="FILE",
         help="tuning, TOML; what it leaves out keeps its default (all of them: groundstation config)",
     )
-    replay.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
-    replay.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    add_span(replay)
     replay.add_argument(
         "--learn-until",
         type=_seconds,

@@ -28,6 +28,11 @@ _LIVE_MORE = """examples:
 
 --simulate needs no hardware: simulated PTUs on real serial lines (ptys), rendered
 cameras that look where the PTUs look, one landing after the other.
+--faults takes the file of `groundstation simulate`; its times count from the
+moment the first landing begins. Of its faults there are here camera_lost,
+camera_frozen, camera_late (pictures come late, with their right stamps),
+camera_clock_step, ptu_silent, and with --dgps dgps_gap and dgps_clock_step; what
+else befalls a PTU's line is --ptu-fault.
 The station file: docs/live.md
 
 exit code: 0 done; 1 a device or a file is at fault, or nothing at all could be
@@ -77,6 +82,9 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         metavar="NAME",
         help="with --simulate: strikes each PTU's line six times a minute once it flies; may be repeated",
     )
+    live.add_argument(
+        "--faults", type=Path, metavar="FILE", help="with --simulate: what fails when, TOML as in simulate; see below"
+    )
     live.add_argument("--dgps", action="store_true", help="with --simulate: a reference receiver on the aircraft")
     live.add_argument("--no-record", action="store_true", help="keep the track, not the pictures")
     screen = live.add_mutually_exclusive_group()
@@ -106,7 +114,9 @@ def _seconds(text: str) -> float:
 
 def run_live(options: argparse.Namespace) -> int:
     """Operate until the time is over or somebody says so."""
+    from groundstation.filming import load_faults
     from groundstation.live.command import LiveRequest, live
+    from groundstation.live.fault_timetable import range_faults
     from groundstation.live.simulated_receiver import ReceiverModel
     from groundstation.simulation.flights import Aircraft
     from ptu_drivers.simulated_faults import FAULTS
@@ -115,6 +125,11 @@ def run_live(options: argparse.Namespace) -> int:
     if wrong:
         print(f"groundstation live: {wrong}", file=sys.stderr)
         return 2
+    failing = range_faults(
+        () if options.faults is None else load_faults(options.faults),
+        ReceiverModel() if options.dgps else None,
+        str(options.faults),
+    )
     request = LiveRequest(
         station=options.station,
         out=options.out,
@@ -126,7 +141,8 @@ def run_live(options: argparse.Namespace) -> int:
         record=not options.no_record,
         seed=options.seed,
         ptu_faults=tuple(options.ptu_fault),
-        receiver=ReceiverModel() if options.dgps else None,
+        receiver=failing.receiver,
+        timetable=failing.timetable,
         wind_m_s=options.wind,
         aircraft=Aircraft(options.aircraft),
     )
@@ -151,6 +167,7 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
             "wind": 0.0,
             "aircraft": "waves",
             "ptu_fault": [],
+            "faults": None,
             "dgps": False,
         }
         alone = [name for name, default in defaults.items() if getattr(options, name) != default]

@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from groundstation.cli_span import add_span, require_span
 from groundstation.progress import ProgressLine
 
 _RECOVER = """Make a whole recording of one that was cut short by a crash, a kill or a power
@@ -52,8 +53,7 @@ def add_convert(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     )
     convert.add_argument("source", type=Path, metavar="IN", help="a session folder, or a recording (.mcap)")
     convert.add_argument("out", type=Path, metavar="OUT", help="the other: a file ending in .mcap, or a new folder")
-    convert.add_argument("--from", type=float, dest="from_s", metavar="S", help="start at this session time, s")
-    convert.add_argument("--to", type=float, dest="to_s", metavar="S", help="stop at this session time, s")
+    add_span(convert)
 
 
 def run_recover(options: argparse.Namespace) -> int:
@@ -79,6 +79,7 @@ def run_convert(options: argparse.Namespace) -> int:
     """Convert, and say what the new form does not have."""
     from groundstation.convert import convert
 
+    require_span(options)
     with ProgressLine(sys.stderr, "convert") as line:
         done = convert(options.source, options.out, from_s=options.from_s, to_s=options.to_s, progress=line.update)
     for note in done.notes:

@@ -14,7 +14,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.geometry.station import StationGeometry
 from groundstation.ptu_axes import IDEAL_AXES, PtuAxes, read_axes
-from groundstation.rig_covariance import ParameterCovariance, joined, read_covariance, require_agreement
+from groundstation.rig_covariance import READOUT, ParameterCovariance, joined, read_covariance, require_agreement
 from groundstation.rig_reference import RigReference, read_reference
 from groundstation.text_file import TextFile
 from groundstation.toml_table import Table, load_toml, quoted
@@ -32,7 +32,7 @@ _STATION_KEYS = frozenset(
         *("name", "fixed", "known", "ptu_position_m", "runway_from_base_wxyz", "head_from_camera_wxyz"),
         *("camera_in_head_m", "image_size_px", "focal_px", "principal_point_px", "distortion"),
         *("ptu_resolution_deg", "ptu_sigma_deg", "ptu_clock", "camera_clock", "readout_s", "covariance"),
-        "ptu_axes",
+        *("ptu_axes", "readout_sigma_s"),
     }
 )
 _CLOCK_KEYS = frozenset({"offset_s", "drift_ppm", "sigma_s"})
@@ -67,7 +67,7 @@ class Station:
     camera_in_head_m : (3,) lever arm of the camera's centre, head frame.
     ptu_resolution_rad, ptu_sigma_rad : encoder step, and 1 sigma of a reading besides the step.
     ptu_clock, camera_clock : device clocks; ``camera_clock`` None where nobody gives one.
-    readout_s : rolling shutter, first row to last.
+    readout_s, readout_sigma_s : rolling shutter, first row to last, and one sigma of it.
     known : which of position, orientation and lens are calibrated.
     covariance_parameters, covariance : names and matrix of the calibration's covariance (may be empty).
     ptu_clock_given : whether the rig file itself gives ``ptu_clock``, be it zero.
@@ -91,6 +91,7 @@ class Station:
     covariance: FloatArray
     ptu_clock_given: bool = False
     ptu_axes: PtuAxes = IDEAL_AXES
+    readout_sigma_s: float = 0.0
 
     @property
     def angle_sigma_rad(self) -> float:
@@ -154,7 +155,7 @@ class Rig:
         """Return the covariance of everything uncertain, names ``station.parameter``.
 
         Each station's own block and the shared one, which holds where both name a parameter; with the shared one may
-        come clocks and what is known of the DGPS.
+        come clocks, shutters and what is known of the DGPS.
         """
         blocks = [(tuple(f"{s.name}.{p}" for p in s.covariance_parameters), s.covariance) for s in self.stations]
         names = tuple(name for block, _ in blocks for name in block)
@@ -201,7 +202,7 @@ def load_rig(path: TextFile) -> Rig:
 
 
 def _own_variances(stations: Sequence[Station]) -> dict[str, float]:
-    """Return the variances that stations state of their own parameters and clocks, by ``station.parameter``."""
+    """Return the variances that stations state of their parameters, clocks, shutters, by ``station.parameter``."""
     variances: dict[str, float] = {}
     for s in stations:
         pairs = zip(s.covariance_parameters, np.diag(s.covariance), strict=True)
@@ -212,6 +213,8 @@ def _own_variances(stations: Sequence[Station]) -> dict[str, float]:
         ):
             if model is not None:
                 variances[f"{s.name}.{clock}.offset"] = model.sigma_s**2
+        if s.readout_sigma_s > 0.0:
+            variances[f"{s.name}.{READOUT}"] = s.readout_sigma_s**2
     return variances
 
 
@@ -254,6 +257,7 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
         covariance=covariance.matrix,
         ptu_clock_given="ptu_clock" in table,
         ptu_axes=read_axes(table.table("ptu_axes")),
+        readout_sigma_s=table.number("readout_sigma_s", 0.0, minimum=0.0),
     )
 
 

@@ -2,7 +2,7 @@
 
 The names are those of `groundstation.geometry.calibration.CALIBRATION_PARAMETERS`; in the table of the whole rig
 they follow the station's name and a dot, so that errors which stations share can be told. There, the stations' clocks
-and what is known of the DGPS stand beside them (`CLOCK_NAMES`, `REFERENCE_NAMES`).
+and shutters and what is known of the DGPS stand beside them (`CLOCK_NAMES`, `READOUT`, `REFERENCE_NAMES`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,6 +21,8 @@ _MAX_PARAMETERS = 2000
 # a variance that stands twice may differ by so much, for its digits
 _SAME = 1e-3
 CLOCK_NAMES = ("camera_clock.offset", "ptu_clock.offset")
+# the rolling shutter's time, first row to last
+READOUT = "readout"
 REFERENCE_NAMES = ("dgps_clock.offset", *(f"dgps_antenna.{axis}" for axis in "xyz"))
 
 
@@ -73,7 +75,7 @@ def _names(table: Table, stations: Sequence[str]) -> tuple[str, ...]:
         if stations and name in REFERENCE_NAMES:
             continue
         station, _, parameter = name.partition(".") if stations else ("", "", name)
-        if stations and parameter in CLOCK_NAMES and station in stations:
+        if stations and parameter in (*CLOCK_NAMES, READOUT) and station in stations:
             continue
         if stations and station not in stations:
             raise table.fail("parameters", quoted(name), "station.parameter with one of " + ", ".join(stations))

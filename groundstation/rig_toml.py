@@ -65,6 +65,8 @@ def _station(station: Station) -> str:
     if station.camera_clock is not None:
         lines.append(f"camera_clock = {_clock(station.camera_clock)}")
     lines.append(f"readout_s = {float(station.readout_s)!r}")
+    if station.readout_sigma_s > 0.0:
+        lines.append(f"readout_sigma_s = {float(station.readout_sigma_s)!r}")
     if station.covariance_parameters:
         known = ParameterCovariance(names=station.covariance_parameters, matrix=station.covariance)
         lines += _covariance("station.covariance", known)

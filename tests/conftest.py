@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from tests.compile_once import compile_once
+
 ROOT = Path(__file__).resolve().parent.parent
 
 # `make test` draws the same examples every time; `make fuzz` draws new ones and remembers what failed
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("new", max_examples=2000, deadline=None, print_blob=True)
 settings.load_profile("same")
+compile_once()
 
 # The files that take longest begin first: a worker takes whole files, and one begun last is waited for by all others.
 LONGEST_FILES = (

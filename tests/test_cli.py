@@ -54,7 +54,7 @@ def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["fly"], "invalid choice: 'fly'"),
         (["replay"], "the following arguments are required: SESSION, --out"),
         (["replay", "a"], "the following arguments are required: --out"),
-        (["replay", "a", "--out", "b", "--from", "soon"], "argument --from: invalid float value: 'soon'"),
+        (["replay", "a", "--out", "b", "--from", "soon"], "argument --from: got 'soon'; wanted a session time"),
         (["replay", "a", "--out", "b", "--fast"], "unrecognized arguments: --fast"),
         (["replay", "a", "--out", "b", "--view", "--no-rerun"], "not allowed with argument"),
     ],

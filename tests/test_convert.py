@@ -159,3 +159,26 @@ def test_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "exit code" in said
     assert "example" in said
     assert all(len(text) <= 80 for text in said.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("span", "words"),
+    [
+        (["--from", "nan"], "got 'nan'; wanted a session time in s"),
+        (["--to", "nan"], "got 'nan'; wanted a session time in s"),
+        (["--to", "inf"], "got 'inf'; wanted a session time in s"),
+        (["--from", "3", "--to", "2"], "wanted an end after the beginning"),
+    ],
+)
+def test_times_that_are_none_are_refused(
+    span: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: wrong usage, and nothing written."""
+    session = Tiny(rows=3).write(tmp_path / "session")
+    try:
+        code = main(["convert", str(session), str(tmp_path / "out.mcap"), *span])
+    except SystemExit as ended:
+        code = ended.code
+    assert code == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out.mcap").exists()

@@ -19,6 +19,8 @@ from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.registry import EXPERIMENTS, named
 from groundstation.experiments.reproduce import ReproduceRequest, reproduce
 from groundstation.experiments.tables import Table
+from tests.docs.pages import ROOT
+from tests.docs.test_commands import run_page
 
 # near the start, where little has to be decoded
 FROM_S, TO_S = 2.0, 2.7
@@ -40,8 +42,12 @@ def found(recorded: Recorded) -> dict[str, Findings]:
     return {e.name: e.run(recorded) for e in EXPERIMENTS}
 
 
-def untimed(table: Table) -> list[list[object]]:
-    return [[cell for k, cell in enumerate(row) if k not in table.timed] for row in table.rows]
+def untimed(folder: Path, table: Table) -> list[list[str]]:
+    """Return a table as it was written to a folder, without its times."""
+    with (folder / f"{table.name}.csv").open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.reader(stream))
+    assert len(rows) == len(table.rows) + 1
+    return [[cell for k, cell in enumerate(row) if k not in table.timed] for row in rows]
 
 
 def test_every_number_of_the_ground_paper_is_there() -> None:
@@ -77,17 +83,27 @@ def test_names_of_files_do_not_clash(found: dict[str, Findings]) -> None:
 
 
 @pytest.fixture(scope="module")
-def recorded_again(landing_1: Path) -> Recorded:
-    return Recorded(landing_1, FROM_S, TO_S)
+def again(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the documentation's own lines leave: all experiments on the same stretch once more, from the pictures on."""
+    folder = tmp_path_factory.mktemp("page")
+    with pytest.MonkeyPatch.context() as patch:
+        run_page(ROOT / "docs" / "reproduce.md", folder, patch, [])
+    return folder / "out" / "reproduce"
 
 
 @pytest.mark.parametrize("name", [e.name for e in EXPERIMENTS])
-def test_the_same_again(name: str, found: dict[str, Findings], recorded_again: Recorded) -> None:
-    """Expected: from the pictures on, all but the times is the same to the last digit."""
-    again = named(name).run(recorded_again)
-    assert len(again.tables) == len(found[name].tables)
-    for first, second in zip(found[name].tables, again.tables, strict=True):
-        assert untimed(first) == untimed(second)
+def test_the_same_again(name: str, found: dict[str, Findings], again: Path, tmp_path: Path) -> None:
+    """Expected: all but the times is the same to the last digit."""
+    for table in found[name].tables:
+        table.write_csv(tmp_path)
+        assert untimed(tmp_path, table) == untimed(again, table)
+
+
+def test_nothing_is_there_but_once_more(found: dict[str, Findings], again: Path) -> None:
+    """Expected: the same tables and the same figures, none more and none less, and the page."""
+    tables = {f"{table.name}.csv" for findings in found.values() for table in findings.tables}
+    figures = {f"{figure.name}.png" for findings in found.values() for figure in findings.figures}
+    assert {path.name for path in again.iterdir()} == tables | figures | {"reproduce.html"}
 
 
 def rows_of(table: Table, *, where: str) -> Iterator[list[object]]:

@@ -159,7 +159,7 @@ class Detector:
         up = None if look.up is None else look.up * width
         expected = None if look.span is None else (look.span, look.span_sigma)
         nose = find_nose(
-            np.asarray(soft, np.float32), width, group.contrast, forward, up, expected, look.height_per_span
+            np.asarray(soft, np.float32), width, group.contrast, forward, up, expected, look.height_per_span, look.scale
         )
         point = look.full(nose.point + corner)
         covariance = nose.covariance * look.scale**2

@@ -78,6 +78,7 @@ def find_nose(
     up: FloatArray | None,
     expected: tuple[float, float] | None = None,
     height_per_span: float | None = None,
+    scale: int = 1,
 ) -> NosePoint:
     """Return the nose of one silhouette.
 
@@ -88,6 +89,9 @@ def find_nose(
     contrast : of the silhouette, in sigmas.
     forward_per_span : (2,) image shift in px of one span's length along the flight direction, or None.
     up : (2,) image shift in px of one span's length of runway-up, or None.
+    expected : the span to expect in px and the sigma of its logarithm, or None.
+    height_per_span : of the nose above the runway, in spans, or None.
+    scale : how many of the camera's px one px here is; all lengths above are in px here.
     """
     thickest = _thickest(membership, max(_RADIUS_PER_SPAN * span, 1.2))
     noise = (0.15 + _NOISE_PX_SIGMAS / max(contrast, 1.0)) ** 2
@@ -102,7 +106,7 @@ def find_nose(
     if up is not None:
         forward = forward + math.sin(airborne * _INCIDENCE_RAD) * up
     if float(np.hypot(*forward)) < _SIDE_ON * span:
-        found = _near_head_on(membership, thickest, forward, (span, contrast), (expected, airborne))
+        found = _near_head_on(membership, thickest, forward, (span, contrast, scale), (expected, airborne))
         return NosePoint(point=found.point, covariance=found.covariance + covariance)
     forward, forward_covariance = _fuselage_axis(membership, thickest, forward, span)
     lead = _lead(membership, thickest, forward, span)
@@ -115,15 +119,16 @@ def _near_head_on(
     membership: NDArray[np.float32],
     thickest: FloatArray,
     forward: FloatArray,
-    seen: tuple[float, float],
+    seen: tuple[float, float, int],
     known: tuple[tuple[float, float] | None, float],
 ) -> NosePoint:
     """Return the nose of an aircraft whose wing is seen in its full width.
 
-    ``seen`` is the silhouette's width and contrast, ``forward`` (2,) the expected image of the body axis, px per
-    that width, ``known`` the expected span with its log-sigma and how surely it flies.
+    ``seen`` is the silhouette's width, its contrast and how many of the camera's px one px is, ``forward`` (2,) the
+    expected image of the body axis, px per that width, ``known`` the expected span with its log-sigma and how surely
+    it flies.
     """
-    width, contrast = seen
+    width, contrast, scale = seen
     expected, airborne = known
     edge = _EDGE_PX + _EDGE_PX_SIGMAS / max(contrast, 1.0)
     span = _likely_span(width, expected)
@@ -138,8 +143,9 @@ def _near_head_on(
         lost += max(abs(middle - body) - _BODY_ASIDE * span, 0.0)
         middle_sigma = math.hypot(edge, _TIP_PER_SPAN * span, lost)
     level_forward = wing.rotation.T @ forward * (span / width)
-    # where crab can be read it is left open; where it cannot, an approach in usual wind is assumed
-    legible = min(max((span - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
+    # where crab can be read it is left open; where it cannot, an approach in usual wind is assumed. What blurs it is
+    # the camera, not that a large silhouette is looked at in a reduced picture
+    legible = min(max((scale * span - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
     flying = _CRAB_SIGMA_RAD + min(2.0 * legible, 1.0) * (_CRAB_SIGMA - _CRAB_SIGMA_RAD)
     crab = _ROLLING_CRAB_SIGMA + airborne * (flying - _ROLLING_CRAB_SIGMA)
     sigma = (crab * span, _PITCH_SIGMA * span)

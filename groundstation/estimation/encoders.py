@@ -136,6 +136,15 @@ class EncoderFeed:
         pan, P = self._ekf.layout.angles[station].start, self._ekf.covariance
         return math.sqrt(max(P[pan, pan], P[pan + 1, pan + 1]))
 
+    def _off(self, sample: PtuSample, ahead_s: float) -> float:
+        """Return how far a reading is from where the head was expected at its time, ``ahead_s`` after the filter's."""
+        # a head that turns at 45°/s is elsewhere by half a degree from one reading to the next
+        pan_rate, tilt_rate = self._ekf.state[self._ekf.layout.rates[sample.station]]
+        pan, tilt = self._ekf.angles(sample.station)
+        pan_off = wrap_rad(sample.pan_rad - pan - ahead_s * pan_rate)
+        tilt_off = wrap_rad(sample.tilt_rad - tilt - ahead_s * tilt_rate)
+        return float(max(abs(pan_off), abs(tilt_off)))
+
     def _settle(self, suspect: PtuSample, sample: PtuSample, ahead_s: float) -> str | None:
         """Decide what the reading before was, now that another is here, ``ahead_s`` after the filter's time."""
         self._began_anew = False
@@ -144,10 +153,8 @@ class EncoderFeed:
             return None
         pan_rate = wrap_rad(sample.pan_rad - suspect.pan_rad) / dt
         tilt_rate = wrap_rad(sample.tilt_rad - suspect.tilt_rad) / dt
-        predicted = self._ekf.angles(sample.station)
         sigma = self._sigmas_rad[sample.station]
-        off = max(abs(wrap_rad(sample.pan_rad - predicted[0])), abs(wrap_rad(sample.tilt_rad - predicted[1])))
-        back = max(abs(wrap_rad(suspect.pan_rad - predicted[0])), abs(wrap_rad(suspect.tilt_rad - predicted[1])))
+        off, back = self._off(sample, ahead_s), self._off(suspect, ahead_s - dt)
         moved = off > 0.5 * back and max(abs(pan_rate), abs(tilt_rate)) <= self._max_rate
         where = f"station {sample.station}: PTU reading at {suspect.t_s:.3f} s"
         self._began_anew = moved

@@ -15,7 +15,7 @@ from groundstation.estimation.linearisation import PixelLinearisation
 from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
 from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.motion import MotionModel
-from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior, clock_places
+from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior, time_places
 from groundstation.estimation.second_view import SecondView
 from groundstation.estimation.silhouette import WidthModel
 from groundstation.estimation.state import EkfState, Remembered, StateLayout, state_layout
@@ -80,13 +80,11 @@ class FilterCore:
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
-        # the clocks of cameras and PTUs would be learnt from the encoders' noise, which looks like motion
+        # clocks and shutters would be learnt from the encoders' noise, which looks like motion
         self._taught = self._all.copy()
         for name in stations:
-            for places in clock_places(self.layout.parameters, name).values():
-                self._taught[places] = False
-        clocks = {name: clock_places(self.layout.parameters, name).values() for name in turning}
-        self._watch = ClockWatch.of({name: [k for places in own for k in places] for name, own in clocks.items()})
+            self._taught[time_places(self.layout.parameters, name)] = False
+        self._watch = ClockWatch.of({name: time_places(self.layout.parameters, name) for name in turning})
         self._learns_clocks = config.calibration is CalibrationUse.ESTIMATE
         self._rig_uncertain = any(name.partition(".")[2] in CALIBRATION_PARAMETERS for name in prior.names)
         self._span_only = np.zeros(self.layout.size, np.bool_)

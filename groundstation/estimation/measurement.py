@@ -3,7 +3,8 @@
 Pixel: the pinhole chain of docs/conventions.md. ∂pixel/∂angle is not zero; through it encoder noise is
 shared between pixel and angles, as the paper's Equation 5 has it. With a rolling shutter the row is exposed
 some time after the stamp, and with a clock error the whole picture is: by δ later the target is at p + δ·v and
-the PTU at its angle + δ·rate. So a clock error enters as the time does, and ∂z/∂δ is the pixel's own speed.
+the PTU at its angle + δ·rate. So a clock error enters as the time does, and ∂z/∂δ is the pixel's own speed. A shutter
+that takes longer by ρ makes a row later by its share of the picture's height from the middle row times ρ.
 
 A PTU's angles are states in the PTU's own clock: its readings show them as they are, and a clock that is late by ε
 enters where a pixel meets them, as angle − ε·rate. (Were ε to enter at the reading, each reading would multiply it by a
@@ -24,6 +25,7 @@ from groundstation.geometry import kernels
 from groundstation.geometry.calibration import changed_packed, parameter_indices
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration
 from groundstation.geometry.station import StationGeometry
+from groundstation.rig_covariance import READOUT
 
 IndexArray = NDArray[np.int64]
 _NOWHERE = -1
@@ -67,9 +69,11 @@ class PixelModel:
     def __init__(self, layout: StateLayout, geometry: StationGeometry) -> None:
         self._geometry = geometry
         self._size = layout.size
+        self._rows = geometry.image_size_px[1]
         name = geometry.name
         own = {p.removeprefix(f"{name}."): k for p, k in layout.parameters.items() if p.startswith(f"{name}.")}
-        calibration = {p: k for p, k in own.items() if "_clock." not in p}
+        calibration = {p: k for p, k in own.items() if "_clock." not in p and p != READOUT}
+        self._readout = own.get(READOUT, _NOWHERE)
         self._columns = np.array(parameter_indices(list(calibration)), np.int64)
         self._places = np.array(list(calibration.values()), np.int64)
         angles, rates = layout.angles.get(name), layout.rates.get(name)
@@ -99,8 +103,31 @@ class PixelModel:
             if change.any():
                 packed = changed_packed(packed, change)
         pixel, H = np.empty(2), np.zeros((2, self._size))
-        depth = _predict_pixel(packed, state, self._where, self._columns, self._places, row_dt_s, age_s, pixel, H)
+        depth = self._at(packed, state, row_dt_s, age_s, pixel, H)
+        if self._readout != _NOWHERE and depth >= kernels.MIN_DEPTH_M:
+            # which row the target is on follows from the pixel itself
+            share, longer = (pixel[1] + 0.5) / self._rows - 0.5, float(state[self._readout])
+            if longer != 0.0:
+                by_row = H[1] / self._rows
+                H = np.zeros_like(H)
+                depth = self._at(packed, state, row_dt_s + share * longer, age_s, pixel, H)
+                H += longer * np.outer(self._speed(state, H), by_row)
+            H[:, self._readout] = share * self._speed(state, H)
         return None if depth < kernels.MIN_DEPTH_M else PixelPrediction(pixel=pixel, jacobian=H, depth_m=depth)
+
+    def _at(
+        self, packed: FloatArray, state: FloatArray, dt_s: float, age_s: float, pixel: FloatArray, H: FloatArray
+    ) -> float:
+        """Fill pixel (2,) and H (2, n), zero before, for an exposure so long after the stamp; return the depth, m."""
+        return float(_predict_pixel(packed, state, self._where, self._columns, self._places, dt_s, age_s, pixel, H))
+
+    def _speed(self, state: FloatArray, H: FloatArray) -> FloatArray:
+        """Return the pixel's own speed (2,) px/s: what it moves by where the exposure is later."""
+        position, velocity, angles, rates = self._where[:4]
+        speed = H[:, position : position + 3] @ state[velocity : velocity + 3]
+        if angles != _NOWHERE:
+            speed = speed + H[:, angles : angles + 2] @ state[rates : rates + 2]
+        return np.asarray(speed)
 
 
 @njit(cache=True)

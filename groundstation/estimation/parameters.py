@@ -5,6 +5,7 @@ are ``station.parameter``: those of `groundstation.geometry.calibration`, and fo
 
 - ``camera_clock.offset`` in s: the camera's exposures were that much later than their stamps say,
 - ``ptu_clock.offset`` in s: likewise for the PTU's readings,
+- ``readout`` in s: the shutter takes that much longer from first row to last,
 - ``….drift``: how the offset grows, in s/s, from the filter's first instant on,
 
 and for the reference ``dgps_clock.offset``, ``dgps_clock.drift`` and ``dgps_antenna.x``, ``.y``, ``.z`` in m: where the
@@ -23,7 +24,7 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import GroundstationError
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.rig import Rig
-from groundstation.rig_covariance import ParameterCovariance
+from groundstation.rig_covariance import READOUT, ParameterCovariance
 
 CLOCKS = ("camera_clock", "ptu_clock")
 CLOCK_PARTS = ("offset", "drift")
@@ -32,7 +33,7 @@ LOG_SPAN = "target.log_span"
 # banks, crabs and uneven light change a silhouette's width slowly: what is learnt of the span ages so fast, 1/s
 _SPAN_WALK_PSD = 1e-4
 _STATION_NAMES = frozenset(
-    [*CALIBRATION_PARAMETERS, *(f"{clock}.{part}" for clock in CLOCKS for part in CLOCK_PARTS)],
+    [*CALIBRATION_PARAMETERS, READOUT, *(f"{clock}.{part}" for clock in CLOCKS for part in CLOCK_PARTS)],
 )
 DGPS_ANTENNA = tuple(f"dgps_antenna.{axis}" for axis in "xyz")
 _OTHER_NAMES = frozenset([LOG_SPAN, *(f"{DGPS_CLOCK}.{part}" for part in CLOCK_PARTS), *DGPS_ANTENNA])
@@ -95,7 +96,7 @@ class ParameterPrior:
 
 
 def rig_prior(rig: Rig, reference: ParameterPrior | None = None) -> ParameterPrior:
-    """Return what the rig file says of its own errors: its covariance tables and the sigmas of its clocks.
+    """Return what the rig file says of its own errors: its covariance tables, the sigmas of its clocks and shutters.
 
     Clocks that stand in the covariance of the whole rig are correlated with the rest. ``reference`` are the errors of
     reference positions to carry besides; those of them that a flight has found together with the rig, and whose
@@ -114,6 +115,10 @@ def rig_prior(rig: Rig, reference: ParameterPrior | None = None) -> ParameterPri
             if model is not None and model.sigma_s > 0.0 and name not in known.names:
                 names.append(name)
                 sigmas.append(model.sigma_s)
+        name = f"{station.name}.{READOUT}"
+        if station.readout_sigma_s > 0.0 and name not in known.names:
+            names.append(name)
+            sigmas.append(station.readout_sigma_s)
     # a parameter of no variance is exact: carrying it would only cost time
     keep = [
         k for k, name in enumerate(known.names) if known.matrix[k, k] > 0.0 and (_is_stations(name) or name in together)
@@ -147,6 +152,13 @@ def _found_together(known: ParameterCovariance, extra: ParameterPrior) -> frozen
             if np.isclose(known.matrix[place, place], extra.covariance[k, k], rtol=1e-2, atol=0.0):
                 found.add(name)
     return frozenset(found)
+
+
+def time_places(parameters: Mapping[str, int], station: str) -> list[int]:
+    """Return the places of all of a station's errors in time: its clocks and its shutter."""
+    found = [k for places in clock_places(parameters, station).values() for k in places]
+    shutter = parameters.get(f"{station}.{READOUT}")
+    return found if shutter is None else [*found, shutter]
 
 
 def clock_places(parameters: Mapping[str, int], station: str) -> dict[str, list[int]]:

@@ -14,6 +14,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.parameters import CLOCKS, DGPS_CLOCK
 from groundstation.evaluation.bounds import View, fix_covariance, motion_matrices, posterior_bound
 from groundstation.geometry.calibration import parameter_indices, project_with_calibration
+from groundstation.rig_covariance import READOUT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,7 +85,7 @@ def nuisance_sensitivities(
     p + δ·v from a head at its angle + δ·rate; a PTU's reading that is late by δ makes the angle wrong by −δ·rate. The
     reference's clock moves no pixel.
     """
-    clocks = [any(part.endswith("_clock") for part in name.split(".")) for name in names]
+    clocks = [any(part.endswith("_clock") or part == READOUT for part in name.split(".")) for name in names]
     plain = [k for k, is_clock in enumerate(clocks) if not is_clock]
     found = []
     for view, rates in zip(views, movement.rates_rad_s, strict=True):
@@ -101,6 +102,9 @@ def nuisance_sensitivities(
                 clock, _, part = parameter.partition(".")
                 if station == view.geometry.name and clock in late:
                     sensitivity[:, k] = late[clock] * (movement.age_s if part == "drift" else 1.0)
+                if name == f"{view.geometry.name}.{READOUT}":
+                    share = (projected.pixel[1] + 0.5) / view.geometry.image_size_px[1] - 0.5
+                    sensitivity[:, k] = late[CLOCKS[0]] * share
         found.append(sensitivity)
     return found
 

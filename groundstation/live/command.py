@@ -16,6 +16,7 @@ from groundstation.live.board import LiveStatus
 from groundstation.live.camera_worker import said
 from groundstation.live.core import in_operation
 from groundstation.live.devices import camera_of, check_against_rig
+from groundstation.live.fault_timetable import check_timetable
 from groundstation.live.head_device import DeviceError
 from groundstation.live.head_process import Heads
 from groundstation.live.lent_range import LentRange
@@ -121,6 +122,7 @@ def _live(
     file = _file(request, out) if lent is None else lent.file
     rig = load_rig(file.rig)
     check_against_rig(file, rig)
+    check_timetable(request.timetable, rig)
     config = in_operation(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
     header = live_header(file, config)
     known = live_reference(header, rig, config)

@@ -31,10 +31,9 @@ from groundstation.live.timed_faults import (
     CAMERA_FROZEN,
     CAMERA_LATE,
     CAMERA_LOST,
-    LATE_S,
-    STEP_S,
     TimedFault,
     is_there,
+    size_s,
     strike,
 )
 from groundstation.picture import BayerPattern
@@ -353,8 +352,8 @@ def _deliver(
         slots[number % _SLOTS] = shown
         truth = station.camera.truth(t_s, *angles, silhouette=False)
         u, v = (math.nan, math.nan) if truth.pixel_px is None else (float(x) for x in truth.pixel_px)
-        late_s = LATE_S * is_there(config.timetable, CAMERA_LATE, station.name, since_s)
-        stamp_s = t_s + STEP_S * is_there(config.timetable, CAMERA_CLOCK_STEPPED, station.name, since_s)
+        late_s = size_s(config.timetable, CAMERA_LATE, station.name, since_s)
+        stamp_s = t_s + size_s(config.timetable, CAMERA_CLOCK_STEPPED, station.name, since_s)
         line.send(t_s + config.delivery_s + late_s, (number % _SLOTS, number, round(stamp_s * 1e9), t_s, u, v))
         number += 1
     line.close()

@@ -29,7 +29,8 @@ _FARTHEST_M = 5000.0
 class ReceiverModel:
     """A receiver: fixes a second, delay to the station's end of the line, one sigma level and up, its clock's error.
 
-    ``gone_s`` are stretches of the flight's time in which nothing comes.
+    ``gone_s`` are stretches of the flight's time in which nothing comes, ``stepped_s`` those in which its clock is
+    ahead by so much more: from, to, by.
     """
 
     rate_hz: float = 5.0
@@ -37,6 +38,7 @@ class ReceiverModel:
     sigma_m: tuple[float, float, float] = (0.015, 0.015, 0.03)
     clock_offset_s: float = 0.0
     gone_s: tuple[tuple[float, float], ...] = ()
+    stepped_s: tuple[tuple[float, float, float], ...] = ()
 
 
 def sentences(utc_s: float, place_m: FloatArray, origin: GeoOrigin, sigma_m: tuple[float, float, float]) -> bytes:
@@ -116,4 +118,5 @@ class SimulatedReceiver:
         place = place + self._random.normal(size=3) * self._model.sigma_m
         if float(np.linalg.norm(place)) > _FARTHEST_M:
             return b""
-        return sentences(utc_s + self._model.clock_offset_s, place, SIMULATED_ORIGIN, self._model.sigma_m)
+        stepped_s = sum(by for begin, end, by in self._model.stepped_s if begin <= since_s < end)
+        return sentences(utc_s + self._model.clock_offset_s + stepped_s, place, SIMULATED_ORIGIN, self._model.sigma_m)

@@ -1,5 +1,6 @@
 """What goes wrong on a simulated range at stated times of its flight: a camera's frames, a PTU's line."""
 
+import math
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,8 +12,6 @@ from ptu_drivers.simulated_server import SimulatedServer
 
 CAMERA_LOST, CAMERA_FROZEN, PTU_SILENT = "camera lost", "camera frozen", "PTU silent"
 CAMERA_LATE, CAMERA_CLOCK_STEPPED = "camera late", "camera clock stepped"
-# so late is a late camera, and so far off is a clock that stepped
-LATE_S, STEP_S = 0.2, 0.2
 _ONCE = ("power cycle", "unplugged", "echo off", "verbose")
 _AGAIN_S = 0.25
 
@@ -22,18 +21,25 @@ class TimedFault:
     """``what`` happens to a station's devices between two times of the flight, s.
 
     Of cameras "camera lost", "camera frozen", "camera late" and "camera clock stepped"; of PTUs "PTU silent", or a
-    name of `ptu_drivers.simulated_faults`, which strikes over and over (what has a length of its own: once).
+    name of `ptu_drivers.simulated_faults`, which strikes over and over (what has a length of its own: once). ``by_s``
+    is how late a late camera's pictures are, and how far a clock steps.
     """
 
     what: str
     station: str
     from_s: float
     to_s: float
+    by_s: float = 0.2
 
 
 def is_there(faults: Sequence[TimedFault], what: str, station: str, since_s: float) -> bool:
     """Return whether a fault is there, so long after the flight began."""
     return any(f.what == what and f.station == station and f.from_s <= since_s < f.to_s for f in faults)
+
+
+def size_s(faults: Sequence[TimedFault], what: str, station: str, since_s: float) -> float:
+    """Return how large the faults of a kind are together, s, so long after the flight began; 0 where none is there."""
+    return sum(f.by_s for f in faults if is_there((f,), what, station, since_s))
 
 
 def strike(server: SimulatedServer, faults: Sequence[TimedFault], station: str, start_s: float, seed: int) -> None:
@@ -43,7 +49,8 @@ def strike(server: SimulatedServer, faults: Sequence[TimedFault], station: str, 
         for fault in (f for f in faults if f.station == station):
             if fault.what == PTU_SILENT:
                 line.at(start_s + fault.from_s, lambda: setattr(line, "dead", True))
-                line.at(start_s + fault.to_s, lambda: setattr(line, "dead", False))
+                if math.isfinite(fault.to_s):
+                    line.at(start_s + fault.to_s, lambda: setattr(line, "dead", False))
             elif fault.what in FAULTS:
                 for since_s in struck_at(fault):
                     line.at(start_s + since_s, partial(_do, fault.what, line, rnd))

@@ -32,7 +32,7 @@ def test_a_break_of_a_path_is_found_where_it_is() -> None:
     rng = np.random.default_rng(5)
     path = np.where(t < 25.0, 0.0, 4.0 * (t - 25.0)) + rng.normal(scale=0.01, size=len(t))
     smooth = find_smoothness(path_basis(0.0, 40.0, 0.5), t, path, np.full(len(t), 0.01))
-    loose = np.flatnonzero(smooth.third_difference > 10.0 * np.median(smooth.third_difference))
+    loose = np.flatnonzero(smooth.difference > 10.0 * np.median(smooth.difference))
     assert len(loose) > 0
     # a difference spans four knots of half a second
     assert np.all(np.abs(0.5 * loose - 25.0) < 3.5)

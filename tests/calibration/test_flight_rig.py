@@ -170,9 +170,12 @@ def test_a_reference_that_is_none(tmp_path: Path, text: str, message: str) -> No
 
 
 def test_a_cameras_sigma_covers_what_its_clock_drifts_over_the_flight(tmp_path: Path) -> None:
-    """A rig carries offsets alone: at the flight's ends a drift has moved them by half the flight times its sigma."""
+    """A rig carries offsets alone: at the flight's ends a drift has moved them by half the flight times its sigma.
+
+    The shutter's sigma is carried as it was found, and the filter starts from it.
+    """
     scenario = approach(4, MOUNTS)
-    result = calibrated(tmp_path, scenario, clocks_sigma_s=0.02, free="orientation,camera_clock,drift")
+    result = calibrated(tmp_path, scenario, clocks_sigma_s=0.02, free="orientation,camera_clock,drift,readout")
     fit, again = result.fit, load_rig(tmp_path / "rig.toml")
     for name in again.names:
         offset, drift = (
@@ -184,3 +187,8 @@ def test_a_cameras_sigma_covers_what_its_clock_drifts_over_the_flight(tmp_path: 
         assert clock.sigma_s == pytest.approx(np.hypot(offset, 0.5 * (t.max() - t.min()) * drift), rel=1e-6)
         place = again.shared_covariance.names.index(f"{name}.camera_clock.offset")
         assert again.shared_covariance.matrix[place, place] == pytest.approx(clock.sigma_s**2, rel=1e-3)
+        shutter = float(fit.sigma[fit.problem.names.index(f"{name}.readout")])
+        assert again[name].readout_sigma_s == pytest.approx(shutter, rel=1e-12)
+        prior = rig_prior(again)
+        place = prior.names.index(f"{name}.readout")
+        assert prior.covariance[place, place] == pytest.approx(shutter**2, rel=1e-9)

@@ -8,6 +8,7 @@ import pytest
 from landmark_study.simulated import PLACES_M, Morning, look, morning, turned_rad, write_landmarks, write_sightings
 from scipy.stats import chi2
 
+from calibration.check import solve_check
 from calibration.joint_covariance import with_covariance
 from calibration.landmark_looks import gather_looks, lasting_variance, stops_of
 from calibration.landmark_problem import pose_problem, root_of
@@ -17,8 +18,9 @@ from calibration.survey_advice import advise_survey
 from calibration.survey_report import rejected
 from groundstation.cli import main
 from groundstation.errors import GroundstationError
+from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.ptu_axes import PtuAxes
-from groundstation.rig import load_rig
+from groundstation.rig import Station, load_rig
 from groundstation.rig_covariance import ParameterCovariance
 from groundstation.rig_toml import rig_to_toml
 
@@ -193,6 +195,41 @@ def test_stations_that_share_nothing_keep_their_own_blocks(rng: np.random.Genera
     assert rig["left"].covariance[0, 0] == 1e-8
     # what else the rig says stays
     assert set(day.believed["left"].covariance_parameters) < set(rig["left"].covariance_parameters)
+
+
+def test_a_rig_that_has_learnt_its_clocks_in_flight_can_be_surveyed_and_checked(
+    rng: np.random.Generator, tmp_path: Path
+) -> None:
+    """Clocks, shutters and the DGPS stand in its covariance: landmarks do not show them, and they stay as they were."""
+    day = morning(rng)
+    times = ("left.camera_clock.offset", "left.ptu_clock.offset", "left.readout", "dgps_clock.offset")
+    matrix = np.diag([4e-6, 9e-6, 1e-6, 1e-4])
+    matrix[0, 3] = matrix[3, 0] = 1e-5
+    flown = with_covariance(day.believed, ParameterCovariance(names=times, matrix=matrix))
+    seen = look(day.true, day.stands, rng, 10)
+    survey = solve_survey(flown, seen, day.table)
+    plain = solve_survey(day.believed, seen, day.table)
+    assert set(survey.fit.problem.names) == set(plain.fit.problem.names)
+    for own, other in zip(survey.rig.stations, plain.rig.stations, strict=True):
+        np.testing.assert_allclose(own.ptu_position_m, other.ptu_position_m, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(turned_rad(own, other), 0.0, atol=1e-9)
+    assert advise_survey(survey) == advise_survey(plain)
+    path = tmp_path / "rig.toml"
+    path.write_text(rig_to_toml(survey.rig))
+    again = load_rig(path)
+    places = [again.shared_covariance.names.index(name) for name in times]
+    np.testing.assert_allclose(again.shared_covariance.matrix[np.ix_(places, places)], matrix, rtol=1e-12)
+    assert set(again.calibration_covariance().names) > set(plain.rig.calibration_covariance().names)
+    knocked = replace(again, stations=tuple(_panned(s) if s.name == "left" else s for s in again.stations))
+    check = solve_check(knocked, look(day.true, day.stands, rng, 10), day.table)
+    assert [m.station for m in check.moved] == ["left"]
+    assert set(times) < set(check.corrected.shared_covariance.names)
+
+
+def _panned(station: Station) -> Station:
+    change = np.zeros(len(CALIBRATION_PARAMETERS))
+    change[CALIBRATION_PARAMETERS.index("runway_from_base.z")] = np.radians(0.5)
+    return station.changed(change)
 
 
 @pytest.mark.parametrize(("total_station", "wrong"), [(True, "m5"), (False, "m2")])

@@ -1,7 +1,7 @@
 """The nose of silhouettes drawn from a simple solid aircraft under known attitude, range and wing position."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import cv2
@@ -102,15 +102,25 @@ def silhouette(solid: Solid, view: View, rng: np.random.Generator) -> tuple[np.n
     return np.clip(1.4 * seen, 0.0, 1.0).astype(np.float32), nose
 
 
-def look(solid: Solid, view: View, path: tuple[float, float], rng: np.random.Generator) -> tuple[NosePoint, FloatArray]:
-    """Find the nose when the path is off the body axis by ``path`` (crab, incidence), rad; return it with its error."""
+def look(
+    solid: Solid, view: View, path: tuple[float, float], rng: np.random.Generator, reduced: int = 1
+) -> tuple[NosePoint, FloatArray]:
+    """Find the nose when the path is off the body axis by ``path`` (crab, incidence), rad; return it with its error.
+
+    ``reduced`` px of the camera make one of the picture that is looked at; what is returned is in these.
+    """
     membership, nose = silhouette(solid, view, rng)
+    if reduced > 1:
+        size = tuple(n // reduced for n in membership.shape[::-1])
+        whole = membership[: size[1] * reduced, : size[0] * reduced]
+        membership = np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), np.float32)
+        nose, view = (nose - 0.5 * (reduced - 1)) / reduced, replace(view, span=view.span / reduced)
     along = View(span=view.span, yaw=view.yaw - path[0], pitch=view.pitch - path[1])
     forward = axes(along)[:, 0]
     up = axes(View(span=view.span))[:, 2]
     width = float(np.ptp(np.flatnonzero((membership > 0.5).any(axis=0)))) + 1.0
     scale = width / view.span
-    found = find_nose(membership, width, 20.0, scale * forward, scale * up, (view.span, 0.15), 5.0)
+    found = find_nose(membership, width, 20.0, scale * forward, scale * up, (view.span, 0.15), 5.0, reduced)
     return found, found.point - nose
 
 
@@ -156,6 +166,16 @@ def test_crab_is_measured_where_the_fuselage_is_seen(rng: np.random.Generator) -
         view = View(span=150.0, yaw=crab, pitch=math.radians(15.0))
         _, error = look(HIGH_WING, view, (crab, 0.0), rng)
         assert abs(error[0]) < 0.012 * view.span
+
+
+@pytest.mark.parametrize("crab", [-0.16, 0.16])
+@pytest.mark.parametrize("reduced", [2, 4])
+def test_crab_is_measured_in_a_reduced_picture_too(rng: np.random.Generator, crab: float, reduced: int) -> None:
+    """A large silhouette is looked at in fewer px, which show as much as the camera saw."""
+    view = View(span=80.0 * reduced, yaw=crab, pitch=math.radians(15.0))
+    found, error = look(HIGH_WING, view, (crab, 0.0), rng, reduced)
+    assert abs(error[0]) < 0.02 * 80.0
+    assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.99, 2)
 
 
 def test_unknown_heading_gives_the_thickest_part_and_a_wide_covariance(rng: np.random.Generator) -> None:

@@ -41,7 +41,11 @@ NOT_RUN = {
     ("rerun.md", "python - out/session.rrd 22.9 rerun.png <<'EOF'"): "wants a Vulkan driver and 12 s; compiled below",
     ("rerun.md", "python -c"): "reads that picture; compiled below",
 }
-RUN = [page for page in PAGES if any(not block.parsed_only for block in BLOCKS[page])]
+# pages whose lines another file runs, to look at what they leave as well
+RUN_ELSEWHERE = {"reproduce.md": "tests/test_reproduce.py"}
+RUN = [
+    page for page in PAGES if any(not block.parsed_only for block in BLOCKS[page]) and page.name not in RUN_ELSEWHERE
+]
 
 
 def leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -127,18 +131,23 @@ def dry_run(target: str) -> str:
     return make.stdout
 
 
-@pytest.mark.parametrize("page", RUN, ids=lambda p: str(p.relative_to(ROOT)))
-def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answered: list[str]) -> None:
-    prepare(tmp_path, ".")
+def run_page(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, answered: list[str]) -> None:
+    """Run what a page shows, from top to bottom, in a new folder; every command has to end well."""
+    prepare(folder, ".")
     done = {"."}
     for block in BLOCKS[page]:
         if block.parsed_only:
             continue
         if block.folder not in done:
-            prepare(tmp_path, block.folder)
+            prepare(folder, block.folder)
             done.add(block.folder)
-        monkeypatch.chdir(tmp_path / block.folder)
+        monkeypatch.chdir(folder / block.folder)
         run_block(block, answered)
+
+
+@pytest.mark.parametrize("page", RUN, ids=lambda p: str(p.relative_to(ROOT)))
+def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answered: list[str]) -> None:
+    run_page(page, tmp_path, monkeypatch, answered)
 
 
 def test_what_is_not_run_is_on_the_list() -> None:
@@ -154,6 +163,8 @@ def test_what_is_not_run_is_on_the_list() -> None:
     assert left == set(NOT_RUN)
     named = {name for why in NOT_RUN.values() for name in re.findall(r"tests/[\w/]+\.py", why)}
     assert all((ROOT / name).is_file() for name in named)
+    for page, file in RUN_ELSEWHERE.items():
+        assert f'run_page(ROOT / "docs" / "{page}", ' in text_of(ROOT / file)
 
 
 def test_make_demo_and_make_test_do_what_the_pages_say() -> None:

@@ -22,8 +22,9 @@ from groundstation.simulation import simulate
 from tests.stereo_rig import aim, make_rig
 
 PTU_DRIFT = "left.ptu_clock.drift"
-NAMES = (*PAN_AND_TILT, *ROLL_AND_BORESIGHT, *CLOCK_OFFSETS, *CLOCK_DRIFTS, PTU_DRIFT)
-SIZES = np.array([1e-5] * 10 + [0.02] * 4 + [1e-3] * 3)
+SHUTTERS = ("left.readout", "right.readout")
+NAMES = (*PAN_AND_TILT, *ROLL_AND_BORESIGHT, *CLOCK_OFFSETS, *CLOCK_DRIFTS, PTU_DRIFT, *SHUTTERS)
+SIZES = np.array([1e-5] * 10 + [0.02] * 4 + [1e-3] * 5)
 
 
 def random_state(rng: np.random.Generator) -> tuple[np.ndarray, object]:

@@ -74,3 +74,30 @@ def test_a_full_turn_is_not_a_jump() -> None:
 def test_readings_of_an_unknown_station_are_ignored() -> None:
     _, encoders = feed()
     assert encoders.read(PtuSample(t_s=0.0, station="nobody", pan_rad=0.0, tilt_rad=0.0)) is None
+
+
+def test_a_head_that_speeds_up_while_it_turns_fast_has_no_spike() -> None:
+    """From 45 °/s on it gains 200 °/s each second: jerks, confirmed, by what it strays from a steady turn."""
+    ekf, encoders = feed()
+    for k in range(50):
+        read(ekf, encoders, k * 0.02, 45.0 * k * 0.02)
+    at, said = 49 * 0.02, []
+    for k in range(1, 15):
+        t = k * 0.02
+        said.append(read(ekf, encoders, at + t, 45.0 * (at + t) + 100.0 * t**2))
+    heard = [line for line in said if line is not None]
+    assert heard
+    assert all("confirmed" in line for line in heard)
+    assert "a jerk of 0.04" in heard[0], "half of 200 °/s² over 0.02 s, not the way of 0.9° to the next reading"
+    assert encoders.spikes == 0
+
+
+def test_a_spike_of_a_head_that_turns_fast_is_dropped() -> None:
+    ekf, encoders = feed()
+    for k in range(50):
+        read(ekf, encoders, k * 0.02, 45.0 * k * 0.02)
+    assert read(ekf, encoders, 1.0, 45.0 + 3.0) is None
+    said = read(ekf, encoders, 1.02, 45.0 * 1.02)
+    assert said is not None
+    assert "dropped, 3.000° off" in said
+    assert encoders.spikes == 1

@@ -127,6 +127,7 @@ def test_without_a_station_file_it_says_what_it_needs(
     [
         (["field.toml", "--simulate", "--out", "x"], "got field.toml and --simulate; wanted one of them"),
         (["field.toml", "--ptu-fault", "noise"], "got --ptu-fault without --simulate; wanted both"),
+        (["field.toml", "--faults", "f.toml"], "got --faults without --simulate; wanted both"),
         (["field.toml", "--aircraft", "jsbsim"], "got --aircraft without --simulate; wanted both"),
         (["--simulate"], "got no --out; wanted a folder"),
         (["--simulate", "--out", "x", "--ptu-fault", "bogus"], "got 'bogus'; wanted one of banner, "),
