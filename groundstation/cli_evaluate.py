@@ -47,6 +47,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
     """Evaluate, print the tables and the paths; returns the exit code."""
     from groundstation.compare import (
         CompareRequest,
+        check_folders,
         compare,
         comparison_csv,
         comparison_json,
@@ -54,6 +55,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
     )
     from groundstation.evaluation.comparison_text import format_comparison
 
+    # said before anything is replayed for nothing
+    check_folders([path for path in (options.csv, options.json) if path is not None])
     lines: dict[str, ProgressLine] = {}
     with tempfile.TemporaryDirectory(prefix="groundstation-evaluate-") as folder:
         request = CompareRequest(

@@ -132,7 +132,7 @@ def _by_station(videos: list[Path], names: tuple[str, ...]) -> dict[str, Path]:
     """Return the videos by station: left and right by these names, whatever their order in the rig, else in order."""
     order = ("left", "right") if set(names) == {"left", "right"} else names
     if len(videos) != len(order):
-        got = f"{len(videos)} videos"
+        got = f"{len(videos)} video{'' if len(videos) == 1 else 's'}"
         raise InputError("VIDEO", got=got, wanted=f"{len(order)}, of the stations {', '.join(order)}")
     return dict(zip(order, videos, strict=True))
 

@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from groundstation.cli_span import add_span
+from groundstation.cli_span import add_span, require_span
 from groundstation.errors import InputError
 
 _REPRODUCE = """Do the papers' experiments on our recordings: every figure and table that they allow,
@@ -59,6 +59,7 @@ def run_reproduce(options: argparse.Namespace) -> int:
     from groundstation.experiments.registry import EXPERIMENTS
     from groundstation.experiments.reproduce import ReproduceRequest, reproduce
 
+    require_span(options)
     names = [e.name for e in EXPERIMENTS]
     if options.list:
         name_width, number_width = max(map(len, names)), max(len(e.numbers) for e in EXPERIMENTS)

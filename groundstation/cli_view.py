@@ -9,6 +9,7 @@ import threading
 import webbrowser
 from pathlib import Path
 
+from groundstation.errors import UsageError
 from groundstation.progress import ProgressLine
 
 _VIEW = """Look at a run in Rerun: scene, pictures with what was seen in them, errors,
@@ -63,6 +64,8 @@ def run_view(options: argparse.Namespace) -> int:
     from groundstation.sinks.rerun_viewer import ViewerError, has_display
     from groundstation.view import ViewRequest, names_line, prepare_view
 
+    if options.save is not None and options.save.suffix != ".rrd":
+        raise UsageError("--save", got=str(options.save), wanted="a name that ends in .rrd, which the viewer opens")
     shows = options.view or options.web or options.save is None
     if shows and not options.web and not has_display(os.environ):
         # said before anything is replayed for nothing
@@ -97,17 +100,18 @@ def run_view(options: argparse.Namespace) -> int:
 
 def _show(recording: Path, *, web: bool) -> None:
     """Show it and wait for the end of the viewer or of the user's patience."""
-    from groundstation.sinks.rerun_viewer import has_display, open_viewer, serve_recording, stop_viewer, video_notice
+    from groundstation.sinks import rerun_viewer
+    from groundstation.sinks.rerun_viewer import has_display, open_viewer, serve_recording, stop_viewer
 
+    notice = rerun_viewer.browser_notice(recording) if web else rerun_viewer.video_notice(os.environ)
+    if notice:
+        print(f"groundstation: {notice}", file=sys.stderr)
     if web:
         address, process = serve_recording(recording, os.environ)
         print(f"open {address}\nCtrl-C ends it", flush=True)
         if has_display(os.environ):
             webbrowser.open(address)
     else:
-        notice = video_notice(os.environ)
-        if notice:
-            print(f"groundstation: {notice}", file=sys.stderr)
         process = open_viewer(recording, os.environ)
         print("close the viewer, or Ctrl-C, to end", flush=True)
     asked = threading.Event()

@@ -185,11 +185,17 @@ def _differences(run: ScoredRun, baseline: ScoredRun) -> dict[str, float]:
     return {name: after - before for name, (before, after) in shared.items()}
 
 
+def check_folders(paths: Sequence[Path]) -> None:
+    """Raise `InputError` for a file whose folder is not there: a slip of the pen shall not make one."""
+    for path in paths:
+        if not path.parent.is_dir():
+            raise InputError(str(path), got=f"no folder {path.parent}", wanted="a file in a folder that is there")
+
+
 def write_comparison_files(files: Sequence[tuple[Path, str]]) -> None:
-    """Write texts into files, making their folders; raises `InputError` if one cannot be written."""
+    """Write texts into files; raises `InputError` if one cannot be written."""
     for path, text in files:
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8", newline="")
         except OSError as fault:
             raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault

@@ -8,7 +8,14 @@ from pathlib import Path
 from groundstation.compared_runs import RECORDING, PlannedRun, SourceKind, planned_runs, results_of
 from groundstation.errors import InputError, RigError, SessionError
 from groundstation.session import load_session
-from groundstation.sinks.rerun_compare import ShownRun, event_at, shown_runs, together_in_time, write_comparison
+from groundstation.sinks.rerun_compare import (
+    ShownRun,
+    event_at,
+    event_words,
+    shown_runs,
+    together_in_time,
+    write_comparison,
+)
 from groundstation.sinks.rerun_merge import Align, check_recording
 from groundstation.sinks.rerun_results import recording_of_results
 from groundstation.sinks.rerun_unplayed import recording_of_session
@@ -35,7 +42,8 @@ class ViewRequest:
 class ViewResult:
     """The recording to open, the names of the runs in it, how they are aligned, and what is to be said.
 
-    ``event_s`` is the time at which the start or touchdown of each is; None where nothing is aligned.
+    ``event_s`` is the time at which the start or touchdown of each is, or what is in its stead, as ``event`` says;
+    None where nothing is aligned.
     """
 
     recording: Path
@@ -43,6 +51,7 @@ class ViewResult:
     align: Align
     notes: tuple[str, ...]
     event_s: float | None = None
+    event: str = ""
 
 
 def prepare_view(
@@ -80,7 +89,12 @@ def prepare_view(
     _make_folder(path.parent)
     write_comparison(path, shown, align)
     return ViewResult(
-        recording=path, names=tuple(recordings), align=align, notes=tuple(notes), event_s=event_at(shown, align)
+        recording=path,
+        names=tuple(recordings),
+        align=align,
+        notes=tuple(notes),
+        event_s=event_at(shown, align),
+        event=event_words(shown, align),
     )
 
 
@@ -168,7 +182,5 @@ def names_line(result: ViewResult, sources: Sequence[Path]) -> str:
     """Return one line that says what is shown and how."""
     if len(result.names) == 1:
         return f"showing {sources[0]}"
-    how = (
-        "each in its own time" if result.event_s is None else f"{result.align.value} of each at {result.event_s:.0f} s"
-    )
+    how = "each in its own time" if result.event_s is None else f"{result.event} of each at {result.event_s:.0f} s"
     return f"showing {', '.join(result.names)} on one runway, {how}"

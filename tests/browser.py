@@ -1,7 +1,9 @@
 """A real browser (Chromium, headless) asked over a pipe in its own protocol, so that nothing else need be installed."""
 
+import base64
 import json
 import os
+import re
 import select
 import shutil
 import subprocess
@@ -82,6 +84,22 @@ class Browser:
         answer = self.ask("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
+
+    def printed(self) -> tuple[int, bytes]:
+        """Return how many pages it prints on its paper, and the PDF."""
+        answer = self.ask("Page.printToPDF", preferCSSPageSize=True, printBackground=True)
+        content = base64.b64decode(answer["data"])
+        return len(re.findall(rb"/Type\s*/Page\b", content)), content
+
+    @contextmanager
+    def on_paper(self, width_px: int) -> Iterator[None]:
+        """Lay the page out as for print, on paper of this width between its margins."""
+        self.ask("Emulation.setDeviceMetricsOverride", width=width_px, height=900, deviceScaleFactor=1, mobile=False)
+        self.ask("Emulation.setEmulatedMedia", media="print")
+        try:
+            yield
+        finally:
+            self.ask("Emulation.setEmulatedMedia", media="")
 
     def complaints(self) -> list[str]:
         """Return what it has complained of since `show`: errors and warnings in its console, exceptions."""

@@ -218,6 +218,20 @@ def test_wrong_input_is_one_line(
     assert said.count("\n") == 1
 
 
+@pytest.mark.parametrize("extra", [["--from", "nan"], ["--to", "inf"], ["--from", "3", "--to", "2"]])
+def test_a_part_that_is_none_is_wrong_usage(
+    extra: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code = main(["reproduce", "--out", str(tmp_path / "out"), *extra])
+    except SystemExit as ended:
+        code = int(ended.code or 0)
+    assert code == 2
+    said = capsys.readouterr().err
+    assert "wanted a session time in s" in said or "wanted an end after the beginning" in said
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_file_in_the_way_is_said(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
     with pytest.raises(InputError, match="out"):

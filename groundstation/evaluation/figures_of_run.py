@@ -78,4 +78,7 @@ def _group(name: str, group: Mapping[str, Any]) -> Iterator[tuple[str, float | N
         yield f"{name}.{method}.coverage", of["coverage"]
         for axis, value in zip(AXES, of["rmse_m"] or (None,) * 3, strict=True):
             yield f"{name}.{method}.rmse_{axis}_m", value
+        # on the epochs that both methods have
+        for axis, value in zip(AXES, group["common"][f"{method}_rmse_m"] or (None,) * 3, strict=True):
+            yield f"{name}.common.{method}.rmse_{axis}_m", value
     yield f"{name}.ekf.anees", group["anees"]

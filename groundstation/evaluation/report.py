@@ -56,12 +56,15 @@ summary{cursor:pointer;font-weight:600;padding:.5rem 0}
 font-weight:400}.stack td[data-label]::before{content:attr(data-label);color:var(--soft);
 text-align:left;font-weight:400}.stack td.empty{display:none}td.text{min-width:0}}
 @media print{@page{margin:14mm}html{font-size:12px}body{max-width:none;font-size:10.5pt;padding:0}
-.pictures{grid-template-columns:1fr 1fr}h2,h3{break-after:avoid}tr,.tile,.verdict{break-inside:avoid}
+.pictures{display:block;columns:2;column-gap:8mm}.pictures figure{margin:0 0 5mm}h2,h3{break-after:avoid}
+details::details-content{display:block;content-visibility:visible;block-size:auto}
+pre{font-size:6.5pt}.long{columns:3}h2+p{break-after:avoid}tr,.tile,.verdict{break-inside:avoid}
 .tile,.bar,pre{-webkit-print-color-adjust:exact;print-color-adjust:exact}table{font-size:6.8pt}
 th,td{padding:.15rem .2rem}td.text{min-width:0}
 .axes{grid-template-columns:repeat(3,minmax(2.4em,max-content));column-gap:.4em}
 h2{margin-top:1.2rem}.columns{grid-template-columns:1fr 1fr}}
 """
+_REFERENCES = {"truth": "the truth", "dgps": "DGPS"}
 _CLOCK_CAVEAT = (
     "The ± is of what is new at each pair: an error along the path that lasts, as where on the aircraft its nose is "
     "detected, is not in it, and the clock can be several times as far off."
@@ -165,7 +168,8 @@ def _tiles(summary: dict[str, Any]) -> str:
             tiles.append(
                 (
                     f"ANEES {a['mean']:.2f}",
-                    f"against {name}; 1 is ideal, {a['low_95']:.2f}–{a['high_95']:.2f} if independent",
+                    f"against {_REFERENCES.get(name, name)}; 1 is ideal, "
+                    f"{a['low_95']:.2f}–{a['high_95']:.2f} if independent",
                 )
             )
     if nis["mean"] is not None:
@@ -272,7 +276,7 @@ def _appendix(summary: dict[str, Any]) -> str:
     versions = page_table((Column("part"), Column("version", text=True)), rows, stacked=False)
     return (
         "<h2>Configuration and versions</h2>"
-        f"<details><summary>Resolved configuration</summary><pre>{configuration}</pre></details>"
+        f"<details><summary>Resolved configuration</summary><pre class=long>{configuration}</pre></details>"
         "<details open><summary>Versions</summary>"
         f"{versions}</details>"
     )

@@ -55,6 +55,13 @@ def _apart(pairs: Sequence[tuple[Outcome, Outcome]]) -> FloatArray:
     return np.abs(np.array([a.point_px - b.point_px for a, b in pairs]).reshape(-1, 2))
 
 
+ROI_COLUMNS = (
+    *("ROI, px", "detector ms median", "mean", "worst", "segmentation ms median", "mean", "worst"),
+    *("mean deviation u px", "v", "rms u", "rms v", "largest u", "largest v", "mean u of sound", "v of sound"),
+    *("found %", "wrong %", "rms error u px", "rms error v px", "nose in ROI %", "silhouette in ROI %", "paper"),
+)
+
+
 def roi_table(sweep: Mapping[str, Sequence[Outcome]], full: str, paper: Mapping[str, str]) -> Table:
     """Return the ROI sweep; ``full`` names the sweep's full frame, ``paper`` what the paper says by row."""
     rows: list[list[Cell]] = []
@@ -74,19 +81,7 @@ def roi_table(sweep: Mapping[str, Sequence[Outcome]], full: str, paper: Mapping[
     return Table(
         name="roi_sweep",
         title="Basic size of the region of interest (paper: figure 10 and table 1)",
-        columns=(
-            *("ROI, px", "detector ms median", "mean", "worst", "segmentation ms median", "mean", "worst"),
-            *("mean deviation u px", "v", "rms u", "rms v", "largest u", "largest v", "mean u of sound", "v of sound"),
-            *(
-                "found %",
-                "wrong %",
-                "rms error u px",
-                "rms error v px",
-                "nose in ROI %",
-                "silhouette in ROI %",
-                "paper",
-            ),
-        ),
+        columns=ROI_COLUMNS,
         rows=rows,
         timed=range(1, 7),
         notes=(

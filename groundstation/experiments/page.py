@@ -11,11 +11,16 @@ from groundstation.experiments.experiment import Experiment, Findings, PaperFigu
 from groundstation.experiments.tables import Table, shown
 
 _TIME_MARK = " †"
+# more than these are set smaller, so that a screen of 1440 px shows them all
+_MANY_COLUMNS = 14
 _STYLE = (
     "<style>.wide{overflow-x:auto}figure{margin:1rem 0}figure img{max-width:100%;height:auto}"
     "nav li{margin:.15rem 0}.wide table{font-size:.84rem}.wide th,.wide td{padding:.2rem .4rem}"
-    ".wide td.text{min-width:7rem}"
-    "@media print{.wide{overflow:visible}.wide table{font-size:6.5pt}}</style>"
+    ".wide td.text{min-width:7rem}.many table{font-size:.74rem}.many th,.many td{padding:.2rem .2rem}"
+    ".many th{font-size:.66rem}.many td.text{min-width:5.5rem}"
+    "@media print{.wide{overflow:visible}.wide table{font-size:6.5pt}.wide td.text{min-width:0}"
+    ".many table{font-size:5.2pt}.many th{font-size:4.8pt}.many th,.many td{padding:.1rem .12rem}"
+    "figure{break-inside:avoid}figure img{max-height:120mm}}</style>"
 )
 
 
@@ -57,7 +62,8 @@ def _table(table: Table) -> str:
     ]
     rows = [("", [plain(shown(cell)) if cell not in (None, "") else "" for cell in row]) for row in table.rows]
     notes = "".join(f"<p class='soft'>{escape(note)}</p>" for note in table.notes)
-    return f"<h3>{escape(table.title)}</h3><div class=wide>{page_table(columns, rows)}</div>{notes}"
+    kind = "wide many" if len(columns) > _MANY_COLUMNS else "wide"
+    return f"<h3>{escape(table.title)}</h3><div class='{kind}'>{page_table(columns, rows)}</div>{notes}"
 
 
 def _is_text(table: Table, column: int) -> bool:

@@ -13,7 +13,7 @@ from groundstation.errors import LogError
 from groundstation.geometry.geodesy import ecef_from_geodetic
 from groundstation.logs.dataflash import read_dataflash
 from groundstation.logs.fixes import DEFAULT_SIGMA_M, FixQuality, LogFix, LogOptions, Remarks, check_count
-from groundstation.logs.gps_time import DAYS_OF_ERA, date_of, gps_from_civil
+from groundstation.logs.gps_time import DAYS_OF_ERA, date_of, gps_from_civil, utc_day
 from groundstation.logs.nmea import looks_like_nmea, read_nmea
 from groundstation.logs.positions_table import read_positions
 from groundstation.logs.rtklib import read_pos
@@ -106,9 +106,11 @@ def _in_era(path: Path, fixes: list[LogFix], options: LogOptions, remarks: Remar
     first = fixes[0]
     if options.date is not None:
         wanted = (options.date - datetime.date(1980, 1, 6)).days
-        eras = round((wanted - first.day) / DAYS_OF_ERA)
-        if abs(first.day + eras * DAYS_OF_ERA - wanted) > 1:
-            got = f"a first position of {date_of(first.day).isoformat()}"
+        # in the night a log may have two dates, and either is its own
+        days = sorted(utc_day(gps_from_civil(fix.day, fix.second, fix.scale)) for fix in (first, fixes[-1]))
+        eras = round((wanted - days[0]) / DAYS_OF_ERA)
+        if not days[0] <= wanted - eras * DAYS_OF_ERA <= days[1]:
+            got = "positions of " + " to ".join(dict.fromkeys(date_of(day).isoformat() for day in days))
             raise LogError(path.name, got=got, wanted=f"{options.date.isoformat()}, the date given for it")
         if eras:
             remarks.note(f"dated {date_of(first.day).isoformat()}: moved by {eras} × 1024 weeks to the date given")

@@ -24,23 +24,43 @@ class _UntrueError(Exception):
 
 def mp4_fault(path: Path) -> str:
     """Return what cannot be true of an MP4 file, in words; nothing where all can be, or it is no MP4."""
-    file_bytes = path.stat().st_size
     try:
-        with path.open("rb") as file:
-            place = 0
-            while place + 2 * _HEAD <= file_bytes:
-                file.seek(place)
-                size, kind, long = struct.unpack(">I4sQ", file.read(2 * _HEAD))
-                size = {0: file_bytes - place, 1: long}.get(size, size)
-                if size < _HEAD or place + size > file_bytes:
-                    return f"a box of {size} bytes at {place}, in a file of {file_bytes}"
-                if kind == b"moov":
-                    file.seek(place + _HEAD)
-                    _check(kind, file.read(size - _HEAD), file_bytes, 0)
-                place += size
+        for kind, body in _outer(path, (b"moov",)):
+            _check(kind, body, path.stat().st_size, 0)
     except _UntrueError as fault:
         return str(fault)
     return ""
+
+
+def mp4_moov(path: Path) -> tuple[bytes, bytes]:
+    """Return the bodies of a file's `ftyp` and `moov`; raises `KeyError` where one is missing."""
+    found = dict(_outer(path, (b"ftyp", b"moov")))
+    return found[b"ftyp"], found[b"moov"]
+
+
+def mp4_boxes(body: bytes, holder: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield kind and content of the boxes in one of a file without fault; raises `ValueError` where that is not so."""
+    try:
+        yield from _boxes(body, holder)
+    except _UntrueError as fault:
+        raise ValueError(str(fault)) from fault
+
+
+def _outer(path: Path, kinds: tuple[bytes, ...]) -> Iterator[tuple[bytes, bytes]]:
+    """Yield kind and content of the file's own boxes of these kinds; raises `_UntrueError`."""
+    file_bytes = path.stat().st_size
+    with path.open("rb") as file:
+        place = 0
+        while place + 2 * _HEAD <= file_bytes:
+            file.seek(place)
+            size, kind, long = struct.unpack(">I4sQ", file.read(2 * _HEAD))
+            size = {0: file_bytes - place, 1: long}.get(size, size)
+            if size < _HEAD or place + size > file_bytes:
+                raise _UntrueError(f"a box of {size} bytes at {place}, in a file of {file_bytes}")
+            if kind in kinds:
+                file.seek(place + _HEAD)
+                yield kind, file.read(size - _HEAD)
+            place += size
 
 
 def _check(kind: bytes, body: bytes, file_bytes: int, depth: int) -> None:

@@ -153,7 +153,7 @@ def _plot(origin: str, name: str, contents: Sequence[str] = (), top: float | Non
 
 def _plots(rig: Rig, errors_against: str) -> rrb.Container:
     """Errors, consistency with latency, and pointing, side by side."""
-    against = errors_against or "reference"
+    against = {"": "reference", "dgps": "DGPS"}.get(errors_against, errors_against)
     errors = rrb.Vertical(*(_plot(f"{tree.ERROR}/{a}", f"{a} − {against}, ±2σ [m]") for a in tree.AXES))
     consistency = rrb.Vertical(
         _plot(tree.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),

@@ -23,6 +23,7 @@ from groundstation.sinks.rerun_columns import (
     present,
     scalars,
 )
+from groundstation.sinks.rerun_media import ShownVideo
 
 CROSS_PX = (12.0, 36.0)
 CROSS_STROKES = 4
@@ -42,13 +43,13 @@ class CameraChannel:
     Parameters
     ----------
     geometry : the station's measurement geometry, for the pose of its frustum.
-    frame_timestamps_ns : (n,) presentation timestamp of each frame of the station's video; empty without one.
+    video : the station's video as it is in the recording; an empty one without any.
     """
 
-    def __init__(self, geometry: StationGeometry, frame_timestamps_ns: NDArray[np.int64]) -> None:
+    def __init__(self, geometry: StationGeometry, video: ShownVideo) -> None:
         self.station = geometry.name
         self._geometry = geometry
-        self._frame_timestamps_ns = frame_timestamps_ns
+        self._video = video
         self._reports: list[CameraReport] = []
         self._last_status: DetectionStatus | None = None
         self._last_angles: tuple[float, float, float] | None = None
@@ -76,12 +77,11 @@ class CameraChannel:
 
     def _frames(self, reports: Sequence[CameraReport]) -> list[Batch]:
         """Refer each frame to its own presentation timestamp; a number beyond the video refers to nothing."""
-        if not len(self._frame_timestamps_ns):
+        if not len(self._video):
             return []
-        shown = [r for r in reports if 0 <= r.epoch < len(self._frame_timestamps_ns)]
+        shown = [r for r in reports if 0 <= r.epoch < len(self._video)]
         self.frames_beyond_video += len(reports) - len(shown)
-        timestamps = self._frame_timestamps_ns[[r.epoch for r in shown]]
-        columns = rr.VideoFrameReference.columns_nanos(timestamps)
+        columns = self._video.references(np.array([r.epoch for r in shown], dtype=np.int64))
         return [Batch(entity=tree.image(self.station), t_s=np.array([r.t_s for r in shown]), columns=columns)]
 
     def _pointing(self, reports: Sequence[CameraReport]) -> list[Batch]:

@@ -68,6 +68,17 @@ def event_at(runs: Sequence[ShownRun], align: Align) -> float | None:
     return None if align is Align.NONE else runs[0].track.event_s(align) + runs[0].shift_s
 
 
+def event_words(runs: Sequence[ShownRun], align: Align) -> str:
+    """Return in words what the runs are put by; not every track has a touchdown, and not every run a track."""
+    if align is Align.TOUCHDOWN:
+        rest = [run.name for run in runs if not run.track.touches_down]
+        if rest and len(rest) == len(runs):
+            return "lowest height (within 0.5 m; no touchdown)"
+        if rest:
+            return f"touchdown (of {', '.join(rest)}, without one, the lowest height)"
+    return align.value
+
+
 def together_in_time(runs: Sequence[ShownRun]) -> bool:
     """Return whether the tracks, unmoved, all have a time in common."""
     return max(r.track.start_s for r in runs) <= min(r.track.end_s for r in runs)
@@ -91,15 +102,14 @@ def write_comparison(path: Path, runs: Sequence[ShownRun], align: Align) -> None
     stream.log(RUNS, rr.TextDocument(_words(runs, align), media_type=rr.MediaType.MARKDOWN), static=True)
     at_s = event_at(runs, align)
     if at_s is not None:
-        _log_event(stream, at_s, align)
+        _log_event(stream, at_s, f"{event_words(runs, align)} of each run")
     stream.send_blueprint(comparison_blueprint(runs))
     stream.flush()
     stream.disconnect()
 
 
-def _log_event(stream: rr.RecordingStream, at_s: float, align: Align) -> None:
+def _log_event(stream: rr.RecordingStream, at_s: float, name: str) -> None:
     """Mark the time that all runs are put by: a line in the log, and an upright one in the plot of the NIS."""
-    name = f"{align.value} of each run"
     stream.set_time(tree.TIMELINE, duration=at_s)
     stream.log(EVENT_LOG, rr.TextLog(name, level=rr.TextLogLevel.INFO))
     style = rr.SeriesLines(colors=tree.BOUND_COLOUR, names=name, widths=1.5)
@@ -143,7 +153,7 @@ def _words(runs: Sequence[ShownRun], align: Align) -> str:
         for k, run in enumerate(runs)
     ]
     at_s = event_at(runs, align)
-    at = "each in its own time" if at_s is None else f"each one's {align.value} is at {at_s:.0f} s"
+    at = "each in its own time" if at_s is None else f"each one's {event_words(runs, align)} is at {at_s:.0f} s"
     return "\n".join(
         [f"One runway frame; {at}.", "", "| run | colour | track from, s | moved by, s |", "|--|--|--|--|", *rows]
     )

@@ -1,7 +1,7 @@
 """Several Rerun recordings in one, each below a name of its own: to be looked at together, in space and in time."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -28,6 +28,8 @@ _FRAME_COLUMNS = (
     "CoordinateFrame:frame",
 )
 _IMPLICIT = "tf#/"
+# and of entities, which stand below its name
+_ENTITY_COLUMNS = ("VideoFrameReference:video_reference",)
 
 
 class Align(StrEnum):
@@ -146,11 +148,12 @@ def _moved(chunk: Chunk, name: str, shift_ns: int) -> list[Chunk]:
     """Return rows below another path, at other times, with frames of their own names."""
     entity = f"/{name}{chunk.entity_path}".rstrip("/")
     rows = chunk.to_record_batch()
-    frames = [c for c in _FRAME_COLUMNS if c in rows.schema.names]
-    if not frames and (chunk.is_static or not shift_ns):
+    named = [c for c in (*_FRAME_COLUMNS, *_ENTITY_COLUMNS) if c in rows.schema.names]
+    if not named and (chunk.is_static or not shift_ns):
         return [chunk.with_entity_path(entity)]
-    for column in frames:
-        rows = _replaced(rows, column, _renamed(rows.column(column), name))
+    for column in named:
+        rename = _entity if column in _ENTITY_COLUMNS else _frame
+        rows = _replaced(rows, column, _renamed(rows.column(column), name, rename))
     if tree.TIMELINE in rows.schema.names:
         times = rows.column(tree.TIMELINE)
         rows = _replaced(rows, tree.TIMELINE, pc.add(times.cast(pa.int64()), shift_ns).cast(times.type))
@@ -158,13 +161,17 @@ def _moved(chunk: Chunk, name: str, shift_ns: int) -> list[Chunk]:
     return [made.with_entity_path(entity) for made in Chunk.from_record_batch(rows)]
 
 
-def _renamed(names: pa.Array, run: str) -> pa.Array:
-    """Return frame names with the run's before them; an entity's own frame keeps its form."""
+def _renamed(names: pa.Array, run: str, rename: Callable[[str, str], str]) -> pa.Array:
     rows = names.to_pylist()
-    return pa.array([None if row is None else [_frame(frame, run) for frame in row] for row in rows], type=names.type)
+    return pa.array([None if row is None else [rename(name, run) for name in row] for row in rows], type=names.type)
+
+
+def _entity(entity: str, run: str) -> str:
+    return f"/{run}{entity}"
 
 
 def _frame(frame: str, run: str) -> str:
+    """Return a frame's name with the run's before it; an entity's own frame keeps its form."""
     if frame.startswith(_IMPLICIT):
         return f"{_IMPLICIT}{run}/{frame.removeprefix(_IMPLICIT)}".rstrip("/")
     return f"{run}.{frame}"

@@ -96,9 +96,9 @@ def _log_pictures(stream: rr.RecordingStream, session: Session) -> list[str]:
 def _log_video(
     stream: rr.RecordingStream, name: str, path: Path, stamps_s: FloatArray, numbers: NDArray[np.int64]
 ) -> None:
-    """Log a station's video in one piece, or picture by picture where Rerun cannot read it or it is too large."""
+    """Log a station's video as it is, or picture by picture where Rerun cannot read it."""
     try:
-        video_ns = log_video(stream, tree.image(name), VideoAsset(path=path))
+        video = log_video(stream, tree.image(name), VideoAsset(path=path))
     except SessionError:
         channel, wanted = (
             PictureChannel(name, expected=len(numbers)),
@@ -109,8 +109,8 @@ def _log_video(
                 _send(stream, channel, float(wanted[frame.index]), frame.index, frame.image)
         _finish(stream, channel)
         return
-    inside = numbers < len(video_ns)
-    columns = rr.VideoFrameReference.columns_nanos(video_ns[numbers[inside]])
+    inside = numbers < len(video)
+    columns = video.references(numbers[inside])
     Batch(entity=tree.image(name), t_s=stamps_s[inside], columns=columns).send(stream)
 
 

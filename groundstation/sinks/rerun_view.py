@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from groundstation.errors import InputError, SessionError
 from groundstation.messages import CameraReport, StepReport, TrackEvent
@@ -14,7 +13,7 @@ from groundstation.sinks import rerun_tree as tree
 from groundstation.sinks.rerun_blueprint import Eye, blueprint, eye_before, eye_over, live_blueprint
 from groundstation.sinks.rerun_cameras import CameraChannel
 from groundstation.sinks.rerun_columns import Batch
-from groundstation.sinks.rerun_media import ImageFolder, Media, VideoAsset, log_video
+from groundstation.sinks.rerun_media import ImageFolder, Media, ShownVideo, VideoAsset, log_video
 from groundstation.sinks.rerun_pictures import PictureChannel
 from groundstation.sinks.rerun_reference import (
     AxisErrors,
@@ -176,14 +175,14 @@ class RerunSink:
         for number, station in enumerate(self._rig.stations):
             log_station(self._stream, station, number, middle_m)
             log_camera_styles(self._stream, station, number)
-            timestamps_ns = np.zeros(0, dtype=np.int64)
+            video = ShownVideo()
             if station.name in videos:
-                timestamps_ns = self._log_video(station.name, videos[station.name])
-            channels[station.name] = CameraChannel(station.geometry(), timestamps_ns)
+                video = self._log_video(station.name, videos[station.name])
+            channels[station.name] = CameraChannel(station.geometry(), video)
         return channels
 
-    def _log_video(self, station: str, video: VideoAsset) -> NDArray[np.int64]:
-        """Embed a video and return its frames' timestamps (n,); none where its pictures come one by one, or not."""
+    def _log_video(self, station: str, video: VideoAsset) -> ShownVideo:
+        """Embed a video; returns an empty one where its pictures come one by one, or not."""
         try:
             return log_video(self._stream, tree.image(station), video)
         except SessionError as fault:
@@ -193,7 +192,7 @@ class RerunSink:
                 self._notices.append(f"no pictures of {station}: {fault}")
             else:
                 self._pictures[station] = PictureChannel(station, expected=count or 0)
-        return np.zeros(0, dtype=np.int64)
+        return ShownVideo()
 
 
 def _file_stream(path: Path, session_name: str) -> rr.RecordingStream:

@@ -19,6 +19,10 @@ STARTUP_S = 2.0
 _END_S = 10.0
 # what a viewer that comes late may still see
 _SERVER_MEMORY = "256MB"
+# a server drops the oldest beyond its limit: a whole file has to be below it, with what is made of it
+_SERVER_MARGIN, _SERVER_LEAST_BYTES = 2, 1_000_000_000
+# a page in a browser can address 4 GB; 2 GB of videos took 3.3
+MAX_BROWSER_BYTES = 2_000_000_000
 # a window that is open all day beside a station: beyond it the oldest goes
 _LIVE_MEMORY = "1GB"
 
@@ -65,7 +69,20 @@ def open_viewer(path: Path, environment: Mapping[str, str]) -> subprocess.Popen[
 def web_viewer_command(path: Path, port: int, web_port: int) -> list[str]:
     """Return the command that serves a recording to browsers on this machine, and to no other."""
     command = [sys.executable, "-m", "rerun", "--serve-web", "--bind", "127.0.0.1", "--port", str(port)]
-    return [*command, "--web-viewer-port", str(web_port), str(path)]
+    held = max(_SERVER_LEAST_BYTES, _SERVER_MARGIN * (path.stat().st_size if path.is_file() else 0))
+    command += ["--web-viewer-port", str(web_port), "--server-memory-limit", f"{-(-held // 10**6)}MB"]
+    return [*command, str(path)]
+
+
+def browser_notice(path: Path) -> str:
+    """Return what to tell a user whose recording may be too large for a browser, or nothing."""
+    size = path.stat().st_size
+    if size <= MAX_BROWSER_BYTES:
+        return ""
+    return (
+        f"{size / 1e9:.1f} GB may be more than a browser holds ({MAX_BROWSER_BYTES / 1e9:g} GB it does): where the "
+        "page stops, --view opens it without one, or show a part of it: groundstation replay SESSION --from S --to S"
+    )
 
 
 def serve_recording(path: Path, environment: Mapping[str, str]) -> tuple[str, subprocess.Popen[bytes]]:

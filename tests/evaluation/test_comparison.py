@@ -48,6 +48,17 @@ def compared(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return work
 
 
+@pytest.mark.parametrize("kind", ["--csv", "--json"])
+def test_a_folder_that_is_not_there_is_said_and_not_made(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    path = tmp_path / "none" / "x.csv"
+    assert main(["evaluate", str(session), "--out", str(tmp_path / "runs"), kind, str(path)]) == 1
+    assert f"{path}: got no folder {path.parent}; wanted a file in a folder that is there" in capsys.readouterr().err
+    # nor is anything replayed before
+    assert list(tmp_path.iterdir()) == []
+
+
 def summary(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "summary.json").read_text())
 

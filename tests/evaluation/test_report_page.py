@@ -16,6 +16,10 @@ from groundstation.evaluation.evaluate import Evaluation, evaluate_run
 from groundstation.evaluation.page_tables import MAX_UNSTACKED, Column, axes_cell, page_table
 from groundstation.evaluation.report import PAGE_CSS, write_report
 from groundstation.evaluation.run_description import RunDescription
+from groundstation.experiments.detection_tables import ROI_COLUMNS
+from groundstation.experiments.experiment import Experiment, Findings, Paper
+from groundstation.experiments.page import paper_page
+from groundstation.experiments.tables import Table
 from groundstation.messages import CarriedError, DgpsFix
 from groundstation.rig import Rig
 from tests.browser import Browser, browser
@@ -123,6 +127,44 @@ def test_a_real_browser_shows_it(chromium: Browser, written: Path, width_px: int
     assert found["zoomed"] == width_px
     assert found["drawn"] == found["shown"] == 8
     assert found["undecoded"] == 0
+
+
+# what lies beyond the right edge, and what is folded away
+BEYOND = """({
+  beyond: [...document.querySelectorAll('body *')].filter(p => p.getBoundingClientRect().right > innerWidth + 1)
+    .map(p => p.tagName + ' ' + p.textContent.slice(0, 40)),
+  hidden: [...document.querySelectorAll('details > :not(summary)')].filter(p => !p.checkVisibility()).length,
+  folded: [...document.querySelectorAll('details')].length,
+})"""
+# A4 between margins of 14 mm; Letter is wider
+PAPER_PX = 688
+
+
+def test_printed_nothing_is_cut_off_or_folded_away(chromium: Browser, written: Path) -> None:
+    """Expected: all within the paper's width, log and configuration open, and few pages, so none nearly empty."""
+    chromium.show((written / "report.html").as_uri(), 1440)
+    assert chromium.value(BEYOND)["hidden"] >= 1
+    with chromium.on_paper(PAPER_PX):
+        found = chromium.value(BEYOND)
+    assert found["beyond"] == []
+    assert found["hidden"] == 0
+    assert found["folded"] >= 2
+    pages, content = chromium.printed()
+    assert content.startswith(b"%PDF")
+    assert 4 <= pages <= 8
+
+
+def test_the_papers_page_shows_its_widest_table_on_a_screen_and_on_paper(chromium: Browser, tmp_path: Path) -> None:
+    row = ["400×300, 0 sigma", *[0.0456] * (len(ROI_COLUMNS) - 2), "157 ms, 212 ms"]
+    filled = Table(name="roi", title="ROI", columns=ROI_COLUMNS, rows=[row] * 3, timed=range(1, 7))
+    findings = Findings(tables=(filled,))
+    region = Experiment(name="roi", title="Region", numbers="table 1", paper=Paper.GROUND, run=lambda _: findings)
+    page = tmp_path / "page.html"
+    page.write_text(paper_page("Papers", [(region, findings)], tmp_path, []), encoding="utf-8")
+    chromium.show(page.as_uri(), 1440)
+    assert chromium.value("[...document.querySelectorAll('.wide')].map(p => p.scrollWidth - p.clientWidth)") == [0]
+    with chromium.on_paper(PAPER_PX):
+        assert chromium.value(BEYOND)["beyond"] == []
 
 
 def test_a_real_browser_sees_what_is_wrong(chromium: Browser, tmp_path: Path) -> None:

@@ -115,8 +115,9 @@ def test_uneven_stamps_are_the_containers(parts: Path) -> None:
         ((), ("--origin",), "flight.nmea: got no --origin; wanted where the session's frame lies"),
         ((), ("--azimuth",), "flight.nmea: got no --azimuth"),
         (("--origin", "47,8,400"), (), "km and more from the origin"),
-        (("--date", "2025-05-09"), (), ""),
-        (("--date", "2025-07-09"), (), "got a first position of 2025-05-08; wanted 2025-07-09"),
+        (("--date", "2025-05-08"), (), ""),
+        (("--date", "2025-05-09"), (), "got positions of 2025-05-08; wanted 2025-05-09, the date given for it"),
+        (("--date", "2025-07-09"), (), "got positions of 2025-05-08; wanted 2025-07-09"),
         (
             ("--left-start", "2025-05-08T11:00:51.5Z", "--right-start", "2025-05-08T11:00:51.5Z"),
             (),
@@ -148,6 +149,8 @@ def test_other_refusals(parts: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert run(parts) == 1
     assert "VIDEO: got 2 videos; wanted 3, of the stations left, right, third" in capsys.readouterr().err
     (parts / "rig.toml").write_text(rig_text(("left", "right")).replace("[64, 48]", "[640, 480]"))
+    assert main(["import", "L.avi", "--rig", str(parts / "rig.toml"), "--out", str(parts / "session")]) in (1, 2)
+    assert "got 1 video; wanted 2" in capsys.readouterr().err
     assert run(parts) == 1
     assert "L.avi: got 64×48 px; wanted 640×480 px, as station left has in the rig" in capsys.readouterr().err
     (parts / "rig.toml").write_text(rig_text(("left", "right")))

@@ -79,7 +79,22 @@ def test_weeks_that_began_again(tmp_path: Path) -> None:
     assert utc_text(log.gps_s[0]) == "2025-05-08T11:59:52Z"
     assert any("moved by 1 × 1024 weeks" in r for r in log.remarks)
     said = complaint(LogError, lambda: log_of(tmp_path, b"".join(lines), LogOptions(date=datetime.date(2025, 6, 8))))
-    assert "got a first position of 2005-09-22; wanted 2025-06-08" in said
+    assert "got positions of 2005-09-22; wanted 2025-06-08" in said
+
+
+@pytest.mark.parametrize(("day", "fits"), [(29, False), (30, True), (31, True)])
+def test_a_date_is_one_of_the_logs_own(tmp_path: Path, day: int, fits: bool) -> None:
+    """Expected: of a log across midnight either date, moved by weeks or not; the day before it is another log's."""
+    content = b""
+    for second, date in (("235959", "301225"), ("000001", "311225")):
+        content += with_checksum(f"GPRMC,{second},A,3540.86,N,13945.63,E,0,0,{date},,,A")
+        content += with_checksum(f"GPGGA,{second},3540.86,N,13945.63,E,4,12,0.8,40,M,35,M,,")
+    given = LogOptions(date=datetime.date(2025, 12, day))
+    if fits:
+        assert utc_text(log_of(tmp_path, content, given).gps_s[0]) == "2025-12-30T23:59:59Z"
+    else:
+        said = complaint(LogError, lambda: log_of(tmp_path, content, given))
+        assert "got positions of 2025-12-30 to 2025-12-31; wanted 2025-12-29, the date given for it" in said
 
 
 def test_heights_are_sea_level_and_separation(tmp_path: Path) -> None:

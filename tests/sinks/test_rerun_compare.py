@@ -18,6 +18,7 @@ from groundstation.cli import main
 from groundstation.compared_runs import SourceKind, kind_of, planned_runs
 from groundstation.errors import InputError
 from groundstation.messages import Kinematics, StepReport, TrackEstimate, TrackStatus, TriangulationStatus
+from groundstation.sinks import rerun_viewer
 from groundstation.sinks.rerun_merge import Align, read_track
 from groundstation.sinks.rerun_tree import RANGE_COLOURS, range_colour
 from groundstation.sinks.rerun_view import RerunSink
@@ -280,6 +281,44 @@ def test_a_run_without_a_touchdown_is_said_when_they_are_put_by_it(two: tuple[Pa
     (note,) = prepare_view(request).notes
     assert note.startswith("above: no touchdown in it, the track is never below 30 m: put by the time")
     assert prepare_view(replace(request, align=Align.START)).notes == ()
+    # the panel of the runs, the log and the terminal say the same
+    mixed = prepare_view(request)
+    stated = f"touchdown (of above, without one, the lowest height) of each at {mixed.event_s:.0f} s"
+    assert stated in names_line(mixed, request.sources)
+    assert "each one's touchdown (of above, without one, the lowest height) is at" in words(mixed.recording)
+    neither = prepare_view(replace(request, sources=(above, above)))
+    assert "each one's lowest height (within 0.5 m; no touchdown) is at" in words(neither.recording)
+    both = prepare_view(replace(request, sources=two))
+    assert "each one's touchdown is at" in words(both.recording)
+
+
+def words(path: Path) -> str:
+    """What the panel of the runs says."""
+    reader = RrdReader(path)
+    (chunk,) = [c for c in reader.stream(store=reader.recordings()[0]) if c.entity_path == "/runs" and c.is_static]
+    return str(chunk.to_record_batch().column("TextDocument:text").to_pylist()[0][0])
+
+
+def test_a_recording_too_large_for_a_browser_is_said_and_none_of_it_dropped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "large.rrd"
+    with path.open("wb") as file:
+        file.truncate(1_999_000_000)
+    command = web_viewer_command(path, 1, 2)
+    assert command[command.index("--server-memory-limit") + 1] == "3998MB"
+    assert rerun_viewer.browser_notice(path) == ""
+    with path.open("wb") as file:
+        file.truncate(2_300_000_000)
+    assert "2.3 GB may be more than a browser holds" in rerun_viewer.browser_notice(path)
+
+
+def test_a_file_of_another_name_is_refused_before_anything_is_done(
+    two: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["view", str(two[0]), "--save", str(tmp_path / "two.txt")]) == 2
+    assert "wanted a name that ends in .rrd" in capsys.readouterr().err
+    assert not (tmp_path / "two.txt").exists()
 
 
 def test_a_live_runs_folder_is_its_recording(tmp_path: Path) -> None:
@@ -310,11 +349,11 @@ def test_what_holds_no_track_of_ours_is_named(two: tuple[Path, Path], tmp_path: 
 
 
 def test_named_frames_get_the_runs_name() -> None:
-    from groundstation.sinks.rerun_merge import _renamed
+    from groundstation.sinks.rerun_merge import _frame, _renamed
 
     names = pa.array([["left.head"], ["tf#/"], ["tf#/world/stations"], None], type=pa.list_(pa.string()))
     expected = [["a.left.head"], ["tf#/a"], ["tf#/a/world/stations"], None]
-    assert _renamed(names, "a").to_pylist() == expected
+    assert _renamed(names, "a", _frame).to_pylist() == expected
 
 
 def test_the_colour_of_the_track_tells_its_range() -> None:

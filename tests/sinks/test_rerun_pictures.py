@@ -61,9 +61,13 @@ def test_a_video_that_rerun_cannot_read_is_shown_picture_by_picture(tmp_path: Pa
     assert recording.times_ns(IMAGE) == [1_000_000_000 + 100_000_000 * k for k in range(ROWS)]
 
 
-def test_a_video_that_is_too_large_is_shown_picture_by_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_video_too_large_between_key_frames_is_shown_picture_by_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     landing = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
     assert not session_view(tmp_path / "a.rrd", load_session(landing)).wants_pictures
+    monkeypatch.setattr(rerun_media, "PART_BYTES", 1_000_000)
+    assert not session_view(tmp_path / "parts.rrd", load_session(landing)).wants_pictures
     monkeypatch.setattr(rerun_media, "MAX_VIDEO_BYTES", 1_000_000)
     assert session_view(tmp_path / "b.rrd", load_session(landing)).wants_pictures
 

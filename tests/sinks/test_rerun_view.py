@@ -25,7 +25,7 @@ from groundstation.picture import Kept, PartialPicture
 from groundstation.rig import Rig
 from groundstation.sinks import rerun_pictures
 from groundstation.sinks.rerun_cameras import CameraChannel
-from groundstation.sinks.rerun_media import Media, RecordedWindows
+from groundstation.sinks.rerun_media import Media, RecordedWindows, ShownVideo
 from groundstation.sinks.rerun_view import (
     AxisErrors,
     ImageFolder,
@@ -368,7 +368,7 @@ def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path, landing: Lan
 
 
 def test_a_report_does_not_keep_its_picture_alive(landing: Landing, few: list[StepReport]) -> None:
-    channel = CameraChannel(landing.stations["left"], np.zeros(0, dtype=np.int64))
+    channel = CameraChannel(landing.stations["left"], ShownVideo())
     image = np.zeros((4, 4, 3), np.uint8)
     alive = weakref.ref(image)
     channel.add(replace(few[0].cameras[0], image=image))
