@@ -102,7 +102,8 @@ def clocks(runs: int, _: Path | None) -> None:
         (calibration.clock_take_off(), against_dgps, mounts),
     ):
         learned = calibration.learned_clocks(flown, names, range(few), biases)
-        print(f"clocks and {len(biases)} biases, {flown.name}, {few} flights, 20 ms and 0.05° to learn: rms error, bound, mean (ms, ms/s)")
+        print(f"clocks and {len(biases)} biases, {flown.name}, {few} flights, 20 ms and 0.05° to learn:", end=" ")
+        print("rms error, bound, mean (ms, ms/s)")
         nees = (learned.error / learned.sigma) ** 2
         rows = zip(
             learned.names,

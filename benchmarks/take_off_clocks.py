@@ -2,12 +2,13 @@
 
     python benchmarks/take_off_clocks.py [--flights N] [--first SEED]
 
-A take-off towards the cameras from 204 m, 15 pairs/s, heads that wander by 0.7 deg about it, readings at 60 Hz, pixels of 0.5 px; drawn are
-mounts (0.05 deg about each axis), clocks of cameras and PTUs (20 ms each), the log's clock (0.1 s), and how far along
-the body the point lies that is seen (5 cm): a detector's nose is a little off, always to the same side. Everything is
-free: `--free orientation,camera_clock,ptu_clock`, the log's clock besides. Clocks are told against the left camera's,
-since what all have in common no flight shows. The bound is (JᵀWJ + prior)⁻¹ of the noise put in, at the truth, and what
-the point's place adds, which no estimate without bias can take off. Figures in docs/results.md.
+A take-off towards the cameras from 204 m, 15 pairs/s, heads that wander by 0.7 deg about it, readings at 60 Hz, pixels
+of 0.5 px; drawn are mounts (0.05 deg about each axis), clocks of cameras and PTUs (20 ms each), the log's clock
+(0.1 s), and how far along the body the point lies that is seen (5 cm): a detector's nose is a little off, always to the
+same side. Everything is free: `--free orientation,camera_clock,ptu_clock`, the log's clock besides. Clocks are told
+against the left camera's, since what all have in common no flight shows. The bound is (JᵀWJ + prior)⁻¹ of the noise put
+in, at the truth, and what the point's place adds, which no estimate without bias can take off. Figures in
+docs/results.md.
 """
 
 import argparse
@@ -39,7 +40,7 @@ LOG_S = 0.1
 CHANCE = 1e-3
 _DRAWS = 78
 _PLAN = TakeOff(start_y_m=204.0, stand_s=3.0, acceleration_m_s2=3.0, climb_speed_m_s=19.0)
-# the heads look past the aircraft as those of a person with a joystick: middle, amplitude (rad), period (s), share of it
+# the heads look past the aircraft as a person's with a joystick: middle, amplitude (rad), period (s), share of it
 _WANDER_RAD = ((0.0, 0.012, 3.1, 0.0), (0.0, 0.010, 2.3, 0.25), (0.0, 0.0, 1.0, 0.0))
 _REFERENCE = "left.camera_clock.offset"
 CLOCKS = ("right.camera_clock.offset", "left.ptu_clock.offset", "right.ptu_clock.offset", DGPS_OFFSET)
@@ -71,7 +72,13 @@ def _flown(scenario: Scenario, told: Scenario) -> Iterator[tuple[FlightCalibrati
 def one_flight(seed: int) -> ClockErrors:
     """Draw, fly, calibrate, compare."""
     generator = np.random.default_rng([_DRAWS, seed])
-    plain = case_b(seed=seed, rate_hz=15.0, trajectory=take_off(_PLAN), pointing=Wandering(deviation=waves(_WANDER_RAD, 2.0)), ptu_hz=60.0)
+    plain = case_b(
+        seed=seed,
+        rate_hz=15.0,
+        trajectory=take_off(_PLAN),
+        pointing=Wandering(deviation=waves(_WANDER_RAD, 2.0)),
+        ptu_hz=60.0,
+    )
     drawn = replace(draw(plain.rig, "clocks", generator), late_s=LOG_S * float(generator.normal()))
     ahead_m = POINT_M * float(generator.normal())
     dgps = DgpsModel(clock_offset_s=drawn.late_s, antenna_in_body_m=np.array([-ahead_m, 0.0, 0.0]))

@@ -76,7 +76,7 @@ def test_mounts_are_learnt_from_a_reference_and_remembered() -> None:
 
 
 def test_clocks_are_learnt_to_the_bound() -> None:
-    """Offsets of 20 ms, mounts, rolls and boresights, all drawn from the filter's own model; 200 flights: 1.0 to 1.1."""
+    """Offsets of 20 ms, mounts, rolls and boresights, drawn from the filter's own model; 140 flights: 1.0 to 1.1."""
     names = ("left.camera_clock.offset", *calibration.CLOCK_OFFSETS[:3])
     biases = calibration.PAN_AND_TILT + calibration.ROLL_AND_BORESIGHT
     learned = calibration.learned_clocks(calibration.clock_drawn(), names, range(8), biases)
