@@ -80,6 +80,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.count_words",
         "groundstation.hand_over",
         "groundstation.png_file",
+        "groundstation.seldom_said",
         "groundstation.spoken",
         "groundstation.stop_asked",
         "groundstation.__version__",
