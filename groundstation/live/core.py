@@ -124,20 +124,21 @@ class LiveCore:
         self._parking = angles_rad
 
     def not_parked(self, now_s: float, within_rad: float, *, heard: bool = False) -> list[str]:
-        """Return a line for each head that is not at its parking angles, or does not say; those not, if ``heard``."""
+        """Return a line for each head that is not at its parking angles; unless ``heard``, for silent ones, too."""
         lines = []
         for name, (pan_rad, tilt_rad) in (self._parking or {}).items():
             head = self._heads.get(name)
             if head is None:
                 continue
             age_s, off_rad = head.age_s(now_s), head.off_rad(pan_rad, tilt_rad, now_s)
+            words = ""
             if not math.isfinite(age_s):
                 words = "" if heard else "has told no angles, and may not be parked"
+            elif age_s > _SILENT_S and not heard:
+                # what it was told is no proof that it went there
+                words = f"has not answered for {age_s:.1f} s, and may not be parked"
             elif off_rad > within_rad:
                 words = f"has not parked, it is {math.degrees(off_rad):.1f}° off"
-            else:
-                # what it was told is no proof that it went there
-                words = f"has not answered for {age_s:.1f} s, and may not be parked" if age_s > _SILENT_S else ""
             if words:
                 lines.append(f"station {name}: the head {words}")
         return lines
