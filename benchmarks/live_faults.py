@@ -1,6 +1,6 @@
 """A landing in operation under faults, alone and in pairs: does it go on, does it come back, does its covariance hold?
 
-    python benchmarks/live_faults.py [--runs N] [--seed N]
+    python benchmarks/live_faults.py [--runs N] [--seed N] [--only WORD]
 
 Virtual time, pixels in place of pictures (groundstation.live.rehearsal): 200 m of a landing at 20 m/s, the faults of
 one or two devices at drawn times. Printed for each kind: how often the track was there two seconds after the last
@@ -58,15 +58,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", default="", help="the first fault is of a kind with this word")
     options = parser.parse_args()
     rig, kinds = load_rig(ROOT / "recordings" / "landing-1" / "rig.toml"), list(FaultKind)
+    firsts = [kind for kind in kinds if options.only in kind.value]
     random = np.random.default_rng(options.seed)
     back: dict[str, list[bool]] = defaultdict(list)
     lost: dict[str, list[float]] = defaultdict(list)
     errors: dict[str, list[float]] = defaultdict(list)
     inside: dict[str, list[float]] = defaultdict(list)
     for number in range(options.runs):
-        first, second = (kinds[int(k)] for k in random.integers(0, len(kinds), 2))
+        first, second = (of[int(random.integers(0, len(of)))] for of in (firsts, kinds))
         faults = [drawn(random, first)]
         if number % 2:
             faults.append(drawn(random, second))

@@ -19,6 +19,7 @@ from groundstation.estimation.linearisation import Linearised
 from groundstation.estimation.measurement import LinearPrediction
 from groundstation.estimation.reference_clock import REFERENCE_CLOCK, has_stepped
 from groundstation.estimation.second_view import Seen
+from groundstation.estimation.silhouette import lasting_variance
 from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.station import LensError
 from groundstation.messages import Innovation
@@ -271,6 +272,7 @@ class StationEkf(FilterCore):
         expected = self._widths[station].predict(self.state, span_m, *self.angles(station))
         if expected is None or width_px <= 0.0:
             return None
+        self._age_span(width_px)
         residual = np.array([math.log(width_px)]) - expected.value
         R = np.array([[self._config.width_sigma_log**2]])
         S = innovation_covariance(self.covariance, expected.jacobian, R)
@@ -280,6 +282,15 @@ class StationEkf(FilterCore):
             estimated = self._estimated() if alone else self._span_only
             self._bank.correct(residual, expected.jacobian, R, estimated, telling=False)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=1, accepted=accepted)
+
+    def _age_span(self, width_px: float) -> None:
+        """Let what was learnt of the span age since the last width, the sooner the smaller the silhouette."""
+        if self._span is None or self.time_s is None or not self._span_ages:
+            return
+        if self._width_s is not None and self.time_s > self._width_s:
+            grown = lasting_variance(width_px, self.time_s - self._width_s)
+            self._bank.doubt(slice(self._span, self._span + 1), np.array([grown]))
+        self._width_s = self.time_s
 
     def absorb_miss(self, station: str, detection_probability: float) -> None:
         """Take in that a camera which looked has seen nothing.
