@@ -2,10 +2,10 @@
 
     python benchmarks/one_camera.py [--seeds N]
 
-Virtual time and rendered pictures of 320 × 240 (groundstation.live.rehearsal_pictures): an approach from 430 m at 20 m/s and 10 pairs/s,
-the left PTU without power from 4 s on and homing until 12 s. Printed for each seed: error and sigma along the runway, and the ANEES, of
-the third, fifth and eighth second alone, and the ANEES of the whole.
-"""  # noqa: E501 - the units stay with their figures
+Virtual time and rendered pictures of 320 × 240 (groundstation.live.rehearsal_pictures): an approach from 430 m at
+20 m/s and 10 pairs/s, the left PTU without power from 4 s on and homing until 12 s. Printed for each seed: error and
+sigma along the runway, and the ANEES, of the third, fifth and eighth second alone, and the ANEES of the whole.
+"""
 
 import argparse
 
