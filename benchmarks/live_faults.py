@@ -1,6 +1,6 @@
 """A landing in operation under faults, alone and in pairs: does it go on, does it come back, does its covariance hold?
 
-    python benchmarks/live_faults.py [--runs N] [--seed N]
+    python benchmarks/live_faults.py [--runs N] [--seed N] [--only WORD]
 
 Virtual time, pixels in place of pictures (groundstation.live.rehearsal): 200 m of a landing at 20 m/s, the faults of
 one or two devices at drawn times. Printed for each kind: how often the track was there two seconds after the last
@@ -8,6 +8,7 @@ fault, the share of answers that were lost, and the ANEES of all answers with a 
 """
 
 import argparse
+import math
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +25,10 @@ ROOT = Path(__file__).resolve().parent.parent
 FLIGHT = Glide(start_y_m=380.0, end_y_m=160.0, speed_m_s=20.0, aim_y_m=60.0)
 SETTLED_S = 2.0
 HARDWARE = RehearsalConfig(homing_s=3.0)
-OF_NO_STATION = (FaultKind.PROCESS_KILLED, FaultKind.DGPS_GONE, FaultKind.DGPS_FROZEN)
+OF_THE_RECEIVER = (FaultKind.DGPS_GONE, FaultKind.DGPS_FROZEN, FaultKind.DGPS_CLOCK_STEPPED)
+OF_NO_STATION = (FaultKind.PROCESS_KILLED, *OF_THE_RECEIVER)
+# a receiver's clock steps by so much, forward or back, and every third time for good
+STEPS_S = (0.05, 0.3)
 
 
 def drawn(random: np.random.Generator, kind: FaultKind) -> Fault:
@@ -37,28 +41,40 @@ def drawn(random: np.random.Generator, kind: FaultKind) -> Fault:
     return Fault(kind=kind, station=station, from_s=begin, to_s=begin + length)
 
 
+def with_receiver(faults: list[Fault], seed: int) -> tuple[list[Fault], RehearsalConfig]:
+    """Return the faults and the hardware: a receiver that fails has to be there before, and its clock steps somehow."""
+    if not any(f.kind in OF_THE_RECEIVER for f in faults):
+        return faults, HARDWARE
+    # a stream of its own: the other days stay what they were
+    random = np.random.default_rng([seed, 2])
+    step_s = float(random.uniform(*STEPS_S) * random.choice([-1.0, 1.0]))
+    if random.random() < 1.0 / 3.0:
+        faults = [replace(f, to_s=math.inf) if f.kind is FaultKind.DGPS_CLOCK_STEPPED else f for f in faults]
+    return faults, replace(HARDWARE, dgps_rate_hz=5.0, dgps_step_s=step_s)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", default="", help="the first fault is of a kind with this word")
     options = parser.parse_args()
     rig, kinds = load_rig(ROOT / "recordings" / "landing-1" / "rig.toml"), list(FaultKind)
+    firsts = [kind for kind in kinds if options.only in kind.value]
     random = np.random.default_rng(options.seed)
     back: dict[str, list[bool]] = defaultdict(list)
     lost: dict[str, list[float]] = defaultdict(list)
     errors: dict[str, list[float]] = defaultdict(list)
     inside: dict[str, list[float]] = defaultdict(list)
     for number in range(options.runs):
-        first, second = (kinds[int(k)] for k in random.integers(0, len(kinds), 2))
+        first, second = (of[int(random.integers(0, len(of)))] for of in (firsts, kinds))
         faults = [drawn(random, first)]
         if number % 2:
             faults.append(drawn(random, second))
-        # a receiver that fails has to be there before
-        learns = any(f.kind in (FaultKind.DGPS_GONE, FaultKind.DGPS_FROZEN) for f in faults)
-        hardware = replace(HARDWARE, dgps_rate_hz=5.0 if learns else 0.0)
+        faults, hardware = with_receiver(faults, options.seed + number)
         result = Rehearsal(rig, Config(), FLIGHT, faults=faults, hardware=hardware, seed=options.seed + number).run()
-        end_s = max(f.to_s for f in faults) + SETTLED_S
+        end_s = max(f.to_s if math.isfinite(f.to_s) else f.from_s for f in faults) + SETTLED_S
         for name in {f.kind.value for f in faults} | {"two at once" if number % 2 else "alone", "all"}:
             back[name].append(result.share(TrackStatus.TRACKING, end_s, end_s + 1.0) >= 0.9)
             lost[name].append(result.share(TrackStatus.LOST, 1.0, 11.0))

@@ -65,11 +65,12 @@ STATUS_S = 0.5
 
 @dataclass(frozen=True)
 class Case:
-    """What goes wrong: faults by name and station; the receiver, the disk, the process."""
+    """What goes wrong: faults by name and station; the receiver (gone, its clock off by so much), disk, process."""
 
     name: str
     faults: tuple[tuple[str, str], ...] = ()
     dgps_gone: bool = False
+    dgps_stepped: tuple[float, float, float] | None = None
     disk_full: bool = False
     killed: bool = False
 
@@ -86,6 +87,8 @@ CASES = (
     Case("camera late by 0.2 s", (("camera late", "right"),)),
     Case("camera's clock steps by 0.2 s", (("camera clock stepped", "right"),)),
     Case("DGPS gone", dgps_gone=True),
+    Case("DGPS clock steps by 0.1 s", dgps_stepped=(FROM_S, TO_S, 0.1)),
+    Case("DGPS clock steps back for good", dgps_stepped=(FROM_S, math.inf, -0.1)),
     Case("disk full", disk_full=True),
     Case("killed", killed=True),
     Case("PTU silent, camera lost", (("PTU silent", "left"), ("camera lost", "left"))),
@@ -120,6 +123,13 @@ def timetable(case: Case) -> tuple[TimedFault, ...]:
     return tuple(TimedFault(what=w, station=s, from_s=FROM_S, to_s=TO_S) for w, s in case.faults)
 
 
+def receiver(case: Case) -> ReceiverModel | None:
+    """Return a case's receiver, None where it needs none."""
+    if case.dgps_stepped is not None:
+        return ReceiverModel(stepped_s=(case.dgps_stepped,))
+    return ReceiverModel(gone_s=((FROM_S, TO_S + DGPS_LONGER_S),)) if case.dgps_gone else None
+
+
 def small_rig() -> Rig:
     """Return the standard rig with pictures of a quarter of the size."""
     lens = Lens(
@@ -146,7 +156,7 @@ def fly(case: Case, folder: Path, rate_hz: float, lent: LentRange | None = None)
         simulate=lent is None,
         rig=folder / "small.toml",
         rate_hz=rate_hz,
-        receiver=ReceiverModel(gone_s=((FROM_S, TO_S + DGPS_LONGER_S),)) if case.dgps_gone else None,
+        receiver=receiver(case),
         timetable=timetable(case),
     )
     tracks: list[TrackStatus] = []

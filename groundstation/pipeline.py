@@ -37,6 +37,7 @@ from groundstation.messages import (
     TrackEstimate,
 )
 from groundstation.rig import Rig
+from groundstation.seldom_said import SeldomSaid
 from groundstation.station_health import StationHealth
 from groundstation.synchronise import LateReading, LateReference, Ready, ReadyFrame, Synchroniser
 from groundstation.target_keeper import TargetKeeper
@@ -87,6 +88,7 @@ class Pipeline:
         self._ekf = RecordedEkf(geometries, turning, config.estimation, prior)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
         self._keeper = TargetKeeper(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
+        self._readings_said = SeldomSaid(lambda t_s, text: self._keeper.say(t_s, "warning", text))
         self._synchroniser = Synchroniser(turning, config.synchronise, cameras=rig.names)
         self._window = ReplayWindow(
             self._ekf,
@@ -95,7 +97,7 @@ class Pipeline:
             horizon_s=config.estimation.late_horizon_s,
             max_entries=config.estimation.late_max_entries,
             max_gap_s=config.synchronise.max_gap_s,
-            say=lambda t_s, text: self._keeper.say(t_s, "warning", text),
+            say=self._readings_said.take,
         )
         self._fused_late = {"fused_late_ptu": 0, "fused_late_frames": 0}
         self._book = EpochBook(config.estimation.fix_window_s)
@@ -206,13 +208,13 @@ class Pipeline:
 
     def finish(self) -> StepReport:
         """Nothing more will come: return the reports of everything still waiting."""
-        return self._run(self._synchroniser.finish())
+        return self._run(self._synchroniser.finish(), last=True)
 
     def finish_smoothing(self) -> None:
         """Look back from the end, after `finish` and after the last wanted time has been said."""
         self._ekf.finish_tape()
 
-    def _run(self, ready: Iterable[Ready]) -> StepReport:
+    def _run(self, ready: Iterable[Ready], *, last: bool = False) -> StepReport:
         for item in ready:
             if isinstance(item, PtuSample):
                 self._reading(item)
@@ -227,6 +229,8 @@ class Pipeline:
                     self._answer(item)
             else:
                 self._out_cameras.append(self._frame(item))
+        if last:
+            self._readings_said.finish()
         report = StepReport(
             cameras=tuple(self._out_cameras),
             estimates=tuple(self._out_estimates),
@@ -318,6 +322,7 @@ class Pipeline:
         triangulation_status, triangulation = page.triangulate(self._config.estimation.residual_gate_sigma)
         for event in self._health.epoch(epoch.t_s, page):
             self._keeper.say(event.t_s, event.level, event.text)
+        self._readings_said.pass_time(epoch.t_s)
         fixed = len(page.accepted) >= 2
         kinematics = self._keeper.answer(epoch, fixed=fixed, proof=fixed and bool(page.views))
         self._out_estimates.append(

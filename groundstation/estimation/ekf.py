@@ -16,7 +16,10 @@ from groundstation.estimation.config import CalibrationUse, OutOfViewWeighting
 from groundstation.estimation.field_of_view import moments_after_miss, paper_weight, probability_in_view
 from groundstation.estimation.filter_core import FilterCore
 from groundstation.estimation.linearisation import Linearised
+from groundstation.estimation.measurement import LinearPrediction
+from groundstation.estimation.reference_clock import REFERENCE_CLOCK, has_stepped
 from groundstation.estimation.second_view import Seen
+from groundstation.estimation.silhouette import lasting_variance
 from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.station import LensError
 from groundstation.messages import Innovation
@@ -184,15 +187,12 @@ class StationEkf(FilterCore):
         learnt already needs neither, and is not to be thrown over by a receiver that fails.
         """
         teaches = self._config.calibration is CalibrationUse.REFERENCE and self._rig_is_open()
+        if self._watch_reference_clock(position_m, covariance_m2, ahead_s):
+            self._open_reference_clock()
         if teaches and (self._newest_reference_s == -math.inf or self._references_refused >= _REFUSED_IN_A_ROW):
             return self._adopt(position_m, covariance_m2, ahead_s)
-        expected = self._reference.predict(self.state, ahead_s, self._age_s())
+        expected, R = self._expect_reference(covariance_m2, ahead_s)
         residual = position_m - expected.value
-        # between now and when it was true the aircraft has flown as it liked, at a speed that is not known, either
-        away, doubt = self._reference.lateness_s(self.state, self.covariance, ahead_s, self._age_s())
-        here, speed = self.layout.position, self.layout.velocity
-        R = covariance_m2 + self._motions[0].process_noise(math.hypot(away, doubt))[here, here]
-        R += doubt**2 * self.covariance[speed, speed]
         S = innovation_covariance(self.covariance, expected.jacobian, R)
         nis = float(residual @ np.linalg.solve(S, residual))
         accepted = nis <= self._reference_gate
@@ -202,6 +202,34 @@ class StationEkf(FilterCore):
             self._young = None
             self._bank.correct(residual, expected.jacobian, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
+
+    def _expect_reference(self, covariance_m2: FloatArray, ahead_s: float) -> tuple[LinearPrediction, FloatArray]:
+        """Return where a reference position is expected, and the noise (3, 3) of one stamped ``ahead_s`` after now."""
+        expected = self._reference.predict(self.state, ahead_s, self._age_s())
+        # between now and when it was true the aircraft has flown as it liked, at a speed that is not known, either
+        away, doubt = self._reference.lateness_s(self.state, self.covariance, ahead_s, self._age_s())
+        here, speed = self.layout.position, self.layout.velocity
+        R = covariance_m2 + self._motions[0].process_noise(math.hypot(away, doubt))[here, here]
+        return expected, R + doubt**2 * self.covariance[speed, speed]
+
+    def _watch_reference_clock(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float) -> bool:
+        """Return whether a reference is where only a step of its clock would put it, and that clock counts as known.
+
+        Not of a target's first: that has nothing to step from.
+        """
+        place = self.layout.parameters.get(REFERENCE_CLOCK)
+        if place is None or self._newest_reference_s == -math.inf:
+            return False
+        if self.covariance[place, place] > (_OPEN_SHARE * self._config.reference_clock_sigma_s) ** 2:
+            return False
+        expected, R = self._expect_reference(covariance_m2, ahead_s)
+        S = innovation_covariance(self.covariance, expected.jacobian, R)
+        return has_stepped(position_m - expected.value, S, self.state[self.layout.velocity])
+
+    def _open_reference_clock(self) -> None:
+        """Let the reference's clock be off by as much as one that nobody knows; what it was is no more than a hint."""
+        place = self.layout.parameters[REFERENCE_CLOCK]
+        self._bank.doubt(slice(place, place + 1), np.array([self._config.reference_clock_sigma_s**2]))
 
     def _rig_is_open(self) -> bool:
         """Return whether some mount or boresight is still about as uncertain as the rig file says."""
@@ -244,6 +272,7 @@ class StationEkf(FilterCore):
         expected = self._widths[station].predict(self.state, span_m, *self.angles(station))
         if expected is None or width_px <= 0.0:
             return None
+        self._age_span(width_px)
         residual = np.array([math.log(width_px)]) - expected.value
         R = np.array([[self._config.width_sigma_log**2]])
         S = innovation_covariance(self.covariance, expected.jacobian, R)
@@ -253,6 +282,15 @@ class StationEkf(FilterCore):
             estimated = self._estimated() if alone else self._span_only
             self._bank.correct(residual, expected.jacobian, R, estimated, telling=False)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=1, accepted=accepted)
+
+    def _age_span(self, width_px: float) -> None:
+        """Let what was learnt of the span age since the last width, the sooner the smaller the silhouette."""
+        if self._span is None or self.time_s is None or not self._span_ages:
+            return
+        if self._width_s is not None and self.time_s > self._width_s:
+            grown = lasting_variance(width_px, self.time_s - self._width_s)
+            self._bank.doubt(slice(self._span, self._span + 1), np.array([grown]))
+        self._width_s = self.time_s
 
     def absorb_miss(self, station: str, detection_probability: float) -> None:
         """Take in that a camera which looked has seen nothing.

@@ -93,12 +93,16 @@ class FilterCore:
             self._moving[self._span] = self._span_only[self._span] = True
             own = prior.names.index(LOG_SPAN)
             self._span_variance = float(prior.covariance[own, own])
+            # a span that is given as constant is taken at its word
+            self._span_ages = bool(prior.walk_psd[own] > 0.0)
         self._read: frozenset[str] = frozenset()
         self._first_s: float | None = None
         self._newest_reference_s = -math.inf
         self._references_refused = 0
         # when each station's pixel last entered the target; only kept where three could
         self._contributed_s: Mapping[str, float] = {}
+        # when a width was last fused of this target
+        self._width_s: float | None = None
         self._young: YoungTrack | None = None
         self.starts_taken_back = 0
 
@@ -171,6 +175,7 @@ class FilterCore:
             self.starts_taken_back,
             self._watch,
             self._contributed_s,
+            self._width_s,
         )
 
     def restore(self, saved: EkfState) -> None:
@@ -181,6 +186,7 @@ class FilterCore:
         self._references_refused = saved.references_refused
         self._young, self.starts_taken_back = saved.young, saved.starts_taken_back
         self._watch, self._contributed_s = saved.watch, saved.contributed_s
+        self._width_s = saved.width_s
 
     def angles(self, station: str) -> tuple[float, float]:
         """Return (pan, tilt) in rad; zero for a fixed station."""
@@ -221,6 +227,7 @@ class FilterCore:
             self._bank.place(part, np.zeros(2), np.eye(2))
         if self._span is not None:
             # another aircraft may have another span
+            self._width_s = None
             only = slice(self._span, self._span + 1)
             self._bank.place(only, np.zeros(1), np.full((1, 1), self._span_variance))
         self._bank.forget_modes()

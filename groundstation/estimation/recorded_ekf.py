@@ -247,6 +247,19 @@ class RecordedEkf(StationEkf):
             self._began_anew(x, P)
         return innovation
 
+    def _open_reference_clock(self) -> None:
+        """Doubt the reference's clock, as `StationEkf` does; it follows from a step that is noted."""
+        x, P = self.state, self.covariance
+        super()._open_reference_clock()
+        self._went(self.time_s, x, P, np.eye(self.layout.size))
+
+    def _age_span(self, width_px: float) -> None:
+        """Let the span's error age, as `StationEkf` does; it follows from a step that is noted."""
+        x, P = self.state, self.covariance
+        super()._age_span(width_px)
+        if self.covariance is not P:
+            self._went(self.time_s, x, P, np.eye(self.layout.size))
+
     # --------------------------------------------------------------------------------- what is asked
     def kinematics_at(self, t_s: float) -> Kinematics:
         """Return position, velocity (runway frame) and (6, 6) covariance at ``t_s``, given all that is fused so far.

@@ -2,7 +2,9 @@
 
 w = span · f / depth · aspect, in logarithms, since its error is a share of it. The wings are taken as level and across
 the flight; aspect = |c · ŵ| with the camera's axis of columns c and the wings' direction ŵ = (v_y, −v_x, 0)/|v_xy|. The
-span's own error is a state of the filter: one number for all frames, which no number of frames averages away.
+span's own error is a state of the filter: one number for all frames, which no number of frames averages away. It has
+in it what a detector gets wrong of the width, some pixels that last for seconds (a wing's tip that is not seen, a blur
+that is) and change as the silhouette grows: so much may it walk.
 
 ∂depth/∂(pan, tilt) is left out: off the axis it is at most a tenth per radian, and angles are known to 1e-4 rad.
 """
@@ -20,6 +22,14 @@ from groundstation.geometry.station import StationGeometry
 # slower, it has no direction of flight; more oblique, fuselage and tail are as wide as the wings
 _MIN_SPEED_M_S = 3.0
 _MIN_ASPECT = 0.7
+# of 12 px silhouettes 1.6 px are missing, of 20 px ones 0.8 too many: seconds apart
+_LASTING_PX, _LASTING_S = 2.0, 5.0
+_LONGEST_S = 1.0
+
+
+def lasting_variance(width_px: float, since_s: float) -> float:
+    """Return how much the variance of the span's logarithm has grown ``since_s`` after the width before this one."""
+    return (_LASTING_PX / width_px) ** 2 * min(max(since_s, 0.0), _LONGEST_S) / _LASTING_S
 
 
 class WidthModel:

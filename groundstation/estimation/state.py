@@ -63,6 +63,7 @@ class EkfState:
     starts_taken_back: int
     watch: ClockWatch
     contributed_s: Mapping[str, float]
+    width_s: float | None
 
 
 # the fields of `EkfState`, in their order
@@ -78,6 +79,7 @@ Remembered = tuple[
     int,
     ClockWatch,
     Mapping[str, float],
+    float | None,
 ]
 
 

@@ -35,6 +35,8 @@ from groundstation.search_pattern import SearchPattern
 COMMAND_EVERY_S = 0.03
 # what comes of numbers that no filter can work with
 _FAILED = (ArithmeticError, np.linalg.LinAlgError)
+# a head that has not been heard for so long is not known to be anywhere
+_SILENT_S = 1.0
 # how far ahead a target is extrapolated for a head
 _FURTHEST_AHEAD_S = 1.0
 
@@ -121,14 +123,25 @@ class LiveCore:
         """From now on bring each head to its parking angles (pan, tilt), and look for nothing."""
         self._parking = angles_rad
 
-    def parked(self, now_s: float, within_rad: float) -> bool:
-        """Return whether every head with readings is at its parking angles."""
-        parking = self._parking or {}
-        return all(
-            head.off_rad(*parking[name], now_s) <= within_rad
-            for name, head in self._heads.items()
-            if name in parking and math.isfinite(head.age_s(now_s))
-        )
+    def not_parked(self, now_s: float, within_rad: float, *, heard: bool = False) -> list[str]:
+        """Return a line for each head that is not at its parking angles; unless ``heard``, for silent ones, too."""
+        lines = []
+        for name, (pan_rad, tilt_rad) in (self._parking or {}).items():
+            head = self._heads.get(name)
+            if head is None:
+                continue
+            age_s, off_rad = head.age_s(now_s), head.off_rad(pan_rad, tilt_rad, now_s)
+            words = ""
+            if not math.isfinite(age_s):
+                words = "" if heard else "has told no angles, and may not be parked"
+            elif age_s > _SILENT_S and not heard:
+                # what it was told is no proof that it went there
+                words = f"has not answered for {age_s:.1f} s, and may not be parked"
+            elif off_rad > within_rad:
+                words = f"has not parked, it is {math.degrees(off_rad):.1f}° off"
+            if words:
+                lines.append(f"station {name}: the head {words}")
+        return lines
 
     def finish(self) -> Taken:
         """Let go of what still waits."""

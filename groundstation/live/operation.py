@@ -157,10 +157,12 @@ class Operation:
             core.park({s.name: s.head.park_rad for s in self._file.stations if s.head is not None})
             self.say("info", "parking")
             end_s = self.now_s + _PARK_S
-            while self.now_s < end_s and not core.parked(self.now_s, _PARKED_RAD):
+            while self.now_s < end_s and core.not_parked(self.now_s, _PARKED_RAD, heard=True):
                 item = self.inbox.get(_WAIT_S)
                 # what is seen while the heads swing away is of no use
                 self._turn(core, heads, workers, None if isinstance(item, Shot) else item)
+            for line in core.not_parked(self.now_s, _PARKED_RAD):
+                self._hand_on(core.take(Said(t_s=self.now_s, level="warning", text=line), self.now_s), heads)
         self._hand_on(core.finish(), heads)
         return OperationResult(
             elapsed_s=self.now_s - began_s,
@@ -215,7 +217,8 @@ class Operation:
         ]
         if self._reference is not None:
             rate_hz = self._board.rate("DGPS", self._reference.fixes, now_s)
-            states.append(self._reference.state(now_s, rate_hz))
+            contradicted = core.pipeline.counts["references_refused"]
+            states.append(self._reference.state(now_s, rate_hz, contradicted))
         dropped = self._dropped()
         status = self._board.status(now_s, core.status, tuple(states), dropped, self._also())
         for operator in self._operators:

@@ -19,6 +19,8 @@ from groundstation.session.folder import GeoOrigin
 # a radio link takes its time; what seems older, or is of the future, has another clock
 _OLDEST_S, _EARLIEST_S = 2.0, -0.5
 _AGREEING = 5
+# a stamp that goes back shows that the clock was set back, unless the positions overtook each other by this much
+_OVERTAKING_S = 0.3
 _USUAL_DELIVERY_S = 0.1
 # the direction of flight is that of so long, and not known of what hardly moves
 _HEADING_S, _MIN_HEADING_SPEED_M_S = 0.5, 2.0
@@ -51,30 +53,53 @@ class ReferenceClock:
     gps_zero_s : the session's time zero as GPS time, by this machine's clock.
     offset_s : how far the receiver's clock is ahead of this machine's. None supposes that both are right, until its
         positions agree that they are not; then the offset is taken from when they come.
+
+    A link that gets slow makes positions old, and they are used as such; but no link makes stamps go back. After one
+    that does the clock counts as set back, until the stamps are again as far ahead of the arrivals as they were.
     """
 
     def __init__(self, gps_zero_s: float, offset_s: float | None) -> None:
-        self.offset_s = 0.0 if offset_s is None else offset_s
+        self._first_offset_s = self.offset_s = 0.0 if offset_s is None else offset_s
         self._gps_zero_s = gps_zero_s
         self._given = offset_s is not None
         self._strange: deque[float] = deque(maxlen=_AGREEING)
+        self._last_raw_s = self._last_ahead_s = -math.inf
+        # how far stamps were ahead of arrivals before one went back
+        self._set_back_from_s: float | None = None
         self.adopted = 0
 
     def session_s(self, fix: LogFix, arrived_s: float) -> float | None:
         """Return when a position was true, session time, that came at ``arrived_s``; None if that cannot be."""
         raw_s = gps_from_civil(fix.day, fix.second, fix.scale) - self._gps_zero_s
-        age_s = arrived_s - (raw_s - self.offset_s)
-        if _EARLIEST_S <= age_s <= _OLDEST_S:
+        ahead_s = raw_s - arrived_s
+        set_back = self._is_set_back(raw_s, ahead_s)
+        self._last_raw_s, self._last_ahead_s = raw_s, ahead_s
+        if not set_back and _EARLIEST_S <= self.offset_s - ahead_s <= _OLDEST_S:
             self._strange.clear()
             return raw_s - self.offset_s
-        self._strange.append(raw_s - arrived_s)
+        self._strange.append(ahead_s)
         agree = len(self._strange) == _AGREEING and max(self._strange) - min(self._strange) < _OLDEST_S
         if self._given or not agree:
             return None
-        self.offset_s = max(self._strange) + _USUAL_DELIVERY_S
+        self._adopt(max(self._strange) + _USUAL_DELIVERY_S)
+        return raw_s - self.offset_s
+
+    def _is_set_back(self, raw_s: float, ahead_s: float) -> bool:
+        """Return whether the stamps have gone back, and are not where they were."""
+        if self._set_back_from_s is None and raw_s < self._last_raw_s:
+            self._set_back_from_s = self._last_ahead_s
+            self._strange.clear()
+        if self._set_back_from_s is not None and ahead_s > self._set_back_from_s - _OVERTAKING_S:
+            self._set_back_from_s = None
+        return self._set_back_from_s is not None
+
+    def _adopt(self, offset_s: float) -> None:
+        """Take another offset, exactly the first one where the clock has come back to it."""
+        came_back = abs(offset_s - self._first_offset_s) < _OVERTAKING_S
+        self.offset_s = self._first_offset_s if came_back else offset_s
         self.adopted += 1
         self._strange.clear()
-        return raw_s - self.offset_s
+        self._set_back_from_s = None
 
 
 class ReferencePlace:

@@ -82,9 +82,11 @@ class ReferenceWorker:
         if self._thread.is_alive():
             self._thread.join(timeout=2.0)
 
-    def state(self, now_s: float, rate_hz: float) -> ReferenceState:
-        """Return how it does at session time ``now_s``."""
+    def state(self, now_s: float, rate_hz: float, contradicted: int = 0) -> ReferenceState:
+        """Return how it does at session time ``now_s``; so many positions were ``contradicted`` by the track."""
         refused = ", ".join(f"{n} {why}" for why, n in self.refused.items() if n)
+        if contradicted:
+            refused = ", ".join(part for part in (refused, f"{contradicted} refused by the filter") if part)
         note = ", ".join(part for part in (self.quality, refused, "" if self._device.learn else "not learnt") if part)
         age_s = now_s - self.newest_s
         return ReferenceState(
@@ -130,7 +132,12 @@ class ReferenceWorker:
             self._adopted = self._place.clock.adopted
             offset_s = self._place.clock.offset_s
             text = f"its clock is {offset_s:+.1f} s off this machine's; taken from when its positions come"
-            self._say("warning", f"{text}: set one of them, or clock_offset_s")
+            text = (
+                f"{text}: set one of them, or clock_offset_s"
+                if offset_s
+                else "its clock has stepped, and is right again"
+            )
+            self._say("warning", text)
         if placed.antenna is not None and self._table is not None:
             self._table.write(placed.antenna)
         if placed.refusal is not None:

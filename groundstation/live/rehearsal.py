@@ -6,7 +6,6 @@ take minutes, each the same for the same seed.
 
 import heapq
 import math
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -21,6 +20,7 @@ from groundstation.geometry.aim import aim_at
 from groundstation.live.core import LiveCore, Taken, in_operation
 from groundstation.live.inbox import Item
 from groundstation.live.pairing import Pairing
+from groundstation.live.rehearsed_head import RehearsedHead
 from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, TrackEstimate, TrackStatus
 from groundstation.pipeline import Pipeline
 from groundstation.pointing import AxisLimits, HeadLimits, HeadPilot, PointingConfig
@@ -43,6 +43,7 @@ class FaultKind(StrEnum):
     PTU_SPIKES = "PTU spikes"
     DGPS_GONE = "DGPS gone"
     DGPS_FROZEN = "DGPS frozen"
+    DGPS_CLOCK_STEPPED = "DGPS clock stepped"
     PROCESS_KILLED = "process killed"
 
 
@@ -66,7 +67,7 @@ class RehearsalConfig:
 
     ``ptu_sigma_deg`` and the step are those of the rig. ``late_s`` and ``step_s`` are what a late camera and a stepped
     clock are off. ``dgps_rate_hz`` 0 has no reference receiver; else the filter learns from one, whose clock is
-    ``dgps_clock_s`` ahead.
+    ``dgps_clock_s`` ahead, and by ``dgps_step_s`` more while it is stepped.
     """
 
     frame_rate_hz: float = 30.0
@@ -87,6 +88,7 @@ class RehearsalConfig:
     dgps_delay_s: float = 0.12
     dgps_sigma_m: float = 0.02
     dgps_clock_s: float = 0.05
+    dgps_step_s: float = 0.1
 
 
 @dataclass(slots=True)
@@ -116,40 +118,6 @@ class Rehearsed:
         """Return in which share of the answers of a stretch of time the track had a status."""
         of = [e.status is status for e in self.estimates if from_s <= e.t_s < to_s]
         return sum(of) / len(of) if of else 0.0
-
-
-class _Head:
-    """A head that takes rates after a latency and reaches them at its own acceleration."""
-
-    def __init__(self, angles: FloatArray, config: RehearsalConfig) -> None:
-        self.angles = angles
-        self.rates = np.zeros(2)
-        self._wanted = np.zeros(2)
-        self._waiting: deque[tuple[float, FloatArray]] = deque()
-        self._latency_s = config.head_latency_s
-        self._steepest = math.radians(config.head_acceleration_deg_s2)
-        self._at_s = 0.0
-
-    def tell(self, t_s: float, rates: FloatArray) -> None:
-        """Take a command."""
-        self._waiting.append((t_s + self._latency_s, rates))
-
-    def run_to(self, t_s: float) -> None:
-        """Turn until ``t_s``, in steps of 2 ms at most."""
-        while self._at_s < t_s:
-            dt = min(0.002, t_s - self._at_s)
-            while self._waiting and self._waiting[0][0] <= self._at_s:
-                self._wanted = self._waiting.popleft()[1]
-            step = self._steepest * dt
-            self.rates = self.rates + np.clip(self._wanted - self.rates, -step, step)
-            self.angles = self.angles + self.rates * dt
-            self._at_s += dt
-
-    def home(self, until_s: float) -> None:
-        """Forget all commands, turn to zero, and stand there until then."""
-        self._waiting.clear()
-        self._wanted, self.rates, self.angles = np.zeros(2), np.zeros(2), np.zeros(2)
-        self._at_s = max(self._at_s, until_s)
 
 
 class Rehearsal:
@@ -184,7 +152,7 @@ class Rehearsal:
         self._geometries = {s.name: s.geometry() for s in rig.stations}
         self._frozen: dict[str, tuple[float, float]] = {}
         self._repeated: set[str] = set()
-        self._heads: dict[str, _Head] = {}
+        self._heads: dict[str, RehearsedHead] = {}
         self._line: list[tuple[float, int, Callable[[float], None]]] = []
         self._number = 0
         self._result = Rehearsed()
@@ -200,7 +168,11 @@ class Rehearsal:
                 raise ValueError(f"{name}: the flight begins where the station cannot look")
             # heads stand about half a degree off
             angles = np.array([aim.pan_rad, aim.tilt_rad]) + self._random.normal(0.0, 0.01, 2)
-            self._heads[name] = _Head(angles, self._hardware)
+            self._heads[name] = RehearsedHead(
+                angles,
+                latency_s=self._hardware.head_latency_s,
+                acceleration_deg_s2=self._hardware.head_acceleration_deg_s2,
+            )
         self._schedule(start_s, end_s)
         while self._line:
             now_s, _, action = heapq.heappop(self._line)
@@ -296,7 +268,8 @@ class Rehearsal:
         repeated, self._last_fix_m = place is self._last_fix_m, place
         if repeated or self._is(FaultKind.DGPS_GONE, "", t_s):
             return
-        fix = ReferenceFix(t_s=t_s + h.dgps_clock_s, position_runway_m=place, sigma_m=np.full(3, h.dgps_sigma_m))
+        stamp_s = t_s + h.dgps_clock_s + h.dgps_step_s * self._is(FaultKind.DGPS_CLOCK_STEPPED, "", t_s)
+        fix = ReferenceFix(t_s=stamp_s, position_runway_m=place, sigma_m=np.full(3, h.dgps_sigma_m))
         self._at(t_s + h.dgps_delay_s, partial(self._deliver, fix))
 
     def _homing(self, name: str, t_s: float) -> bool:

@@ -66,10 +66,13 @@ class Fault:
     def __post_init__(self) -> None:
         require_finite(f"fault {self.kind}: from", self.from_s)
         require(self.to_s > self.from_s, f"fault {self.kind}: to", got=self.to_s, wanted=f"after {self.from_s:g} s")
+        require(self.to_s > 0.0, f"fault {self.kind}: to", got=self.to_s, wanted="after 0 s, when the flight begins")
         require_finite(f"fault {self.kind}: by", self.by)
         sized = self.kind in _IN_SECONDS or self.kind is FaultKind.PTU_SPIKE
         wanted = "a size other than 0" if sized else "0: this kind has no size"
         require(sized == (self.by != 0.0), f"fault {self.kind}: by", got=self.by, wanted=wanted)
+        late = self.kind is not FaultKind.CAMERA_LATE or self.by > 0.0
+        require(late, f"fault {self.kind}: by", got=self.by, wanted="a size > 0: no picture comes before it was taken")
         named = self.kind not in _OF_DGPS
         wanted = "a station's name" if named else "none"
         require(named == bool(self.station), f"fault {self.kind}: station", got=repr(self.station), wanted=wanted)

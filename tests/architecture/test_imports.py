@@ -81,6 +81,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.hand_over",
         "groundstation.overwriting",
         "groundstation.png_file",
+        "groundstation.seldom_said",
         "groundstation.spoken",
         "groundstation.stop_asked",
         "groundstation.__version__",

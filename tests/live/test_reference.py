@@ -147,6 +147,49 @@ def test_a_clock_that_is_off_is_found_out_unless_it_is_given() -> None:
     assert right.nose.t_s == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0])
+def test_a_clock_that_steps_and_comes_back_is_right_again(rate_hz: float) -> None:
+    """Ahead by 1.5 s for eight seconds: the way back is a step, too, and no delay of 1.5 s."""
+    place, late_s = placing(), 0.12
+    off_s = list[float]()
+    for k in range(int(24 * rate_hz)):
+        t_s = k / rate_hz
+        stepped_s = 1.5 if 4.0 <= t_s < 12.0 else 0.0
+        placed = place.place(fixes_of(said_at(t_s, stepped_s))[0], t_s + late_s)
+        if placed.antenna is not None:
+            off_s.append(placed.antenna.t_s - t_s)
+        else:
+            assert placed.refusal is Refusal.CLOCK
+    assert place.clock.adopted == 2
+    assert place.clock.offset_s == 0.0
+    # four are refused each time; what is adopted by arrival is off by what the usual delivery is off
+    assert len(off_s) == int(24 * rate_hz) - 8
+    assert max(abs(v) for v in off_s) < 0.03
+    assert abs(off_s[-1]) < 1e-6
+
+
+def test_a_link_that_gets_slow_is_no_step_and_overtaking_is_none_either() -> None:
+    place = placing()
+    for k in range(60):
+        # first at once, then 1.4 s late, as if a buffer had filled
+        arrived_s = 0.2 * k + 0.1 if k < 20 else 0.2 * k + 1.5
+        placed = place.place(fixes_of(said_at(0.2 * k))[0], arrived_s)
+        assert placed.antenna is not None
+        assert placed.antenna.t_s == pytest.approx(0.2 * k, abs=1e-6)
+    order = [60, 62, 61, *range(63, 80)]
+    refused = [place.place(fixes_of(said_at(0.2 * k))[0], 0.2 * max(k, 62) + 1.5).refusal for k in order]
+    assert refused.count(None) == len(order) - 1
+    assert place.clock.adopted == 0
+
+
+def test_a_step_back_under_a_given_offset_is_refused_until_it_is_over() -> None:
+    place, refused = placing(0.0), list[Refusal | None]()
+    for k in range(60):
+        stepped_s = -1.5 if 20 <= k < 40 else 0.0
+        refused.append(place.place(fixes_of(said_at(0.2 * k, stepped_s))[0], 0.2 * k + 0.1).refusal)
+    assert refused == [None] * 20 + [Refusal.CLOCK] * 20 + [None] * 20
+
+
 def test_what_is_no_new_position_is_named() -> None:
     place = placing()
     (fix,) = fixes_of(said_at(1.0))
@@ -231,6 +274,7 @@ def test_it_says_when_the_receiver_is_gone_and_there_again(tmp_path: Path) -> No
             script.waiting.append(said_at(0.2 * k))
             wait_for(lambda k=k: worker.fixes == k + 1)
         assert worker.state(1.1, 5.0).words() == "DGPS: 5 fixes, 0.2 s old, fix"
+        assert worker.state(1.1, 5.0, 3).words() == "DGPS: 5 fixes, 0.2 s old, fix, 3 refused by the filter"
         # nothing for long, and the line is lost, too
         now.s = 4.0
         script.waiting.append(DeviceError("scripted: got end of file; wanted a line that is there"))

@@ -107,6 +107,8 @@ def test_clocks_step() -> None:
         ({"kind": FaultKind.CAMERA_LOST, "station": "left", "by": 1.0}, "by"),
         ({"kind": FaultKind.CAMERA_LOST, "station": "left", "from_s": 2.0, "to_s": 2.0}, "to"),
         ({"kind": FaultKind.CAMERA_LOST, "station": "left", "from_s": math.nan}, "from"),
+        ({"kind": FaultKind.CAMERA_LOST, "station": "left", "from_s": -5.0, "to_s": -1.0}, "to"),
+        ({"kind": FaultKind.CAMERA_LATE, "station": "left", "by": -1.0}, "by"),
     ],
 )
 def test_impossible_faults_are_refused(wrong: dict[str, object], said: str) -> None:
