@@ -29,11 +29,9 @@ _SEEN = ("ok", "late", "gated", "excluded")
 MOST_LOOKS = 2500
 _ASSUMED_SIGMA_PX = 1.0
 _AROUND_S = 5.0
-_SMOOTH_S = 0.1
-_LEAST_WINDOW = 7
 _LEAST_STRETCH = 12
-# a reading that comes further off its time than this share of a step is not in the rhythm
-_EVEN = 0.3
+# readings closer than this share of the usual step are one
+_AT_ONCE = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -193,18 +191,20 @@ def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> Sta
 
 
 def _curves(t_s: FloatArray, angles_rad: FloatArray) -> tuple[AngleCurve, ...]:
-    """Return smooth curves through readings (n, 2) where they come evenly, by generalised cross-validation.
+    """Return smooth curves through readings (n, 2), from gap to gap, by generalised cross-validation.
 
-    Straight lines between noisy readings are quietest half-way between them: an offset of the PTU's clock would be
-    drawn there. And where a head holds the aircraft, what is left of its turning must not be the readings' noise.
+    Straight lines between noisy readings are quietest half-way between them, and cut the corners of a head that turns
+    ever faster: an offset of the PTU's clock would be drawn there. And where a head holds the aircraft, what is left of
+    its turning must not be the readings' noise. However far apart readings are, how the head moves between them is
+    unknown, and has to be taken for that (`calibration.flight_paths`).
     """
-    if len(t_s) < _LEAST_WINDOW:
+    if len(t_s) < _LEAST_STRETCH:
         return ()
-    step = float(np.median(np.diff(t_s)))
-    if round(2.0 * _SMOOTH_S / step) + 1 < _LEAST_WINDOW:
-        return ()
-    even = np.abs(np.diff(t_s) - step) < _EVEN * step
-    stretches = np.split(np.arange(len(t_s)), np.flatnonzero(~even) + 1)
+    step = np.diff(t_s)
+    stretches = np.split(np.arange(len(t_s)), np.flatnonzero(step > SynchroniseConfig().max_gap_s) + 1)
+    # a device that sends two readings at once has said nothing of the time between them
+    apart = np.concatenate([[True], step > _AT_ONCE * np.median(step)])
+    stretches = [k[apart[k]] for k in stretches]
     return tuple(
         AngleCurve(
             from_s=float(t_s[k[0]]),

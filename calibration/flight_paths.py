@@ -20,8 +20,10 @@ from calibration.flight_problem import AngleCurve, FlightProblem, Predicted
 from calibration.smooth_path import PathBasis, Smoothness, find_smoothness, path_basis
 from groundstation.arrays import FloatArray, MaskArray
 
-# knots of a head stand so many readings apart
+# knots of a head stand so many readings apart, or so long where readings are slower: what it does between two of them
+# is unknown, and no coarser than that
 _READINGS_EACH_KNOT = 2.0
+_MOST_KNOT_S = 0.04
 _ROUNDS = 2
 _PROBES = 16
 _LARGEST = 50
@@ -94,7 +96,7 @@ def path_samples(problem: FlightProblem) -> list[PathSamples]:
                     t_s=t,
                     samples=_MILLI * angles,
                     sigma=np.full(angles.shape, _MILLI * sigma),
-                    step_s=_READINGS_EACH_KNOT * float(np.median(np.diff(t))),
+                    step_s=min(_READINGS_EACH_KNOT * float(np.median(np.diff(t))), _MOST_KNOT_S),
                 )
             )
     return found
