@@ -32,6 +32,8 @@ _AROUND_S = 5.0
 _LEAST_STRETCH = 12
 # readings closer than this share of the usual step are one
 _AT_ONCE = 0.05
+# a reading so close to an exposure is its own, where readings are so slow that they tell little of the way between
+_OWN_S, _SLOW_S = 1e-4, 0.035
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -187,7 +189,17 @@ def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> Sta
         readings_rad=angles,
         max_gap_s=SynchroniseConfig().max_gap_s,
         curves=_curves(times, angles),
+        own_readings=_own_readings(found.rows[:, 0], times),
     )
+
+
+def _own_readings(exposed_s: FloatArray, readings_s: FloatArray) -> bool:
+    """Return whether readings are slow and there is one at each exposure."""
+    if len(readings_s) < 2 or np.median(np.diff(readings_s)) < _SLOW_S:
+        return False
+    right = np.clip(np.searchsorted(readings_s, exposed_s), 1, len(readings_s) - 1)
+    away = np.minimum(np.abs(readings_s[right] - exposed_s), np.abs(readings_s[right - 1] - exposed_s))
+    return bool(np.all(away < _OWN_S))
 
 
 def _curves(t_s: FloatArray, angles_rad: FloatArray) -> tuple[AngleCurve, ...]:

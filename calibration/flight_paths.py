@@ -87,7 +87,7 @@ def path_samples(problem: FlightProblem) -> list[PathSamples]:
     ]
     for name, looks in problem.looks.items():
         sigma = problem.stations[name].angle_sigma_rad
-        for curve in looks.curves if sigma > 0 else ():
+        for curve in problem.curves(name) if sigma > 0 else ():
             inside = (looks.readings_s >= curve.from_s) & (looks.readings_s <= curve.to_s)
             t, angles = looks.readings_s[inside], looks.readings_rad[inside]
             found.append(
