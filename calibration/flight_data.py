@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BSpline
 
-from calibration.flight_problem import AngleCurve, StationLooks
+from calibration.flight_problem import SLOW_S, AngleCurve, StationLooks
 from calibration.reference_track import ReferenceTrack
 from calibration.smoothing_spline import smoothing_spline
 from groundstation.arrays import FloatArray
@@ -32,8 +32,8 @@ _AROUND_S = 5.0
 _LEAST_STRETCH = 12
 # readings closer than this share of the usual step are one
 _AT_ONCE = 0.05
-# a reading so close to an exposure is its own, where readings are so slow that they tell little of the way between
-_OWN_S, _SLOW_S = 1e-4, 0.035
+# a reading so close to an exposure is its own
+_OWN_S = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -195,7 +195,7 @@ def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> Sta
 
 def _own_readings(exposed_s: FloatArray, readings_s: FloatArray) -> bool:
     """Return whether readings are slow and there is one at each exposure."""
-    if len(readings_s) < 2 or np.median(np.diff(readings_s)) < _SLOW_S:
+    if len(readings_s) < 2 or np.median(np.diff(readings_s)) < SLOW_S:
         return False
     right = np.clip(np.searchsorted(readings_s, exposed_s), 1, len(readings_s) - 1)
     away = np.minimum(np.abs(readings_s[right] - exposed_s), np.abs(readings_s[right - 1] - exposed_s))

@@ -31,6 +31,8 @@ _TURNS = (slice(0, 3), slice(6, 9))
 # what moves exposures past readings
 _TIMES = ("camera_clock.offset", "camera_clock.drift", "ptu_clock.offset", "readout")
 _SMALL_TURN = 1e-6
+# readings further apart than this, usually, tell little of what a head does between them
+SLOW_S = 0.035
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

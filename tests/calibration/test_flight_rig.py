@@ -192,3 +192,10 @@ def test_a_cameras_sigma_covers_what_its_clock_drifts_over_the_flight(tmp_path: 
         prior = rig_prior(again)
         place = prior.names.index(f"{name}.readout")
         assert prior.covariance[place, place] == pytest.approx(shutter**2, rel=1e-9)
+
+
+@pytest.mark.parametrize(("value_s", "words"), [(-5e-4, "no different from a shutter"), (-0.02, "upside down")])
+def test_a_shutter_below_zero_is_spoken_of(value_s: float, words: str) -> None:
+    """By chance about 0, or with the last row first: nothing said so, and the rig had a negative `readout_s`."""
+    rig = rig_with_readout(value_s)
+    assert words in "\n".join(judge_flight(rig, fit_of_readout(rig, 9e-4)).notes)

@@ -19,12 +19,15 @@ from tests.calibration.flights import CLOCKS, with_clock_sigma
 ADMITTED_S = 0.02
 
 
-@pytest.mark.parametrize("hz", [10.0, 20.0])
-def test_clocks_come_true_however_slow_the_readings_are(tmp_path: Path, hz: float) -> None:
+@pytest.mark.parametrize(("hz", "missing"), [(10.0, 0.0), (50.0, 0.12)])
+def test_clocks_come_true_however_slow_the_readings_are(tmp_path: Path, hz: float, missing: float, rng) -> None:
     """All clocks are right, and 20 ms is admitted: by straight lines between readings cameras were 4 to 6 sigma off."""
     flown = case_b(seed=511, trajectory=weaving_approach(), pointing=FirstOrderLoop(), ptu_hz=hz)
     flown = replace(flown, dgps=DgpsModel(), rig=with_clock_sigma(flown.rig, ADMITTED_S))
     write_session_folder(tmp_path / "session", simulate(flown), name="simulated")
+    head, *rows = (tmp_path / "session" / "ptu.csv").read_text().splitlines()
+    rows = [row for row, lost in zip(rows, rng.random(len(rows)) < missing, strict=True) if not lost]
+    (tmp_path / "session" / "ptu.csv").write_text("\n".join([head, *rows]) + "\n")
     about = tmp_path / "session" / "session.toml"
     about.write_text(about.read_text() + CLOCKS.format(sigma=ADMITTED_S))
     found = calibrate_timing(
