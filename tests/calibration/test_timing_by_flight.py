@@ -7,8 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibration.flight_data import gather_flight
+from calibration.flight_problem import FlightProblem, angles_at
 from calibration.timing_report import format_timing
 from calibration.timing_session import TimingRequest, calibrate_timing
+from groundstation.session import load_session
 from groundstation.simulation import case_b, simulate
 from groundstation.simulation.approach import weaving_approach
 from groundstation.simulation.dgps import DgpsModel
@@ -46,3 +49,28 @@ def test_clocks_come_true_however_slow_the_readings_are(tmp_path: Path, hz: floa
     assert float(judged[2]) == max(stated)
     assert judged[1] == "not good enough"
     assert "without --from-flight" in report
+
+
+def test_a_path_between_slow_readings_is_asked_for_only_where_it_matters(tmp_path: Path) -> None:
+    """Readings at the exposures say where the head was; as soon as a clock may be off, what lies between counts."""
+    flown = replace(case_b(seed=511, trajectory=weaving_approach(), pointing=FirstOrderLoop()), dgps=DgpsModel())
+    write_session_folder(tmp_path / "session", simulate(flown), name="simulated")
+    session = load_session(tmp_path / "session")
+    data = gather_flight(session, None, None, None)
+    assert all(looks.own_readings and looks.curves for looks in data.looks.values())
+    held = FlightProblem(
+        stations={s.name: s for s in session.rig.stations},
+        looks=data.looks,
+        track=data.track,
+        antenna_in_body_m=np.zeros(3),
+        names=("left.runway_from_base.x", "right.camera_clock.offset"),
+        prior_sigma=np.full(2, np.inf),
+    )
+    assert not held.curves("left")
+    assert held.curves("right")
+    looks = data.looks["left"]
+    np.testing.assert_allclose(
+        angles_at(replace(looks, curves=held.curves("left")), looks.t_s).angles_rad,
+        looks.readings_rad[np.searchsorted(looks.readings_s, looks.t_s - 1e-4)],
+        atol=1e-9,
+    )
