@@ -128,7 +128,7 @@ def one_rig(case: str, seed: int, *, bounded: bool = True) -> RigErrors:
     scenario = replace(scenario, rig=drawn.believed, true_rig=drawn.true, dgps=dgps)
     with tempfile.TemporaryDirectory() as folder:
         session, quiet = Path(folder) / "session", Path(folder) / "quiet"
-        flights = ((session, scenario), (quiet, _without_noise(scenario)))
+        flights = ((session, scenario), (quiet, without_noise(scenario)))
         for path, flown in flights if bounded else flights[:1]:
             # nobody has told the session where the antenna is
             seen = replace(simulate(flown), scenario=replace(flown, dgps=DgpsModel()))
@@ -160,7 +160,7 @@ def _lose_readings(path: Path, seed: int) -> None:
     path.write_text("\n".join([head, *(row for row, kept in zip(rows, there, strict=True) if kept)]) + "\n")
 
 
-def _without_noise(scenario: Scenario) -> Scenario:
+def without_noise(scenario: Scenario) -> Scenario:
     """Return the same flight and rigs, read, seen and fixed without noise; sigmas of nothing cannot be written."""
     quiet = {"ptu_resolution_rad": 0.0, "ptu_sigma_rad": _NOTHING}
     rigs = (
@@ -177,8 +177,8 @@ def _without_noise(scenario: Scenario) -> Scenario:
     )
 
 
-def _bound(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> np.ndarray:
-    """Return one sigma (p,) that the noise put in allows, with the derivatives of the flight without noise."""
+def bounding(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> PathResiduals:
+    """Return what the noise put in leaves of residuals, with the derivatives of the flight without noise."""
     track = exact.track.pointed(fit.problem.antenna_m(true_change))
     problem = replace(fit.problem, looks=exact.looks, track=track)
     parts = tuple(
@@ -193,7 +193,12 @@ def _bound(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> np.nda
     )
     usable = {name: problem.predict(name, true_change).usable for name in exact.looks}
     factors = {name: _noise_put_in(problem, name, true_change) for name in exact.looks}
-    jacobian = PathResiduals(problem, factors, usable, true_change, parts).jacobian(true_change)
+    return PathResiduals(problem, factors, usable, true_change, parts)
+
+
+def _bound(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> np.ndarray:
+    """Return one sigma (p,) that the noise put in allows."""
+    jacobian = bounding(fit, exact, true_change).jacobian(true_change)
     return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
 
 

@@ -52,15 +52,16 @@ class Drawn:
 
 def loops() -> Sampled:
     """Return the flight of `all`, m."""
-    return _waves(_LOOPS, 0.0)
+    return waves(_LOOPS, 0.0)
 
 
 def beside() -> Sampled:
     """Return by how much its heads look past the craft, pan and tilt in the first two places, rad."""
-    return _waves(_BESIDE_RAD, 2.0)
+    return waves(_BESIDE_RAD, 2.0)
 
 
-def _waves(axes: tuple[tuple[float, float, float, float], ...], longer_s: float) -> Sampled:
+def waves(axes: tuple[tuple[float, float, float, float], ...], longer_s: float) -> Sampled:
+    """Return swings, each axis a middle, an amplitude, a period in s and a share of it by which it is ahead."""
     t = np.arange(-longer_s, LOOPS_S + longer_s + _STEP_S, _STEP_S)
     middle, size, period, ahead = np.array(axes).T
     phase = 2.0 * np.pi * (t[:, None] / period + ahead)

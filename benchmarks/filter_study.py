@@ -91,16 +91,19 @@ def three_stations(runs: int, _: Path | None) -> None:
 def clocks(runs: int, _: Path | None) -> None:
     few = max(runs // 2, 2)
     against_dgps = ("left.camera_clock.offset", *calibration.CLOCK_OFFSETS[:3])
-    for flown, names in (
-        (calibration.clock_drawn(), against_dgps),
-        (calibration.clock_drawn(), calibration.CLOCK_OFFSETS),
-        (calibration.clock_wandering(), against_dgps),
-        (calibration.clock_wandering(), calibration.CLOCK_OFFSETS),
-        (calibration.clock_wandering(), calibration.CLOCK_OFFSETS + calibration.CLOCK_DRIFTS),
-        (calibration.clock_take_off(), against_dgps),
+    mounts, everything = calibration.PAN_AND_TILT, calibration.PAN_AND_TILT + calibration.ROLL_AND_BORESIGHT
+    for flown, names, biases in (
+        (calibration.clock_drawn(), against_dgps, everything),
+        (calibration.clock_drawn(), against_dgps, mounts),
+        (calibration.clock_drawn(), calibration.CLOCK_OFFSETS, mounts),
+        (calibration.clock_wandering(), against_dgps, mounts),
+        (calibration.clock_wandering(), calibration.CLOCK_OFFSETS, mounts),
+        (calibration.clock_wandering(), calibration.CLOCK_OFFSETS + calibration.CLOCK_DRIFTS, mounts),
+        (calibration.clock_take_off(), against_dgps, mounts),
     ):
-        learned = calibration.learned_clocks(flown, names, range(few))
-        print(f"clocks, {flown.name}, {few} flights, 20 ms and 0.05° to learn: rms error, bound, mean (ms, ms/s)")
+        learned = calibration.learned_clocks(flown, names, range(few), biases)
+        print(f"clocks and {len(biases)} biases, {flown.name}, {few} flights, 20 ms and 0.05° to learn:", end=" ")
+        print("rms error, bound, mean (ms, ms/s)")
         nees = (learned.error / learned.sigma) ** 2
         rows = zip(
             learned.names,

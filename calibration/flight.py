@@ -258,7 +258,7 @@ def judged(solution: FlightSolution, point_sigma_m: float = 0.0) -> FlightFit:
     chi_square = (float(residual @ residual) - joint.base) / max(count - len(change), 1)
     covariance = _inverse(told / max(1.0, chi_square) + before)
     alone = np.sqrt(np.diag(covariance))
-    by_point = point_sigma_m * _by_point(joint, change, covariance)
+    by_point = point_sigma_m * moved_by_point(joint, change, covariance)
     covariance = _raised(joint, change, covariance, told / max(1.0, chi_square))
     lasting = np.sqrt(np.diag(covariance)) / alone
     covariance += np.outer(by_point, by_point)
@@ -282,7 +282,7 @@ def judged(solution: FlightSolution, point_sigma_m: float = 0.0) -> FlightFit:
     )
 
 
-def _by_point(joint: PathResiduals, change: FloatArray, covariance: FloatArray) -> FloatArray:
+def moved_by_point(joint: PathResiduals, change: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return what the solution (p,) makes of a point seen 1 m behind where it is taken to be.
 
     It is considered, not solved for: a clock that is late puts an aircraft that flies straight just as far behind. Zero
