@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BSpline
 
-from calibration.flight_problem import AngleCurve, StationLooks
+from calibration.flight_problem import SLOW_S, AngleCurve, StationLooks
 from calibration.reference_track import ReferenceTrack
 from calibration.smoothing_spline import smoothing_spline
 from groundstation.arrays import FloatArray
@@ -29,11 +29,11 @@ _SEEN = ("ok", "late", "gated", "excluded")
 MOST_LOOKS = 2500
 _ASSUMED_SIGMA_PX = 1.0
 _AROUND_S = 5.0
-_SMOOTH_S = 0.1
-_LEAST_WINDOW = 7
 _LEAST_STRETCH = 12
-# a reading that comes further off its time than this share of a step is not in the rhythm
-_EVEN = 0.3
+# readings closer than this share of the usual step are one
+_AT_ONCE = 0.05
+# a reading so close to an exposure is its own
+_OWN_S = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -189,22 +189,34 @@ def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> Sta
         readings_rad=angles,
         max_gap_s=SynchroniseConfig().max_gap_s,
         curves=_curves(times, angles),
+        own_readings=_own_readings(found.rows[:, 0], times),
     )
 
 
-def _curves(t_s: FloatArray, angles_rad: FloatArray) -> tuple[AngleCurve, ...]:
-    """Return smooth curves through readings (n, 2) where they come evenly, by generalised cross-validation.
+def _own_readings(exposed_s: FloatArray, readings_s: FloatArray) -> bool:
+    """Return whether readings are slow and there is one at each exposure."""
+    if len(readings_s) < 2 or np.median(np.diff(readings_s)) < SLOW_S:
+        return False
+    right = np.clip(np.searchsorted(readings_s, exposed_s), 1, len(readings_s) - 1)
+    away = np.minimum(np.abs(readings_s[right] - exposed_s), np.abs(readings_s[right - 1] - exposed_s))
+    return bool(np.all(away < _OWN_S))
 
-    Straight lines between noisy readings are quietest half-way between them: an offset of the PTU's clock would be
-    drawn there. And where a head holds the aircraft, what is left of its turning must not be the readings' noise.
+
+def _curves(t_s: FloatArray, angles_rad: FloatArray) -> tuple[AngleCurve, ...]:
+    """Return smooth curves through readings (n, 2), from gap to gap, by generalised cross-validation.
+
+    Straight lines between noisy readings are quietest half-way between them, and cut the corners of a head that turns
+    ever faster: an offset of the PTU's clock would be drawn there. And where a head holds the aircraft, what is left of
+    its turning must not be the readings' noise. However far apart readings are, how the head moves between them is
+    unknown, and has to be taken for that (`calibration.flight_paths`).
     """
-    if len(t_s) < _LEAST_WINDOW:
+    if len(t_s) < _LEAST_STRETCH:
         return ()
-    step = float(np.median(np.diff(t_s)))
-    if round(2.0 * _SMOOTH_S / step) + 1 < _LEAST_WINDOW:
-        return ()
-    even = np.abs(np.diff(t_s) - step) < _EVEN * step
-    stretches = np.split(np.arange(len(t_s)), np.flatnonzero(~even) + 1)
+    step = np.diff(t_s)
+    stretches = np.split(np.arange(len(t_s)), np.flatnonzero(step > SynchroniseConfig().max_gap_s) + 1)
+    # a device that sends two readings at once has said nothing of the time between them
+    apart = np.concatenate([[True], step > _AT_ONCE * np.median(step)])
+    stretches = [k[apart[k]] for k in stretches]
     return tuple(
         AngleCurve(
             from_s=float(t_s[k[0]]),

@@ -16,12 +16,14 @@ import numpy as np
 from scipy.sparse import block_diag, csr_matrix, diags, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
-from calibration.flight_problem import AngleCurve, FlightProblem, Predicted
+from calibration.flight_problem import SLOW_S, AngleCurve, FlightProblem, Predicted
 from calibration.smooth_path import PathBasis, Smoothness, find_smoothness, path_basis
 from groundstation.arrays import FloatArray, MaskArray
 
-# knots of a head stand so many readings apart
+# knots of a head stand so many readings apart; where these are slow, so long: what a head does between two of them is
+# unknown, and no coarser for that
 _READINGS_EACH_KNOT = 2.0
+_SLOW_KNOT_S = 0.04
 _ROUNDS = 2
 _PROBES = 16
 _LARGEST = 50
@@ -85,7 +87,7 @@ def path_samples(problem: FlightProblem) -> list[PathSamples]:
     ]
     for name, looks in problem.looks.items():
         sigma = problem.stations[name].angle_sigma_rad
-        for curve in looks.curves if sigma > 0 else ():
+        for curve in problem.curves(name) if sigma > 0 else ():
             inside = (looks.readings_s >= curve.from_s) & (looks.readings_s <= curve.to_s)
             t, angles = looks.readings_s[inside], looks.readings_rad[inside]
             found.append(
@@ -94,10 +96,15 @@ def path_samples(problem: FlightProblem) -> list[PathSamples]:
                     t_s=t,
                     samples=_MILLI * angles,
                     sigma=np.full(angles.shape, _MILLI * sigma),
-                    step_s=_READINGS_EACH_KNOT * float(np.median(np.diff(t))),
+                    step_s=_head_step_s(t),
                 )
             )
     return found
+
+
+def _head_step_s(readings_s: FloatArray) -> float:
+    usual = float(np.median(np.diff(readings_s)))
+    return _SLOW_KNOT_S if usual > SLOW_S else _READINGS_EACH_KNOT * usual
 
 
 def path_parts(problem: FlightProblem) -> tuple[PathPart, ...]:

@@ -13,7 +13,7 @@ and without a station ``dgps_clock.offset`` (the log's stamps are so much later 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -28,7 +28,11 @@ from groundstation.rig import Station
 ANTENNA = tuple(f"dgps_antenna.{axis}" for axis in "xyz")
 DGPS_OFFSET = "dgps_clock.offset"
 _TURNS = (slice(0, 3), slice(6, 9))
+# what moves exposures past readings
+_TIMES = ("camera_clock.offset", "camera_clock.drift", "ptu_clock.offset", "readout")
 _SMALL_TURN = 1e-6
+# readings further apart than this, usually, tell little of what a head does between them
+SLOW_S = 0.035
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,6 +57,8 @@ class StationLooks:
     readings_s, readings_rad : (m,), (m, 2) the PTU's stamps and pan and tilt, pan without jumps; none where fixed.
     max_gap_s : readings further apart than this do not bracket an exposure.
     curves : smooth curves through stretches of readings; between them straight lines.
+    own_readings : readings are slow, and each exposure has one of its own: as long as clocks are held nothing is to be
+        known of how the head moves between them.
     """
 
     t_s: FloatArray
@@ -64,6 +70,7 @@ class StationLooks:
     readings_rad: FloatArray
     max_gap_s: float
     curves: tuple[AngleCurve, ...] = ()
+    own_readings: bool = False
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -80,6 +87,7 @@ class StationLooks:
             readings_rad=self.readings_rad,
             max_gap_s=self.max_gap_s,
             curves=self.curves,
+            own_readings=self.own_readings,
         )
 
 
@@ -174,6 +182,12 @@ class FlightProblem:
         start = station + "."
         return [(k, name.removeprefix(start)) for k, name in enumerate(self.names) if name.startswith(start)]
 
+    def curves(self, station: str) -> tuple[AngleCurve, ...]:
+        """Return a head's curves; none where it takes none to know its angles at exposures."""
+        looks = self.looks[station]
+        timed = any(f"{station}.{name}" in self.names for name in _TIMES)
+        return () if looks.own_readings and not timed and self.stations[station].readout_s == 0.0 else looks.curves
+
     def value(self, change: FloatArray, name: str) -> float:
         """Return one parameter of a change (p,); 0 where it is not free."""
         return float(change[self.names.index(name)]) if name in self.names else 0.0
@@ -203,7 +217,7 @@ class FlightProblem:
         exposed = exposed + self.value(change, f"{station}.camera_clock.drift") * from_middle
         exposed = exposed + looks.row_share * (rig.readout_s + self.value(change, f"{station}.readout"))
         by_unit = exposed - self.value(change, f"{station}.ptu_clock.offset")
-        angles = angles_at(looks, by_unit)
+        angles = angles_at(replace(looks, curves=self.curves(station)), by_unit)
         by_log = exposed + self.value(change, DGPS_OFFSET)
         track = self.track.at(by_log)
         antenna = self.antenna_m(change)

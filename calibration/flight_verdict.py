@@ -6,8 +6,10 @@ import numpy as np
 
 from calibration.flight import FlightFit
 from calibration.flight_confusion import Confusion, advice_for, confusions, untaught
+from calibration.flight_problem import SLOW_S
 from calibration.flight_quality import RangeQuality, range_qualities
 from groundstation.rig import Rig
+from groundstation.rig_covariance import READOUT
 
 _MOST = 8
 _MOST_CONDITION = 1e10
@@ -54,7 +56,7 @@ def judge_flight(after: Rig, fit: FlightFit) -> FlightVerdict:
     return FlightVerdict(
         summary=_summary(fit, mixed, weak, ranges),
         apart=tuple(apart),
-        notes=tuple(_notes(fit)),
+        notes=(*_notes(fit), *_of_shutters(after, fit), *_of_slow_readings(fit)),
         next_steps=tuple(steps),
         confusions=tuple(mixed),
         ranges=tuple(ranges),
@@ -103,6 +105,41 @@ def _notes(fit: FlightFit) -> list[str]:
     condition = f"condition {fit.condition:.1e}, reduced chi-square {fit.reduced_chi_square:.2f}"
     lines = [condition + (": badly conditioned" if fit.condition > _MOST_CONDITION else "")]
     lines += [f"{name} is {off:.0f} sigmas from what was known before" for name, off in _far_off(fit, _NOTED).items()]
+    return lines
+
+
+def _of_shutters(after: Rig, fit: FlightFit) -> list[str]:
+    """Return what a shutter below zero means: chance about a global one, or a picture that is upside down."""
+    lines = []
+    for k, name in enumerate(fit.problem.names):
+        station, _, short = name.partition(".")
+        if short != READOUT or after[station].readout_s >= 0.0:
+            continue
+        sigma = float(fit.sigma[k])
+        found = f"{name} is below zero, {1e3 * after[station].readout_s:.2f} +- {1e3 * sigma:.2f} ms: "
+        chance = after[station].readout_s > -_NOTED * sigma
+        lines.append(
+            found
+            + (
+                "no different from a shutter that exposes all rows at once"
+                if chance
+                else "its last row is exposed first, as where a picture is upside down"
+            )
+        )
+    return lines
+
+
+def _of_slow_readings(fit: FlightFit) -> list[str]:
+    """Return whose readings are so slow that a head's way between them is a matter of how smooth it is taken to be."""
+    lines = []
+    for name, looks in fit.problem.looks.items():
+        if len(looks.readings_s) > 1 and fit.problem.curves(name):
+            step = float(np.median(np.diff(looks.readings_s)))
+            if step > SLOW_S:
+                lines.append(
+                    f"the PTU of {name} was read every {1e3 * step:.0f} ms only: between readings its head is taken to"
+                    " move as smoothly as they say, and the sigmas allow for what that leaves open"
+                )
     return lines
 
 

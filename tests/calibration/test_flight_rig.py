@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibration.flight_verdict import judge_flight
 from groundstation.errors import RigError
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
@@ -192,3 +193,17 @@ def test_a_cameras_sigma_covers_what_its_clock_drifts_over_the_flight(tmp_path: 
         prior = rig_prior(again)
         place = prior.names.index(f"{name}.readout")
         assert prior.covariance[place, place] == pytest.approx(shutter**2, rel=1e-9)
+
+
+@pytest.mark.parametrize(("sigmas", "words"), [(0.5, "no different from a shutter"), (5.0, "upside down")])
+def test_a_shutter_below_zero_is_spoken_of(found, sigmas: float, words: str) -> None:
+    """By chance about 0, or with the last row first: nothing said so, and the rig had a negative `readout_s`."""
+    _, result = found
+    names = result.fit.problem.names
+    fit = replace(result.fit, problem=replace(result.fit.problem, names=(*names[:-1], "left.readout")))
+    left, right = result.rig.stations
+    rig = replace(result.rig, stations=(replace(left, readout_s=-sigmas * float(fit.sigma[-1])), right))
+    assert [
+        note for note in judge_flight(rig, fit).notes if note.startswith("left.readout is below zero") and words in note
+    ]
+    assert not [note for note in judge_flight(result.rig, fit).notes if "below zero" in note]
