@@ -1,6 +1,7 @@
 """Flights in which the target leaves both images and comes back: weightings, and a miss as evidence, by their NEES."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -66,6 +67,7 @@ def fly(seed: int, weighting: OutOfViewWeighting, miss_share: float = 0.0) -> di
     return out
 
 
+@cache
 def flown(weighting: OutOfViewWeighting, miss_share: float = 0.0, flights: int = 40) -> dict[str, float]:
     """Mean squares of all flights together, rms of x."""
     found = [fly(seed, weighting, miss_share) for seed in range(flights)]
