@@ -5,7 +5,7 @@ judged by size, place and contrast; two that explain the prediction about equall
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -145,10 +145,14 @@ def members_mask(labels: LabelArray, members: NDArray[np.int64], box: tuple[int,
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Regions:
-    """All connected regions of one level set: ``labels`` (h, w) int32, ``table`` one row per label."""
+    """All connected regions of one level set: ``labels`` (h, w) int32, ``table`` one row per label.
+
+    ``looks`` keeps what groups of them, by their labels, were found to look like.
+    """
 
     labels: LabelArray
     table: FloatArray
+    looks: dict[tuple[int, ...], FloatArray] = field(default_factory=dict)
 
 
 def find_regions(phi: NDArray[np.float32], contrast: NDArray[np.float32]) -> Regions:

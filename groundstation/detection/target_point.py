@@ -284,7 +284,7 @@ def _wing_angle(membership: NDArray[np.float32]) -> float:
 
 @njit(cache=True, nogil=True)
 def _summit(response: NDArray[np.float32], membership: NDArray[np.float32], aside: float) -> FloatArray:
-    """Return the centre (2,) of what comes close to the highest response less its flanks, so far aside along the wing."""
+    """Return the centre (2,) of what comes close to the highest response less its flanks ``aside`` along the wing."""
     h, w = response.shape
     angle = _wing_angle(membership)
     dx, dy = aside * math.cos(angle), aside * math.sin(angle)
