@@ -16,6 +16,7 @@ from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.geodesy import enu_from_geodetic
 from groundstation.geometry.rotation import rotation_from_vector, rotation_x, rotation_y, rotation_z
+from groundstation.onboard.edges.line_kernel import ground_of
 
 EARTH_RADIUS_M = 6_371_000.0
 # forward, right and down of a level aircraft that lands straight ahead
@@ -142,12 +143,7 @@ def pixel_from_ground(pose: CameraPose, kappa: FloatArray) -> FloatArray:
 
 def ground_from_pixels(pose: CameraPose, kappa: FloatArray, pixels: FloatArray) -> FloatArray:
     """Return where the rays of pixels (n, 2) meet the ground, (n, 2) in m, Eqs. C6 and C7; NaN above the horizon."""
-    rays = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(kappa).T @ pose.threshold_from_camera.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = -pose.camera_threshold_m[2] / rays[:, 2]
-    ground = pose.camera_threshold_m[:2] + reach[:, None] * rays[:, :2]
-    ground[~(reach > 0.0)] = np.nan
-    return np.asarray(ground)
+    return np.asarray(ground_of(pixels, pose.threshold_from_camera, pose.camera_threshold_m, kappa))
 
 
 def pixels_from_points(pose: CameraPose, kappa: FloatArray, points_m: FloatArray) -> FloatArray:
