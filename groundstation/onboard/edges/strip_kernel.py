@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.onboard.edges.kalman_kernel import solved
 from groundstation.onboard.edges.sampling import add_colour_to, inside
 
 _FIT_ROUNDS = 8
@@ -304,3 +305,36 @@ def robust_line(offsets: FloatArray, weights: FloatArray, ends: FloatArray, cova
         covariance[0, 0], covariance[1, 1] = a11 / determinant, a00 / determinant
         covariance[0, 1] = covariance[1, 0] = -a01 / determinant
     return spread
+
+
+@njit(cache=True, nogil=True)
+def prior_weights(prior: FloatArray, places: int, weight: FloatArray, alone: FloatArray) -> None:
+    """Fill the ``weight`` (4, 4) and ``alone`` (2, 2, 2) of `best_displacements` from a prior (4, 4) px²."""
+    weight[:] = solved(prior, np.eye(4)) / places
+    for line in range(2):
+        i = 2 * line
+        determinant = prior[i, i] * prior[i + 1, i + 1] - prior[i, i + 1] * prior[i + 1, i]
+        alone[line, 0, 0], alone[line, 1, 1] = prior[i + 1, i + 1], prior[i, i]
+        alone[line, 0, 1], alone[line, 1, 0] = -prior[i, i + 1], -prior[i + 1, i]
+        alone[line] /= determinant * places
+
+
+@njit(cache=True, nogil=True)
+def edges_agree(strip: FloatArray, block: int) -> float:
+    """Return the correlation of inside − outside at both edges, over blocks of places of a strip (2, …)."""
+    middle = strip.shape[2] // 2
+    together, squares, own = 0.0, np.zeros(2), np.empty((2, 3))
+    for first in range(0, strip.shape[1] - block + 1, block):
+        own[:] = 0.0
+        for line in range(2):
+            for k in range(first, first + block):
+                for c in range(3):
+                    own[line, c] += strip[line, k, middle, c] / block
+        if not np.isfinite(own).all():
+            continue
+        for c in range(3):
+            # left less right: at the left edge that is outside less inside
+            together -= own[0, c] * own[1, c]
+            squares[0] += own[0, c] ** 2
+            squares[1] += own[1, c] ** 2
+    return together / max(np.sqrt(squares[0] * squares[1]), 1e-9)
