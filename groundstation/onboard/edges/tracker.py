@@ -9,7 +9,17 @@ comparison begins again.
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.follow import follow
-from groundstation.onboard.edges.hypotheses import Hypothesis, alike, find_pairs, followed, merged, score
+from groundstation.onboard.edges.hypotheses import (
+    Hypothesis,
+    PairSearch,
+    alike,
+    begin_search,
+    find_pairs,
+    followed,
+    look_at_next,
+    merged,
+    score,
+)
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.look import Lookout
 from groundstation.onboard.edges.pose import CameraPose
@@ -30,13 +40,14 @@ class EdgeTracker:
         self._config = config
         self._runway: Hypothesis | None = None
         self._open: list[Hypothesis] = []
+        self._search: PairSearch | None = None
         self._compared = 0
         self._unchecked = 0
 
     def start(self, state: LineState) -> None:
         """Go on from lines that are known."""
         self._runway = Hypothesis(state=state, edges=None, frames=1, missed=0, agreement=1.0, nis=4.0, lost=0.0)
-        self._open = []
+        self._open, self._search = [], None
         self._unchecked = 0
 
     def step(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
@@ -53,7 +64,7 @@ class EdgeTracker:
         runway = runway.after(step)
         self._unchecked += 1
         if runway.missed > self._config.coast_frames:
-            self._runway, self._open = None, []
+            self._runway, self._open, self._search = None, [], None
             return EdgeReport(status=EdgeStatus.SEARCHING, miss=step.miss, edges=None)
         self._runway = runway
         if self._config.confirm_frames > 1 and self._doubted(runway, image, pose):
@@ -62,22 +73,29 @@ class EdgeTracker:
         return EdgeReport(status=status, miss=step.miss, edges=step.edges)
 
     def _doubted(self, runway: Hypothesis, image: ImageArray, pose: CameraPose) -> bool:
-        """Return whether Algorithm 1 brings a better pair; all are compared anew if so."""
-        config = self._config
-        strange = runway.missed >= config.doubt_missed or runway.agreement < config.doubt_agreement
-        strange = strange or score(runway, config) < config.doubt_score
-        wait = config.doubt_frames if strange else config.check_frames
-        if self._unchecked < wait:
+        """Return whether Algorithm 1 has brought a better pair; all are compared anew if so.
+
+        It runs in one frame, and of its pairs one is looked at in each of the next, in the picture of that frame: work
+        is counted, not timed, so that the same pictures give the same edges.
+        """
+        config, search = self._config, self._search
+        if search is None:
+            strange = runway.missed >= config.doubt_missed or runway.agreement < config.doubt_agreement
+            strange = strange or score(runway, config) < config.doubt_score
+            if self._unchecked >= (config.doubt_frames if strange else config.check_frames):
+                self._search, self._unchecked = begin_search(self._lookout, image, pose, [runway]), 0
             return False
-        self._unchecked = 0
-        found = find_pairs(self._lookout, image, pose, [runway])
-        if isinstance(found, EdgeMiss):
+        if search.waiting:
+            look_at_next(self._lookout, search)
+        if search.waiting:
             return False
+        self._search = None
         own = score(runway, config) + config.margin
-        rivals = [h for h in found if not alike(h, runway) and score(h, config) > own]
+        rivals = [h for h in search.found if not alike(h, search.known[0]) and score(h, config) > own]
         if not rivals:
             return False
-        self._open, self._runway, self._compared = merged(self._lookout, [runway], rivals), None, 0
+        # doubles among them are told from each other in the next frame, where all are followed into one picture
+        self._open, self._runway, self._compared = [runway, *rivals], None, 0
         return True
 
     def _compare(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
