@@ -129,8 +129,7 @@ def find_pairs(
     Pairs that are ``known`` already are left out, and fewer are looked at where there are such.
     """
     search = begin_search(lookout, image, pose, known)
-    while search.waiting:
-        look_at_next(lookout, search)
+    look_on(lookout, search, len(search.waiting))
     return search.found or search.miss
 
 
@@ -164,17 +163,17 @@ def begin_search(lookout: Lookout, image: ImageArray, pose: CameraPose, known: l
     return search
 
 
-def look_at_next(lookout: Lookout, search: PairSearch) -> None:
-    """Look at the next pair of a search that has some waiting, and keep what is seen."""
-    crossings = search.waiting.pop(0)
-    if crossings is search.middle:
-        near = _announced(lookout, search.image, search.rows, search.pose)
-        if near is not None and _known(search, near.crossings_px):
-            return
-    else:
-        near = _first_look(lookout, search.image, crossings, search.rows, search.pose, search.e)
-    if near is not None:
-        search.found.append(_started(lookout, near, crossings, search.rows, search.pose))
+def look_on(lookout: Lookout, search: PairSearch, looks: int) -> None:
+    """Take so many looks at pairs that wait, if as many do, and keep what is seen."""
+    for _ in range(min(looks, len(search.waiting))):
+        crossings = search.waiting.pop(0)
+        if crossings is search.middle:
+            near = _announced(lookout, search.image, search.rows, search.pose)
+            near = None if near is not None and _known(search, near.crossings_px) else near
+        else:
+            near = _first_look(lookout, search.image, crossings, search.rows, search.pose, search.e)
+        if near is not None:
+            search.found.append(_started(lookout, near, crossings, search.rows, search.pose))
 
 
 def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
@@ -182,10 +181,18 @@ def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
     return any(one.edges is not None and alike_px(one.edges, crossings_px, search.rows) for one in search.known)
 
 
-def followed(lookout: Lookout, image: ImageArray, pose: CameraPose, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
-    """Return every pair one frame later, without those that were not seen for long, and without doubles."""
-    moved = [h.after(follow(lookout, image, pose, h.state, thorough=False)) for h in hypotheses]
-    return merged(lookout, [h for h in moved if h.missed <= lookout.config.coast_frames // 2], [])
+def followed(
+    lookout: Lookout, image: ImageArray, pose: CameraPose, old: list[Hypothesis], new: list[Hypothesis]
+) -> list[Hypothesis]:
+    """Return every pair one frame later, without those that were not seen for long, and without doubles.
+
+    ``new`` were seen in a picture before this one and have not been followed yet.
+    """
+    moved = [
+        [h.after(follow(lookout, image, pose, h.state, thorough=False)) for h in hypotheses] for hypotheses in (old, new)
+    ]
+    most = lookout.config.coast_frames // 2
+    return merged(lookout, *([h for h in hypotheses if h.missed <= most] for hypotheses in moved))
 
 
 def merged(lookout: Lookout, old: list[Hypothesis], new: list[Hypothesis]) -> list[Hypothesis]:
