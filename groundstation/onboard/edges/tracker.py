@@ -10,6 +10,8 @@ a frame has so many pieces of work (following a pair, Algorithm 1, a look at one
 first. Work is counted, not timed: the same pictures give the same edges.
 """
 
+from dataclasses import replace
+
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.follow import follow
@@ -95,7 +97,8 @@ class EdgeTracker:
             if self._unchecked < (config.doubt_frames if strange else config.check_frames):
                 return False
             self._unchecked = 0
-        search = self._search_on(image, pose, [runway], _THOROUGHLY)
+        # wherever it was found, the announced place is looked at anew
+        search = self._search_on(image, pose, [replace(runway, announced=False)], _THOROUGHLY)
         if search.waiting:
             return False
         self._search = None
