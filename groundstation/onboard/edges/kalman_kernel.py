@@ -100,3 +100,18 @@ def update_kernel(
         for i in range(4):
             new_mean[i] = -new_mean[i]
     return nis
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def between(
+    predicted: FloatArray,
+    prior: FloatArray,
+    measured: FloatArray,
+    noise: FloatArray,
+    mean: FloatArray,
+    covariance: FloatArray,
+) -> None:
+    """Fill the mean (n,) of a prediction and a measurement of covariances (n, n), and its covariance K·noise."""
+    gain = np.ascontiguousarray(solved(prior + noise, prior).T)
+    mean[:] = predicted + gain @ (measured - predicted)
+    covariance[:] = gain @ noise

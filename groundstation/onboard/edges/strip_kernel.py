@@ -29,11 +29,11 @@ def fill_strip(
     n_t, n_o = out.shape[1], out.shape[2]
     height = rows[1] - rows[0]
     reach = step * (n_o // 2)
-    prefix = np.zeros((_MAX_PROFILE + 1, 3))
-    seen = np.zeros(_MAX_PROFILE + 1)
+    # one more than there can be samples: the sum does not grow beyond the last one
+    prefix, seen = np.zeros((_MAX_PROFILE + 2, 3)), np.zeros(_MAX_PROFILE + 2)
+    nx, ny = across
     for line in range(2):
         w = x[2 * line + 1] - x[2 * line]
-        nx, ny = across
         # how far along `across` a line is met that was displaced by 1 px along the row
         meets = 1.0 / (nx - w / height * ny)
         for k in range(n_t):
@@ -52,23 +52,27 @@ def fill_strip(
                 if inside(image, cx + r * nx, cy + r * ny):
                     add_colour_to(image, cx + r * nx, cy + r * ny, 1.0, prefix, m + 1)
                     seen[m + 1] += 1.0
+            for c in range(3):
+                prefix[n + 1, c] = prefix[n, c]
+            seen[n + 1] = seen[n]
             for o in range(n_o):
                 place = (step * (o - n_o // 2) * meets + half) / d
-                low, high = place - ell / d, min(place + ell / d, float(n))
-                low = max(low, 0.0)
+                low, high = max(place - ell / d, 0.0), min(place + ell / d, float(n))
                 i, j, g = int(place), int(low), int(high)
                 fi, fj, fg = place - i, low - j, high - g
-                at_i = seen[i] + (fi * (seen[i + 1] - seen[i]) if i < n else 0.0)
-                at_j = seen[j] + (fj * (seen[j + 1] - seen[j]) if j < n else 0.0)
-                at_g = seen[g] + (fg * (seen[g + 1] - seen[g]) if g < n else 0.0)
-                if at_i - at_j < place - low - 0.01 or at_g - at_i < high - place - 0.01:
-                    out[line, k, o, 0] = np.nan
-                    continue
+                if seen[n] < n:
+                    at_i = seen[i] + fi * (seen[i + 1] - seen[i])
+                    left = at_i - seen[j] - fj * (seen[j + 1] - seen[j])
+                    right = seen[g] + fg * (seen[g + 1] - seen[g]) - at_i
+                    if left < place - low - 0.01 or right < high - place - 0.01:
+                        out[line, k, o, 0] = np.nan
+                        continue
+                left, right = 1.0 / (place - low), 1.0 / (high - place)
                 for c in range(3):
-                    p_i = prefix[i, c] + (fi * (prefix[i + 1, c] - prefix[i, c]) if i < n else 0.0)
-                    p_j = prefix[j, c] + (fj * (prefix[j + 1, c] - prefix[j, c]) if j < n else 0.0)
-                    p_g = prefix[g, c] + (fg * (prefix[g + 1, c] - prefix[g, c]) if g < n else 0.0)
-                    out[line, k, o, c] = (p_i - p_j) / (place - low) - (p_g - p_i) / (high - place)
+                    p_i = prefix[i, c] + fi * (prefix[i + 1, c] - prefix[i, c])
+                    p_j = prefix[j, c] + fj * (prefix[j + 1, c] - prefix[j, c])
+                    p_g = prefix[g, c] + fg * (prefix[g + 1, c] - prefix[g, c])
+                    out[line, k, o, c] = (p_i - p_j) * left - (p_g - p_i) * right
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
