@@ -7,7 +7,7 @@ either edge.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -55,7 +55,6 @@ class Hypothesis:
     state, edges : the lines, and what the last frame showed of them.
     frames, missed : since they were found; without edges since they were last seen.
     agreement, nis, lost : means over the last frames: see `strip.FoundEdges`, NIS at most 25, share without edges.
-    announced : whether it was found where the announced runway lies by the pose, and not by Algorithm 1.
     """
 
     state: LineState
@@ -65,7 +64,6 @@ class Hypothesis:
     agreement: float
     nis: float
     lost: float
-    announced: bool = False
 
     def after(self, step: Followed) -> "Hypothesis":
         """Return the hypothesis after a step."""
@@ -83,7 +81,6 @@ class Hypothesis:
             agreement=agreement,
             nis=nis,
             lost=self.lost + weight * (float(not seen) - self.lost),
-            announced=self.announced,
         )
 
 
@@ -139,13 +136,20 @@ def find_pairs(
 def begin_search(lookout: Lookout, image: ImageArray, pose: CameraPose, known: list[Hypothesis]) -> PairSearch:
     """Run Algorithm 1; its pairs, and the announced runway, wait to be looked at in this very picture, which is kept.
 
-    Pairs that are ``known`` already are left out, and fewer are looked at where there are such; so is the announced
-    runway where one of them was found there.
+    Pairs that are ``known`` already are left out, and fewer are looked at where there are such.
     """
     config, kappa = lookout.config, lookout.kappa
     e, middle = line_map(pose, kappa), np.zeros(4)
     search = PairSearch(
-        image=image, pose=pose, rows=np.zeros(2), e=e, middle=middle, known=known, waiting=[], found=[], miss=EdgeMiss.NONE
+        image=image,
+        pose=pose,
+        rows=np.zeros(2),
+        e=e,
+        middle=middle,
+        known=known,
+        waiting=[],
+        found=[],
+        miss=EdgeMiss.NONE,
     )
     rows = band_rows(pose, kappa, lookout.image_size_px, config.guess)
     if isinstance(rows, NoBand):
@@ -159,7 +163,7 @@ def begin_search(lookout: Lookout, image: ImageArray, pose: CameraPose, known: l
     search.image = image.copy() if cleaned is image else cleaned
     pairs = detect(search.image, rows, px_per_m, config.detection, lambda x: plausible(x, rows, pose, kappa, config))
     wanted = (_MORE_PAIRS if known else _FIRST_PAIRS) if config.confirm_frames > 1 else 1
-    if config.use_strip and config.confirm_frames > 1 and not any(one.announced and one.missed == 0 for one in known):
+    if config.use_strip and config.confirm_frames > 1:
         search.waiting.append(search.middle)
     if not isinstance(pairs, NoPair):
         search.waiting += [crossings for crossings in pairs.pairs_px[:wanted] if not _known(search, crossings)]
@@ -177,8 +181,7 @@ def look_on(lookout: Lookout, search: PairSearch, looks: int) -> None:
         else:
             near = _first_look(lookout, search.image, crossings, search.rows, search.pose, search.e)
         if near is not None:
-            started = _started(lookout, near, crossings, search.rows, search.pose)
-            search.found.append(replace(started, announced=crossings is search.middle))
+            search.found.append(_started(lookout, near, crossings, search.rows, search.pose))
 
 
 def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
@@ -194,7 +197,8 @@ def followed(
     ``new`` were seen in a picture before this one and have not been followed yet.
     """
     moved = [
-        [h.after(follow(lookout, image, pose, h.state, thorough=False)) for h in hypotheses] for hypotheses in (old, new)
+        [h.after(follow(lookout, image, pose, h.state, thorough=False)) for h in hypotheses]
+        for hypotheses in (old, new)
     ]
     most = lookout.config.coast_frames // 2
     return merged(lookout, *([h for h in hypotheses if h.missed <= most] for hypotheses in moved))

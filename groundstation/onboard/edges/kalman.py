@@ -49,7 +49,7 @@ def constrained_gain(gain: FloatArray, innovation: FloatArray, s: FloatArray, me
     K* = K + (1/n − 1) x̂ νᵀ S⁻¹ / (νᵀ S⁻¹ ν) in those rows, with x̂ the unconstrained (a, b) and n its length.
     """
     corrected = gain.copy()
-    constrain(corrected, innovation, np.linalg.solve(s, innovation), mean)
+    constrain(corrected, innovation, np.asarray(np.linalg.solve(s, innovation), np.float64), mean)
     return corrected
 
 

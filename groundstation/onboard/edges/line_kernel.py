@@ -1,4 +1,4 @@
-"""Compiled arithmetic of two lines on the ground and in the picture: what `lines`, `look` and `search_band` are made of.
+"""Compiled arithmetic of two lines on the ground and in the picture, for `lines`, `look` and `search_band`.
 
 Each function is a few dozen multiplications, for which a call of numpy takes ten times as long as the arithmetic.
 The equations are named where the functions are documented, in `lines`; rotation is threshold_from_camera (3, 3),
@@ -34,7 +34,7 @@ def inverse_3(m: FloatArray) -> FloatArray:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def line_map_of(rotation: FloatArray, position: FloatArray, kappa: FloatArray) -> FloatArray:
-    """Return E = (κ[r₁ r₂ t])⁻ᵀ, (3, 3)."""
+    """Return E = (κ[r₁ r₂ t])⁻ᵀ, (3, 3); κ[r₁ r₂ t] takes ground (x, y, 1) in m to homogeneous pixels, Eq. B10."""
     ground = np.empty((3, 3))
     for i in range(3):
         ground[i, 0], ground[i, 1] = rotation[0, i], rotation[1, i]

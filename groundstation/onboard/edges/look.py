@@ -73,9 +73,7 @@ def look_between(lookout: Lookout, pose: CameraPose, state: LineState, rows: Flo
         widths,
         across,
     )
-    return Look(
-        pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths, across=across
-    )
+    return Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths, across=across)
 
 
 def widths_of(

@@ -25,9 +25,7 @@ def plausible(
     width, it is no runway, and the nearer the weightier.
     """
     limits = (config.start_turn_rad, config.start_shift_m, config.guess.width_m, math.log(config.start_width))
-    return float(
-        _weight(crossings_px, rows_px, pose.threshold_from_camera, pose.camera_threshold_m, kappa, limits)
-    )
+    return float(_weight(crossings_px, rows_px, pose.threshold_from_camera, pose.camera_threshold_m, kappa, limits))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

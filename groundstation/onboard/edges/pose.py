@@ -134,13 +134,6 @@ def intrinsic_matrix(lens: Lens) -> FloatArray:
     )
 
 
-def pixel_from_ground(pose: CameraPose, kappa: FloatArray) -> FloatArray:
-    """Return κ [r₁ r₂ t], (3, 3): ground (x, y, 1) in m to homogeneous pixels, Eq. B10."""
-    camera_from_threshold = pose.threshold_from_camera.T
-    t = -camera_from_threshold @ pose.camera_threshold_m
-    return np.asarray(kappa @ np.column_stack([camera_from_threshold[:, 0], camera_from_threshold[:, 1], t]))
-
-
 def ground_from_pixels(pose: CameraPose, kappa: FloatArray, pixels: FloatArray) -> FloatArray:
     """Return where the rays of pixels (n, 2) meet the ground, (n, 2) in m, Eqs. C6 and C7; NaN above the horizon."""
     return np.asarray(ground_of(pixels, pose.threshold_from_camera, pose.camera_threshold_m, kappa))

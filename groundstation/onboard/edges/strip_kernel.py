@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import FloatArray, ImageArray, IntArray
 from groundstation.onboard.edges.kalman_kernel import solved
 from groundstation.onboard.edges.sampling import add_colour_to, inside
 
@@ -123,7 +123,7 @@ def displacement_scores(strip: FloatArray, block: int, kappa: float, out: FloatA
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _staircase(colours: FloatArray, stairs: FloatArray, kappa: float, out: FloatArray) -> None:
+def _staircase(colours: FloatArray, stairs: IntArray, kappa: float, out: FloatArray) -> None:
     """Fill ``out`` (2, displacements) with S / (S + κ) of a block met at o + stairs − stairs[0], and 1; or 0 and 0.
 
     ``colours`` (3, block, displacements) holds u − v.

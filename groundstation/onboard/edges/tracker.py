@@ -10,8 +10,6 @@ a frame has so many pieces of work (following a pair, Algorithm 1, a look at one
 first. Work is counted, not timed: the same pictures give the same edges.
 """
 
-from dataclasses import replace
-
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.follow import follow
@@ -31,8 +29,8 @@ from groundstation.onboard.edges.look import Lookout
 from groundstation.onboard.edges.pose import CameraPose
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 
-# pieces of work that following the runway takes, and its descent
-_THOROUGHLY = 2
+# pieces of work that following the runway counts for, with its descent: more than it takes, so that there is room
+_THOROUGHLY = 3
 
 
 class EdgeTracker:
@@ -97,8 +95,7 @@ class EdgeTracker:
             if self._unchecked < (config.doubt_frames if strange else config.check_frames):
                 return False
             self._unchecked = 0
-        # wherever it was found, the announced place is looked at anew
-        search = self._search_on(image, pose, [replace(runway, announced=False)], _THOROUGHLY)
+        search = self._search_on(image, pose, [runway], _THOROUGHLY)
         if search.waiting:
             return False
         self._search = None
