@@ -63,9 +63,11 @@ class EdgeTracker:
         if self._runway is not None:
             return self._track(self._runway, image, pose)
         if self._open:
-            self._open = followed(self._lookout, image, pose, self._open, self._arrived)
-            self._arrived = []
-        return self._compare(image, pose) if self._open else self._seek(image, pose)
+            work, new = len(self._open) + len(self._arrived), self._arrived
+            self._open, self._arrived = followed(self._lookout, image, pose, self._open, new), []
+            if self._open:
+                return self._compare(image, pose, work)
+        return self._seek(image, pose)
 
     def _forget(self) -> None:
         """Drop all that is being compared."""
@@ -96,7 +98,7 @@ class EdgeTracker:
                 return False
             self._unchecked = 0
         search = self._search_on(image, pose, [runway], _THOROUGHLY)
-        if search.waiting:
+        if search is None or search.waiting:
             return False
         self._search = None
         own = score(runway, config) + config.margin
@@ -106,12 +108,15 @@ class EdgeTracker:
         self._open, self._arrived, self._runway, self._compared = [runway], rivals, None, 0
         return True
 
-    def _search_on(self, image: ImageArray, pose: CameraPose, known: list[Hypothesis], work: int) -> PairSearch:
+    def _search_on(self, image: ImageArray, pose: CameraPose, known: list[Hypothesis], work: int) -> PairSearch | None:
         """Begin a search, or go on with that which is under way; ``work`` was done in this frame already."""
-        left = max(self._config.work - work, 1)
-        if self._search is None:
+        # one piece at least, but where new pairs were followed besides: in the next frame there are fewer of them
+        least = int(self._runway is not None or work <= self._config.hypotheses)
+        left = max(self._config.work - work, least)
+        if self._search is None and left > 0:
             self._search, left = begin_search(self._lookout, image, pose, known), left - 1
-        look_on(self._lookout, self._search, left)
+        if self._search is not None:
+            look_on(self._lookout, self._search, left)
         return self._search
 
     def _seek(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
@@ -123,14 +128,17 @@ class EdgeTracker:
         self._open, self._compared = merged(self._lookout, [], found), 1
         return self._chosen()
 
-    def _compare(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
+    def _compare(self, image: ImageArray, pose: CameraPose, work: int) -> EdgeReport:
         """Choose where one hypothesis is clearly the best; if not, add what Algorithm 1 finds."""
         self._compared += 1
         report = self._chosen()
         if self._runway is None:
-            search = self._search_on(image, pose, self._open, len(self._open))
-            if not search.waiting:
-                self._arrived, self._search = search.found, None
+            search = self._search_on(image, pose, self._open, work)
+            if search is not None and not search.waiting:
+                # no more of them, the best, than can be followed in the next frame
+                room = max(self._config.work - len(self._open), 1)
+                self._arrived = sorted(search.found, key=lambda h: -score(h, self._config))[:room]
+                self._search = None
         return report
 
     def _chosen(self) -> EdgeReport:

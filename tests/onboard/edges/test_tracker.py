@@ -1,5 +1,6 @@
 """The tracker on short rendered approaches and on pictures that show nothing."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -110,6 +111,16 @@ def doubted(config: TrackerConfig, frames: int, *, written_over: bool) -> list[E
     return reports
 
 
+def counted(function: Callable[..., Any], name: str, pieces: int, done: dict[str, int]) -> Callable[..., Any]:
+    """Return a function that also adds its pieces of work to those ``done``."""
+
+    def wrapped(*args: Any, **named: Any) -> Any:
+        done[name] = done.get(name, 0) + pieces
+        return function(*args, **named)
+
+    return wrapped
+
+
 def test_a_comparison_is_spread_over_frames_by_counted_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """Following is one piece (the runway three), Algorithm 1 one, a look one; no frame has more than configured."""
     config, done = TrackerConfig(guess=replace(GUESS, width_m=18.0)), dict[str, int]()
@@ -120,14 +131,7 @@ def test_a_comparison_is_spread_over_frames_by_counted_work(monkeypatch: pytest.
         (hypotheses, "_first_look", 1),
         (hypotheses, "_announced", 1),
     ):
-
-        def counted(
-            *args: Any, own: Any = getattr(module, name), key: str = name, n: int = pieces, **named: Any
-        ) -> Any:
-            done[key] = done.get(key, 0) + n
-            return own(*args, **named)
-
-        monkeypatch.setattr(module, name, counted)
+        monkeypatch.setattr(module, name, counted(getattr(module, name), name, pieces, done))
     pose = approach()
     tracker = EdgeTracker(KAPPA, SIZE, config)
     tracker.start(LineState(mean=np.array([1.0, 0.0, -35.0, -17.0, 0.0, 0.0, 0.0]), covariance=1e-6 * np.eye(7)))
