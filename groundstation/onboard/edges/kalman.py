@@ -57,7 +57,8 @@ def _updated(state: LineState, h: FloatArray, innovation: FloatArray, noise: Flo
     """Return the constrained update with a linear(ised) measurement matrix (m, 4) and noise (m, m), Joseph's form."""
     size = state.mean.size
     mean, covariance, s = np.empty(size), np.empty((size, size)), np.empty(noise.shape)
-    nis = update_kernel(state.mean, state.covariance, h, innovation, noise, mean, covariance, s)
+    p, h, noise = (np.ascontiguousarray(a) for a in (state.covariance, h, noise))
+    nis = update_kernel(state.mean, p, h, innovation, noise, mean, covariance, s)
     return LineUpdate(
         state=LineState(mean=mean, covariance=covariance), innovation=innovation, innovation_covariance=s, nis=nis
     )

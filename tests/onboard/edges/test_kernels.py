@@ -90,6 +90,11 @@ def test_the_update_is_josephs_with_the_constrained_gain(seed: int) -> None:
     np.testing.assert_allclose(found.state.mean, wanted[0], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(found.state.covariance, wanted[1], rtol=1e-9, atol=1e-12)
     assert abs(found.nis - wanted[2]) < 1e-9 * wanted[2]
+    # parts of larger arrays, too: of the paper's own state
+    large = np.zeros((9, 9))
+    large[:7, :7] = p
+    again = update_crossings(LineState(mean=mean, covariance=large[:7, :7]), np.zeros(4), h, innovation, noise)
+    np.testing.assert_array_equal(again.state.covariance, found.state.covariance)
     out, covariance = np.empty(4), np.empty((4, 4))
     prior, predicted = h @ p @ h.T + np.eye(4), rng.normal(0.0, 1.0, 4)
     between(predicted, prior, innovation, noise, out, covariance)
