@@ -12,7 +12,13 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import BoolArray, CompiledKalmanFilter, carry, correct, log_likelihood
+from groundstation.estimation.compiled_filter import (
+    BoolArray,
+    CompiledKalmanFilter,
+    carry_into,
+    correct_into,
+    log_likelihood,
+)
 
 _LEAST_WEIGHT = 1e-6
 # of the modes: states (r, n), covariances (r, n, n), weights (r,); of their mixture: mean (n,), covariance (n, n)
@@ -244,10 +250,10 @@ def _predict(
     count, n = states.shape
     joint = _joint(weights, stay_s, dt_s)
     after[:] = joint.sum(axis=0)
-    start_x, start_P = np.empty(n), np.empty((n, n))
+    start_x, start_P, half = np.empty(n), np.empty((n, n)), np.empty((n, n))
     for k in range(count):
         _moments(states, covariances, joint[:, k] / after[k], start_x, start_P)
-        X[k], P[k] = carry(start_x, start_P, F, noises[k])
+        carry_into(start_x, start_P, F, noises[k], half, X[k], P[k])
     _moments(X, P, after, mean, spread)
 
 
@@ -271,13 +277,14 @@ def _correct(
 ) -> None:
     """Write the modes after a residual (m,) that was taken at ``x`` (n,)."""
     count, n = states.shape
-    logs = np.zeros(count)
+    m, logs = residual.size, np.zeros(count)
+    own, Kt, S = np.empty(m), np.empty((m, n)), np.empty((m, m))
     for k in range(count):
-        own = residual.copy()
-        for a in range(own.size):
+        for a in range(m):
+            own[a] = residual[a]
             for j in range(n):
                 own[a] -= H[a, j] * (states[k, j] - x[j])
-        X[k], P[k], _, S = correct(states[k], covariances[k], H, R, own, estimated, share)
+        correct_into(states[k], covariances[k], H, R, own, estimated, share, X[k], P[k], Kt, S)
         if telling:
             logs[k] = log_likelihood(own, S)
     after[:] = weights
