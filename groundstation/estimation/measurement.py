@@ -293,23 +293,8 @@ def _fuse_angles(
     for k in range(2):
         inside &= residual[k] ** 2 <= gate_sigma**2 * S[k, k]
     if inside:
-        correct_modes(
-            states,
-            covariances,
-            x,
-            weights,
-            residual,
-            H,
-            R,
-            estimated,
-            1.0,
-            False,
-            new_states,
-            new_covariances,
-            new_weights,
-            new_x,
-            new_P,
-        )
+        moved = (new_states, new_covariances, new_weights, new_x, new_P)
+        correct_modes(states, covariances, x, weights, residual, H, R, estimated, 1.0, False, *moved)
     return squared_sigmas(residual, S), inside
 
 
