@@ -3,6 +3,11 @@
 import os
 from pathlib import Path
 
+from groundstation.cli_start import ONE_THREAD
+
+# as the program begins, before numpy is there
+os.environ.update(ONE_THREAD | os.environ)
+
 import numpy as np
 import pytest
 from hypothesis import settings
