@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/landing-1
+KERNELS := $(shell grep -rl --include=*.py njit groundstation calibration)
 
 .PHONY: demo test docs lint kernels kernels-aboard fuzz peers cameras figures study clean
 
@@ -13,12 +14,17 @@ $(VENV)/installed: pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,docs,logs,ptu]'
 	@touch $@
 
+# numba looks whether a kernel's own file has changed, not those of the kernels that are compiled into it
+$(VENV)/kernels: $(KERNELS) | $(VENV)/installed
+	@find groundstation calibration -name '*.nb[ic]' -delete
+	@touch $@
+
 ## demo: replay the bundled landing and print its accuracy
-demo: $(VENV)/installed
+demo: $(VENV)/installed $(VENV)/kernels
 	$(BIN)/groundstation replay recordings/landing-1 --out $(OUT)
 
 ## test: everything that must hold, under ten minutes on two cores (three workers: a sixth of the time is waiting for devices)
-test: $(VENV)/installed
+test: $(VENV)/installed $(VENV)/kernels
 	@$(MAKE) --no-print-directory --jobs=2 kernels lint kernels-aboard
 	$(BIN)/python -m pytest --numprocesses=3 --dist=loadfile --no-loadscope-reorder
 
