@@ -99,6 +99,20 @@ def test_it_searches_without_a_start(video: Path) -> None:
     assert set(words) <= {s.value for s in TrackStatus}
 
 
+def test_a_box_that_holds_nothing(film: Film, video: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Expected: plain sky is never tracked; a line says that nothing was there, and the aircraft is found by searching."""
+    rows = track(video, "--init", "30,20,40,24", "--to-frame", "19")
+    assert rows[0]["status"] == "acquiring"
+    seen = [(k, row) for k, row in enumerate(rows) if row["status"] == "tracking"]
+    assert len(seen) >= 5
+    for k, row in seen:
+        assert np.hypot(*(np.array([float(row["u_px"]), float(row["v_px"])]) - film.place(k))) < 0.6 * film.span_px
+    assert all(row["u_px"] == "" for row in rows if row["status"] != "tracking")
+    assert "nothing was found in the box of --init" in capfd.readouterr().err
+    track(video, "--init", init(film), "--to-frame", "1")
+    assert "nothing was found" not in capfd.readouterr().err
+
+
 def test_a_part_of_it(film: Film, video: Path) -> None:
     """--init belongs to the first frame of the part; the last frame is included."""
     rows = track(video, "--from-frame", "8", "--to-frame", "13", "--init", init(film, 8))
