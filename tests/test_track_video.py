@@ -100,7 +100,7 @@ def test_it_searches_without_a_start(video: Path) -> None:
 
 
 def test_a_box_that_holds_nothing(film: Film, video: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """Expected: plain sky is never tracked; a line says that nothing was there, and the aircraft is found by searching."""
+    """Expected: plain sky is never tracked; a line says so, and the aircraft is found by searching."""
     rows = track(video, "--init", "30,20,40,24", "--to-frame", "19")
     assert rows[0]["status"] == "acquiring"
     seen = [(k, row) for k, row in enumerate(rows) if row["status"] == "tracking"]
