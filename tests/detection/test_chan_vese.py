@@ -75,7 +75,7 @@ def as_shipped(seed: int, radius_px: float) -> float:
     return overlap(rest > 0, band > 0)
 
 
-@pytest.mark.parametrize(("radius_px", "alike", "least"), [(20.0, 0.99, 0.99), (10.0, 0.99, 0.99), (4.0, 0.99, 0.96)])
+@pytest.mark.parametrize(("radius_px", "alike", "least"), [(20.0, 0.99, 0.99), (10.0, 0.99, 0.99), (4.0, 0.98, 0.96)])
 def test_the_shipped_numbers_end_where_the_grid_rests(radius_px: float, alike: float, least: float) -> None:
     """Median and least of four: 0.99 from some 300 px inside; of a small silhouette a pixel or two may differ."""
     found = [as_shipped(seed, radius_px) for seed in range(4)]
