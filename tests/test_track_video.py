@@ -351,3 +351,17 @@ def test_real_clips(shared_data: Path, tmp_path: Path, clip: str, start: str | N
     assert score["frames"] >= 70
     assert score["hit"] >= 0.95
     assert score["wrong"] <= 0.03
+
+
+def test_empty_cloud_is_never_tracked(shared_data: Path, tmp_path: Path) -> None:
+    """A box of plain sky: from the first point on it is the aircraft, found by searching; cloud was `tracking` here."""
+    out, video = tmp_path / "track.csv", shared_data / "aircraft-clips" / "V_AIRPLANE_001.mp4"
+    assert main(["track", str(video), "--out", str(out), "--to-frame", "30", "--init", "60,60,40,20"]) == 0
+    rows = table(out)
+    first = next(k for k, row in enumerate(rows) if row["u_px"])
+    assert 3 <= first <= 15
+    assert {row["status"] for row in rows[:first]} <= {"acquiring", "searching"}
+    for row in rows[first:]:
+        # the labelled boxes of these frames, 10 px to each side
+        assert 275 <= float(row["u_px"]) <= 360
+        assert 190 <= float(row["v_px"]) <= 240
