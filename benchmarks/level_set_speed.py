@@ -179,7 +179,8 @@ def compare(starts: dict[str, Start]) -> Table:
             "Targets: scikit-image at least 50 × the band's time, IoU of the band at least 0.99. Rest: the full grid "
             f"with time step {AT_REST[0]:g} until no pixel changes side in {AT_REST[3]} iterations. Starts: the level "
             "set after the band's first, unbounded data step; or the contour itself, where the band's time holds that "
-            "first step. The rule: at most 0.4 % of the pixels inside change side, twice running (the band asks more: "
+            f"first step. The rule: at most {100 * STOP[1]:g} % of the pixels inside change side, {STOP[2]} times "
+            "running (the band asks more: "
             "that φ itself rests). scikit-image does not know the rule; it is given the number of iterations after "
             "which it would have ended, in one call. Times are processor time of one thread.",
         ),

@@ -9,7 +9,7 @@
 For each session with exact truth (truth.csv and masks.npz), default the bundled landing, the tables are printed, and
 written with the pictures into DIR/SESSION, default out/paper-detection. Predictions are the truth with seeded noise
 (groundstation/experiments/scenes.py), so all but the times repeats to the last digit.
-One thread; times are its processor time. Ten minutes for the bundled landing.
+One thread; times are its processor time. Some five minutes for the bundled landing.
 """
 
 import argparse

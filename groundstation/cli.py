@@ -223,6 +223,8 @@ def _track(options: argparse.Namespace) -> int:
     print(format_track_summary(result))
     for path in result.files:
         print(f"wrote {path}")
+    if result.start_confirmed is False:
+        print("groundstation: nothing was found in the box of --init: the whole picture was searched", file=sys.stderr)
     if result.fault is not None:
         print(f"groundstation: fault in the video: {result.fault}", file=sys.stderr)
     return 0 if result.fault is None else 1

@@ -44,7 +44,10 @@ class TrackRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackResult:
-    """What came of it; a gap is a run of frames without the target after it was first seen."""
+    """What came of it; a gap is a run of frames without the target after it was first seen.
+
+    ``start_confirmed`` says whether the target was in the box given; None where none was.
+    """
 
     frames: int
     tracked: int
@@ -54,6 +57,7 @@ class TrackResult:
     longest_gap_s: float
     files: tuple[Path, ...]
     fault: InputError | None
+    start_confirmed: bool | None
 
 
 def track_video(
@@ -87,7 +91,8 @@ def track_video(
         except InputError as error:
             fault = error
     files = [request.out] if request.save_video is None else [request.out, request.save_video]
-    return tally.result(tuple(files), fault)
+    given = request.init is not None and tally.frames > 0
+    return tally.result(tuple(files), fault, tracker.start_confirmed if given else None)
 
 
 def format_track_summary(result: TrackResult) -> str:
@@ -126,7 +131,7 @@ class _Tally:
             self.gap += 1
             self.longest = max(self.longest, (self.gap, frame.t_s - self.gap_from_s))
 
-    def result(self, files: tuple[Path, ...], fault: InputError | None) -> TrackResult:
+    def result(self, files: tuple[Path, ...], fault: InputError | None, start_confirmed: bool | None) -> TrackResult:
         """Return the counts."""
         return TrackResult(
             frames=self.frames,
@@ -137,6 +142,7 @@ class _Tally:
             longest_gap_s=self.longest[1],
             files=files,
             fault=fault,
+            start_confirmed=start_confirmed,
         )
 
 

@@ -99,6 +99,20 @@ def test_it_searches_without_a_start(video: Path) -> None:
     assert set(words) <= {s.value for s in TrackStatus}
 
 
+def test_a_box_that_holds_nothing(film: Film, video: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Expected: plain sky is never tracked; a line says so, and the aircraft is found by searching."""
+    rows = track(video, "--init", "30,20,40,24", "--to-frame", "19")
+    assert rows[0]["status"] == "acquiring"
+    seen = [(k, row) for k, row in enumerate(rows) if row["status"] == "tracking"]
+    assert len(seen) >= 5
+    for k, row in seen:
+        assert np.hypot(*(np.array([float(row["u_px"]), float(row["v_px"])]) - film.place(k))) < 0.6 * film.span_px
+    assert all(row["u_px"] == "" for row in rows if row["status"] != "tracking")
+    assert "nothing was found in the box of --init" in capfd.readouterr().err
+    track(video, "--init", init(film), "--to-frame", "1")
+    assert "nothing was found" not in capfd.readouterr().err
+
+
 def test_a_part_of_it(film: Film, video: Path) -> None:
     """--init belongs to the first frame of the part; the last frame is included."""
     rows = track(video, "--from-frame", "8", "--to-frame", "13", "--init", init(film, 8))
@@ -337,3 +351,17 @@ def test_real_clips(shared_data: Path, tmp_path: Path, clip: str, start: str | N
     assert score["frames"] >= 70
     assert score["hit"] >= 0.95
     assert score["wrong"] <= 0.03
+
+
+def test_empty_cloud_is_never_tracked(shared_data: Path, tmp_path: Path) -> None:
+    """A box of plain sky: from the first point on it is the aircraft, found by searching; cloud was `tracking` here."""
+    out, video = tmp_path / "track.csv", shared_data / "aircraft-clips" / "V_AIRPLANE_001.mp4"
+    assert main(["track", str(video), "--out", str(out), "--to-frame", "30", "--init", "60,60,40,20"]) == 0
+    rows = table(out)
+    first = next(k for k, row in enumerate(rows) if row["u_px"])
+    assert 3 <= first <= 15
+    assert {row["status"] for row in rows[:first]} <= {"acquiring", "searching"}
+    for row in rows[first:]:
+        # the labelled boxes of these frames, 10 px to each side
+        assert 275 <= float(row["u_px"]) <= 360
+        assert 190 <= float(row["v_px"]) <= 240

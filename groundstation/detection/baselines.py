@@ -46,6 +46,9 @@ def _method(config: DetectionConfig) -> Segment:
             return partial(snake.segment, config=config.snake, stop=stop, gvf=True)
         case SegmentationMethod.SKIMAGE_CHAN_VESE:
             return partial(_skimage_chan_vese, config=level_set, skimage=_skimage_segmentation(config))
+        case SegmentationMethod.SKIMAGE_CHAN_VESE_STEPPED:
+            skimage = _skimage_segmentation(config)
+            return partial(_skimage_chan_vese, config=level_set, skimage=skimage, stepped=True)
         case SegmentationMethod.SKIMAGE_MORPHOLOGICAL:
             return partial(_skimage_morphological, config=level_set, skimage=_skimage_segmentation(config))
         case SegmentationMethod.CHAN_VESE:
@@ -71,9 +74,12 @@ def _chan_vese_full(u: Float32Array, inside: BoolArray, config: LevelSetConfig) 
     return phi
 
 
-def _skimage_chan_vese(u: Float32Array, inside: BoolArray, config: LevelSetConfig, skimage: Any) -> Float32Array:
+def _skimage_chan_vese(
+    u: Float32Array, inside: BoolArray, config: LevelSetConfig, skimage: Any, stepped: bool = False
+) -> Float32Array:
     """Run scikit-image's level set (Getreuer, IPOL 2012) from a small step of φ on the start contour.
 
+    ``stepped`` starts it where the compiled one starts, after that one's first data step inside the contour.
     From φ = ±1 no pixel would change side for some iterations, and that would count as rest. It has neither ν
     nor ε (0 and 1), and its δ lacks the factor 1/π, which goes into the time step. It runs one iteration at a
     time, since its own rule for stopping looks at φ instead of at its sign.
@@ -84,7 +90,8 @@ def _skimage_chan_vese(u: Float32Array, inside: BoolArray, config: LevelSetConfi
     def advance(phi: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(skimage.chan_vese(u, init_level_set=phi, **once)[1])
 
-    return _run(advance, np.where(inside, _SMALL, -_SMALL), config).astype(np.float32)
+    begun = chan_vese.start(u, inside).astype(np.float64) if stepped else np.where(inside, _SMALL, -_SMALL)
+    return _run(advance, begun, config).astype(np.float32)
 
 
 def _skimage_morphological(u: Float32Array, inside: BoolArray, config: LevelSetConfig, skimage: Any) -> Float32Array:

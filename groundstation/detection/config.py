@@ -23,6 +23,7 @@ class SegmentationMethod(StrEnum):
     SNAKE = "snake"
     GVF_SNAKE = "gvf_snake"
     SKIMAGE_CHAN_VESE = "skimage_chan_vese"
+    SKIMAGE_CHAN_VESE_STEPPED = "skimage_chan_vese_stepped"
     SKIMAGE_MORPHOLOGICAL = "skimage_morphological"
 
 

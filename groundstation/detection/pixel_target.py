@@ -19,7 +19,7 @@ class PixelTarget:
     box : x, y, w, h of its last silhouette in px.
     begun_s, newest_s, seen_s, checked_s : times of its first frame, of the newest one, of the last one that showed
         it, and of the last second look.
-    proven : whether it was given, or has shown itself often enough since it was found.
+    proven : whether it was given and clearly there, or has shown itself often enough since it was found.
     span_px : width to expect as long as the detector knows nothing better.
     whole_px : its length as second looks have shown it, None if they have not.
     misses : frames running that did not show it.

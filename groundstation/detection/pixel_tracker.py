@@ -4,6 +4,8 @@ Nothing is known of the lens, of where the camera points or of what is flown. Wh
 place in the picture; what moves it besides its own flight is the camera, seen in the picture's background.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from groundstation.arrays import ImageArray
@@ -33,6 +35,10 @@ class PixelTracker:
     ----------
     image_size_px : (w, h) of every frame.
     config : the tuning.
+
+    Attributes
+    ----------
+    start_confirmed : whether what a start was given has shown itself; True without a start.
     """
 
     def __init__(self, image_size_px: tuple[int, int], config: PixelTrackerConfig | None = None) -> None:
@@ -42,17 +48,21 @@ class PixelTracker:
         self._view = TargetView(self._config, image_size_px)
         self._search = TargetSearch(self._config.search, self._config.acquisition, image_size_px)
         self._target: PixelTarget | None = None
+        self._given: Box | None = None  # where a start that is on trial was last seen
+        self.start_confirmed = True
 
     def reset(self) -> None:
         """Forget the target and everything that might become one."""
-        self._target = None
+        self._target = self._given = None
         self._view.detector.reset()
         self._search.reset()
 
     def start(self, image: ImageArray, t_s: float, box: Box) -> PixelTrack:
         """Begin with the target inside ``box`` (x, y, w, h in px) of a frame (h, w, 3) BGR; return what is there.
 
-        The box may be loose: what stands out in it is the target.
+        The box may be loose: what stands out in it is the target, at once where it does so clearly. Otherwise it is on
+        trial, acquiring without a point, until as many frames have shown it as searching would ask for; where they do
+        not, the box holds nothing and the whole picture is searched.
         """
         self.reset()
         working = self._picture.prepare(image)
@@ -64,9 +74,9 @@ class PixelTracker:
         else:
             place, size = (float(sight.centre_px[0]), float(sight.centre_px[1])), sight.box[2:]
         target = self._begin(t_s, place, size, None, 2.0 + 0.1 * max(w, h))
-        target.proven = True
         target.whole_px = None if sight is None else sight.size_px
-        return in_full(self._follow(target, working, t_s), self._picture.scale)
+        self._given, self.start_confirmed = (x, y, w, h), False
+        return in_full(self._on_trial(target, (x, y, w, h), working, t_s), self._picture.scale)
 
     def step(self, image: ImageArray, t_s: float) -> PixelTrack:
         """Look at the next frame, (h, w, 3) BGR, taken at ``t_s``, later than the last one."""
@@ -76,7 +86,10 @@ class PixelTracker:
             track = self._find(working, t_s)
         else:
             target.motion.predict(t_s - target.newest_s)
-            track = self._follow(target, working, t_s)
+            if self._given is None:
+                track = self._follow(target, working, t_s)
+            else:
+                track = self._on_trial(target, self._given, working, t_s)
         return in_full(track, self._picture.scale)
 
     # ------------------------------------------------------------------------------------ without a target
@@ -135,6 +148,23 @@ class PixelTracker:
         return self._target
 
     # --------------------------------------------------------------------------------------- with a target
+    def _on_trial(self, target: PixelTarget, given: Box, image: ImageArray, t_s: float) -> PixelTrack:
+        """Follow what a start was given until it is sure, or until it is sure that there is nothing."""
+        c = self._config.search
+        track = self._follow(target, image, t_s)
+        seen, miss = track.result, Miss(reason=MissReason.NOT_ACQUIRED)
+        if isinstance(seen, Detection) and overlaps(seen.box, given):
+            clear = target.frames == 1 and seen.contrast_to_noise >= c.least_score
+            if clear or (target.seen >= c.frames and t_s - target.begun_s >= c.span_s):
+                self._given, self.start_confirmed = None, True
+                target.proven = clear
+                return track
+            self._given = seen.box
+        elif isinstance(seen, Detection) or self._target is not target or target.misses >= self._config.search_after:
+            self.reset()
+            return PixelTrack(t_s=t_s, status=TrackStatus.SEARCHING, result=miss, roi=None, predicted_px=None)
+        return replace(track, status=TrackStatus.ACQUIRING, result=miss)
+
     def _follow(self, target: PixelTarget, image: ImageArray, t_s: float) -> PixelTrack:
         """Look where the target is expected and, where that is not enough, wider."""
         small, target.small = target.small, small_copy(image)

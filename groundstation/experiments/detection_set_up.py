@@ -22,6 +22,7 @@ METHODS = {
     "snake": replace(DEFAULT, segmentation=SegmentationMethod.SNAKE, snake=SnakeConfig(sigma_px=2.0)),
     "GVF snake": replace(DEFAULT, segmentation=SegmentationMethod.GVF_SNAKE),
     "scikit-image chan_vese": replace(DEFAULT, segmentation=SegmentationMethod.SKIMAGE_CHAN_VESE),
+    "scikit-image chan_vese, our start": replace(DEFAULT, segmentation=SegmentationMethod.SKIMAGE_CHAN_VESE_STEPPED),
     "scikit-image morphological": replace(DEFAULT, segmentation=SegmentationMethod.SKIMAGE_MORPHOLOGICAL),
 }
 PAPER_ROI = {

@@ -16,7 +16,7 @@ from groundstation.detection.detector import Detector
 from groundstation.detection.roi import place_roi
 from groundstation.detection.segmentation import Float32Array
 from groundstation.experiments.scenes import Scene, Silhouette
-from groundstation.messages import Detection, Roi
+from groundstation.messages import Detection, Frame, Miss, Roi
 
 FOUND = "found"
 _WRONG_PX, _WRONG_WIDTHS = 10.0, 0.25
@@ -65,6 +65,15 @@ class Outcome:
         return self.found and float(np.hypot(*self.error_px)) > limit
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameTruth:
+    """What is truly in a frame: the nose (2,) px, the silhouette, and what lies behind it."""
+
+    nose_px: FloatArray
+    silhouette: Silhouette
+    background: str
+
+
 class Watcher:
     """One detector of each camera with its region of interest placed as the pipeline does."""
 
@@ -90,36 +99,45 @@ class Watcher:
         started = time.thread_time()
         result = self._detectors[name].detect(image, roi, hint)
         elapsed = time.thread_time() - started
-        point = error = whitened = np.full(2, np.nan)
-        overlap, centre_error, reason = 0.0, float("nan"), FOUND
         if isinstance(result, Detection):
             self._sizes[name] = (result.box[2], result.box[3])
-            point = np.array([result.u_px, result.v_px])
-            error = point - scene.nose_px
-            whitened = np.linalg.solve(np.linalg.cholesky(result.covariance_px2), error)
-            overlap = _overlap(result, scene.silhouette)
-            centre_error = float(np.hypot(*(result.centroid_px - scene.silhouette.centre_px)))
-        else:
-            reason = result.reason.value
-        return Outcome(
-            station=name,
-            t_s=scene.frame.t_s,
-            background=scene.background,
-            width_px=scene.silhouette.width_px,
-            roi=roi,
-            elapsed_s=elapsed,
-            segment_s=sum(self._stopwatches[name]),
-            reason=reason,
-            point_px=point,
-            error_px=error,
-            whitened=whitened,
-            overlap=overlap,
-            centre_error_px=centre_error,
-            holds_nose=_holds(roi, scene.nose_px[0], scene.nose_px[1], 0, 0),
-            holds_silhouette=_holds(
-                roi, scene.silhouette.x, scene.silhouette.y, *(n - 1 for n in scene.silhouette.mask.shape[::-1])
-            ),
-        )
+        truth = FrameTruth(nose_px=scene.nose_px, silhouette=scene.silhouette, background=scene.background)
+        return judged(scene.frame, truth, (roi, result), (elapsed, sum(self._stopwatches[name])))
+
+
+def judged(
+    frame: Frame, truth: FrameTruth, look: tuple[Roi, Detection | Miss], times_s: tuple[float, float] = (0.0, 0.0)
+) -> Outcome:
+    """Return what a look at a frame is worth; ``times_s`` are those of the detector and of the segmentation in it."""
+    roi, result = look
+    point = error = whitened = np.full(2, np.nan)
+    overlap, centre_error, reason = 0.0, float("nan"), FOUND
+    if isinstance(result, Detection):
+        point = np.array([result.u_px, result.v_px])
+        error = point - truth.nose_px
+        whitened = np.linalg.solve(np.linalg.cholesky(result.covariance_px2), error)
+        overlap = _overlap(result, truth.silhouette)
+        centre_error = float(np.hypot(*(result.centroid_px - truth.silhouette.centre_px)))
+    else:
+        reason = result.reason.value
+    height, width = truth.silhouette.mask.shape
+    return Outcome(
+        station=frame.station,
+        t_s=frame.t_s,
+        background=truth.background,
+        width_px=truth.silhouette.width_px,
+        roi=roi,
+        elapsed_s=times_s[0],
+        segment_s=times_s[1],
+        reason=reason,
+        point_px=point,
+        error_px=error,
+        whitened=whitened,
+        overlap=overlap,
+        centre_error_px=centre_error,
+        holds_nose=_holds(roi, truth.nose_px[0], truth.nose_px[1], 0, 0),
+        holds_silhouette=_holds(roi, truth.silhouette.x, truth.silhouette.y, width - 1, height - 1),
+    )
 
 
 def _time_segmentation(detector: Detector) -> list[float]:

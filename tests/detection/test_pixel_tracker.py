@@ -134,6 +134,30 @@ def test_a_cut_to_another_aircraft(film: Film, rng: np.random.Generator) -> None
     assert not wrong(after, tracks)
 
 
+def test_a_faint_start_proves_itself(film: Film) -> None:
+    """Expected: what hardly shows in the box is acquiring without a point for some frames, then tracking there."""
+    film.level, film.noise, film.span_px = -9.0, 3.0, 26.0
+    tracks = watch(film, 25, started=True)
+    words = [t.status for t in tracks]
+    begun = words.index(TrackStatus.TRACKING)
+    assert 3 <= begun <= 8
+    assert set(words[:begun]) == {TrackStatus.ACQUIRING}
+    assert all(isinstance(t.result, Miss) for t in tracks[:begun])
+    assert not wrong(film, tracks)
+
+
+@pytest.mark.parametrize("corner", [(300.0, 20.0), (300.0, 250.0)])
+def test_a_start_where_nothing_is(film: Film, corner: tuple[float, float]) -> None:
+    """Sky, hills: never a point, whatever the box."""
+    film.hidden, film.corner = range(1000), corner
+    for box in ((60.0, 60.0, 40.0, 20.0), (200.0, 150.0, 90.0, 60.0)):
+        tracker = PixelTracker(SIZE)
+        tracks = [tracker.start(film.frame(0), 0.0, box)]
+        tracks += [tracker.step(film.frame(k), k / RATE_HZ) for k in range(1, 12)]
+        assert all(isinstance(t.result, Miss) for t in tracks)
+        assert not tracker.start_confirmed
+
+
 # ---------------------------------------------------------------------------------------------- searching
 def test_finds_by_itself(film: Film) -> None:
     """Expected: searching, acquiring over several frames, then tracking within half a second."""

@@ -68,7 +68,13 @@ def test_finds_the_aircraft_of_the_bundled_landing(
 
 
 @pytest.mark.parametrize(
-    "method", [SegmentationMethod.CHAN_VESE_FULL, SegmentationMethod.SKIMAGE_CHAN_VESE, SegmentationMethod.CHAN_VESE]
+    "method",
+    [
+        SegmentationMethod.CHAN_VESE_FULL,
+        SegmentationMethod.SKIMAGE_CHAN_VESE,
+        SegmentationMethod.SKIMAGE_CHAN_VESE_STEPPED,
+        SegmentationMethod.CHAN_VESE,
+    ],
 )
 def test_level_sets_agree_on_a_plain_blob(rng: np.random.Generator, method: SegmentationMethod) -> None:
     y, x = np.mgrid[0:40, 0:80]

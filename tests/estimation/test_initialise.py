@@ -1,5 +1,7 @@
 """From candidates to a track: aircraft are found, trees and chance pairings are not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,11 +14,16 @@ SPAN_M = 2.3
 
 
 class Scene:
-    def __init__(self, generator: np.random.Generator, span_m: float | None = SPAN_M) -> None:
+    def __init__(
+        self,
+        generator: np.random.Generator,
+        span_m: float | None = SPAN_M,
+        config: InitiationConfig | None = None,
+    ) -> None:
         self.rig = make_rig()
         self.geometries = {s.name: s.geometry() for s in self.rig.stations}
         self.generator = generator
-        self.initiator = TrackInitiator(self.geometries, InitiationConfig(), span_m)
+        self.initiator = TrackInitiator(self.geometries, config or InitiationConfig(), span_m)
 
     def sight(self, t: float, point: np.ndarray, width_m: float = SPAN_M, score: float = 10.0) -> list[Sighting]:
         out = []
@@ -99,3 +106,18 @@ def test_one_camera_alone_acquires_nothing(rng: np.random.Generator) -> None:
     for k in range(50):
         left = [s for s in scene.sight(k * 0.1, glide(k * 0.1)) if s.station == "left"]
         assert scene.initiator.step(k * 0.1, left) is None
+
+
+def fits_lifted(scene: Scene, off_px: float) -> bool:
+    """Return whether a pair is taken whose right sighting is ``off_px`` below its place."""
+    left, right = scene.sight(0.0, glide(5.0))
+    return bool(scene.initiator.fixes([left, replace(right, pixel=right.pixel + [0.0, off_px])]))
+
+
+@pytest.mark.parametrize(("off_px", "fits"), [(0.0, True), (5.0, True), (-5.0, True), (10.0, False), (-10.0, False)])
+def test_a_pair_is_two_views_of_one_thing_only_where_its_rays_meet(
+    rng: np.random.Generator, off_px: float, fits: bool
+) -> None:
+    """Epipolar agreement: beyond the gate in v the same two sightings are refused, and by nothing but the gate."""
+    assert fits_lifted(Scene(rng), off_px) is fits
+    assert fits_lifted(Scene(rng, config=InitiationConfig(residual_gate_sigma=1e6)), off_px)

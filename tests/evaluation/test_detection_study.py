@@ -132,3 +132,19 @@ def test_a_session_without_truth_is_refused(landing_1: Path, tmp_path: Path) -> 
             (tmp_path / path.name).symlink_to(path)
     with pytest.raises(SessionError, match="wanted a rendered session"):
         next(scenes(load_session(tmp_path), SEED))
+
+
+def test_a_replay_is_told_by_background_and_width() -> None:
+    """Expected: rms and percent of the width of each bin, misses counted, beside the bins the ranges with an aim."""
+    far = [made_up(t_s=0.1 * k, error_px=np.array([1.0, -2.0]), overlap=0.5 + 0.1 * k) for k in range(3)]
+    missed = made_up(reason="no_region", error_px=np.full(2, np.nan), overlap=0.0, holds_silhouette=False)
+    near = made_up(background="ground", width_px=150)
+    table = findings.flown_table([*far, missed, near])
+    rows = {(row[0], row[1]): row[2:] for row in table.rows}
+    sky = ("30–60 px", "15–100 px", "0–80 px")
+    assert set(rows) == {*(("sky", name) for name in sky), ("ground", "120–200 px"), ("all", "")}
+    for name in sky:
+        assert rows["sky", name][:7] == pytest.approx([4, 75.0, 1.0, 2.0, 2.0, 4.0, 0.55])
+        assert rows["sky", name][-2:] == pytest.approx([100.0, 75.0])
+    assert rows["ground", "120–200 px"][2:6] == pytest.approx([3.0, 0.0, 2.0, 0.0])
+    assert rows["all", ""][0] == 5

@@ -68,10 +68,10 @@ def takeoff(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Repl
 
 
 def test_landing_accuracy(landing: Replayed) -> None:
-    """y 100–250 m: at most 0.06/0.7/0.06 m, and every one of its frames covered."""
+    """y 100–250 m: at most 0.035/0.45/0.04 m, and every one of its frames covered."""
     errors = landing.errors(100, 250)
     assert len(errors) == 133
-    assert np.all(landing.rmse(100, 250) <= [0.06, 0.7, 0.06])
+    assert np.all(landing.rmse(100, 250) <= [0.035, 0.45, 0.04])
 
 
 def test_landing_filter_beats_triangulation_beyond_100_m(landing: Replayed) -> None:
@@ -112,8 +112,8 @@ def test_landing_consistency_is_reported(landing: Replayed) -> None:
 
 
 def test_takeoff_accuracy(takeoff: Replayed) -> None:
-    """At most 0.06/0.9/0.06 m at y 100–250 m and 0.06/0.2/0.06 below 100 m while in view."""
-    assert np.all(takeoff.rmse(100, 250) <= [0.06, 0.9, 0.06])
+    """At most 0.035/0.65/0.04 m at y 100–250 m and 0.06/0.2/0.06 below 100 m while in view."""
+    assert np.all(takeoff.rmse(100, 250) <= [0.035, 0.65, 0.04])
     in_view = [r for r in takeoff.track if r["status"] == "tracking"]
     t = np.array([float(r["t_s"]) for r in in_view])
     x = np.array([[float(r[k]) for k in ("x_m", "y_m", "z_m")] for r in in_view])
@@ -171,7 +171,7 @@ def test_takeoff_with_late_stamps_missing_frames_and_thinned_ptu(
     shared_data: Path, takeoff: Replayed, tmp_path: Path
 ) -> None:
     """Right stamps 20 ms late with a camera_clock that says so, every tenth right frame missing, every second PTU
-    row gone: errors stay within 1.2 × of the limits."""
+    row gone: errors stay within 1.2 × of 0.06/0.9/0.06 m."""
 
     def frames(lines: list[str]) -> list[str]:
         out = lines[:1]
