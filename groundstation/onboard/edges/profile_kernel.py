@@ -1,0 +1,180 @@
+"""Compiled arithmetic of the profile across an edge: gathering it, levels by least squares, a line's likelihood."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from groundstation.arrays import FloatArray, ImageArray
+
+_SQUARE = 1e-9  # of a level that nothing measures
+
+
+@njit(cache=True, nogil=True)
+def gather(
+    image: ImageArray,
+    x: FloatArray,
+    rows: FloatArray,
+    steps: FloatArray,
+    total: FloatArray,
+    weight: FloatArray,
+) -> None:
+    """Add the pixels about both lines to straightened profiles, each row's in its own steps.
+
+    ``steps`` (2,) px of a bin at the upper and the lower row; ``total`` (2, blocks, bins, 3) sums of colours (0 to 1) and ``weight`` (2, blocks, bins), outwards to the right,
+    the middle bin on the line.
+    """
+    blocks, bins = weight.shape[1], weight.shape[2]
+    half, height = bins // 2, rows[1] - rows[0]
+    for row in range(max(math.ceil(rows[0]), 0), min(math.floor(rows[1]), image.shape[0] - 1) + 1):
+        t = (row - rows[0]) / height
+        k = min(int(t * blocks), blocks - 1)
+        step = steps[0] * (1.0 - t) + steps[1] * t
+        for line in range(2):
+            outwards = (-1.0 if line == 0 else 1.0) / step
+            edge = x[2 * line] * (1.0 - t) + x[2 * line + 1] * t
+            first = max(math.ceil(edge - half * step), 0)
+            last = min(math.floor(edge + half * step), image.shape[1] - 1)
+            for j in range(first, last + 1):
+                place = outwards * (j - edge) + half
+                i = int(place)
+                if i >= bins - 1:
+                    continue
+                f = place - i
+                for c in range(3):
+                    colour = image[row, j, c] / 255.0
+                    total[line, k, i, c] += (1.0 - f) * colour
+                    total[line, k, i + 1, c] += f * colour
+                weight[line, k, i] += 1.0 - f
+                weight[line, k, i + 1] += f
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _under(z: float) -> float:
+    """Return the normal distribution below z."""
+    return 0.5 * (1.0 + math.erf(0.7071067811865476 * z))
+
+
+@njit(cache=True, nogil=True)
+def misfits(
+    total: FloatArray,
+    weight: FloatArray,
+    blurs: FloatArray,
+    bars: FloatArray,
+    usual: FloatArray,
+    stiffness: FloatArray,
+    misfit: FloatArray,
+    bright: FloatArray,
+) -> None:
+    """Fill the misfit (blocks, trials) of pavement, ground and bright bars along one edge, and the bars' brightness.
+
+    The levels of each block are those of least squares; all bins count at every trial, which moves the model alone.
+
+    Parameters
+    ----------
+    total, weight : (blocks, bins, 3) and (blocks, bins), of `gather`.
+    blurs : (blocks,) sigma of the picture, in bins; ``bars`` (bars, blocks, 2) inner and outer side of each bar.
+    usual : (bars, 3) each bar's usual excess over what it lies on, held with ``stiffness`` (bars,), in pixels.
+    misfit, bright : (blocks, trials), and the bars' excess (blocks, trials, bars, 3).
+    """
+    blocks, bins = weight.shape
+    trials, count = misfit.shape[1], bars.shape[0]
+    half, middle, size = bins // 2, trials // 2, 2 + bars.shape[0]
+    shapes = np.empty((size, bins + trials))
+    normal, low, ratio = np.empty((size, size)), np.zeros((size, size)), np.empty(size)
+    b, y = np.empty((3, size)), np.empty(size)
+    for k in range(blocks):
+        for i in range(bins + trials):
+            z = float(i - half - middle)
+            shapes[1, i] = _under(z / blurs[k])
+            shapes[0, i] = 1.0 - shapes[1, i]
+            for n in range(count):
+                shapes[2 + n, i] = _under((z - bars[n, k, 0]) / blurs[k]) - _under((z - bars[n, k, 1]) / blurs[k])
+        square = 0.0
+        for i in range(bins):
+            if weight[k, i] > 0.0:
+                for c in range(3):
+                    square += total[k, i, c] ** 2 / weight[k, i]
+        for o in range(trials):
+            normal[:] = 0.0
+            b[:] = 0.0
+            for i in range(bins):
+                w = weight[k, i]
+                if w <= 0.0:
+                    continue
+                at = i - o + 2 * middle
+                for m in range(size):
+                    own = shapes[m, at]
+                    for n in range(m + 1):
+                        normal[m, n] += w * own * shapes[n, at]
+                    for c in range(3):
+                        b[c, m] += total[k, i, c] * own
+            # Cholesky's L D Lᵀ of the levels, the same for all colours
+            for m in range(size):
+                normal[m, m] += _SQUARE + (stiffness[m - 2] if m > 1 else 0.0)
+                ratio[m] = normal[m, m]
+                for n in range(m):
+                    own = normal[m, n]
+                    for p in range(n):
+                        own -= low[m, p] * low[n, p] * ratio[p]
+                    low[m, n] = own / ratio[n]
+                    ratio[m] -= low[m, n] ** 2 * ratio[n]
+                ratio[m] = max(ratio[m], _SQUARE)
+            left = square
+            for c in range(3):
+                for m in range(size):
+                    y[m] = b[c, m]
+                    if m > 1:
+                        y[m] += stiffness[m - 2] * usual[m - 2, c]
+                        left += stiffness[m - 2] * usual[m - 2, c] ** 2
+                    for n in range(m):
+                        y[m] -= low[m, n] * y[n]
+                    left -= y[m] ** 2 / ratio[m]
+                for m in range(size - 1, 1, -1):
+                    own = y[m] / ratio[m]
+                    for n in range(m + 1, size):
+                        own -= low[n, m] * bright[k, o, n - 2, c]
+                    bright[k, o, m - 2, c] = own
+            misfit[k, o] = max(left, 1e-9)
+
+
+@njit(cache=True, nogil=True)
+def line_likelihood(
+    curves: FloatArray, steps: FloatArray, outlier: float, out: FloatArray, mean: FloatArray, covariance: FloatArray
+) -> None:
+    """Fill a line's log-likelihood ``out`` (trials, trials) at its upper and lower end, its mean (2,) and covariance.
+
+    ``curves`` (blocks, trials) log-likelihoods of each block's displacement, in steps that go from ``steps[0]`` px at
+    the upper to ``steps[1]`` at the lower row; a block is of something else with the likelihood ``outlier``.
+    """
+    blocks, trials = curves.shape
+    middle = trials // 2
+    highest = -np.inf
+    for a in range(trials):
+        for b in range(trials):
+            total = 0.0
+            for k in range(blocks):
+                t = (k + 0.5) / blocks
+                upper, lower = steps[0] * (1.0 - t), steps[1] * t
+                place = ((a - middle) * upper + (b - middle) * lower) / (upper + lower) + middle
+                i = min(int(place), trials - 2)
+                f = place - i
+                own = curves[k, i] * (1.0 - f) + curves[k, i + 1] * f
+                total += math.log(math.exp(own) + outlier)
+            out[a, b] = total
+            highest = max(highest, total)
+    whole, m0, m1, c00, c01, c11 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for a in range(trials):
+        for b in range(trials):
+            p = math.exp(out[a, b] - highest)
+            x, y = steps[0] * (a - middle), steps[1] * (b - middle)
+            whole += p
+            m0 += p * x
+            m1 += p * y
+            c00 += p * x * x
+            c01 += p * x * y
+            c11 += p * y * y
+    mean[0], mean[1] = m0 / whole, m1 / whole
+    covariance[0, 0] = c00 / whole - mean[0] ** 2
+    covariance[1, 1] = c11 / whole - mean[1] ** 2
+    covariance[0, 1] = covariance[1, 0] = c01 / whole - mean[0] * mean[1]
