@@ -1,7 +1,7 @@
 """One step of lines that are followed: predict, look about the prediction, go down, settle, gate, update."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from groundstation.onboard.edges.lines import (
 from groundstation.onboard.edges.look import Look, Lookout, edge_noise, look_at, pose_noise
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.pose import CameraPose
-from groundstation.onboard.edges.profile import ProfileConfig, edges_by_profile
+from groundstation.onboard.edges.profile import edges_by_profile, reach_px
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.strip import FoundEdges, search_edges, settle
 
@@ -52,10 +52,11 @@ def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineSta
     if look is None:
         return Followed(state=predicted, edges=None, found=None, miss=EdgeMiss.NO_BAND)
     px_per_m = float(np.abs(look.predicted[3] - look.predicted[1]) / abs(predicted.mean[C] - predicted.mean[D]))
-    cleaned = without_paint(image, look.rows, config.paint_m * px_per_m)
-    found = _measure(config, cleaned, look, predicted, thorough=thorough)
-    if found is not None and thorough and config.profile is not None:
-        found = by_profile(config.profile, image, look, predicted, found)
+    if thorough and config.profile is not None:
+        found = by_profile(config, image, look, predicted)
+    else:
+        image = without_paint(image, look.rows, config.paint_m * px_per_m)
+        found = _measure(config, image, look, predicted, thorough=thorough)
     if found is None:
         return _missed(config, look, predicted, EdgeMiss.FAINT, math.nan)
     update = _update(lookout, predicted, look, found)
@@ -74,14 +75,30 @@ def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineSta
     return Followed(state=update.state, edges=edges, found=found, miss=EdgeMiss.NONE)
 
 
-def by_profile(
-    config: ProfileConfig, image: ImageArray, look: Look, predicted: LineState, found: FoundEdges
-) -> FoundEdges:
-    """Return edges that were found, where the profiles across them put them; the picture has its paint."""
+def by_profile(config: TrackerConfig, image: ImageArray, look: Look, predicted: LineState) -> FoundEdges | None:
+    """Return the edges where the profiles across them put them; the picture has its paint."""
+    profile = config.profile
+    if profile is None:
+        return None
     width_m = abs(float(predicted.mean[C] - predicted.mean[D]))
     px_per_m = np.abs(look.predicted[2:] - look.predicted[:2]) / width_m
-    profiled = edges_by_profile(image, found.crossings_px, look.rows, px_per_m, config)
-    return replace(found, crossings_px=profiled.crossings_px, covariance_px2=profiled.covariance_px2)
+    prior = look.h @ predicted.covariance @ look.h.T + pose_noise(config, look)
+    guess = look.predicted
+    if (3.0 * np.sqrt(prior.diagonal()) > np.tile(reach_px(px_per_m, profile), 2)).any():
+        cleaned = without_paint(image, look.rows, config.paint_m * float(px_per_m[1]))
+        wide = search_edges(cleaned, guess, look.rows, look.widths, look.across, prior, config.strip)
+        if wide is None:
+            return None
+        guess = wide
+    found = edges_by_profile(image, guess, look.rows, px_per_m, look.predicted, prior, profile)
+    if found.contrast.min() < config.strip.least_contrast:
+        return None
+    return FoundEdges(
+        crossings_px=found.crossings_px,
+        covariance_px2=found.covariance_px2,
+        contrast=found.contrast,
+        agreement=found.agreement,
+    )
 
 
 def process_noise(config: TrackerConfig, state: LineState) -> FloatArray:

@@ -15,7 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.profile_kernel import gather, line_likelihood, misfits
+from groundstation.onboard.edges.profile_kernel import best_lines, gather, line_likelihood, misfits, moments
+
+_OUTWARDS = np.array([-1.0, -1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,18 +27,21 @@ class ProfileConfig:
     Attributes
     ----------
     blocks : of rows along an edge.
-    bins, trials : of a profile, and displacements of the line; odd, a step apart, both about the line.
+    wide, fine : displacements of the line to either side that are tried, first with steps of twice the size.
+    beside : steps at either side of the trials that the profile goes on.
     least_step_px, step_m : a step at a row is the larger of the two.
-    line_m : inner and outer side of a painted side line, inside the edge.
+    line_m, lamps_m : inner and outer side of a painted side line and of the lamps' light, outwards from the edge.
     blur_px : sigma of the picture across a line.
     paint_sigma : what the paint's excess (0 to 1) may differ by from block to block.
     alike : neighbouring bins and colours that err alike.
     outlier : likelihood of a block that shows something else, over its best.
+    floor_px : sigma that no end goes below.
     """
 
     blocks: int = 8
-    bins: int = 41
-    trials: int = 21
+    wide: int = 12
+    fine: int = 6
+    beside: int = 11
     least_step_px: float = 0.5
     step_m: float = 0.12
     line_m: tuple[float, float] = (-0.95, -0.5)
@@ -50,63 +55,127 @@ class ProfileConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProfiledEdges:
-    """Crossings (4,) px, and their covariance (4, 4) px²."""
+    """Crossings (4,) px, covariance (4, 4) px², contrast (2,) across both edges, agreement as of `strip.FoundEdges`."""
 
     crossings_px: FloatArray
     covariance_px2: FloatArray
+    contrast: FloatArray
+    agreement: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Fitted:
+    """Of both lines: log-likelihoods (2, trials, trials), the curves' levels (2, blocks, trials, 4, 3), misfits."""
+
+    grids: FloatArray
+    levels: FloatArray
+    misfit: FloatArray
+    freedom: FloatArray
+    steps: FloatArray
+
+
+def reach_px(px_per_m: FloatArray, config: ProfileConfig) -> FloatArray:
+    """Return how far off a line is found at either row (2,), px."""
+    return np.asarray(2.0 * config.wide * _steps(px_per_m, config))
 
 
 def edges_by_profile(
     image: ImageArray,
-    crossings_px: FloatArray,
+    guess_px: FloatArray,
     rows_px: FloatArray,
     px_per_m: FloatArray,
+    predicted_px: FloatArray,
+    prior_px2: FloatArray,
     config: ProfileConfig,
 ) -> ProfiledEdges:
-    """Return the edges next to crossings (4,) by the profiles of a picture (h, w, 3) with its paint.
+    """Return the edges about a guess (4,) by the profiles of a picture (h, w, 3) with its paint.
 
-    ``px_per_m`` (2,) across the runway at the upper and the lower row.
+    ``px_per_m`` (2,) across the runway at the upper and the lower row. The prior, crossings (4,) of covariance (4, 4),
+    chooses among likely places and is no part of the result.
     """
-    steps = np.maximum(config.least_step_px, config.step_m * px_per_m)
-    total = np.zeros((2, config.blocks, config.bins, 3))
-    weight = np.zeros((2, config.blocks, config.bins))
-    gather(image, crossings_px, rows_px, steps, total, weight)
-    t = (np.arange(config.blocks) + 0.5) / config.blocks
-    step = steps[0] * (1.0 - t) + steps[1] * t
-    bins_per_m = (px_per_m[0] * (1.0 - t) + px_per_m[1] * t) / step
-    places = np.array([config.line_m, config.lamps_m])
-    bars = places[:, None, :] * bins_per_m[None, :, None]
-    found, covariance = crossings_px.copy(), config.floor_px**2 * np.eye(4)
+    weight = np.linalg.inv(prior_px2 * np.outer(_OUTWARDS, _OUTWARDS))
+    found, usual, stiffness = guess_px.copy(), np.zeros((2, 2, 3)), np.zeros((2, 2))
+    out = np.zeros(4)
+    for scale, trials in ((2.0, config.wide), (1.0, config.fine)):
+        fit = _fitted(image, found, rows_px, px_per_m, (scale, trials), usual, stiffness, config)
+        best_lines(fit.grids, fit.steps, _OUTWARDS * (predicted_px - found), weight, out)
+        if scale > 1.0:
+            usual, stiffness = _usual(fit, out, config)
+            found += _OUTWARDS * out
+    covariance = config.floor_px**2 * np.eye(4)
+    moved = np.zeros(4)
     for line in range(2):
         own = slice(2 * line, 2 * line + 2)
-        lean = float(np.hypot(1.0, (crossings_px[own][1] - crossings_px[own][0]) / (rows_px[1] - rows_px[0])))
-        blurs = np.hypot(config.blur_px * lean / step, 0.5)
-        mean, spread = _line(total[line], weight[line], blurs, bars, steps, config)
-        found[own] += (-1.0 if line == 0 else 1.0) * mean
+        spread = np.empty((2, 2))
+        moments(fit.grids[line], fit.steps, moved[own], spread)
         covariance[own, own] += spread
-    return ProfiledEdges(crossings_px=found, covariance_px2=covariance)
+    between = _at(fit, moved)[:, :, 1] - _at(fit, moved)[:, :, 0]
+    lengths = np.sqrt((between**2).sum(axis=(1, 2)))
+    return ProfiledEdges(
+        crossings_px=found + _OUTWARDS * moved,
+        covariance_px2=covariance,
+        contrast=np.sqrt(np.median((between**2).mean(axis=2), axis=1)),
+        agreement=float((between[0] * between[1]).sum()) / max(float(lengths[0] * lengths[1]), 1e-9),
+    )
 
 
-def _line(
-    total: FloatArray, weight: FloatArray, blurs: FloatArray, bars: FloatArray, steps: FloatArray, config: ProfileConfig
-) -> tuple[FloatArray, FloatArray]:
-    """Return how far outwards a line lies (2,) px, and its covariance (2, 2)."""
-    blocks, trials = config.blocks, config.trials
-    count = bars.shape[0]
-    misfit, bright = np.empty((blocks, trials)), np.empty((blocks, trials, count, 3))
-    curves, grid = np.empty((blocks, trials)), np.empty((trials, trials))
-    mean, spread = np.zeros(2), np.zeros((2, 2))
-    usual, stiffness = np.zeros((count, 3)), np.zeros(count)
-    freedom = 3.0 * (weight > 0.0).sum(axis=1) / config.alike
-    for turn in range(2):
-        misfits(total, weight, blurs, bars, usual, stiffness, misfit, bright)
-        curves[:] = -0.5 * freedom[:, None] * np.log(misfit / misfit.min(axis=1, keepdims=True))
-        line_likelihood(curves, steps, config.outlier, grid, mean, spread)
-        if turn == 0:
-            t = (np.arange(blocks) + 0.5) / blocks
-            at = (mean[0] * (1.0 - t) + mean[1] * t) / (steps[0] * (1.0 - t) + steps[1] * t) + trials // 2
-            at = np.clip(np.round(at), 0, trials - 1).astype(int)
-            usual[0] = np.median(bright[np.arange(blocks), at, 0][blocks // 2 :], axis=0)
-            noise = float(np.median(misfit[np.arange(blocks), at] / np.maximum(3.0 * (weight > 0.0).sum(axis=1), 1.0)))
-            stiffness[0] = noise / config.paint_sigma**2
-    return mean, spread
+def _steps(px_per_m: FloatArray, config: ProfileConfig) -> FloatArray:
+    return np.asarray(np.maximum(config.least_step_px, config.step_m * px_per_m))
+
+
+def _fitted(
+    image: ImageArray,
+    x: FloatArray,
+    rows: FloatArray,
+    px_per_m: FloatArray,
+    scale_trials: tuple[float, int],
+    usual: FloatArray,
+    stiffness: FloatArray,
+    config: ProfileConfig,
+) -> _Fitted:
+    """Return the likelihoods of displacements of both lines x (4,)."""
+    blocks, (scale, reach) = config.blocks, scale_trials
+    steps = scale * _steps(px_per_m, config)
+    bins, trials = 2 * (reach + config.beside) + 1, 2 * reach + 1
+    total, weight = np.zeros((2, blocks, bins, 3)), np.zeros((2, blocks, bins))
+    gather(image, x, rows, steps, total, weight)
+    t = (np.arange(blocks) + 0.5) / blocks
+    step = steps[0] * (1.0 - t) + steps[1] * t
+    bins_per_m = (px_per_m[0] * (1.0 - t) + px_per_m[1] * t) / step
+    bars = np.array([config.line_m, config.lamps_m])[:, None, :] * bins_per_m[None, :, None]
+    misfit, levels = np.empty((2, blocks, trials)), np.empty((2, blocks, trials, 4, 3))
+    grids = np.empty((2, trials, trials))
+    freedom = 3.0 * (weight > 0.0).sum(axis=2)
+    for line in range(2):
+        lean = float(np.hypot(1.0, (x[2 * line + 1] - x[2 * line]) / (rows[1] - rows[0])))
+        blurs = np.hypot(config.blur_px * lean / step, 0.5)
+        misfits(total[line], weight[line], blurs, bars, usual[line], stiffness[line], misfit[line], levels[line])
+        ratio = misfit[line].min(axis=1, keepdims=True) / misfit[line]
+        curves = ratio ** (0.5 * scale * freedom[line, :, None] / config.alike)
+        line_likelihood(curves, steps, config.outlier, grids[line])
+    return _Fitted(grids=grids, levels=levels, misfit=misfit, freedom=freedom, steps=steps)
+
+
+def _at(fit: _Fitted, moved: FloatArray) -> FloatArray:
+    """Return the levels (2, blocks, 4, 3) of both lines, displaced outwards by (4,) px."""
+    picked = _picked(fit, moved)
+    return np.asarray(np.take_along_axis(fit.levels, picked[:, :, None, None, None], axis=2)[:, :, 0])
+
+
+def _picked(fit: _Fitted, moved: FloatArray) -> FloatArray:
+    """Return which trial (2, blocks) displaces both lines outwards by (4,) px."""
+    blocks, trials = fit.misfit.shape[1:]
+    t = (np.arange(blocks) + 0.5) / blocks
+    own = moved.reshape(2, 2)
+    at = (own[:, :1] * (1.0 - t) + own[:, 1:] * t) / (fit.steps[0] * (1.0 - t) + fit.steps[1] * t) + trials // 2
+    return np.clip(np.round(at), 0, trials - 1).astype(np.intp)
+
+
+def _usual(fit: _Fitted, moved: FloatArray, config: ProfileConfig) -> tuple[FloatArray, FloatArray]:
+    """Return the usual excess (2, 2, 3) of line and lamps, and how stiffly (2, 2) that holds: the paint's alone."""
+    usual, stiffness = np.zeros((2, 2, 3)), np.zeros((2, 2))
+    near = fit.levels.shape[1] // 2
+    usual[:, 0] = np.median(_at(fit, moved)[:, near:, 2], axis=1)
+    own = np.take_along_axis(fit.misfit, _picked(fit, moved)[:, :, None], axis=2)[:, :, 0]
+    stiffness[:, 0] = np.median(own / np.maximum(fit.freedom, 1.0), axis=1) / config.paint_sigma**2
+    return usual, stiffness

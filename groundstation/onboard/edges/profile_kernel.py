@@ -64,9 +64,9 @@ def misfits(
     usual: FloatArray,
     stiffness: FloatArray,
     misfit: FloatArray,
-    bright: FloatArray,
+    levels: FloatArray,
 ) -> None:
-    """Fill the misfit (blocks, trials) of pavement, ground and bright bars along one edge, and the bars' brightness.
+    """Fill the misfit (blocks, trials) of pavement, ground and bright bars along one edge, and their levels.
 
     The levels of each block are those of least squares; all bins count at every trial, which moves the model alone.
 
@@ -75,7 +75,7 @@ def misfits(
     total, weight : (blocks, bins, 3) and (blocks, bins), of `gather`.
     blurs : (blocks,) sigma of the picture, in bins; ``bars`` (bars, blocks, 2) inner and outer side of each bar.
     usual : (bars, 3) each bar's usual excess over what it lies on, held with ``stiffness`` (bars,), in pixels.
-    misfit, bright : (blocks, trials), and the bars' excess (blocks, trials, bars, 3).
+    misfit, levels : (blocks, trials), and (blocks, trials, 2 + bars, 3): pavement, ground, each bar's excess.
     """
     blocks, bins = weight.shape
     trials, count = misfit.shape[1], bars.shape[0]
@@ -130,43 +130,94 @@ def misfits(
                     for n in range(m):
                         y[m] -= low[m, n] * y[n]
                     left -= y[m] ** 2 / ratio[m]
-                for m in range(size - 1, 1, -1):
+                for m in range(size - 1, -1, -1):
                     own = y[m] / ratio[m]
                     for n in range(m + 1, size):
-                        own -= low[n, m] * bright[k, o, n - 2, c]
-                    bright[k, o, m - 2, c] = own
+                        own -= low[n, m] * levels[k, o, n, c]
+                    levels[k, o, m, c] = own
             misfit[k, o] = max(left, 1e-9)
 
 
 @njit(cache=True, nogil=True)
-def line_likelihood(
-    curves: FloatArray, steps: FloatArray, outlier: float, out: FloatArray, mean: FloatArray, covariance: FloatArray
-) -> None:
-    """Fill a line's log-likelihood ``out`` (trials, trials) at its upper and lower end, its mean (2,) and covariance.
+def line_likelihood(curves: FloatArray, steps: FloatArray, outlier: float, out: FloatArray) -> None:
+    """Fill a line's log-likelihood ``out`` (trials, trials) at its displacements at the upper and the lower row.
 
-    ``curves`` (blocks, trials) log-likelihoods of each block's displacement, in steps that go from ``steps[0]`` px at
-    the upper to ``steps[1]`` at the lower row; a block is of something else with the likelihood ``outlier``.
+    ``curves`` (blocks, trials) relative likelihoods of each block's displacement, in steps that go from ``steps[0]``
+    px at the upper to ``steps[1]`` at the lower row; a block shows something else with the likelihood ``outlier``.
     """
     blocks, trials = curves.shape
     middle = trials // 2
-    highest = -np.inf
     for a in range(trials):
         for b in range(trials):
-            total = 0.0
+            # the product, its logarithm once; no block is below the outlier's likelihood
+            total = 1.0
             for k in range(blocks):
                 t = (k + 0.5) / blocks
                 upper, lower = steps[0] * (1.0 - t), steps[1] * t
                 place = ((a - middle) * upper + (b - middle) * lower) / (upper + lower) + middle
                 i = min(int(place), trials - 2)
                 f = place - i
-                own = curves[k, i] * (1.0 - f) + curves[k, i + 1] * f
-                total += math.log(math.exp(own) + outlier)
-            out[a, b] = total
-            highest = max(highest, total)
+                total *= curves[k, i] * (1.0 - f) + curves[k, i + 1] * f + outlier
+            out[a, b] = math.log(total)
+
+
+@njit(cache=True, nogil=True)
+def best_lines(grids: FloatArray, steps: FloatArray, offset: FloatArray, weight: FloatArray, out: FloatArray) -> None:
+    """Fill ``out`` (4,) px with the outward displacements of both lines that are likeliest, given a prior.
+
+    ``grids`` (2, trials, trials) of `line_likelihood`; the prior's mean is at ``offset`` (4,) outwards, its inverse
+    covariance ``weight`` (4, 4). Line by line, each given the other, from either one's own best.
+    """
+    trials = grids.shape[1]
+    middle = trials // 2
+    highest = -np.inf
+    d, r = np.zeros(4), np.zeros(4)
+    for first in range(2):
+        d[:] = offset
+        total = 0.0
+        for turn in range(4):
+            line = (first + turn) % 2
+            i, j = 2 * line, 2 - 2 * line
+            pull0 = weight[i, j] * (d[j] - offset[j]) + weight[i, j + 1] * (d[j + 1] - offset[j + 1])
+            pull1 = weight[i + 1, j] * (d[j] - offset[j]) + weight[i + 1, j + 1] * (d[j + 1] - offset[j + 1])
+            w00, w01, w11 = weight[i, i], weight[i, i + 1], weight[i + 1, i + 1]
+            if turn == 0:
+                # whatever the other line does
+                pull0, pull1 = 0.0, 0.0
+            best, at, bt = -np.inf, 0, 0
+            for a in range(trials):
+                x = steps[0] * (a - middle) - offset[i]
+                for b in range(trials):
+                    y = steps[1] * (b - middle) - offset[i + 1]
+                    own = grids[line, a, b] - 0.5 * (w00 * x * x + 2.0 * w01 * x * y + w11 * y * y)
+                    own -= pull0 * x + pull1 * y
+                    if own > best:
+                        best, at, bt = own, a, b
+            d[i], d[i + 1] = steps[0] * (at - middle), steps[1] * (bt - middle)
+            if turn == 2:
+                total = grids[line, at, bt]
+            elif turn == 3:
+                total += grids[line, at, bt]
+        for i in range(4):
+            r[i] = d[i] - offset[i]
+        for i in range(4):
+            for j in range(4):
+                total -= 0.5 * r[i] * weight[i, j] * r[j]
+        if total > highest:
+            highest = total
+            out[:] = d
+
+
+@njit(cache=True, nogil=True)
+def moments(grid: FloatArray, steps: FloatArray, mean: FloatArray, covariance: FloatArray) -> None:
+    """Fill the mean (2,) and covariance (2, 2) px of a line with the log-likelihood ``grid`` (trials, trials)."""
+    trials = grid.shape[0]
+    middle = trials // 2
+    highest = grid.max()
     whole, m0, m1, c00, c01, c11 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(trials):
         for b in range(trials):
-            p = math.exp(out[a, b] - highest)
+            p = math.exp(grid[a, b] - highest)
             x, y = steps[0] * (a - middle), steps[1] * (b - middle)
             whole += p
             m0 += p * x
