@@ -22,7 +22,7 @@ from groundstation.onboard.edges.lines import (
 from groundstation.onboard.edges.look import Look, Lookout, edge_noise, look_at, pose_noise
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.pose import CameraPose
-from groundstation.onboard.edges.profile import edges_by_profile, reach_px
+from groundstation.onboard.edges.profile import Marks, edges_by_profile, reach_px
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.strip import FoundEdges, search_edges, settle
 
@@ -40,7 +40,7 @@ class Followed:
     miss: EdgeMiss
 
 
-def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineState, *, thorough: bool) -> Followed:
+def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineState, *, thorough: bool, marks: Marks | None = None) -> Followed:
     """Follow lines into a picture (h, w, 3) uint8 BGR.
 
     Not ``thorough``: the strip's search alone says where they are, without the descent; for lines that are one of
@@ -53,7 +53,7 @@ def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineSta
         return Followed(state=predicted, edges=None, found=None, miss=EdgeMiss.NO_BAND)
     px_per_m = float(np.abs(look.predicted[3] - look.predicted[1]) / abs(predicted.mean[C] - predicted.mean[D]))
     if thorough and config.profile is not None:
-        found = by_profile(config, image, look, predicted)
+        found = by_profile(config, image, look, predicted, marks)
     else:
         image = without_paint(image, look.rows, config.paint_m * px_per_m)
         found = _measure(config, image, look, predicted, thorough=thorough)
@@ -75,7 +75,7 @@ def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineSta
     return Followed(state=update.state, edges=edges, found=found, miss=EdgeMiss.NONE)
 
 
-def by_profile(config: TrackerConfig, image: ImageArray, look: Look, predicted: LineState) -> FoundEdges | None:
+def by_profile(config: TrackerConfig, image: ImageArray, look: Look, predicted: LineState, marks: Marks | None) -> FoundEdges | None:
     """Return the edges where the profiles across them put them; the picture has its paint."""
     profile = config.profile
     if profile is None:
@@ -90,7 +90,7 @@ def by_profile(config: TrackerConfig, image: ImageArray, look: Look, predicted: 
         if wide is None:
             return None
         guess = wide
-    found = edges_by_profile(image, guess, look.rows, px_per_m, look.predicted, prior, profile)
+    found = edges_by_profile(image, guess, look.rows, px_per_m, look.predicted, prior, marks, profile)
     if found.contrast.min() < config.strip.least_contrast:
         return None
     return FoundEdges(
@@ -98,6 +98,7 @@ def by_profile(config: TrackerConfig, image: ImageArray, look: Look, predicted: 
         covariance_px2=found.covariance_px2,
         contrast=found.contrast,
         agreement=found.agreement,
+        marks=found.marks,
     )
 
 

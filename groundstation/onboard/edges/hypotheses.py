@@ -30,6 +30,7 @@ from groundstation.onboard.edges.look import Lookout, edge_noise, look_between, 
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.plausible import plausible
 from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.profile import Marks
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
 from groundstation.onboard.edges.strip import FoundEdges, find_edges, search_edges, settle
@@ -55,6 +56,7 @@ class Hypothesis:
     state, edges : the lines, and what the last frame showed of them.
     frames, missed : since they were found; without edges since they were last seen.
     agreement, nis, lost : means over the last frames: see `strip.FoundEdges`, NIS at most 25, share without edges.
+    marks : paint and lamps beside its edges, where it was followed by profiles.
     """
 
     state: LineState
@@ -64,6 +66,7 @@ class Hypothesis:
     agreement: float
     nis: float
     lost: float
+    marks: Marks | None = None
 
     def after(self, step: Followed) -> "Hypothesis":
         """Return the hypothesis after a step."""
@@ -81,6 +84,7 @@ class Hypothesis:
             agreement=agreement,
             nis=nis,
             lost=self.lost + weight * (float(not seen) - self.lost),
+            marks=step.found.marks if step.found is not None and step.found.marks is not None else self.marks,
         )
 
 

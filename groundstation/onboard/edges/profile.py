@@ -33,6 +33,7 @@ class ProfileConfig:
     line_m, lamps_m : inner and outer side of a painted side line and of the lamps' light, outwards from the edge.
     blur_px : sigma of the picture across a line.
     paint_sigma : what the paint's excess (0 to 1) may differ by from block to block.
+    mark_sigma, mark_frames : what the excess of either may differ by from what is usual, and over how many frames.
     alike : neighbouring bins and colours that err alike.
     outlier : likelihood of a block that shows something else, over its best.
     floor_px : sigma that no end goes below.
@@ -48,9 +49,26 @@ class ProfileConfig:
     lamps_m: tuple[float, float] = (0.7, 1.7)
     blur_px: float = 0.8
     paint_sigma: float = 0.04
+    mark_sigma: float = 0.04
+    mark_frames: int = 10
     alike: float = 4.0
     outlier: float = 0.02
     floor_px: float = 0.4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Marks:
+    """What excess (2, blocks, 3) painted lines and lamps usually have, 0 to 1, alike at both edges.
+
+    ``noise`` is the variance of a pixel about its profile; ``frames`` of how many it is.
+
+    Paint half a metre inside one place of the edge may be lamps a metre outside another, in one frame. Over some it
+    is not: the paint is where it was.
+    """
+
+    excess: FloatArray
+    noise: float
+    frames: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,6 +79,7 @@ class ProfiledEdges:
     covariance_px2: FloatArray
     contrast: FloatArray
     agreement: float
+    marks: Marks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,6 +105,7 @@ def edges_by_profile(
     px_per_m: FloatArray,
     predicted_px: FloatArray,
     prior_px2: FloatArray,
+    marks: Marks | None,
     config: ProfileConfig,
 ) -> ProfiledEdges:
     """Return the edges about a guess (4,) by the profiles of a picture (h, w, 3) with its paint.
@@ -94,13 +114,17 @@ def edges_by_profile(
     chooses among likely places and is no part of the result.
     """
     weight = np.linalg.inv(prior_px2 * np.outer(_OUTWARDS, _OUTWARDS))
-    found, usual, stiffness = guess_px.copy(), np.zeros((2, 2, 3)), np.zeros((2, 2))
+    found, usual, stiffness = guess_px.copy(), np.zeros((2, 2, config.blocks, 3)), np.zeros((2, 2))
+    if marks is not None:
+        usual[:] = marks.excess
+        stiffness[:] = marks.noise / config.mark_sigma**2
     out = np.zeros(4)
     for scale, trials in ((2.0, config.wide), (1.0, config.fine)):
         fit = _fitted(image, found, rows_px, px_per_m, (scale, trials), usual, stiffness, config)
         best_lines(fit.grids, fit.steps, _OUTWARDS * (predicted_px - found), weight, out)
         if scale > 1.0:
-            usual, stiffness = _usual(fit, out, config)
+            if marks is None:
+                usual, stiffness = _usual(fit, out, config)
             found += _OUTWARDS * out
     covariance = config.floor_px**2 * np.eye(4)
     moved = np.zeros(4)
@@ -109,13 +133,21 @@ def edges_by_profile(
         spread = np.empty((2, 2))
         moments(fit.grids[line], fit.steps, moved[own], spread)
         covariance[own, own] += spread
-    between = _at(fit, moved)[:, :, 1] - _at(fit, moved)[:, :, 0]
+    levels = _at(fit, moved)
+    between = levels[:, :, 1] - levels[:, :, 0]
+    own = levels[:, :, 2:].mean(axis=0).transpose(1, 0, 2)
+    if marks is None:
+        marks = Marks(excess=own, noise=_noise(fit, moved), frames=1)
+    else:
+        part = 1.0 / min(marks.frames + 1, config.mark_frames)
+        marks = Marks(excess=marks.excess + part * (own - marks.excess), noise=_noise(fit, moved), frames=marks.frames + 1)
     lengths = np.sqrt((between**2).sum(axis=(1, 2)))
     return ProfiledEdges(
         crossings_px=found + _OUTWARDS * moved,
         covariance_px2=covariance,
         contrast=np.sqrt(np.median((between**2).mean(axis=2), axis=1)),
         agreement=float((between[0] * between[1]).sum()) / max(float(lengths[0] * lengths[1]), 1e-9),
+        marks=marks,
     )
 
 
@@ -171,11 +203,16 @@ def _picked(fit: _Fitted, moved: FloatArray) -> FloatArray:
     return np.clip(np.round(at), 0, trials - 1).astype(np.intp)
 
 
-def _usual(fit: _Fitted, moved: FloatArray, config: ProfileConfig) -> tuple[FloatArray, FloatArray]:
-    """Return the usual excess (2, 2, 3) of line and lamps, and how stiffly (2, 2) that holds: the paint's alone."""
-    usual, stiffness = np.zeros((2, 2, 3)), np.zeros((2, 2))
-    near = fit.levels.shape[1] // 2
-    usual[:, 0] = np.median(_at(fit, moved)[:, near:, 2], axis=1)
+def _noise(fit: _Fitted, moved: FloatArray) -> float:
+    """Return the usual variance of a pixel about its profile, both lines displaced outwards by (4,) px."""
     own = np.take_along_axis(fit.misfit, _picked(fit, moved)[:, :, None], axis=2)[:, :, 0]
-    stiffness[:, 0] = np.median(own / np.maximum(fit.freedom, 1.0), axis=1) / config.paint_sigma**2
+    return float(np.median(own / np.maximum(fit.freedom, 1.0)))
+
+
+def _usual(fit: _Fitted, moved: FloatArray, config: ProfileConfig) -> tuple[FloatArray, FloatArray]:
+    """Return the usual excess (2, 2, blocks, 3) of line and lamps, and how stiffly (2, 2): the near paint's alone."""
+    blocks = fit.levels.shape[1]
+    usual, stiffness = np.zeros((2, 2, blocks, 3)), np.zeros((2, 2))
+    usual[:, 0] = np.median(_at(fit, moved)[:, blocks // 2 :, 2], axis=1)[:, None]
+    stiffness[:, 0] = _noise(fit, moved) / config.paint_sigma**2
     return usual, stiffness

@@ -74,7 +74,7 @@ def misfits(
     ----------
     total, weight : (blocks, bins, 3) and (blocks, bins), of `gather`.
     blurs : (blocks,) sigma of the picture, in bins; ``bars`` (bars, blocks, 2) inner and outer side of each bar.
-    usual : (bars, 3) each bar's usual excess over what it lies on, held with ``stiffness`` (bars,), in pixels.
+    usual : (bars, blocks, 3) each bar's usual excess over what it lies on, held with ``stiffness`` (bars,), in pixels.
     misfit, levels : (blocks, trials), and (blocks, trials, 2 + bars, 3): pavement, ground, each bar's excess.
     """
     blocks, bins = weight.shape
@@ -125,8 +125,8 @@ def misfits(
                 for m in range(size):
                     y[m] = b[c, m]
                     if m > 1:
-                        y[m] += stiffness[m - 2] * usual[m - 2, c]
-                        left += stiffness[m - 2] * usual[m - 2, c] ** 2
+                        y[m] += stiffness[m - 2] * usual[m - 2, k, c]
+                        left += stiffness[m - 2] * usual[m - 2, k, c] ** 2
                     for n in range(m):
                         y[m] -= low[m, n] * y[n]
                     left -= y[m] ** 2 / ratio[m]
