@@ -134,7 +134,7 @@ def find_pairs(
 
 def followed(lookout: Lookout, image: ImageArray, pose: CameraPose, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
     """Return every pair one frame later, without those that were not seen for long, and without doubles."""
-    moved = [h.after(follow(lookout, image, pose, h.state, thorough=False)) for h in hypotheses]
+    moved = [h.after(follow(lookout, image, pose, h.state, thorough=True, marks=h.marks)) for h in hypotheses]
     return merged(lookout, [h for h in moved if h.missed <= lookout.config.coast_frames // 2], [])
 
 
