@@ -162,8 +162,10 @@ def line_likelihood(curves: FloatArray, steps: FloatArray, outlier: float, out: 
 
 
 @njit(cache=True, nogil=True)
-def best_lines(grids: FloatArray, steps: FloatArray, offset: FloatArray, weight: FloatArray, out: FloatArray) -> None:
+def best_lines(grids: FloatArray, steps: FloatArray, offset: FloatArray, weight: FloatArray, out: FloatArray) -> float:
     """Fill ``out`` (4,) px with the outward displacements of both lines that are likeliest, given a prior.
+
+    Returns their log-likelihood, the prior's part included.
 
     ``grids`` (2, trials, trials) of `line_likelihood`; the prior's mean is at ``offset`` (4,) outwards, its inverse
     covariance ``weight`` (4, 4). Line by line, each given the other, from either one's own best.
@@ -206,6 +208,7 @@ def best_lines(grids: FloatArray, steps: FloatArray, offset: FloatArray, weight:
         if total > highest:
             highest = total
             out[:] = d
+    return highest
 
 
 @njit(cache=True, nogil=True)
