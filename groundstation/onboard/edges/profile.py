@@ -64,7 +64,7 @@ class ProfileConfig:
     least_step_px: float = 0.5
     step_m: float = 0.12
     line_m: tuple[float, float] = (-0.95, -0.5)
-    lamps_m: tuple[float, ...] = (1.0, math.inf, 0.5, 1.5, 2.0, 2.5, 3.0)
+    lamps_m: tuple[float, ...] = (1.0, math.inf, 1.5, 2.0, 2.5, 3.0)
     lamps_cost: float = 20.0
     lamps_margin: float = 10.0
     blur_px: float = 0.8
