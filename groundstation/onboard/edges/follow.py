@@ -59,6 +59,8 @@ def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineSta
         found = _measure(config, image, look, predicted, thorough=thorough)
     if found is None:
         return _missed(config, look, predicted, EdgeMiss.FAINT, math.nan)
+    if found.strayed:
+        predicted = _loosened(config, predicted)
     update = _update(lookout, predicted, look, found)
     if update.nis > config.gate:
         return _missed(config, look, predicted, EdgeMiss.GATED, update.nis)
@@ -99,6 +101,7 @@ def by_profile(config: TrackerConfig, image: ImageArray, look: Look, predicted: 
         contrast=found.contrast,
         agreement=found.agreement,
         marks=found.marks,
+        strayed=found.strayed,
     )
 
 
@@ -139,6 +142,14 @@ def _measure(
         flat = down.energy >= -1e-9
         return None if flat else plain_edges(down.crossings_px)
     return settle(image, down.crossings_px, look.rows, look.widths, look.across, config.strip)
+
+
+def _loosened(config: TrackerConfig, state: LineState) -> LineState:
+    """Return lines of which the place is known no better than that of a pair at its start; their direction is kept."""
+    covariance = state.covariance.copy()
+    covariance[C, C] += config.start_shift_m**2
+    covariance[D, D] += config.start_shift_m**2
+    return LineState(mean=state.mean, covariance=covariance)
 
 
 def _update(lookout: Lookout, predicted: LineState, look: Look, found: FoundEdges) -> LineUpdate:

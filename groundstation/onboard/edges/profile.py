@@ -15,7 +15,7 @@ each picture another place is tried.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from groundstation.onboard.edges.profile_fit import (
     Straightened,
     fitted,
     levels_at,
+    likelihood_at,
     likeliest,
     no_lamps,
     noise_at,
@@ -50,6 +51,8 @@ class ProfileConfig:
     line_m : inner and outer side of a painted side line, outwards from the edge.
     lamps_m : places where lamps may stand, outwards from the edge, the likeliest first; infinite for none.
     lamps_cost, lamps_margin : log-likelihood that lamps have to be worth, and another place of them in all.
+    stray_steps, stray_cost, stray_margin : how far off other lines are, in wide steps, what they have to be likelier
+        by in a picture, and over that in all.
     blur_px : sigma of the picture across a line.
     mark_sigma, mark_frames : what the excess (0 to 1) of paint and lamps may differ by from what is usual, and over
         how many frames that is taken.
@@ -64,9 +67,12 @@ class ProfileConfig:
     least_step_px: float = 0.5
     step_m: float = 0.12
     line_m: tuple[float, float] = (-0.95, -0.5)
-    lamps_m: tuple[float, ...] = (1.0, math.inf, 1.5, 2.0, 2.5, 3.0)
-    lamps_cost: float = 20.0
-    lamps_margin: float = 10.0
+    lamps_m: tuple[float, ...] = (math.inf, 1.0, 1.5, 2.0, 2.5, 3.0)
+    lamps_cost: float = 25.0
+    lamps_margin: float = 20.0
+    stray_steps: float = 4.0
+    stray_cost: float = 5.0
+    stray_margin: float = 10.0
     blur_px: float = 0.8
     mark_sigma: float = 0.04
     mark_frames: int = 10
@@ -79,7 +85,8 @@ class Marks:
     """What is beside the edges: usual excess (2, blocks, 3) of painted line and lamps, 0 to 1, alike at both edges.
 
     ``noise`` is the variance of a pixel about its profile; ``frames`` of how many it is; ``lamps`` which place of the
-    configuration's they have, ``gains`` what each place (places,) was better by of late.
+    configuration's they have, ``gains`` what each place (places,) was better by of late, and ``strayed`` what other
+    lines than those followed were.
     """
 
     excess: FloatArray
@@ -87,17 +94,22 @@ class Marks:
     frames: int
     lamps: int
     gains: FloatArray
+    strayed: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProfiledEdges:
-    """Crossings (4,) px, covariance (4, 4) px², contrast (2,) across both edges, agreement as of `strip.FoundEdges`."""
+    """Crossings (4,) px, covariance (4, 4) px², contrast (2,) across both edges, agreement as of `strip.FoundEdges`.
+
+    With ``strayed`` they are other lines than those that were followed, and the prior was not heeded.
+    """
 
     crossings_px: FloatArray
     covariance_px2: FloatArray
     contrast: FloatArray
     agreement: float
     marks: Marks
+    strayed: bool
 
 
 def reach_px(px_per_m: FloatArray, config: ProfileConfig) -> FloatArray:
@@ -122,20 +134,26 @@ def edges_by_profile(
     """
     weight = np.linalg.inv(prior_px2 * np.outer(OUTWARDS, OUTWARDS))
     offset = OUTWARDS * (predicted_px - guess_px)
-    beside = _beside(marks, config)
     wide = _profiles(image, guess_px, rows_px, px_per_m, (2.0, config.wide), config)
-    fit = fitted(wide, beside, config.wide, config.alike)
+    marks, strayed = _blank(config, 0) if marks is None else marks, False
+    fit = fitted(wide, _beside(marks, config), config.wide, config.alike)
     moved = likeliest(fit, offset, weight).moved_px
-    marks = _with_lamps(marks, wide, offset, weight, config)
+    if marks.frames > 1:
+        marks, other = _doubted(marks, wide, moved, config)
+        strayed = marks.frames == 0
+        if strayed:
+            moved = other
+        else:
+            marks = _with_lamps(marks, wide, (offset, weight), config)
     if marks.frames == 0:
         marks = _seen(marks, fit, moved, config, near=True)
     crossings = guess_px + OUTWARDS * moved
     fine = _profiles(image, crossings, rows_px, px_per_m, (1.0, config.fine), config)
     fit = fitted(fine, _beside(marks, config), config.fine, config.alike)
-    return _result(fit, crossings, marks, config)
+    return _result(fit, crossings, marks, config, strayed=strayed)
 
 
-def _result(fit: Fit, crossings: FloatArray, marks: Marks, config: ProfileConfig) -> ProfiledEdges:
+def _result(fit: Fit, crossings: FloatArray, marks: Marks, config: ProfileConfig, *, strayed: bool) -> ProfiledEdges:
     """Return mean and covariance of the last fit, about crossings (4,), and what was seen with it."""
     covariance, moved = config.floor_px**2 * np.eye(4), np.zeros(4)
     for line in range(2):
@@ -151,6 +169,7 @@ def _result(fit: Fit, crossings: FloatArray, marks: Marks, config: ProfileConfig
         contrast=np.sqrt(np.median((between**2).mean(axis=2), axis=1)),
         agreement=float((between[0] * between[1]).sum()) / max(float(lengths[0] * lengths[1]), 1e-9),
         marks=_seen(marks, fit, moved, config),
+        strayed=strayed,
     )
 
 
@@ -171,17 +190,12 @@ def _profiles(
     return straightened(image, x, rows, px_per_m, scale * _steps(px_per_m, config), sizes, config.blur_px, scale)
 
 
-def _beside(marks: Marks | None, config: ProfileConfig, *, lamps: int | None = None) -> Beside:
-    """Return what is expected beside the edges; with ``lamps`` at a place of that number, nothing of their look."""
-    known = marks is not None and marks.frames > 0 and lamps is None
-    which = lamps if lamps is not None else (0 if marks is None else marks.lamps)
-    stiff = marks.noise / config.mark_sigma**2 if marks is not None and known else 0.0
+def _beside(marks: Marks, config: ProfileConfig) -> Beside:
+    """Return what is expected beside the edges; of a single picture, the lamps' light is no measure for the next."""
+    held = marks.noise / config.mark_sigma**2
+    stiffness = np.array([held if marks.frames > 0 else 0.0, held if marks.frames > 1 else 0.0])
     return Beside(
-        line_m=config.line_m,
-        lamps_m=config.lamps_m[which],
-        excess=marks.excess if marks is not None and known else np.zeros((2, config.blocks, 3)),
-        # of a single picture, the lamps' light is no measure for the next
-        stiffness=np.array([stiff, stiff if marks is not None and marks.frames > 1 else 0.0]),
+        line_m=config.line_m, lamps_m=config.lamps_m[marks.lamps], excess=marks.excess, stiffness=stiffness
     )
 
 
@@ -197,29 +211,61 @@ def _seen(marks: Marks, fit: Fit, moved: FloatArray, config: ProfileConfig, *, n
         frames=1 if near else marks.frames + 1,
         lamps=marks.lamps,
         gains=marks.gains,
+        strayed=marks.strayed,
     )
 
 
+def _blank(config: ProfileConfig, lamps: int) -> Marks:
+    """Return marks of which nothing is known, but where the lamps are taken to be."""
+    excess, gains = np.zeros((2, config.blocks, 3)), np.zeros(len(config.lamps_m))
+    return Marks(excess=excess, noise=0.0, frames=0, lamps=lamps, gains=gains, strayed=0.0)
+
+
+def _doubted(
+    marks: Marks, profiles: Straightened, moved: FloatArray, config: ProfileConfig
+) -> tuple[Marks, FloatArray]:
+    """Return marks, blank where other lines have been likelier for long than those followed; and the likeliest, (4,).
+
+    Both with any paint, and with a prior about the lines searched for that is as wide as what is searched; those
+    followed are moved by (4,) px.
+    """
+    expected = _beside(marks, config)
+    free = fitted(profiles, replace(expected, stiffness=expected.stiffness * [0.0, 1.0]), config.wide, config.alike)
+    loose = np.diag(1.0 / (config.stray_steps * np.tile(free.steps, 2)) ** 2)
+    best = likeliest(free, np.zeros(4), loose)
+    held = likelihood_at(free, moved) - 0.5 * float(moved @ loose @ moved)
+    strayed = max(_FORGET * marks.strayed + best.evidence - held - config.stray_cost, 0.0)
+    if strayed > config.stray_margin:
+        return _blank(config, marks.lamps), best.moved_px
+    return replace(marks, strayed=strayed), best.moved_px
+
+
 def _with_lamps(
-    marks: Marks | None, profiles: Straightened, offset: FloatArray, weight: FloatArray, config: ProfileConfig
+    marks: Marks, profiles: Straightened, prior: tuple[FloatArray, FloatArray], config: ProfileConfig
 ) -> Marks:
     """Return marks with the place of the lamps that this picture and those before it speak for.
 
-    In each picture one other place is compared, the look of the lamps left free for both.
+    In each picture one other place is compared, with any light of the lamps for both.
     """
-    places, blank = len(config.lamps_m), np.zeros((2, config.blocks, 3))
-    if marks is None:
-        return Marks(excess=blank, noise=0.0, frames=0, lamps=0, gains=np.zeros(places))
-    other = marks.frames % places
+    other = (marks.frames - 1) % len(config.lamps_m)
     if other == marks.lamps:
         return marks
-    worth = [
-        likeliest(fitted(profiles, _beside(None, config, lamps=k), config.wide, config.alike), offset, weight).evidence
-        - (0.0 if no_lamps(config.lamps_m[k]) else config.lamps_cost)
-        for k in (other, marks.lamps)
-    ]
+    expected = _beside(marks, config)
+    own, new = (
+        likeliest(
+            fitted(
+                profiles,
+                replace(expected, lamps_m=config.lamps_m[k], stiffness=expected.stiffness * [1.0, 0.0]),
+                config.wide,
+                config.alike,
+            ),
+            *prior,
+        ).evidence
+        for k in (marks.lamps, other)
+    )
+    cost = config.lamps_cost * (float(no_lamps(config.lamps_m[marks.lamps])) - float(no_lamps(config.lamps_m[other])))
     gains = marks.gains.copy()
-    gains[other] = _FORGET * gains[other] + worth[0] - worth[1]
+    gains[other] = _FORGET * gains[other] + new - own - cost
     if gains[other] < config.lamps_margin:
-        return Marks(excess=marks.excess, noise=marks.noise, frames=marks.frames, lamps=marks.lamps, gains=gains)
-    return Marks(excess=blank, noise=0.0, frames=0, lamps=other, gains=np.zeros(places))
+        return replace(marks, gains=gains)
+    return _blank(config, other)

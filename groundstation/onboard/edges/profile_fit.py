@@ -116,6 +116,13 @@ def likeliest(fit: Fit, offset_px: FloatArray, weight: FloatArray) -> Likeliest:
     return Likeliest(moved_px=moved, evidence=evidence + fit.base)
 
 
+def likelihood_at(fit: Fit, moved_px: FloatArray) -> float:
+    """Return the log-likelihood of both lines displaced outwards by (4,) px, as of the next place on the grid."""
+    trials = fit.grids.shape[1]
+    at = np.clip(np.round(moved_px / np.tile(fit.steps, 2)) + trials // 2, 0, trials - 1).astype(np.intp)
+    return float(fit.grids[0, at[0], at[1]] + fit.grids[1, at[2], at[3]]) + fit.base
+
+
 def levels_at(fit: Fit, moved_px: FloatArray) -> FloatArray:
     """Return the levels (2, blocks, 4, 3) of both lines, displaced outwards by (4,) px."""
     picked = _picked(fit, moved_px)

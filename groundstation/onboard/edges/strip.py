@@ -56,7 +56,7 @@ class FoundEdges:
     """Crossings (4,) px, covariance (4, 4) px², the contrast (2,) across both edges, and how alike it is, −1 to 1.
 
     The ``agreement`` is 1 where inside differs from outside by the same colours at both edges, all along them;
-    ``marks`` of paint and lamps where a profile was taken.
+    ``marks`` of paint and lamps where a profile was taken, and whether it ``strayed`` to other lines.
     """
 
     crossings_px: FloatArray
@@ -64,6 +64,7 @@ class FoundEdges:
     contrast: FloatArray
     agreement: float
     marks: Marks | None = None
+    strayed: bool = False
 
 
 def find_edges(
