@@ -22,7 +22,7 @@ from groundstation.onboard.edges.lines import (
 from groundstation.onboard.edges.look import Look, Lookout, edge_noise, look_at, pose_noise
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.pose import CameraPose
-from groundstation.onboard.edges.profile import Marks, edges_by_profile, reach_px
+from groundstation.onboard.edges.profile import Marks, ProfileConfig, edges_by_profile, reach_px
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.strip import FoundEdges, search_edges, settle
 
@@ -92,9 +92,23 @@ def by_profile(config: TrackerConfig, image: ImageArray, look: Look, predicted: 
         if wide is None:
             return None
         guess = wide
-    found = edges_by_profile(image, guess, look.rows, px_per_m, look.predicted, prior, marks, profile)
-    if found.contrast.min() < config.strip.least_contrast:
-        return None
+    found = profiled(profile, image, look, predicted, guess, prior, marks)
+    return None if found.contrast.min() < config.strip.least_contrast else found
+
+
+def profiled(
+    config: ProfileConfig,
+    image: ImageArray,
+    look: Look,
+    state: LineState,
+    guess: FloatArray,
+    prior: FloatArray,
+    marks: Marks | None,
+) -> FoundEdges:
+    """Return edges by profiles about a guess (4,), with a prior (4, 4) about where the look predicts them."""
+    width_m = abs(float(state.mean[C] - state.mean[D]))
+    px_per_m = np.abs(look.predicted[2:] - look.predicted[:2]) / width_m
+    found = edges_by_profile(image, guess, look.rows, px_per_m, look.predicted, prior, marks, config)
     return FoundEdges(
         crossings_px=found.crossings_px,
         covariance_px2=found.covariance_px2,

@@ -15,7 +15,7 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import Measurement, TrackerConfig
 from groundstation.onboard.edges.descent import descend
 from groundstation.onboard.edges.detection import NoPair, detect
-from groundstation.onboard.edges.follow import Followed, follow, plain_edges
+from groundstation.onboard.edges.follow import Followed, follow, plain_edges, profiled
 from groundstation.onboard.edges.kalman import LineState, update_crossings
 from groundstation.onboard.edges.lines import (
     C,
@@ -113,7 +113,7 @@ def find_pairs(
     half = 0.5 * config.guess.width_m
     middle, _ = project_lines(np.array([1.0, 0.0, -half, half]), e, rows)
     px_per_m = np.abs(middle[2:] - middle[:2]) / (2.0 * half)
-    image = without_paint(image, rows, config.paint_m * float(px_per_m[1]))
+    painted, image = image, without_paint(image, rows, config.paint_m * float(px_per_m[1]))
     pairs = detect(image, rows, px_per_m, config.detection, lambda x: plausible(x, rows, pose, kappa, config))
     wanted = (_MORE_PAIRS if known else _FIRST_PAIRS) if config.confirm_frames > 1 else 1
     found = []
@@ -122,13 +122,13 @@ def find_pairs(
         if announced is not None and not any(
             one.edges is not None and alike_px(one.edges, announced.crossings_px, rows) for one in known
         ):
-            found.append(_started(lookout, announced, middle, rows, pose))
+            found.append(_started(lookout, painted, announced, middle, rows, pose))
     for crossings in [] if isinstance(pairs, NoPair) else pairs.pairs_px[:wanted]:
         if any(one.edges is not None and alike_px(one.edges, crossings, rows) for one in known):
             continue
         near = _first_look(lookout, image, crossings, rows, pose, e)
         if near is not None:
-            found.append(_started(lookout, near, crossings, rows, pose))
+            found.append(_started(lookout, painted, near, crossings, rows, pose))
     return found or (EdgeMiss.NO_PAIR if isinstance(pairs, NoPair) else EdgeMiss.FAINT)
 
 
@@ -199,12 +199,21 @@ def _first_look(
 
 
 def _started(
-    lookout: Lookout, found: FoundEdges, detected: FloatArray, rows: FloatArray, pose: CameraPose
+    lookout: Lookout,
+    image: ImageArray,
+    found: FoundEdges,
+    detected: FloatArray,
+    rows: FloatArray,
+    pose: CameraPose,
 ) -> Hypothesis:
     """Return the filter's start: next to nothing known of the lines, and the pose's errors as configured."""
     config = lookout.config
     state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, lookout.kappa))
     look = look_between(lookout, pose, state, rows)
+    if config.profile is not None:
+        found = profiled(config.profile, image, look, state, found.crossings_px, _FIRST_SIGMA_PX**2 * np.eye(4), None)
+        state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, lookout.kappa))
+        look = look_between(lookout, pose, state, rows)
     noise = found.covariance_px2 + pose_noise(config, look)
     update = update_crossings(state, look.predicted, look.h, found.crossings_px, noise)
     edges = Edges(
@@ -216,7 +225,7 @@ def _started(
         measured_px=found.crossings_px,
         nis=math.nan,
     )
-    return Hypothesis(state=update.state, edges=edges, frames=1, missed=0, agreement=found.agreement, nis=4.0, lost=0.0)
+    return Hypothesis(state=update.state, edges=edges, frames=1, missed=0, agreement=found.agreement, nis=4.0, lost=0.0, marks=found.marks)
 
 
 def _prior(config: TrackerConfig, mean: FloatArray) -> LineState:
