@@ -36,6 +36,12 @@ from groundstation.onboard.edges.profile_fit import (
 from groundstation.onboard.edges.profile_kernel import moments
 
 _FORGET = 0.9
+# what one picture may say for or against a place of the lamps
+_MOST = 100.0
+# by how many of its sigmas the light of lamps has to be more than none
+_BRIGHT = 3.0
+# usual colour of a dark picture, 0 to 1: there lamps are looked for from the first
+_DARK = 0.37
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,7 +141,10 @@ def edges_by_profile(
     weight = np.linalg.inv(prior_px2 * np.outer(OUTWARDS, OUTWARDS))
     offset = OUTWARDS * (predicted_px - guess_px)
     wide = _profiles(image, guess_px, rows_px, px_per_m, (2.0, config.wide), config)
-    marks, strayed = _blank(config, 0) if marks is None else marks, False
+    if marks is None:
+        dark = float(np.median(wide.total.sum(axis=3) / np.maximum(3.0 * wide.weight, 1e-9))) < _DARK
+        marks = _blank(config, next((k for k, at in enumerate(config.lamps_m) if no_lamps(at) != dark), 0))
+    strayed = False
     fit = fitted(wide, _beside(marks, config), config.wide, config.alike)
     moved = likeliest(fit, offset, weight).moved_px
     if marks.frames > 1:
@@ -240,6 +249,21 @@ def _doubted(
     return replace(marks, strayed=strayed), best.moved_px
 
 
+def _any_light(
+    marks: Marks, profiles: Straightened, lamps: int, prior: tuple[FloatArray, FloatArray], config: ProfileConfig
+) -> float:
+    """Return the likelihood of lamps at a place, however bright; nothing where they are no brighter than chance."""
+    expected, lamps_m = _beside(marks, config), config.lamps_m[lamps]
+    expected = replace(expected, lamps_m=lamps_m, stiffness=expected.stiffness * [1.0, 0.0])
+    fit = fitted(profiles, expected, config.wide, config.alike)
+    best = likeliest(fit, *prior)
+    if not no_lamps(lamps_m):
+        light = levels_at(fit, best.moved_px)[:, :, 3].mean(axis=2)
+        if light.mean() < _BRIGHT * light.std() / math.sqrt(light.size):
+            return -math.inf
+    return best.evidence
+
+
 def _with_lamps(
     marks: Marks, profiles: Straightened, prior: tuple[FloatArray, FloatArray], config: ProfileConfig
 ) -> Marks:
@@ -250,22 +274,10 @@ def _with_lamps(
     other = (marks.frames - 1) % len(config.lamps_m)
     if other == marks.lamps:
         return marks
-    expected = _beside(marks, config)
-    own, new = (
-        likeliest(
-            fitted(
-                profiles,
-                replace(expected, lamps_m=config.lamps_m[k], stiffness=expected.stiffness * [1.0, 0.0]),
-                config.wide,
-                config.alike,
-            ),
-            *prior,
-        ).evidence
-        for k in (marks.lamps, other)
-    )
+    own, new = (_any_light(marks, profiles, k, prior, config) for k in (marks.lamps, other))
     cost = config.lamps_cost * (float(no_lamps(config.lamps_m[marks.lamps])) - float(no_lamps(config.lamps_m[other])))
     gains = marks.gains.copy()
-    gains[other] = _FORGET * gains[other] + new - own - cost
+    gains[other] = _FORGET * gains[other] + (float(np.clip(new - own - cost, -_MOST, _MOST)) if new != own else 0.0)
     if gains[other] < config.lamps_margin:
         return replace(marks, gains=gains)
     return _blank(config, other)
