@@ -86,8 +86,8 @@ class TrackerConfig:
     doubt_score: float = 1.0
     doubt_frames: int = 5
     check_frames: int = 30
-    edge_sigma_m: float = 0.7
-    edge_sigma_px: float = 1.2
+    edge_sigma_m: float = 0.35
+    edge_sigma_px: float = 0.6
     plain_contrast: float = 0.07
     gate: float = 25.0
     coast_frames: int = 10

@@ -40,7 +40,15 @@ class Followed:
     miss: EdgeMiss
 
 
-def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineState, *, thorough: bool, marks: Marks | None = None) -> Followed:
+def follow(
+    lookout: Lookout,
+    image: ImageArray,
+    pose: CameraPose,
+    state: LineState,
+    *,
+    thorough: bool,
+    marks: Marks | None = None,
+) -> Followed:
     """Follow lines into a picture (h, w, 3) uint8 BGR.
 
     Not ``thorough``: the strip's search alone says where they are, without the descent; for lines that are one of
@@ -77,7 +85,9 @@ def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineSta
     return Followed(state=update.state, edges=edges, found=found, miss=EdgeMiss.NONE)
 
 
-def by_profile(config: TrackerConfig, image: ImageArray, look: Look, predicted: LineState, marks: Marks | None) -> FoundEdges | None:
+def by_profile(
+    config: TrackerConfig, image: ImageArray, look: Look, predicted: LineState, marks: Marks | None
+) -> FoundEdges | None:
     """Return the edges where the profiles across them put them; the picture has its paint."""
     profile = config.profile
     if profile is None:

@@ -225,7 +225,16 @@ def _started(
         measured_px=found.crossings_px,
         nis=math.nan,
     )
-    return Hypothesis(state=update.state, edges=edges, frames=1, missed=0, agreement=found.agreement, nis=4.0, lost=0.0, marks=found.marks)
+    return Hypothesis(
+        state=update.state,
+        edges=edges,
+        frames=1,
+        missed=0,
+        agreement=found.agreement,
+        nis=4.0,
+        lost=0.0,
+        marks=found.marks,
+    )
 
 
 def _prior(config: TrackerConfig, mean: FloatArray) -> LineState:

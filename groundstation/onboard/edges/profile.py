@@ -10,8 +10,8 @@ block perhaps one of something else. The prior chooses among the likely places; 
 likelihood's own: where darkness hides the far end it is wide, and near rows and filter hold it. Not in the paper.
 
 Paint half a metre inside one place of the edge may be lamps a metre outside another, in one picture; over some it is
-not. What both usually look like is remembered (`Marks`), and where lamps stand, if there are any, is learned: in
-each picture another place is tried.
+not. What both usually look like is remembered (`Marks`). In every other picture it is asked whether other lines do
+better without that memory, in the rest another place of the lamps, or none, is tried.
 """
 
 import math
@@ -27,8 +27,8 @@ from groundstation.onboard.edges.profile_fit import (
     Straightened,
     fitted,
     levels_at,
-    likelihood_at,
     likeliest,
+    likelihood_at,
     no_lamps,
     noise_at,
     straightened,
@@ -138,7 +138,7 @@ def edges_by_profile(
     ``px_per_m`` (2,) across the runway at the upper and the lower row. The prior, crossings (4,) of covariance (4, 4),
     chooses among likely places and is no part of the result. ``marks`` of the picture before, None of a first one.
     """
-    weight = np.linalg.inv(prior_px2 * np.outer(OUTWARDS, OUTWARDS))
+    weight = np.asarray(np.linalg.inv(prior_px2 * np.outer(OUTWARDS, OUTWARDS)), np.float64)
     offset = OUTWARDS * (predicted_px - guess_px)
     wide = _profiles(image, guess_px, rows_px, px_per_m, (2.0, config.wide), config)
     if marks is None:
@@ -147,13 +147,12 @@ def edges_by_profile(
     strayed = False
     fit = fitted(wide, _beside(marks, config), config.wide, config.alike)
     moved = likeliest(fit, offset, weight).moved_px
-    if marks.frames > 1:
+    if marks.frames > 1 and marks.frames % 2 == 0:
         marks, other = _doubted(marks, wide, moved, config)
         strayed = marks.frames == 0
-        if strayed:
-            moved = other
-        else:
-            marks = _with_lamps(marks, wide, (offset, weight), config)
+        moved = other if strayed else moved
+    elif marks.frames > 1:
+        marks = _with_lamps(marks, wide, (offset, weight), config)
     if marks.frames == 0:
         marks = _seen(marks, fit, moved, config, near=True)
     crossings = guess_px + OUTWARDS * moved
@@ -203,9 +202,7 @@ def _beside(marks: Marks, config: ProfileConfig) -> Beside:
     """Return what is expected beside the edges; of a single picture, the lamps' light is no measure for the next."""
     held = marks.noise / config.mark_sigma**2
     stiffness = np.array([held if marks.frames > 0 else 0.0, held if marks.frames > 1 else 0.0])
-    return Beside(
-        line_m=config.line_m, lamps_m=config.lamps_m[marks.lamps], excess=marks.excess, stiffness=stiffness
-    )
+    return Beside(line_m=config.line_m, lamps_m=config.lamps_m[marks.lamps], excess=marks.excess, stiffness=stiffness)
 
 
 def _seen(marks: Marks, fit: Fit, moved: FloatArray, config: ProfileConfig, *, near: bool = False) -> Marks:
@@ -269,9 +266,9 @@ def _with_lamps(
 ) -> Marks:
     """Return marks with the place of the lamps that this picture and those before it speak for.
 
-    In each picture one other place is compared, with any light of the lamps for both.
+    One other place is compared, with any light of the lamps for both.
     """
-    other = (marks.frames - 1) % len(config.lamps_m)
+    other = (marks.frames // 2) % len(config.lamps_m)
     if other == marks.lamps:
         return marks
     own, new = (_any_light(marks, profiles, k, prior, config) for k in (marks.lamps, other))

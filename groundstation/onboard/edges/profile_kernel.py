@@ -21,8 +21,8 @@ def gather(
 ) -> None:
     """Add the pixels about both lines to straightened profiles, each row's in its own steps.
 
-    ``steps`` (2,) px of a bin at the upper and the lower row; ``total`` (2, blocks, bins, 3) sums of colours (0 to 1) and ``weight`` (2, blocks, bins), outwards to the right,
-    the middle bin on the line.
+    ``steps`` (2,) px of a bin at the upper and the lower row; ``total`` (2, blocks, bins, 3) sums of colours (0 to 1)
+    and ``weight`` (2, blocks, bins), outwards to the right, the middle bin on the line.
     """
     blocks, bins = weight.shape[1], weight.shape[2]
     half, height = bins // 2, rows[1] - rows[0]
