@@ -93,15 +93,18 @@ def fitted(profiles: Straightened, beside: Beside, reach: int, alike: float) -> 
     """Return the likelihood of displacements of ``reach`` bins to either side; so many values ``alike`` err as one."""
     blocks, trials = profiles.weight.shape[1], 2 * reach + 1
     lamps = (beside.lamps_m - _LAMP_M, beside.lamps_m + _LAMP_M)
-    bars = np.array([beside.line_m, lamps])[:, None, :] * profiles.bins_per_m[None, :, None]
-    misfit, levels = np.empty((2, blocks, trials)), np.empty((2, blocks, trials, 4, 3))
+    places = [beside.line_m] if no_lamps(beside.lamps_m) else [beside.line_m, lamps]
+    bars = np.array(places)[:, None, :] * profiles.bins_per_m[None, :, None]
+    misfit, levels = np.empty((2, blocks, trials)), np.zeros((2, blocks, trials, 4, 3))
+    own = np.empty((blocks, trials, 2 + len(places), 3))
     grids, base = np.empty((2, trials, trials)), 0.0
     freedom = 3.0 * (profiles.weight > 0.0).sum(axis=2)
     for line in range(2):
         misfits(
             profiles.total[line], profiles.weight[line], profiles.blurs[line], bars, beside.excess, beside.stiffness,
-            misfit[line], levels[line],
+            misfit[line], own,
         )  # fmt: skip
+        levels[line, :, :, : own.shape[2]] = own
         least = misfit[line].min(axis=1)
         power = 0.5 * profiles.coarse * freedom[line] / alike
         line_likelihood((least[:, None] / misfit[line]) ** power[:, None], profiles.steps, _OUTLIER, grids[line])

@@ -55,6 +55,15 @@ def _under(z: float) -> float:
     return 0.5 * (1.0 + math.erf(0.7071067811865476 * z))
 
 
+@njit(cache=True, nogil=True, fastmath=True)
+def _product(a: FloatArray, i: int, b: FloatArray, j: int, shift: int, count: int) -> float:
+    """Return the sum of products of row ``i`` of a and row ``j`` of b, b from ``shift`` on."""
+    total = 0.0
+    for k in range(count):
+        total += a[i, k] * b[j, k + shift]
+    return total
+
+
 @njit(cache=True, nogil=True)
 def misfits(
     total: FloatArray,
@@ -83,6 +92,7 @@ def misfits(
     shapes = np.empty((size, bins + trials))
     normal, low, ratio = np.empty((size, size)), np.zeros((size, size)), np.empty(size)
     b, y = np.empty((3, size)), np.empty(size)
+    weighed, colours = np.empty((size, bins)), np.empty((3, bins))
     for k in range(blocks):
         for i in range(bins + trials):
             z = float(i - half - middle)
@@ -92,23 +102,19 @@ def misfits(
                 shapes[2 + n, i] = _under((z - bars[n, k, 0]) / blurs[k]) - _under((z - bars[n, k, 1]) / blurs[k])
         square = 0.0
         for i in range(bins):
-            if weight[k, i] > 0.0:
-                for c in range(3):
-                    square += total[k, i, c] ** 2 / weight[k, i]
+            for c in range(3):
+                colours[c, i] = total[k, i, c]
+                if weight[k, i] > 0.0:
+                    square += colours[c, i] ** 2 / weight[k, i]
         for o in range(trials):
-            normal[:] = 0.0
-            b[:] = 0.0
-            for i in range(bins):
-                w = weight[k, i]
-                if w <= 0.0:
-                    continue
-                at = i - o + 2 * middle
-                for m in range(size):
-                    own = shapes[m, at]
-                    for n in range(m + 1):
-                        normal[m, n] += w * own * shapes[n, at]
-                    for c in range(3):
-                        b[c, m] += total[k, i, c] * own
+            shift = 2 * middle - o
+            for m in range(size):
+                for i in range(bins):
+                    weighed[m, i] = weight[k, i] * shapes[m, i + shift]
+                for n in range(m + 1):
+                    normal[m, n] = _product(weighed, m, shapes, n, shift, bins)
+                for c in range(3):
+                    b[c, m] = _product(colours, c, shapes, m, shift, bins)
             # Cholesky's L D Lᵀ of the levels, the same for all colours
             for m in range(size):
                 normal[m, m] += _SQUARE + (stiffness[m - 2] if m > 1 else 0.0)
