@@ -17,14 +17,32 @@ _AGEING_PER_MISS = 0.15
 
 
 @njit(cache=True, nogil=True)
-def mean_colour(
-    image: ImageArray, labels: NDArray[np.int32], members: NDArray[np.int64], box: FloatArray
+def features(colour: FloatArray, width: float, height: float, area: float) -> FloatArray:
+    """Return the (5,) features of one silhouette: its mean grey, blue-red and green-magenta (3,), and its shape."""
+    seen = np.empty(5)
+    seen[:3] = colour
+    seen[3] = math.log(max(height, 1.0) / max(width, 1.0))
+    seen[4] = math.log(max(area, 1.0) / max(width, 1.0) ** 2)
+    return seen
+
+
+@njit(cache=True, nogil=True)
+def features_of_regions(
+    image: ImageArray,
+    labels: NDArray[np.int32],
+    members: NDArray[np.int64],
+    box: tuple[int, int, int, int],
+    area: float,
 ) -> FloatArray:
-    """Return the mean grey, blue-red and green-magenta of some regions; ``box`` x0, y0, x1, y1 holds them."""
+    """Return the (5,) features of some regions of an image (h, w, 3).
+
+    ``labels`` (h, w) say where the ``members`` (n,) are, ``box`` x0, y0, x1, y1 holds them, and ``area`` is how many px
+    they have.
+    """
     total = np.zeros(3)
     n = 0
-    for i in range(int(box[1]), int(box[3])):
-        for j in range(int(box[0]), int(box[2])):
+    for i in range(box[1], box[3]):
+        for j in range(box[0], box[2]):
             label = labels[i, j]
             if label == 0:
                 continue
@@ -36,7 +54,7 @@ def mean_colour(
                     total[2] += 0.5 * g - 0.25 * (b + r)
                     n += 1
                     break
-    return total / max(n, 1)
+    return features(total / max(n, 1), float(box[2] - box[0]), float(box[3] - box[1]), area)
 
 
 @njit(cache=True, nogil=True)
@@ -49,13 +67,14 @@ def _distance(seen: FloatArray, mean: FloatArray, variance: FloatArray, slack: f
 
 
 @njit(cache=True, nogil=True)
-def features(colour: FloatArray, width: float, height: float, area: float) -> FloatArray:
-    """Return the (5,) features of one silhouette."""
-    seen = np.empty(5)
-    seen[:3] = colour
-    seen[3] = math.log(max(height, 1.0) / max(width, 1.0))
-    seen[4] = math.log(max(area, 1.0) / max(width, 1.0) ** 2)
-    return seen
+def _learnt(mean: FloatArray, variance: FloatArray, seen: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
+    """Return running mean and variance after one more look."""
+    new_mean, new_variance = np.empty_like(mean), np.empty_like(variance)
+    for k in range(seen.size):
+        error = seen[k] - mean[k]
+        new_mean[k] = mean[k] + gain * error
+        new_variance[k] = (1.0 - gain) * (variance[k] + gain * error**2)
+    return new_mean, new_variance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,13 +94,8 @@ class Appearance:
 
     def learn(self, seen: FloatArray, rate: float) -> "Appearance":
         """Return the appearance after one more confident frame."""
-        gain = max(rate, 1.0 / (self.frames + 1))
-        error = seen - self.mean
-        return Appearance(
-            mean=self.mean + gain * error,
-            variance=(1.0 - gain) * (self.variance + gain * error**2),
-            frames=self.frames + 1,
-        )
+        mean, variance = _learnt(self.mean, self.variance, seen, max(rate, 1.0 / (self.frames + 1)))
+        return Appearance(mean=mean, variance=variance, frames=self.frames + 1)
 
 
 def first_look(seen: FloatArray) -> Appearance:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.detection.appearance import Appearance, features, mean_colour
+from groundstation.detection.appearance import Appearance, features_of_regions
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.look import UNKNOWN_SPAN_PX, Look
 from groundstation.detection.regions import Group, Regions, groups_around
@@ -100,7 +100,10 @@ def _distance(group: Group, look: Look) -> float:
 
 
 def features_of(group: Group, regions: Regions, look: Look) -> FloatArray:
-    """Return what a group looks like, in full-image px."""
-    members, box = np.array(group.labels, np.int64), np.array(group.box, np.float64)
-    colour = mean_colour(look.image, regions.labels, members, box)
-    return features(colour, float(group.width), float(group.height), group.area)
+    """Return what a group looks like, in full-image px; of each group it is measured once."""
+    seen = regions.looks.get(group.labels)
+    if seen is None:
+        members = np.array(group.labels, np.int64)
+        seen = features_of_regions(look.image, regions.labels, members, group.box, group.area)
+        regions.looks[group.labels] = seen
+    return seen

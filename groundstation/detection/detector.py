@@ -17,7 +17,7 @@ from groundstation.detection.choice import Memory, choose, features_of
 from groundstation.detection.config import DetectionConfig, TargetPoint
 from groundstation.detection.look import DetectionHint, Look, expectation, start_look
 from groundstation.detection.preprocess import Prepared, prepare
-from groundstation.detection.regions import Group, Regions, find_regions, members_mask
+from groundstation.detection.regions import Group, Regions, find_regions, soft_silhouette
 from groundstation.detection.segmentation import make_segmenter
 from groundstation.detection.start_contour import Silhouette, start_contour
 from groundstation.detection.target_point import find_nose
@@ -33,7 +33,6 @@ _MISSES_TO_FORGET = 5
 _TRUSTED_CONTRAST = 5.0
 _FAINTER = 0.6
 _MOST_DOUBT_PER_SPAN, _MOST_DOUBT_PX = 0.4, 3.0
-_NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 _MISSES_TO_FORGET_LOOKS = 30
 
 
@@ -150,17 +149,14 @@ class Detector:
         margin = max(4, math.ceil(0.08 * group.width))
         x0, y0 = max(group.box[0] - margin, 0), max(group.box[1] - margin, 0)
         x1, y1 = min(group.box[2] + margin, w), min(group.box[3] + margin, h)
-        member = members_mask(regions.labels, np.array(group.labels, np.int64), (x0, y0, x1, y1))
-        near = cv2.dilate(member, _NEIGHBOURHOOD)
-        soft = cv2.multiply(prepared.u[y0:y1, x0:x1], near, dtype=cv2.CV_32F)
+        members = np.array(group.labels, np.int64)
+        member, soft = soft_silhouette(regions.labels, members, (x0, y0, x1, y1), prepared.u)
         corner = np.array([x0, y0], np.float64)
         width = float(group.width)
         forward = None if look.forward is None else look.forward * width
         up = None if look.up is None else look.up * width
         expected = None if look.span is None else (look.span, look.span_sigma)
-        nose = find_nose(
-            np.asarray(soft, np.float32), width, group.contrast, forward, up, expected, look.height_per_span, look.scale
-        )
+        nose = find_nose(soft, width, group.contrast, forward, up, expected, look.height_per_span, look.scale)
         point = look.full(nose.point + corner)
         covariance = nose.covariance * look.scale**2
         if self._config.target_point is TargetPoint.CENTROID:
@@ -213,11 +209,16 @@ def _place_of(detection: Detection) -> tuple[int, int, int, int]:
 def _outline(member: NDArray[np.uint8], look: Look, corner: FloatArray) -> NDArray[np.float32]:
     """Return the outline in full-image pixels, pieces separated by a row of NaN."""
     contours, _ = cv2.findContours(member, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    gap = np.full((1, 2), np.nan)
-    pieces: list[FloatArray] = []
+    if not contours:
+        return np.empty((0, 2), np.float32)
+    # one array of all pieces, with a row between them
+    points = np.empty((sum(map(len, contours)) + len(contours) - 1, 2), np.float32)
+    n, origin = 0, look.full(corner)
     for contour in contours:
-        pieces += [look.full(contour.reshape(-1, 2) + corner), gap]
-    return np.concatenate(pieces[:-1]).astype(np.float32) if pieces else np.empty((0, 2), np.float32)
+        points[n : n + len(contour)] = contour.reshape(-1, 2) * look.scale + origin
+        points[n + len(contour) : n + len(contour) + 1] = np.nan
+        n += len(contour) + 1
+    return points
 
 
 def warm_up() -> None:

@@ -5,7 +5,6 @@ the flight direction is weighed by how well it explains the outline, and the nos
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -38,17 +37,6 @@ _WIDER_SIGMA, _NARROWER_SIGMA = 0.06, 0.015
 _WIDTHS_COUNT = 1.0
 _GRID = 11
 _GRID_SIGMAS = 2.5
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outline:
-    """The fuselage's rows: ``t``, ``middle`` and ``width`` (n,), and the rows where its core ends."""
-
-    t: FloatArray
-    middle: FloatArray
-    width: FloatArray
-    top: float
-    bottom: float
 
 
 @njit(cache=True, nogil=True)
@@ -124,16 +112,27 @@ def _follow(
     return end
 
 
-def trace(level: Float32Array, start: FloatArray, band: tuple[float, float], span: float) -> Outline:
-    """Follow the fuselage both ways from a place (2,) inside it; ``band`` holds the wing's rows."""
+@njit(cache=True, nogil=True)
+def trace(
+    level: Float32Array, start: tuple[float, float], band: tuple[float, float], span: float
+) -> tuple[FloatArray, tuple[float, float]]:
+    """Follow the fuselage both ways from a place s, t inside it; ``band`` holds the wing's rows.
+
+    Returns t, middle and width of its rows (n, 3), and the rows where its core ends above and below.
+    """
     h, w = level.shape
     found = np.full((h, 2), np.nan)
-    t0 = min(max(round(float(start[1])), 0), h - 1)
-    s0 = min(max(float(start[0]), 0.0), w - 1.0)
+    t0 = min(max(round(start[1]), 0), h - 1)
+    s0 = min(max(start[0], 0.0), w - 1.0)
     bottom = _follow(level, s0, t0, 1, band, span, found)
     top = _follow(level, s0, t0, -1, band, span, found)
-    rows = np.flatnonzero(np.isfinite(found[:, 0]))
-    return Outline(t=rows.astype(np.float64), middle=found[rows, 0], width=found[rows, 1], top=top, bottom=bottom)
+    rows = np.empty((h, 3))
+    n = 0
+    for i in range(h):
+        if not math.isnan(found[i, 0]):
+            rows[n, 0], rows[n, 1], rows[n, 2] = i, found[i, 0], found[i, 1]
+            n += 1
+    return rows[:n], (top, bottom)
 
 
 @njit(cache=True, nogil=True)
@@ -174,18 +173,16 @@ def _row_extent(
 @njit(cache=True, nogil=True)
 def _weigh(
     rows: FloatArray,
-    middles: FloatArray,
     row_weights: FloatArray,
     ends: tuple[float, float],
     wing: tuple[float, float],
     thickest: float,
-    forward: FloatArray,
+    forward: tuple[float, float],
     sigma: tuple[float, float],
     scale: tuple[float, float],
-    shape: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the nose of each attitude of the grid (n, 2), its variances (n, 2) and its χ² (n,)."""
-    sections, widths, above, below, sigmas = shape
+    sections, widths, above, below, sigmas = _BEHIND, _HALF_WIDTH, _ABOVE, _BELOW, _SIGMA
     span, edge = scale
     count = _GRID * _GRID
     noses, variances, chi = np.empty((count, 2)), np.empty((count, 2)), np.empty(count)
@@ -213,11 +210,13 @@ def _weigh(
             total = weight * (wing[0] + _WING_BEHIND * forward_s)
             square = weight * (wing[0] + _WING_BEHIND * forward_s) ** 2
             widths_chi = 0.0
-            for k in range(rows.size):
-                shift, width = _row_extent(rows[k] - nose_t, forward_s, forward_t, span, sections, widths, above, below)
+            for k in range(rows.shape[0]):
+                shift, width = _row_extent(
+                    rows[k, 0] - nose_t, forward_s, forward_t, span, sections, widths, above, below
+                )
                 if width > 0.0:
-                    value = middles[k, 0] - shift
-                    off = (middles[k, 1] - width) / span
+                    value = rows[k, 1] - shift
+                    off = (rows[k, 2] - width) / span
                     off /= _WIDER_SIGMA if off > 0 else _NARROWER_SIGMA
                     widths_chi += min(off * off, 4.0)
                     total += value * row_weights[k]
@@ -231,40 +230,15 @@ def _weigh(
                 chi_t
                 + max(square - weight * mean * mean, 0.0)
                 + z_s * z_s
-                + widths_chi / max(rows.size / _WIDTHS_COUNT, 1.0)
+                + widths_chi / max(rows.shape[0] / _WIDTHS_COUNT, 1.0)
             )
     return noses, variances, chi
 
 
-def locate_nose(
-    outline: Outline,
-    wing_middle: tuple[float, float],
-    thickest: float,
-    forward: FloatArray,
-    sigma: tuple[float, float],
-    scale: tuple[float, float],
-) -> tuple[FloatArray, FloatArray]:
-    """Return the nose (2,) in s, t and its covariance (2, 2).
-
-    Parameters
-    ----------
-    outline : the fuselage as traced.
-    wing_middle : place along s of the wing's middle, px, and its sigma.
-    thickest : place along t, px, where the silhouette holds the widest disc.
-    forward : (2,) image shift in px of one span's length along the expected body axis; ``sigma`` per component.
-    scale : the span in px, and the sigma of an edge's place in px.
-    """
-    shape = (_BEHIND, _HALF_WIDTH, _ABOVE, _BELOW, _SIGMA)
-    ends, rows = (outline.top, outline.bottom), np.column_stack((outline.middle, outline.width))
-    weights = _row_weights(outline.width, *scale)
-    found = _weigh(outline.t, rows, weights, ends, wing_middle, thickest, forward, sigma, scale, shape)
-    mean, covariance = _average(*found)
-    return mean, covariance
-
-
 @njit(cache=True, nogil=True)
-def _row_weights(widths: FloatArray, span: float, edge: float) -> FloatArray:
+def _row_weights(widths: FloatArray, scale: tuple[float, float]) -> FloatArray:
     """Return the inverse variances of the rows' middles, (n,)."""
+    span, edge = scale
     weights = np.empty(widths.size)
     # neighbouring rows err alike; a row that is too wide holds gear or struts on one of its sides
     alike = min(max(widths.size / 3.0, 1.0), 3.0)
@@ -290,3 +264,28 @@ def _average(noses: FloatArray, variances: FloatArray, chi: FloatArray) -> tuple
         covariance[1, 1] += weight[k] * (t * t + variances[k, 1])
     covariance[1, 0] = covariance[0, 1]
     return mean, covariance
+
+
+@njit(cache=True, nogil=True)
+def locate_nose(
+    rows: FloatArray,
+    ends: tuple[float, float],
+    wing_middle: tuple[float, float],
+    thickest: float,
+    forward: tuple[float, float],
+    sigma: tuple[float, float],
+    scale: tuple[float, float],
+) -> tuple[FloatArray, FloatArray]:
+    """Return the nose (2,) in s, t and its covariance (2, 2).
+
+    Parameters
+    ----------
+    rows, ends : the fuselage as traced.
+    wing_middle : place along s of the wing's middle, px, and its sigma.
+    thickest : place along t, px, where the silhouette holds the widest disc.
+    forward : image shift in px of one span's length along the expected body axis; ``sigma`` per component.
+    scale : the span in px, and the sigma of an edge's place in px.
+    """
+    weights = _row_weights(rows[:, 2], scale)
+    noses, variances, chi = _weigh(rows, weights, ends, wing_middle, thickest, forward, sigma, scale)
+    return _average(noses, variances, chi)

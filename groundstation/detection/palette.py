@@ -87,6 +87,7 @@ def _discount(
                 contrast[i, j] *= factor[(a * share.shape[1] + b) * share.shape[2] + c]
 
 
+@njit(cache=True, nogil=True)
 def discount_common_colours(
     residual: Float32Array, sigmas: FloatArray, keep_out: tuple[int, int, int, int], contrast: Float32Array
 ) -> None:

@@ -73,9 +73,8 @@ class Prepared:
 
     def fainter(self, share: float) -> "Prepared":
         """Return the same with u = 1 at a ``share`` of the reference."""
-        u = np.empty_like(self.contrast)
-        _scale(self.contrast, share * self.reference, u)
-        return replace(self, u=u, reference=share * self.reference)
+        reference = share * self.reference
+        return replace(self, u=_scaled(self.contrast, reference), reference=reference)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -172,6 +171,32 @@ def _scale(contrast: Float32Array, reference: float, out: Float32Array) -> None:
 
 
 @njit(cache=True, nogil=True)
+def _grey_contrast(plane: Float32Array, keep_out: Box) -> Float32Array:
+    """Return one plane (h, w) in sigmas of what is outside the box."""
+    contrast = np.empty_like(plane)
+    sigma = math.hypot(math.sqrt(_clutter_variance(plane, keep_out, _CLUTTER_CLIP)), _NOISE_FLOOR)
+    _magnitude(plane, 1.0 / sigma, contrast)
+    return contrast
+
+
+@njit(cache=True, nogil=True)
+def _colour_contrast(residual: Float32Array, keep_out: Box) -> tuple[Float32Array, FloatArray]:
+    """Return the Mahalanobis length of a residual (3, h, w) in sigmas of what is outside the box, and these (3,)."""
+    contrast = np.empty(residual.shape[1:], np.float32)
+    inverse, sigmas = _with_noise(_clutter_moments(residual, keep_out, _COLOUR_CLIP, None))
+    _distance(residual, inverse, contrast)
+    return contrast, sigmas
+
+
+@njit(cache=True, nogil=True)
+def _scaled(contrast: Float32Array, reference: float) -> Float32Array:
+    """Return a contrast (h, w) as a share of the reference, at most 1."""
+    u = np.empty_like(contrast)
+    _scale(contrast, reference, u)
+    return u
+
+
+@njit(cache=True, nogil=True)
 def _upper(count: NDArray[np.int64], share: float) -> float:
     """Return the value that this share of a histogram over the roots exceeds."""
     left = share * count.sum()
@@ -236,14 +261,9 @@ def prepare(
     else:
         residual = flatten(image, window)
         if wanted in (Channel.AUTO, Channel.GREY):
-            variance = _clutter_variance(residual[0], target_box, _CLUTTER_CLIP)
-            grey = np.empty(image.shape[:2], np.float32)
-            _magnitude(residual[0], 1.0 / math.hypot(math.sqrt(variance), _NOISE_FLOOR), grey)
-            offer(Channel.GREY, grey)
+            offer(Channel.GREY, _grey_contrast(residual[0], target_box))
         if wanted is not Channel.GREY:
-            colour = np.empty(image.shape[:2], np.float32)
-            inverse, sigmas = _with_noise(_clutter_moments(residual, target_box, _COLOUR_CLIP))
-            _distance(residual, inverse, colour)
+            colour, sigmas = _colour_contrast(residual, target_box)
             discount_common_colours(residual, sigmas, target_box, colour)
             offer(Channel.COLOUR, colour)
             if difference is not None:
@@ -253,9 +273,9 @@ def prepare(
     channel, contrast, level, far = max(options, key=lambda o: trust.get(o[0], 1.0) * o[2] / o[3])
     # a strong target need not be cut at half its height: nearer the noise, its pale parts stay with it
     reference = max(min(level, _REFERENCE * math.sqrt(level * far)), config.min_contrast_to_noise)
-    u = np.empty_like(contrast)
-    _scale(contrast, reference, u)
-    return Prepared(u=u, contrast=contrast, reference=reference, level=level, channel=channel)
+    return Prepared(
+        u=_scaled(contrast, reference), contrast=contrast, reference=reference, level=level, channel=channel
+    )
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -276,11 +296,18 @@ def _soften(
 
 def _learnt_contrast(difference: Difference, spatial: Float32Array, target_box: Box) -> Float32Array:
     """Return the distance from the learnt background in its sigmas, the spatial contrast where it is not known."""
-    moments = _clutter_moments(difference.residual, target_box, _LEARNT_CLIP, difference.known)
-    inverse, sigmas = _with_noise(moments)
+    return _softened(difference.residual, difference.edge, difference.known, spatial, target_box)
+
+
+@njit(cache=True, nogil=True)
+def _softened(
+    residual: Float32Array, edge: Float32Array, known: NDArray[np.bool_], spatial: Float32Array, keep_out: Box
+) -> Float32Array:
+    """Return the Mahalanobis length of a residual (3, h, w), softened and completed as `_soften` says."""
+    inverse, sigmas = _with_noise(_clutter_moments(residual, keep_out, _LEARNT_CLIP, known))
     contrast = np.empty_like(spatial)
-    _distance(difference.residual, inverse, contrast)
-    _soften(contrast, difference.edge, sigmas[0] ** 2, difference.known, spatial)
+    _distance(residual, inverse, contrast)
+    _soften(contrast, edge, sigmas[0] ** 2, known, spatial)
     return contrast
 
 

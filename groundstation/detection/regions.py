@@ -5,7 +5,7 @@ judged by size, place and contrast; two that explain the prediction about equall
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -128,27 +128,38 @@ def _label(phi: NDArray[np.float32], contrast: NDArray[np.float32]) -> tuple[Lab
 
 
 @njit(cache=True, nogil=True)
-def members_mask(labels: LabelArray, members: NDArray[np.int64], box: tuple[int, int, int, int]) -> NDArray[np.uint8]:
-    """Return 1 where the box x0, y0, x1, y1 holds one of the member labels, else 0; uint8."""
+def soft_silhouette(
+    labels: LabelArray, members: NDArray[np.int64], box: tuple[int, int, int, int], u: NDArray[np.float32]
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Return where a box x0, y0, x1, y1 holds the members, 1 or 0, and ``u`` (h, w) there and one pixel around it."""
     x0, y0, x1, y1 = box
-    mask = np.zeros((y1 - y0, x1 - x0), np.uint8)
-    for i in range(y0, y1):
-        for j in range(x0, x1):
-            label = labels[i, j]
-            if label > 0:
-                for k in members:
-                    if k == label:
-                        mask[i - y0, j - x0] = 1
-                        break
-    return mask
+    h, w = y1 - y0, x1 - x0
+    mask, soft = np.zeros((h, w), np.uint8), np.zeros((h, w), np.float32)
+    for i in range(h):
+        for j in range(w):
+            label = labels[y0 + i, x0 + j]
+            if label == 0:
+                continue
+            for k in members:
+                if k == label:
+                    mask[i, j] = 1
+                    for p in range(max(i - 1, 0), min(i + 2, h)):
+                        for q in range(max(j - 1, 0), min(j + 2, w)):
+                            soft[p, q] = u[y0 + p, x0 + q]
+                    break
+    return mask, soft
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Regions:
-    """All connected regions of one level set: ``labels`` (h, w) int32, ``table`` one row per label."""
+    """All connected regions of one level set: ``labels`` (h, w) int32, ``table`` one row per label.
+
+    ``looks`` keeps what groups of them, by their labels, were found to look like.
+    """
 
     labels: LabelArray
     table: FloatArray
+    looks: dict[tuple[int, ...], FloatArray] = field(default_factory=dict)
 
 
 def find_regions(phi: NDArray[np.float32], contrast: NDArray[np.float32]) -> Regions:

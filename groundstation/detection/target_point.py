@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
 from groundstation.detection.fuselage import locate_nose, trace
-from groundstation.detection.wing import find_wing
+from groundstation.detection.wing import extent, level_frame
 
 _RADIUS_PER_SPAN = 0.07
 _FLANK_WEIGHT = 0.3
@@ -132,31 +132,68 @@ def _near_head_on(
     expected, airborne = known
     edge = _EDGE_PX + _EDGE_PX_SIGMAS / max(contrast, 1.0)
     span = _likely_span(width, expected)
-    wing = find_wing(membership, thickest, span)
-    outline = trace(wing.level, wing.level_point(thickest), wing.band, span)
-    body, thickest_t = (float(x) for x in wing.level_point(thickest))
-    middle, middle_sigma = body, _BODY_SIGMA_PER_SPAN * span
-    if wing.seen:
-        middle = 0.5 * (wing.tips[0] + wing.tips[1])
-        lost = 0.03 * span if expected is None else 0.5 * abs(wing.tips[1] - wing.tips[0] - span)
-        # a body far from the middle means that a tip is hidden or not the wing's
-        lost += max(abs(middle - body) - _BODY_ASIDE * span, 0.0)
-        middle_sigma = math.hypot(edge, _TIP_PER_SPAN * span, lost)
-    level_forward = wing.rotation.T @ forward * (span / width)
     # where crab can be read it is left open; where it cannot, an approach in usual wind is assumed. What blurs it is
     # the camera, not that a large silhouette is looked at in a reduced picture
     legible = min(max((scale * span - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
+    back, size, wing_seen = level_frame(membership, float(thickest[0]), span)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    level = np.asarray(cv2.warpAffine(membership, back, size, flags=flags), np.float32)
+    span_of = (width, span, expected is not None)
+    point, covariance = _nose_in(level, back, thickest, forward, span_of, wing_seen, edge, (airborne, legible))
+    return NosePoint(point=point, covariance=covariance)
+
+
+@njit(cache=True, nogil=True)
+def _nose_in(
+    level: NDArray[np.float32],
+    back: FloatArray,
+    thickest: FloatArray,
+    forward: FloatArray,
+    span_of: tuple[float, float, bool],
+    wing_seen: bool,
+    edge: float,
+    flight: tuple[float, float],
+) -> tuple[FloatArray, FloatArray]:
+    """Return the nose (2,) and its covariance (2, 2) in working px, from the silhouette turned level.
+
+    ``back`` (2, 3) leads from the level picture to working px, ``span_of`` is the silhouette's width, the likely span
+    and whether that was expected, ``edge`` the sigma of an edge's place, ``flight`` how surely it flies and how legible
+    crab is.
+    """
+    width, span, was_expected = span_of
+    airborne, legible = flight
+    cos, sin = back[0, 0], back[1, 0]
+    away_x, away_y = thickest[0] - back[0, 2], thickest[1] - back[1, 2]
+    body, thickest_t = cos * away_x + sin * away_y, cos * away_y - sin * away_x
+    tips, band = extent(level, body, span)
+    rows, ends = trace(level, (body, thickest_t), band, span)
+    middle, middle_sigma = body, _BODY_SIGMA_PER_SPAN * span
+    if wing_seen:
+        middle = 0.5 * (tips[0] + tips[1])
+        lost = 0.5 * abs(tips[1] - tips[0] - span) if was_expected else 0.03 * span
+        # a body far from the middle means that a tip is hidden or not the wing's
+        lost += max(abs(middle - body) - _BODY_ASIDE * span, 0.0)
+        middle_sigma = math.sqrt(edge**2 + (_TIP_PER_SPAN * span) ** 2 + lost**2)
+    along_s = (cos * forward[0] + sin * forward[1]) * (span / width)
+    along_t = (cos * forward[1] - sin * forward[0]) * (span / width)
     flying = _CRAB_SIGMA_RAD + min(2.0 * legible, 1.0) * (_CRAB_SIGMA - _CRAB_SIGMA_RAD)
     crab = _ROLLING_CRAB_SIGMA + airborne * (flying - _ROLLING_CRAB_SIGMA)
     sigma = (crab * span, _PITCH_SIGMA * span)
-    nose, covariance = locate_nose(outline, (middle, middle_sigma), thickest_t, level_forward, sigma, (span, edge))
+    nose, covariance = locate_nose(
+        rows, ends, (middle, middle_sigma), thickest_t, (along_s, along_t), sigma, (span, edge)
+    )
     # crab is read from how the fuselage's rows lie: of a small silhouette they say less than its thickest place does
-    nose[0] = legible * nose[0] + (1.0 - legible) * (body + _LEAD_PER_SPAN * level_forward[0])
+    s, t = legible * nose[0] + (1.0 - legible) * (body + _LEAD_PER_SPAN * along_s), nose[1]
     # as measured on rendered flights: of a small silhouette in flight the parts agree better than each of them alone
     covariance *= 1.0 + airborne * (1.0 - legible) * (_SMALL_FLYING - 1.0)
     # a silhouette of the wrong width has lost or gained more than its tips
-    covariance += (_MISFIT_SHARE * (width - span)) ** 2 * np.eye(2)
-    return NosePoint(point=wing.working_point(nose), covariance=wing.rotation @ covariance @ wing.rotation.T)
+    misfit = (_MISFIT_SHARE * (width - span)) ** 2
+    ss, tt, st = covariance[0, 0] + misfit, covariance[1, 1] + misfit, covariance[0, 1]
+    turned = np.empty((2, 2))
+    turned[0, 0] = cos * cos * ss - 2.0 * cos * sin * st + sin * sin * tt
+    turned[1, 1] = sin * sin * ss + 2.0 * cos * sin * st + cos * cos * tt
+    turned[0, 1] = turned[1, 0] = cos * sin * (ss - tt) + (cos * cos - sin * sin) * st
+    return np.array([cos * s - sin * t + back[0, 2], sin * s + cos * t + back[1, 2]]), turned
 
 
 def _airborne(height_per_span: float | None) -> float:
@@ -202,9 +239,7 @@ def _thickest(membership: NDArray[np.float32], radius: float) -> FloatArray:
     response = cv2.filter2D(
         membership, cv2.CV_32F, disc_kernel(round(radius / _RADIUS_STEP_PX)), borderType=cv2.BORDER_CONSTANT
     )
-    angle = _wing_angle(membership)
-    dx, dy = _FLANK_RADII * radius * math.cos(angle), _FLANK_RADII * radius * math.sin(angle)
-    return _summit(np.asarray(response, np.float32), dx, dy)
+    return _summit(np.asarray(response, np.float32), membership, _FLANK_RADII * radius)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -225,9 +260,34 @@ def _less(rise: NDArray[np.float32], response: NDArray[np.float32], dx: float, d
 
 
 @njit(cache=True, nogil=True)
-def _summit(response: NDArray[np.float32], dx: float, dy: float) -> FloatArray:
-    """Return the centre (2,) of what comes close to the highest response less its flanks, ±(dx, dy) away."""
+def _wing_angle(membership: NDArray[np.float32]) -> float:
+    """Return the direction of the silhouette's long axis, 0 where that is too steep to be a wing."""
+    h, w = membership.shape
+    mass, x, y, xx, xy, yy = 1e-12, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(h):
+        of_row, along, square = 0.0, 0.0, 0.0
+        for j in range(w):
+            m = float(membership[i, j])
+            of_row += m
+            along += m * j
+            square += m * (j * j)
+        mass += of_row
+        x += along
+        y += of_row * i
+        xx += square
+        xy += along * i
+        yy += of_row * (i * i)
+    spread = 2.0 * (xy - x * y / mass)
+    angle = 0.5 * math.atan2(spread, (xx - x * x / mass) - (yy - y * y / mass))
+    return angle if abs(angle) < _MAX_ROLL_RAD else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _summit(response: NDArray[np.float32], membership: NDArray[np.float32], aside: float) -> FloatArray:
+    """Return the centre (2,) of what comes close to the highest response less its flanks ``aside`` along the wing."""
     h, w = response.shape
+    angle = _wing_angle(membership)
+    dx, dy = aside * math.cos(angle), aside * math.sin(angle)
     rise = response.copy()
     _less(rise, response, dx, dy, 0.5 * _FLANK_WEIGHT)
     _less(rise, response, -dx, -dy, 0.5 * _FLANK_WEIGHT)
@@ -241,13 +301,6 @@ def _summit(response: NDArray[np.float32], dx: float, dy: float) -> FloatArray:
                 x += above * above * j
                 y += above * above * i
     return np.array([x / total, y / total])
-
-
-def _wing_angle(membership: NDArray[np.float32]) -> float:
-    """Return the direction of the silhouette's long axis, 0 where that is too steep to be a wing."""
-    m = cv2.moments(membership)
-    angle = 0.5 * math.atan2(2.0 * m["mu11"], m["mu20"] - m["mu02"])
-    return angle if abs(angle) < _MAX_ROLL_RAD else 0.0
 
 
 def _fuselage_axis(

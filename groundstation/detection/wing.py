@@ -1,12 +1,10 @@
-"""The wing of a silhouette: its line, its tips, and the picture turned so that it lies level.
+"""The wing of a silhouette: its line, its tips, and how the picture is turned so that it lies level.
 
 In the turned picture s runs along the wing to the right and t across it downwards.
 """
 
 import math
-from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -25,44 +23,21 @@ _MAX_SCATTER = 0.05
 _FLOOR = 0.7  # px
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Wing:
-    """A silhouette turned level.
-
-    ``level`` (h, w) float32 is the membership, ``tips`` (left, right) and ``band`` (top, bottom) bound the wing
-    in it; ``seen`` is False where no wing line could be fitted. ``rotation`` and ``offset`` lead back:
-    working px = rotation @ (s, t) + offset.
-    """
-
-    level: Float32Array
-    tips: tuple[float, float]
-    band: tuple[float, float]
-    seen: bool
-    rotation: FloatArray
-    offset: FloatArray
-
-    def level_point(self, point: FloatArray) -> FloatArray:
-        """Map a working pixel (2,) to s, t."""
-        return np.asarray(self.rotation.T @ (point - self.offset), np.float64)
-
-    def working_point(self, point: FloatArray) -> FloatArray:
-        """Map s, t (2,) to the working pixel."""
-        return np.asarray(self.rotation @ point + self.offset, np.float64)
-
-
 @njit(cache=True, nogil=True)
 def _line(membership: Float32Array, middle: float, reach: float) -> tuple[float, float, int]:
     """Return slope, scatter and number of a robust line through the centroids of columns beyond ``reach``."""
     h, w = membership.shape
     u, v, weight = np.empty(w), np.empty(w), np.empty(w)
+    mass, moment = np.zeros(w), np.zeros(w)
+    # row by row, as the picture lies in memory
+    for i in range(h):
+        for j in range(w):
+            mass[j] += membership[i, j]
+            moment[j] += membership[i, j] * i
     n = 0
     for j in range(w):
-        mass, moment = 0.0, 0.0
-        for i in range(h):
-            mass += membership[i, j]
-            moment += membership[i, j] * i
-        if mass > _LEAST_MASS and abs(j - middle) > reach:
-            u[n], v[n], weight[n] = j - middle, moment / mass, min(mass, 3.0)
+        if mass[j] > _LEAST_MASS and abs(j - middle) > reach:
+            u[n], v[n], weight[n] = j - middle, moment[j] / mass[j], min(mass[j], 3.0)
             n += 1
     if n < 3:
         return 0.0, 1e9, n
@@ -104,38 +79,51 @@ def _crossing(profile: FloatArray, level: float, start: int, step: int) -> float
     return k - step * (profile[k] - level) / max(profile[k] - below, 1e-6)
 
 
-def find_wing(membership: Float32Array, body: FloatArray, span: float) -> Wing:
-    """Fit the wing's line to both sides of the body (2,) and turn the silhouette level."""
-    slope, scatter, columns = _line(membership, float(body[0]), _OUTER * span)
+@njit(cache=True, nogil=True)
+def level_frame(membership: Float32Array, body_s: float, span: float) -> tuple[FloatArray, tuple[int, int], bool]:
+    """Fit the wing's line to both sides of the body and return how to turn the silhouette level.
+
+    Parameters
+    ----------
+    membership : (h, w) of the silhouette, in [0, 1].
+    body_s : the column in which the body stands.
+    span : px.
+
+    Returns
+    -------
+    (2, 3) rotation and offset that lead from s, t, 1 back to a pixel, the width and height of the turned picture, and
+    whether a wing's line could be fitted.
+    """
+    slope, scatter, columns = _line(membership, body_s, _OUTER * span)
     h, w = membership.shape
     seen = columns >= _LEAST_COLUMNS and scatter < max(_MAX_SCATTER * span, 1.0)
-    angle = math.atan(slope) if seen and abs(slope) < math.tan(_MAX_ROLL_RAD) else 0.0
     seen = seen and abs(slope) < math.tan(_MAX_ROLL_RAD)
+    angle = math.atan(slope) if seen else 0.0
     cos, sin = math.cos(angle), math.sin(angle)
     size = (math.ceil(w * cos + h * abs(sin)) + 1, math.ceil(h * cos + w * abs(sin)) + 1)
-    rotation = np.array([[cos, -sin], [sin, cos]])
-    offset = 0.5 * np.array([w - 1.0, h - 1.0]) - rotation @ (0.5 * np.array([size[0] - 1.0, size[1] - 1.0]))
-    transform = np.concatenate([rotation, offset[:, None]], axis=1)
-    level = np.asarray(
-        cv2.warpAffine(membership, transform, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP), np.float32
-    )
-    tips, band = _extent(level, float((rotation.T @ (body - offset))[0]), _OUTER * span)
-    return Wing(level=level, tips=tips, band=band, seen=seen, rotation=rotation, offset=offset)
+    s, t = 0.5 * (size[0] - 1.0), 0.5 * (size[1] - 1.0)
+    back = np.array([[cos, -sin, 0.5 * (w - 1.0)], [sin, cos, 0.5 * (h - 1.0)]])
+    back[0, 2] -= cos * s - sin * t
+    back[1, 2] -= sin * s + cos * t
+    return back, size, seen
 
 
 @njit(cache=True, nogil=True)
-def _extent(level: Float32Array, middle: float, reach: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the wing's tips along s and its rows along t."""
+def extent(level: Float32Array, body_s: float, span: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the wing's tips along s and its rows along t, in a picture (h, w) that was turned level."""
     h, w = level.shape
-    first, last = max(int(middle - reach), 0), math.ceil(middle + reach) + 1
+    first, last = max(int(body_s - _OUTER * span), 0), math.ceil(body_s + _OUTER * span) + 1
     rows = np.zeros(h)
-    seen = False
+    highest = np.float32(0)
     for i in range(h):
+        row = level[i]
         for j in range(w):
-            seen |= level[i, j] > _FAINT
-            if j < first or j >= last:
-                rows[i] += level[i, j]
-    if not seen:
+            highest = max(highest, row[j])
+        for j in range(min(first, w)):
+            rows[i] += row[j]
+        for j in range(last, w):
+            rows[i] += row[j]
+    if highest <= _FAINT:
         return (0.0, w - 1.0), (0.0, 0.0)
     half = 0.4 * rows.max()
     peak = int(rows.argmax())

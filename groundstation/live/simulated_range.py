@@ -22,7 +22,7 @@ from types import TracebackType
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.hand_over import quick_hand_over
+from groundstation.hand_over import give_way, quick_hand_over
 from groundstation.live.child import deaf_to_the_terminal
 from groundstation.live.due_line import DueLine
 from groundstation.live.simulated_receiver import ReceiverModel, SimulatedReceiver
@@ -325,11 +325,11 @@ def _deliver(
     stop: threading.Event,
 ) -> None:
     """Expose, render and hand over, frame after frame; one that cannot be rendered in time is left out."""
-    w, h = station.camera.station.lens.image_size_px
+    (w, h), period_s, number = station.camera.station.lens.image_size_px, 1.0 / config.frame_rate_hz, 0
     slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
-    period_s, number = 1.0 / config.frame_rate_hz, 0
     frozen: ImageArray | None = None
     line = DueLine(pipe, time.monotonic)
+    give_way()  # the rendering, not the line's own thread: delivery is as punctual as a camera's
     while not stop.is_set() and not line.broken:
         t_s = first_s + number * period_s
         wait_s = t_s - time.monotonic()

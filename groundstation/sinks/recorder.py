@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import Self
 
 from groundstation.errors import InputError
+from groundstation.hand_over import give_way
 from groundstation.messages import BegunAnew, Event, Frame, StepReport
 from groundstation.recording.contents import RecordingHeader
 from groundstation.recording.event_codec import event_values
@@ -190,6 +191,7 @@ class Recorder:
 
     # ------------------------------------------------------------------------------- the writer's side
     def _work(self) -> None:
+        give_way()
         try:
             RecorderWriter(
                 self._queue,

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
+from groundstation.hand_over import give_way
 from groundstation.messages import CameraReport, StepReport
 from groundstation.rig import Rig
 from groundstation.sinks import rerun_tree as tree
@@ -72,6 +73,7 @@ class LiveView:
 
     # ------------------------------------------------------------------------------------ the thread
     def _work(self) -> None:
+        give_way()
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._waiting or self._closed)

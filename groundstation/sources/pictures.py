@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import ImageArray
 from groundstation.errors import SessionError
+from groundstation.hand_over import give_way
 from groundstation.session import Medium, MediumKind
 from groundstation.session.media import image_files, open_video, read_image, size_fault
 from groundstation.sources.frame_pool import FramePool
@@ -89,6 +90,7 @@ class PictureReader:
 
     # ------------------------------------------------------------------------------------ the thread
     def _work(self) -> None:
+        give_way()
         try:
             video = self._medium.kind is MediumKind.VIDEO
             if len(self._indices):

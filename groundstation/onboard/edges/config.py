@@ -45,6 +45,8 @@ class TrackerConfig:
     doubt_agreement, doubt_missed, doubt_score, doubt_frames : a runway whose edges' colours agree less, that was missed
         so often in a row, or whose score is lower, is compared with Algorithm 1's pairs; not again for so many frames.
     check_frames : after so many frames it is compared in any case.
+    work : pieces of work a frame: following a pair is one (the runway three), Algorithm 1 one, a look at one of its
+        pairs one. Following comes first; a search has the rest, but one at least; where nothing is followed, all.
     edge_sigma_m, edge_sigma_px : what the seen edge and the pavement's may lie apart, for paint, lamps and shoulders,
         alike along an edge, and for blur and haze at either end; it does not average out, and is added to what is
         reported (crossings only).
@@ -78,7 +80,7 @@ class TrackerConfig:
     start_turn_rad: float = math.radians(4.0)
     start_shift_m: float = 5.0
     start_width: float = 1.25
-    hypotheses: int = 4
+    hypotheses: int = 3
     confirm_frames: int = 4
     margin: float = 0.5
     doubt_agreement: float = 0.3
@@ -86,6 +88,7 @@ class TrackerConfig:
     doubt_score: float = 1.0
     doubt_frames: int = 5
     check_frames: int = 30
+    work: int = 5
     edge_sigma_m: float = 0.35
     edge_sigma_px: float = 0.6
     plain_contrast: float = 0.07

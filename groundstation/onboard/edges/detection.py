@@ -96,35 +96,39 @@ def response(image: ImageArray, rows: FloatArray, reach: float, half_angle: floa
                 out[j] -= 0.5 * ((right[j, c] - left[j, c]) / count / 255.0) ** 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def line_energies(
     image: ImageArray, rows: FloatArray, columns: FloatArray, slopes: FloatArray, reaches: FloatArray, out: FloatArray
 ) -> None:
-    """Fill ``out`` (n, m) with Eq. 4 of lines through the middle row at ``columns`` (n,), slopes (m,) px per row.
+    """Fill ``out`` (n,) with Eq. 4 of lines through the middle row at ``columns`` (n,), slopes (n,) px per row.
 
-    ``reaches`` (2,) are the regions' widths at the upper and the lower row, px along the row.
+    ``reaches`` (2,) are the regions' widths at the upper and the lower row, px along the row. Each row is summed up
+    once, in whole grey levels, and all lines read the sums.
     """
     h, w = image.shape[:2]
     middle, height = 0.5 * (rows[0] + rows[1]), rows[1] - rows[0]
-    u, v = np.empty(3), np.empty(3)
+    out[:] = 0.0
+    prefix = np.zeros((w + 1, 3), np.int32)
+    first, last = max(math.ceil(rows[0]), 0), min(math.floor(rows[1]), h - 1)
+    for row in range(first, last + 1):
+        reach = max(round(reaches[0] + (reaches[1] - reaches[0]) * (row - rows[0]) / height), 1)
+        b, g, r = np.int32(0), np.int32(0), np.int32(0)
+        for j in range(w):
+            b += image[row, j, 0]
+            g += image[row, j, 1]
+            r += image[row, j, 2]
+            prefix[j + 1, 0], prefix[j + 1, 1], prefix[j + 1, 2] = b, g, r
+        scale = 1.0 / (255.0 * reach)
+        for i in range(columns.size):
+            place = round(columns[i] + slopes[i] * (row - middle))
+            if place - reach < 0 or place + reach >= w:
+                continue
+            for c in range(3):
+                right = prefix[place + reach + 1, c] - prefix[place + 1, c]
+                left = prefix[place, c] - prefix[place - reach, c]
+                out[i] += ((right - left) * scale) ** 2
     for i in range(columns.size):
-        for k in range(slopes.size):
-            total, places = 0.0, 0
-            for row in range(max(math.ceil(rows[0]), 0), min(math.floor(rows[1]), h - 1) + 1):
-                place = round(columns[i] + slopes[k] * (row - middle))
-                reach = max(round(reaches[0] + (reaches[1] - reaches[0]) * (row - rows[0]) / height), 1)
-                places += 1
-                if place - reach < 0 or place + reach >= w:
-                    continue
-                u[:] = 0.0
-                v[:] = 0.0
-                for j in range(1, reach + 1):
-                    for c in range(3):
-                        u[c] += image[row, place + j, c]
-                        v[c] += image[row, place - j, c]
-                for c in range(3):
-                    total += ((u[c] - v[c]) / (255.0 * reach)) ** 2
-            out[i, k] = -0.5 * total / max(places, 1)
+        out[i] *= -0.5 / max(last + 1 - first, 1)
 
 
 def detect(
@@ -196,17 +200,22 @@ def _angles(
     if columns.size == 0:
         return np.empty((0, 2))
     coarse = np.linspace(-config.half_angle_rad, config.half_angle_rad, config.angles)
-    energies = np.empty((columns.size, coarse.size))
-    line_energies(image, rows, columns, np.tan(coarse), reaches, energies)
-    found = []
+    energies = np.empty(columns.size * coarse.size)
+    lines = np.repeat(columns, coarse.size), np.tile(np.tan(coarse), columns.size)
+    line_energies(image, rows, *lines, reaches, energies)
     spacing = coarse[1] - coarse[0]
-    for column, angle in zip(columns, coarse[energies.argmin(axis=1)], strict=True):
-        fine = angle + spacing * np.linspace(-1.0, 1.0, 4 * config.angles + 1)
-        fine = fine[np.abs(fine) <= config.half_angle_rad + 1e-9]
-        # the column is that of the middle row only to within the masks' width
-        shifts = column + np.arange(-3.0, 4.0)
-        own = np.empty((shifts.size, fine.size))
-        line_energies(image, rows, shifts, np.tan(fine), reaches, own)
-        i, k = np.unravel_index(own.argmin(), own.shape)
-        found.append((shifts[i], fine[k]))
-    return np.array(found)
+    # the column is that of the middle row only to within the masks' width
+    offsets = np.arange(-3.0, 4.0)
+    fine, shifts, counts = [], [], []
+    for column, angle in zip(columns, coarse[energies.reshape(columns.size, -1).argmin(axis=1)], strict=True):
+        own = angle + spacing * np.linspace(-1.0, 1.0, 4 * config.angles + 1)
+        own = own[np.abs(own) <= config.half_angle_rad + 1e-9]
+        shifts.append(np.repeat(column + offsets, own.size))
+        fine.append(np.tile(own, offsets.size))
+        counts.append(shifts[-1].size)
+    every, turned = np.concatenate(shifts), np.concatenate(fine)
+    energies = np.empty(every.size)
+    line_energies(image, rows, every, np.tan(turned), reaches, energies)
+    ends = np.cumsum(counts)
+    best = [end - count + int(energies[end - count : end].argmin()) for end, count in zip(ends, counts, strict=True)]
+    return np.column_stack([every[best], turned[best]])

@@ -9,6 +9,7 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import Measurement, TrackerConfig
 from groundstation.onboard.edges.descent import descend
 from groundstation.onboard.edges.kalman import LineState, LineUpdate, predict, update_crossings, update_lines
+from groundstation.onboard.edges.kalman_kernel import between
 from groundstation.onboard.edges.lines import (
     PITCH,
     ROLL,
@@ -198,9 +199,9 @@ def _in_picture(
         crossings, h = project_lines(update.state.mean, look.e, look.rows)
         return crossings, np.asarray(h @ update.state.covariance @ h.T)
     prior = look.h @ predicted.covariance @ look.h.T + pose_noise(config, look)
-    gain = np.linalg.solve(prior + found.covariance_px2, prior).T
-    crossings = look.predicted + gain @ (found.crossings_px - look.predicted)
-    return crossings, gain @ found.covariance_px2 + edge_noise(config, look.predicted, predicted.mean, found.contrast)
+    crossings, covariance = np.empty(4), np.empty((4, 4))
+    between(look.predicted, prior, found.crossings_px, found.covariance_px2, crossings, covariance)
+    return crossings, covariance + edge_noise(config, look.predicted, predicted.mean, found.contrast)
 
 
 def _missed(config: TrackerConfig, look: Look, predicted: LineState, miss: EdgeMiss, nis: float) -> Followed:

@@ -98,6 +98,35 @@ def score(hypothesis: Hypothesis, config: TrackerConfig) -> float:
     return ground + _AGREEMENT * hypothesis.agreement - _NIS * hypothesis.nis - _MISSED * hypothesis.lost
 
 
+@dataclass(slots=True, kw_only=True, eq=False)
+class PairSearch:
+    """Algorithm 1 on one picture, and which of its pairs are still to be looked at from near by.
+
+    A look takes as long as following a pair for a frame, so a tracker that has a runway takes one look a frame.
+
+    Attributes
+    ----------
+    painted, image : the picture (h, w, 3), and without its paint.
+    pose, rows, e : its geometry.
+    middle : crossings (4,) of the announced runway.
+    known : the pairs that were followed when the picture was taken.
+    waiting : crossings (4,) of the pairs to look at, the announced runway first.
+    found : what was seen, of pairs that were not known.
+    miss : why there is nothing to be seen, if it stays so.
+    """
+
+    painted: ImageArray
+    image: ImageArray
+    pose: CameraPose
+    rows: FloatArray
+    e: FloatArray
+    middle: FloatArray
+    known: list[Hypothesis]
+    waiting: list[FloatArray]
+    found: list[Hypothesis]
+    miss: EdgeMiss
+
+
 def find_pairs(
     lookout: Lookout, image: ImageArray, pose: CameraPose, known: list[Hypothesis]
 ) -> list[Hypothesis] | EdgeMiss:
@@ -105,37 +134,81 @@ def find_pairs(
 
     Pairs that are ``known`` already are left out, and fewer are looked at where there are such.
     """
+    search = begin_search(lookout, image, pose, known)
+    look_on(lookout, search, len(search.waiting))
+    return search.found or search.miss
+
+
+def begin_search(lookout: Lookout, image: ImageArray, pose: CameraPose, known: list[Hypothesis]) -> PairSearch:
+    """Run Algorithm 1; its pairs, and the announced runway, wait to be looked at in this very picture, which is kept.
+
+    Pairs that are ``known`` already are left out, and fewer are looked at where there are such.
+    """
     config, kappa = lookout.config, lookout.kappa
+    e, middle = line_map(pose, kappa), np.zeros(4)
+    search = PairSearch(
+        painted=image,
+        image=image,
+        pose=pose,
+        rows=np.zeros(2),
+        e=e,
+        middle=middle,
+        known=known,
+        waiting=[],
+        found=[],
+        miss=EdgeMiss.NONE,
+    )
     rows = band_rows(pose, kappa, lookout.image_size_px, config.guess)
     if isinstance(rows, NoBand):
-        return EdgeMiss.NO_BAND
-    e = line_map(pose, kappa)
+        search.miss = EdgeMiss.NO_BAND
+        return search
     half = 0.5 * config.guess.width_m
-    middle, _ = project_lines(np.array([1.0, 0.0, -half, half]), e, rows)
-    px_per_m = np.abs(middle[2:] - middle[:2]) / (2.0 * half)
-    painted, image = image, without_paint(image, rows, config.paint_m * float(px_per_m[1]))
-    pairs = detect(image, rows, px_per_m, config.detection, lambda x: plausible(x, rows, pose, kappa, config))
+    search.rows, search.middle = rows, project_lines(np.array([1.0, 0.0, -half, half]), e, rows)[0]
+    px_per_m = np.abs(search.middle[2:] - search.middle[:2]) / (2.0 * half)
+    # a picture that is looked at later is not the caller's, who may write the next one into it
+    search.painted = image.copy()
+    search.image = without_paint(search.painted, rows, config.paint_m * float(px_per_m[1]))
+    pairs = detect(search.image, rows, px_per_m, config.detection, lambda x: plausible(x, rows, pose, kappa, config))
     wanted = (_MORE_PAIRS if known else _FIRST_PAIRS) if config.confirm_frames > 1 else 1
-    found = []
     if config.use_strip and config.confirm_frames > 1:
-        announced = _announced(lookout, image, rows, pose)
-        if announced is not None and not any(
-            one.edges is not None and alike_px(one.edges, announced.crossings_px, rows) for one in known
-        ):
-            found.append(_started(lookout, painted, announced, middle, rows, pose))
-    for crossings in [] if isinstance(pairs, NoPair) else pairs.pairs_px[:wanted]:
-        if any(one.edges is not None and alike_px(one.edges, crossings, rows) for one in known):
-            continue
-        near = _first_look(lookout, image, crossings, rows, pose, e)
+        search.waiting.append(search.middle)
+    if not isinstance(pairs, NoPair):
+        search.waiting += [crossings for crossings in pairs.pairs_px[:wanted] if not _known(search, crossings)]
+    search.miss = EdgeMiss.NO_PAIR if isinstance(pairs, NoPair) else EdgeMiss.FAINT
+    return search
+
+
+def look_on(lookout: Lookout, search: PairSearch, looks: int) -> None:
+    """Take so many looks at pairs that wait, if as many do, and keep what is seen."""
+    for _ in range(min(looks, len(search.waiting))):
+        crossings = search.waiting.pop(0)
+        if crossings is search.middle:
+            near = _announced(lookout, search.image, search.rows, search.pose)
+            near = None if near is not None and _known(search, near.crossings_px) else near
+        else:
+            near = _first_look(lookout, search.image, crossings, search.rows, search.pose, search.e)
         if near is not None:
-            found.append(_started(lookout, painted, near, crossings, rows, pose))
-    return found or (EdgeMiss.NO_PAIR if isinstance(pairs, NoPair) else EdgeMiss.FAINT)
+            search.found.append(_started(lookout, search.painted, near, crossings, search.rows, search.pose))
 
 
-def followed(lookout: Lookout, image: ImageArray, pose: CameraPose, hypotheses: list[Hypothesis]) -> list[Hypothesis]:
-    """Return every pair one frame later, without those that were not seen for long, and without doubles."""
-    moved = [h.after(follow(lookout, image, pose, h.state, thorough=True, marks=h.marks)) for h in hypotheses]
-    return merged(lookout, [h for h in moved if h.missed <= lookout.config.coast_frames // 2], [])
+def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
+    """Return whether crossings (4,) in a search's picture are those of a pair that was followed there."""
+    return any(one.edges is not None and alike_px(one.edges, crossings_px, search.rows) for one in search.known)
+
+
+def followed(
+    lookout: Lookout, image: ImageArray, pose: CameraPose, old: list[Hypothesis], new: list[Hypothesis]
+) -> list[Hypothesis]:
+    """Return every pair one frame later, without those that were not seen for long, and without doubles.
+
+    ``new`` were seen in a picture before this one and have not been followed yet.
+    """
+    thorough, most = lookout.config.profile is not None, lookout.config.coast_frames // 2
+    moved = [
+        [h.after(follow(lookout, image, pose, h.state, thorough=thorough, marks=h.marks)) for h in hypotheses]
+        for hypotheses in (old, new)
+    ]
+    return merged(lookout, *([h for h in hypotheses if h.missed <= most] for hypotheses in moved))
 
 
 def merged(lookout: Lookout, old: list[Hypothesis], new: list[Hypothesis]) -> list[Hypothesis]:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.edges.lines import A, B, normalised_lines
+from groundstation.onboard.edges.kalman_kernel import constrain, update_kernel
+from groundstation.onboard.edges.lines import normalised_lines
 
 # rates of the constant-velocity model per s: of the lines' places (px) and slopes (px per px)
 _CV_STATE = 8
@@ -48,34 +49,18 @@ def constrained_gain(gain: FloatArray, innovation: FloatArray, s: FloatArray, me
     K* = K + (1/n − 1) x̂ νᵀ S⁻¹ / (νᵀ S⁻¹ ν) in those rows, with x̂ the unconstrained (a, b) and n its length.
     """
     corrected = gain.copy()
-    weighted = np.linalg.solve(s, innovation)
-    square = float(innovation @ weighted)
-    if square < 1e-18:
-        return corrected
-    free = (mean + gain @ innovation)[[A, B]]
-    stretch = (1.0 / float(np.hypot(*free)) - 1.0) / square
-    corrected[[A, B]] += stretch * np.outer(free, weighted)
+    constrain(corrected, innovation, np.asarray(np.linalg.solve(s, innovation), np.float64), mean)
     return corrected
 
 
 def _updated(state: LineState, h: FloatArray, innovation: FloatArray, noise: FloatArray) -> LineUpdate:
     """Return the constrained update with a linear(ised) measurement matrix (m, 4) and noise (m, m), Joseph's form."""
-    p = state.covariance
-    s = h @ p @ h.T + noise
-    optimum = np.asarray(np.linalg.solve(s, h @ p).T, np.float64)
-    gain = constrained_gain(optimum, innovation, s, state.mean)
-    mean = state.mean + gain @ innovation
-    # with an innovation of nothing the mean was of length 1 already, to rounding
-    mean[[A, B]] /= np.hypot(mean[A], mean[B])
-    kept = np.eye(mean.size) - gain @ h
-    covariance = kept @ p @ kept.T + gain @ noise @ gain.T
-    if mean[A] < 0.0:
-        mean[:4] = -mean[:4]
+    size = state.mean.size
+    mean, covariance, s = np.empty(size), np.empty((size, size)), np.empty(noise.shape)
+    p, h, noise = (np.ascontiguousarray(a) for a in (state.covariance, h, noise))
+    nis = update_kernel(state.mean, p, h, innovation, noise, mean, covariance, s)
     return LineUpdate(
-        state=LineState(mean=mean, covariance=0.5 * (covariance + covariance.T)),
-        innovation=innovation,
-        innovation_covariance=s,
-        nis=float(innovation @ np.linalg.solve(s, innovation)),
+        state=LineState(mean=mean, covariance=covariance), innovation=innovation, innovation_covariance=s, nis=nis
     )
 
 

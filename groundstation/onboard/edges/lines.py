@@ -9,7 +9,14 @@ d₄ = L₁ − u₄. During an approach line 1 is the left one.
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels, pixel_from_ground
+from groundstation.onboard.edges.line_kernel import (
+    lasting_part,
+    line_map_of,
+    move_with_pose,
+    project,
+    state_through,
+)
+from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels
 
 STATE = ("a", "b", "c", "d")
 A, B, C, D = range(4)
@@ -20,7 +27,7 @@ _LINES = ((A, B, C), (A, B, D))
 
 def line_map(pose: CameraPose, kappa: FloatArray) -> FloatArray:
     """Return E = (κ[r₁ r₂ t])⁻ᵀ, (3, 3): a line of the ground to the line of the picture, Eqs. 30 and B15."""
-    return np.asarray(np.linalg.inv(pixel_from_ground(pose, kappa)).T)
+    return line_map_of(pose.threshold_from_camera, pose.camera_threshold_m, kappa)
 
 
 def measurement_matrix(pose: CameraPose, kappa: FloatArray) -> FloatArray:
@@ -62,13 +69,8 @@ def crossings_at(crossings_px: FloatArray, rows_px: FloatArray, wanted_px: Float
 
 def project_lines(state: FloatArray, e: FloatArray, rows_px: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the crossings (4,) of a state (4,) with the rows (2,), and their derivative by the state (4, 4)."""
-    crossings, jacobian = np.empty(4), np.zeros((4, 4))
-    for line, own in enumerate(_LINES):
-        l0, l1, l2 = e @ state[list(own)]
-        for end, v in enumerate(rows_px):
-            k = 2 * line + end
-            crossings[k] = -(l1 * v + l2) / l0
-            jacobian[k, list(own)] = np.array([-crossings[k] / l0, -v / l0, -1.0 / l0]) @ e
+    crossings, jacobian = np.empty(4), np.empty((4, 4))
+    project(state, e, rows_px, crossings, jacobian)
     return crossings, jacobian
 
 
@@ -77,26 +79,16 @@ def pose_jacobian(crossings_px: FloatArray, rows_px: FloatArray, pose: CameraPos
 
     The camera turns by θ (threshold_from_camera → threshold_from_camera · exp[θ]×) and moves by its own axes.
     """
-    slopes = np.repeat((crossings_px[1::2] - crossings_px[0::2]) / (rows_px[1] - rows_px[0]), 2)
-    pixels = np.column_stack([crossings_px, np.tile(rows_px, 2)])
-    ray = np.column_stack([pixels, np.ones(4)]) @ np.linalg.inv(kappa).T
-    x, y, one, zero = ray[:, 0], ray[:, 1], np.ones(4), np.zeros(4)
-    # a point that stands still moves in the camera by −θ × X − shift
-    turn_x = np.stack([x * y, -(1.0 + x * x), y], axis=1)
-    turn_y = np.stack([1.0 + y * y, -x * y, -x], axis=1)
-    down = ray @ pose.threshold_from_camera[2]
-    nearness = -down / pose.camera_threshold_m[2]
-    move_x = np.stack([-one, zero, x], axis=1) * nearness[:, None]
-    move_y = np.stack([zero, -one, y], axis=1) * nearness[:, None]
-    du = kappa[0, 0] * np.hstack([turn_x, move_x]) + kappa[0, 1] * np.hstack([turn_y, move_y])
-    dv = kappa[1, 1] * np.hstack([turn_y, move_y])
-    return np.asarray(du - slopes[:, None] * dv)
+    jacobian = np.empty((4, 6))
+    move_with_pose(crossings_px, rows_px, pose.threshold_from_camera, pose.camera_threshold_m, kappa, jacobian)
+    return jacobian
 
 
 def bias_jacobian(jacobian: FloatArray, pose: CameraPose) -> FloatArray:
     """Return how crossings move with (ROLL, PITCH, UP), (4, 3), from `pose_jacobian`'s (4, 6)."""
-    up = jacobian[:, 3:] @ pose.threshold_from_camera[2]
-    return np.stack([jacobian[:, 2], jacobian[:, 0], up], axis=1)
+    out = np.empty((4, 3))
+    lasting_part(jacobian, pose.threshold_from_camera, out)
+    return out
 
 
 def state_from_crossings(
@@ -106,20 +98,14 @@ def state_from_crossings(
 
     Each line then goes through the middle of its piece on the ground. NaN where a row is above the horizon.
     """
-    pixels = np.column_stack([crossings_px, np.tile(rows_px, 2)])
+    pixels = np.empty((4, 2))
+    pixels[:, 0], pixels[::2, 1], pixels[1::2, 1] = crossings_px, rows_px[0], rows_px[1]
     return state_from_ground(ground_from_pixels(pose, kappa, pixels).reshape(2, 2, 2))
 
 
 def state_from_ground(ground: FloatArray) -> FloatArray:
     """Return the state (4,) of two lines through points of the ground (2, 2, 2): line, upper or lower row, x and y."""
-    along = ground[:, 1] - ground[:, 0]
-    along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    mean = along.sum(axis=0) / np.linalg.norm(along.sum(axis=0))
-    normal = np.array([mean[1], -mean[0]])
-    normal = normal if normal[0] >= 0.0 else -normal
-    # the lower end sees the ground more finely, and weighs more
-    places = 0.3 * ground[:, 0] + 0.7 * ground[:, 1]
-    return np.array([*normal, *(-places @ normal)])
+    return np.asarray(state_through(ground))
 
 
 def shifted(state: FloatArray, outwards_m: float) -> FloatArray:

@@ -7,20 +7,10 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.config import Measurement, TrackerConfig
 from groundstation.onboard.edges.kalman import LineState
-from groundstation.onboard.edges.lines import (
-    PITCH,
-    ROLL,
-    UP,
-    C,
-    D,
-    bias_jacobian,
-    line_map,
-    pose_jacobian,
-    project_lines,
-    shifted,
-)
+from groundstation.onboard.edges.line_kernel import band_widths_of, look_kernel, noise_of_pose
+from groundstation.onboard.edges.lines import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.pose import CameraPose, corrected_pose
-from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows, band_widths
+from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
 
 _MOST_FAINT = 4.0
 
@@ -66,41 +56,40 @@ def look_at(lookout: Lookout, pose: CameraPose, state: LineState) -> Look | None
 
 def look_between(lookout: Lookout, pose: CameraPose, state: LineState, rows: FloatArray) -> Look:
     """Return the geometry between rows (2,) that are given, the pose taken as it is."""
-    mean = state.mean[:4]
-    e = line_map(pose, lookout.kappa)
-    predicted, h = project_lines(mean, e, rows)
-    by_pose = pose_jacobian(predicted, rows, pose, lookout.kappa)
-    if state.mean.size > 4:
-        h = np.hstack([h, bias_jacobian(by_pose, pose)])
-    return Look(
-        pose=pose,
-        e=e,
-        rows=rows,
-        predicted=predicted,
-        h=h,
-        by_pose=by_pose,
-        widths=widths_of(lookout.config, mean, e, rows, predicted, lookout.config.band_m),
-        across=across_direction(e),
+    config, size = lookout.config, state.mean.size
+    predicted, h, by_pose = np.empty(4), np.empty((4, size)), np.empty((4, 6))
+    widths, across = np.empty((2, 2)), np.empty(2)
+    e = look_kernel(
+        pose.threshold_from_camera,
+        pose.camera_threshold_m,
+        lookout.kappa,
+        state.mean,
+        rows,
+        (config.band_m, config.least_band_px, config.most_band_px),
+        config.bands_across,
+        predicted,
+        h,
+        by_pose,
+        widths,
+        across,
     )
+    return Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths, across=across)
 
 
 def widths_of(
     config: TrackerConfig, mean: FloatArray, e: FloatArray, rows: FloatArray, crossings: FloatArray, band_m: float
 ) -> FloatArray:
     """Return the widths ℓ (2, 2) of bands of ``band_m`` about lines (4,), px."""
-    band = min(band_m, 0.45 * abs(float(mean[C] - mean[D])))
-    outer, _ = project_lines(shifted(mean, band), e, rows)
-    across = across_direction(e) if config.bands_across else None
-    widths = band_widths(crossings, outer, rows, config.least_band_px, across)
-    return np.minimum(widths, config.most_band_px)
+    widths, across = np.empty((2, 2)), across_direction(e) if config.bands_across else np.zeros(2)
+    band_widths_of(mean, e, rows, crossings, (band_m, config.least_band_px, config.most_band_px), across, widths)
+    return widths
 
 
 def pose_noise(config: TrackerConfig, look: Look) -> FloatArray:
     """Return what the pose's uncertainty is at the crossings, (4, 4) px²."""
     if config.measurement is Measurement.LINES:
         return np.zeros((4, 4))
-    sigmas = np.array([config.attitude_sigma_rad] * 3 + list(config.position_sigma_m))
-    return np.asarray((look.by_pose * sigmas**2) @ look.by_pose.T)
+    return np.asarray(noise_of_pose(look.by_pose, config.attitude_sigma_rad, config.position_sigma_m))
 
 
 def edge_noise(
@@ -110,9 +99,12 @@ def edge_noise(
 
     ``contrast`` (2,) across each edge: where it is faint, other marks draw it farther. None where it was not seen.
     """
-    faint = np.ones(2) if contrast is None else np.clip(config.plain_contrast / contrast, 1.0, _MOST_FAINT)
-    px_per_m = np.abs(crossings[2:] - crossings[:2]) / max(abs(float(mean[C] - mean[D])), 1.0)
-    own = np.outer(px_per_m, px_per_m) * config.edge_sigma_m**2
-    blur = config.edge_sigma_px**2 * np.eye(2)
-    none = np.zeros((2, 2))
-    return np.block([[own + faint[0] ** 2 * blur, none], [none, own + faint[1] ** 2 * blur]])
+    per_m, noise = max(abs(float(mean[C] - mean[D])), 1.0), np.zeros((4, 4))
+    own = np.abs(crossings[2:] - crossings[:2]) * (config.edge_sigma_m / per_m)
+    for line in range(2):
+        faint = 1.0 if contrast is None else min(max(config.plain_contrast / float(contrast[line]), 1.0), _MOST_FAINT)
+        block = noise[2 * line : 2 * line + 2, 2 * line : 2 * line + 2]
+        np.multiply(own[:, None], own, out=block)
+        block[0, 0] += (faint * config.edge_sigma_px) ** 2
+        block[1, 1] += (faint * config.edge_sigma_px) ** 2
+    return noise

@@ -3,11 +3,12 @@
 import math
 
 import numpy as np
+from numba import njit
 
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.config import TrackerConfig
-from groundstation.onboard.edges.lines import C, D, angle_between, state_from_ground
-from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels
+from groundstation.onboard.edges.line_kernel import ground_of, state_through
+from groundstation.onboard.edges.pose import CameraPose
 
 _FARTHEST = 3.0
 # place and width have long tails: a position may be off by a runway's width, pitch makes a far one look narrow
@@ -23,17 +24,39 @@ def plausible(
     Each of these is measured in the configuration's ``start_…``; beyond three of one, nine of the place, five of the
     width, it is no runway, and the nearer the weightier.
     """
-    pixels = np.column_stack([crossings_px, np.tile(rows_px, 2)])
-    ground = ground_from_pixels(pose, kappa, pixels).reshape(2, 2, 2)
-    each = [state_from_ground(ground[[line, line]]) for line in range(2)]
-    both = state_from_ground(ground)
-    if not np.isfinite(both).all() or not all(np.isfinite(one).all() for one in each):
+    limits = (config.start_turn_rad, config.start_shift_m, config.guess.width_m, math.log(config.start_width))
+    return float(_weight(crossings_px, rows_px, pose.threshold_from_camera, pose.camera_threshold_m, kappa, limits))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _weight(
+    crossings: FloatArray,
+    rows: FloatArray,
+    rotation: FloatArray,
+    position: FloatArray,
+    kappa: FloatArray,
+    limits: tuple[float, float, float, float],
+) -> float:
+    """Return the weight; ``limits`` are turn (rad), shift (m), the width (m), and the logarithm of its factor."""
+    pixels = np.empty((4, 2))
+    for k in range(4):
+        pixels[k, 0], pixels[k, 1] = crossings[k], rows[k % 2]
+    ground = ground_of(pixels, rotation, position, kappa).reshape(2, 2, 2)
+    both, alone = state_through(ground), np.empty((2, 2, 2))
+    if not np.isfinite(both).all():
         return 0.0
-    turns = [abs(angle_between(state)) / config.start_turn_rad for state in (*each, both)]
-    apart = abs(angle_between(each[0]) - angle_between(each[1])) / config.start_turn_rad
-    place = 0.5 * abs(both[C] + both[D]) / config.start_shift_m
-    width = max(abs(float(both[C] - both[D])), 0.1)
-    factor = abs(math.log(width / config.guess.width_m)) / math.log(config.start_width)
-    if max(*turns, apart) > _FARTHEST or place > _FARTHEST_PLACE or factor > _FARTHEST_WIDTH:
+    turns = np.empty(2)
+    for line in range(2):
+        alone[0], alone[1] = ground[line], ground[line]
+        own = state_through(alone)
+        if not np.isfinite(own).all():
+            return 0.0
+        turns[line] = math.atan2(own[1], own[0])
+    turn, apart = abs(math.atan2(both[1], both[0])) / limits[0], abs(turns[0] - turns[1]) / limits[0]
+    place = 0.5 * abs(both[2] + both[3]) / limits[1]
+    factor = abs(math.log(max(abs(both[2] - both[3]), 0.1) / limits[2])) / limits[3]
+    if max(np.abs(turns).max() / limits[0], turn, apart) > _FARTHEST:
         return 0.0
-    return math.exp(-0.5 * float(turns[2] ** 2 + apart**2)) / float((1.0 + place**2) * (1.0 + factor**2))
+    if place > _FARTHEST_PLACE or factor > _FARTHEST_WIDTH:
+        return 0.0
+    return math.exp(-0.5 * (turn**2 + apart**2)) / ((1.0 + place**2) * (1.0 + factor**2))

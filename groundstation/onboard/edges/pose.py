@@ -16,6 +16,7 @@ from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.geodesy import enu_from_geodetic
 from groundstation.geometry.rotation import rotation_from_vector, rotation_x, rotation_y, rotation_z
+from groundstation.onboard.edges.line_kernel import ground_of
 
 EARTH_RADIUS_M = 6_371_000.0
 # forward, right and down of a level aircraft that lands straight ahead
@@ -133,21 +134,9 @@ def intrinsic_matrix(lens: Lens) -> FloatArray:
     )
 
 
-def pixel_from_ground(pose: CameraPose, kappa: FloatArray) -> FloatArray:
-    """Return κ [r₁ r₂ t], (3, 3): ground (x, y, 1) in m to homogeneous pixels, Eq. B10."""
-    camera_from_threshold = pose.threshold_from_camera.T
-    t = -camera_from_threshold @ pose.camera_threshold_m
-    return np.asarray(kappa @ np.column_stack([camera_from_threshold[:, 0], camera_from_threshold[:, 1], t]))
-
-
 def ground_from_pixels(pose: CameraPose, kappa: FloatArray, pixels: FloatArray) -> FloatArray:
     """Return where the rays of pixels (n, 2) meet the ground, (n, 2) in m, Eqs. C6 and C7; NaN above the horizon."""
-    rays = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(kappa).T @ pose.threshold_from_camera.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = -pose.camera_threshold_m[2] / rays[:, 2]
-    ground = pose.camera_threshold_m[:2] + reach[:, None] * rays[:, :2]
-    ground[~(reach > 0.0)] = np.nan
-    return np.asarray(ground)
+    return np.asarray(ground_of(pixels, pose.threshold_from_camera, pose.camera_threshold_m, kappa))
 
 
 def pixels_from_points(pose: CameraPose, kappa: FloatArray, points_m: FloatArray) -> FloatArray:

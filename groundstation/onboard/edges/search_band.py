@@ -11,9 +11,8 @@ from enum import Enum
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.edges.pose import CameraPose, pixels_from_points
-
-_BORDER_PX = 2.0
+from groundstation.onboard.edges.line_kernel import horizon_direction, seen_rows, widths_between
+from groundstation.onboard.edges.pose import CameraPose
 
 
 class NoBand(Enum):
@@ -66,22 +65,13 @@ def band_rows(
     end = -guess.length_m + guess.margin_m
     if ahead[1] > -0.5 or start < end:
         return NoBand.BEHIND
-    # a number of cross lines, dense near the camera, each at both edges
-    ys = float(pose.camera_threshold_m[1]) - np.geomspace(
-        pose.camera_threshold_m[1] - start, pose.camera_threshold_m[1] - end, 40
-    )
-    seen = []
-    for x in (middle_m + half, middle_m - half):
-        pixels = pixels_from_points(pose, kappa, np.column_stack([np.full(40, x), ys, np.zeros(40)]))
-        with np.errstate(invalid="ignore"):
-            good = (pixels[:, 0] >= _BORDER_PX) & (pixels[:, 0] <= w - 1 - _BORDER_PX)
-            good &= (pixels[:, 1] >= _BORDER_PX) & (pixels[:, 1] <= h - 1 - _BORDER_PX)
-        if not good.any():
-            return NoBand.BEHIND
-        seen.append(pixels[good, 1])
-    rows = np.array([max(s.min() for s in seen), min(s.max() for s in seen)])
+    rows = np.empty(2)
+    sides = (middle_m + half, middle_m - half)
+    if not seen_rows(pose.threshold_from_camera, pose.camera_threshold_m, kappa, (w, h), sides, (start, end), rows):
+        return NoBand.BEHIND
     margin = min(guess.margin_px, guess.margin_share * float(rows[1] - rows[0]))
-    rows += [margin, -margin]
+    rows[0] += margin
+    rows[1] -= margin
     return rows if rows[1] - rows[0] >= least_rows else NoBand.TOO_FLAT
 
 
@@ -95,9 +85,9 @@ def across_direction(e: FloatArray) -> FloatArray:
 
     ``e`` is the line map E; the horizon is the image of the ground's line at infinity.
     """
-    l0, l1, _ = e[:, 2]
-    direction = np.array([-l1, l0]) / math.hypot(l0, l1)
-    return np.asarray(-direction if direction[0] < 0.0 else direction)
+    direction = np.empty(2)
+    horizon_direction(e, direction)
+    return direction
 
 
 def band_widths(
@@ -111,7 +101,6 @@ def band_widths(
 
     At least ``least_px``; along ``across`` (2,), or the normals where it is None; line 1 and 2, at both rows.
     """
-    pair, other = crossings_px.reshape(2, 2), shifted_px.reshape(2, 2)
-    slope = (pair[:, 1:] - pair[:, :1]) / (rows_px[1] - rows_px[0])
-    stretch = np.hypot(1.0, slope) if across is None else np.abs(across[0] - slope * across[1])
-    return np.maximum(np.abs(other - pair) / stretch, least_px)
+    widths = np.empty((2, 2))
+    widths_between(crossings_px, shifted_px, rows_px, least_px, np.zeros(2) if across is None else across, widths)
+    return widths

@@ -16,8 +16,10 @@ from groundstation.onboard.edges.profile import Marks
 from groundstation.onboard.edges.strip_kernel import (
     best_displacements,
     displacement_scores,
+    edges_agree,
     fill_strip,
     own_places,
+    prior_weights,
     robust_line,
     usual_best,
     usual_middle,
@@ -101,9 +103,9 @@ def search_edges(
     scores = np.empty((2, strip.shape[2], strip.shape[2]))
     for line in range(2):
         displacement_scores(strip[line], config.block, _kappa(strip[line], config.block), scores[line])
-    alone = np.stack([np.linalg.inv(prior[:2, :2]), np.linalg.inv(prior[2:, 2:])]) / config.places
-    displaced = np.zeros(4)
-    if not best_displacements(scores, np.linalg.inv(prior) / config.places, alone, step, displaced):
+    weight, alone, displaced = np.empty((4, 4)), np.empty((2, 2, 2)), np.zeros(4)
+    prior_weights(prior, config.places, weight, alone)
+    if not best_displacements(scores, weight, alone, step, displaced):
         return None
     return guess_px + displaced
 
@@ -157,12 +159,7 @@ def _strip(
 
 def _agreement(strip: FloatArray, block: int) -> float:
     """Return the correlation of inside − outside at both edges, over blocks of places of a strip (2, …)."""
-    blocks, middle = strip.shape[1] // block, strip.shape[2] // 2
-    own = strip[:, : blocks * block, middle].reshape(2, blocks, block, 3).mean(axis=2)
-    own = own[:, np.isfinite(own).all(axis=(0, 2))]
-    # left less right: at the left edge that is outside less inside
-    together = -float((own[0] * own[1]).sum())
-    return together / max(float(np.sqrt((own[0] ** 2).sum() * (own[1] ** 2).sum())), 1e-9)
+    return float(edges_agree(strip, block))
 
 
 def _kappa(strip: FloatArray, block: int) -> float:

@@ -3,15 +3,16 @@
 import numpy as np
 from numba import njit
 
-from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.sampling import add_colour, inside
+from groundstation.arrays import FloatArray, ImageArray, IntArray
+from groundstation.onboard.edges.kalman_kernel import solved
+from groundstation.onboard.edges.sampling import add_colour_to, inside
 
 _FIT_ROUNDS = 8
 _MAX_PROFILE = 400
 _SAMPLE_PX = 0.5
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def fill_strip(
     image: ImageArray,
     x: FloatArray,
@@ -28,11 +29,11 @@ def fill_strip(
     n_t, n_o = out.shape[1], out.shape[2]
     height = rows[1] - rows[0]
     reach = step * (n_o // 2)
-    prefix = np.zeros((_MAX_PROFILE + 1, 3))
-    seen = np.zeros(_MAX_PROFILE + 1)
+    # one more than there can be samples: the sum does not grow beyond the last one
+    prefix, seen = np.zeros((_MAX_PROFILE + 2, 3)), np.zeros(_MAX_PROFILE + 2)
+    nx, ny = across
     for line in range(2):
         w = x[2 * line + 1] - x[2 * line]
-        nx, ny = across
         # how far along `across` a line is met that was displaced by 1 px along the row
         meets = 1.0 / (nx - w / height * ny)
         for k in range(n_t):
@@ -44,52 +45,108 @@ def fill_strip(
             d = 2.0 * half / n
             for m in range(n):
                 r = -half + (m + 0.5) * d
-                prefix[m + 1] = prefix[m]
+                # no slice of `prefix`: making one costs more than what is added here
+                for c in range(3):
+                    prefix[m + 1, c] = prefix[m, c]
                 seen[m + 1] = seen[m]
                 if inside(image, cx + r * nx, cy + r * ny):
-                    add_colour(image, cx + r * nx, cy + r * ny, 1.0, prefix[m + 1])
+                    add_colour_to(image, cx + r * nx, cy + r * ny, 1.0, prefix, m + 1)
                     seen[m + 1] += 1.0
+            for c in range(3):
+                prefix[n + 1, c] = prefix[n, c]
+            seen[n + 1] = seen[n]
             for o in range(n_o):
                 place = (step * (o - n_o // 2) * meets + half) / d
-                low, high = place - ell / d, min(place + ell / d, float(n))
-                low = max(low, 0.0)
+                low, high = max(place - ell / d, 0.0), min(place + ell / d, float(n))
                 i, j, g = int(place), int(low), int(high)
                 fi, fj, fg = place - i, low - j, high - g
-                at_i = seen[i] + (fi * (seen[i + 1] - seen[i]) if i < n else 0.0)
-                at_j = seen[j] + (fj * (seen[j + 1] - seen[j]) if j < n else 0.0)
-                at_g = seen[g] + (fg * (seen[g + 1] - seen[g]) if g < n else 0.0)
-                if at_i - at_j < place - low - 0.01 or at_g - at_i < high - place - 0.01:
-                    out[line, k, o, 0] = np.nan
-                    continue
+                if seen[n] < n:
+                    at_i = seen[i] + fi * (seen[i + 1] - seen[i])
+                    left = at_i - seen[j] - fj * (seen[j + 1] - seen[j])
+                    right = seen[g] + fg * (seen[g + 1] - seen[g]) - at_i
+                    if left < place - low - 0.01 or right < high - place - 0.01:
+                        out[line, k, o, 0] = np.nan
+                        continue
+                left, right = 1.0 / (place - low), 1.0 / (high - place)
                 for c in range(3):
-                    p_i = prefix[i, c] + (fi * (prefix[i + 1, c] - prefix[i, c]) if i < n else 0.0)
-                    p_j = prefix[j, c] + (fj * (prefix[j + 1, c] - prefix[j, c]) if j < n else 0.0)
-                    p_g = prefix[g, c] + (fg * (prefix[g + 1, c] - prefix[g, c]) if g < n else 0.0)
-                    out[line, k, o, c] = (p_i - p_j) / (place - low) - (p_g - p_i) / (high - place)
+                    p_i = prefix[i, c] + fi * (prefix[i + 1, c] - prefix[i, c])
+                    p_j = prefix[j, c] + fj * (prefix[j + 1, c] - prefix[j, c])
+                    p_g = prefix[g, c] + fg * (prefix[g + 1, c] - prefix[g, c])
+                    out[line, k, o, c] = (p_i - p_j) * left - (p_g - p_i) * right
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def displacement_scores(strip: FloatArray, block: int, kappa: float, out: FloatArray) -> None:
     """Fill ``out`` (displacements, displacements), at the upper and the lower row, with the mean of S / (S + κ).
 
-    S is |u − v|² of a block of places together; −1 where most of the strip lies outside the picture.
+    S is |u − v|² of a block of places together; −1 where most of the strip lies outside the picture. A line that is
+    displaced by d more at its lower end meets the places of a block at a staircase of displacements. Few staircases
+    differ by more than where they begin, so each is summed once, for all beginnings, and looked up from then on.
     """
     n_t, n_o = strip.shape[:2]
-    for a in range(n_o):
-        for b in range(n_o):
-            total, blocks = 0.0, 0
-            for first in range(0, n_t - block + 1, block):
-                r, g, h = 0.0, 0.0, 0.0
-                for k in range(first, first + block):
-                    o = int(a + (b - a) * (k + 0.5) / n_t + 0.5)
-                    r += strip[k, o, 0]
-                    g += strip[k, o, 1]
-                    h += strip[k, o, 2]
-                score = (r * r + g * g + h * h) / (block * block)
-                if score >= 0.0:
-                    total += score / (score + kappa)
-                    blocks += 1
-            out[a, b] = -1.0 if 4 * blocks * block < n_t else total / blocks
+    steepest = n_o // n_t + 1
+    known = np.empty((2 * steepest + 1) << (block - 1), np.int64)
+    # of each staircase S / (S + κ), and whether it is in the picture; of each d the sums of these from `least` on
+    table, sums = np.empty((2 * n_o - 1, 2, n_o)), np.zeros((2 * n_o - 1, 2, n_o))
+    stairs = np.zeros(block, np.int64)
+    colours = np.empty((3, block, n_o))
+    for first in range(0, n_t - block + 1, block):
+        for k in range(block):
+            for o in range(n_o):
+                for c in range(3):
+                    colours[c, k, o] = strip[first + k, o, c]
+        known[:] = -1
+        rows = 0
+        for d in range(1 - n_o, n_o):
+            # a staircase's number: how steep it is at least, and for each step whether it is one higher
+            flat = int(np.floor(d / n_t))
+            number = flat + steepest
+            for k in range(block):
+                stairs[k] = int(np.floor(d * (first + k + 0.5) / n_t + 0.5))
+                if k:
+                    number = 2 * number + stairs[k] - stairs[k - 1] - flat
+            row = known[number]
+            if row < 0:
+                row = known[number] = rows
+                rows += 1
+                _staircase(colours, stairs, kappa, table[row])
+            start, count = max(-d, 0) + stairs[0], n_o - abs(d)
+            for j in range(2):
+                own, into = table[row, j, start : start + count], sums[d + n_o - 1, j, :count]
+                for i in range(count):
+                    into[i] += own[i]
+    for d in range(1 - n_o, n_o):
+        least = max(-d, 0)
+        for i in range(n_o - abs(d)):
+            total, blocks = sums[d + n_o - 1, 0, i], sums[d + n_o - 1, 1, i]
+            out[least + i, least + i + d] = -1.0 if 4.0 * blocks * block < n_t else total / blocks
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _staircase(colours: FloatArray, stairs: IntArray, kappa: float, out: FloatArray) -> None:
+    """Fill ``out`` (2, displacements) with S / (S + κ) of a block met at o + stairs − stairs[0], and 1; or 0 and 0.
+
+    ``colours`` (3, block, displacements) holds u − v.
+    """
+    block, n_o = colours.shape[1:]
+    low, high = max(stairs[0] - stairs[block - 1], 0), n_o - max(stairs[block - 1] - stairs[0], 0)
+    if high <= low:
+        return
+    r, g, h = np.zeros(high - low), np.zeros(high - low), np.zeros(high - low)
+    for k in range(block):
+        start = low + stairs[k] - stairs[0]
+        red, green = colours[0, k, start : start + r.size], colours[1, k, start : start + r.size]
+        blue = colours[2, k, start : start + r.size]
+        for i in range(r.size):
+            r[i] += red[i]
+            g[i] += green[i]
+            h[i] += blue[i]
+    scores, seen = out[0, low:high], out[1, low:high]
+    for i in range(r.size):
+        score = (r[i] * r[i] + g[i] * g[i] + h[i] * h[i]) / (block * block)
+        within = score >= 0.0
+        scores[i] = score / (score + kappa) if within else 0.0
+        seen[i] = 1.0 if within else 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -252,3 +309,36 @@ def robust_line(offsets: FloatArray, weights: FloatArray, ends: FloatArray, cova
         covariance[0, 0], covariance[1, 1] = a11 / determinant, a00 / determinant
         covariance[0, 1] = covariance[1, 0] = -a01 / determinant
     return spread
+
+
+@njit(cache=True, nogil=True)
+def prior_weights(prior: FloatArray, places: int, weight: FloatArray, alone: FloatArray) -> None:
+    """Fill the ``weight`` (4, 4) and ``alone`` (2, 2, 2) of `best_displacements` from a prior (4, 4) px²."""
+    weight[:] = solved(prior, np.eye(4)) / places
+    for line in range(2):
+        i = 2 * line
+        determinant = prior[i, i] * prior[i + 1, i + 1] - prior[i, i + 1] * prior[i + 1, i]
+        alone[line, 0, 0], alone[line, 1, 1] = prior[i + 1, i + 1], prior[i, i]
+        alone[line, 0, 1], alone[line, 1, 0] = -prior[i, i + 1], -prior[i + 1, i]
+        alone[line] /= determinant * places
+
+
+@njit(cache=True, nogil=True)
+def edges_agree(strip: FloatArray, block: int) -> float:
+    """Return the correlation of inside − outside at both edges, over blocks of places of a strip (2, …)."""
+    middle = strip.shape[2] // 2
+    together, squares, own = 0.0, np.zeros(2), np.empty((2, 3))
+    for first in range(0, strip.shape[1] - block + 1, block):
+        own[:] = 0.0
+        for line in range(2):
+            for k in range(first, first + block):
+                for c in range(3):
+                    own[line, c] += strip[line, k, middle, c] / block
+        if not np.isfinite(own).all():
+            continue
+        for c in range(3):
+            # left less right: at the left edge that is outside less inside
+            together -= own[0, c] * own[1, c]
+            squares[0] += own[0, c] ** 2
+            squares[1] += own[1, c] ** 2
+    return together / max(np.sqrt(squares[0] * squares[1]), 1e-9)

@@ -4,16 +4,33 @@ Order in a frame: nothing known: Algorithm 1, its best pairs become hypotheses; 
 one that proves better than the others over some frames is the runway; the runway known: it is followed, and doubted
 where it looks unlike one or is missed, and now and then in any case: then Algorithm 1 may bring a better pair, and the
 comparison begins again.
+
+What Algorithm 1 finds beside pairs that are followed is looked at over some frames, in the picture where it was found:
+a frame has so many pieces of work (following a pair, Algorithm 1, a look at one of its pairs), of which following comes
+first. Work is counted, not timed: the same pictures give the same edges.
 """
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.follow import follow
-from groundstation.onboard.edges.hypotheses import Hypothesis, alike, find_pairs, followed, merged, score
+from groundstation.onboard.edges.hypotheses import (
+    Hypothesis,
+    PairSearch,
+    alike,
+    begin_search,
+    find_pairs,
+    followed,
+    look_on,
+    merged,
+    score,
+)
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.look import Lookout
 from groundstation.onboard.edges.pose import CameraPose
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
+
+# pieces of work that following the runway counts for, with its descent: more than it takes, so that there is room
+_THOROUGHLY = 3
 
 
 class EdgeTracker:
@@ -30,13 +47,15 @@ class EdgeTracker:
         self._config = config
         self._runway: Hypothesis | None = None
         self._open: list[Hypothesis] = []
+        self._search: PairSearch | None = None
+        self._arrived: list[Hypothesis] = []
         self._compared = 0
         self._unchecked = 0
 
     def start(self, state: LineState) -> None:
         """Go on from lines that are known."""
         self._runway = Hypothesis(state=state, edges=None, frames=1, missed=0, agreement=1.0, nis=4.0, lost=0.0)
-        self._open = []
+        self._forget()
         self._unchecked = 0
 
     def step(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
@@ -44,8 +63,15 @@ class EdgeTracker:
         if self._runway is not None:
             return self._track(self._runway, image, pose)
         if self._open:
-            self._open = followed(self._lookout, image, pose, self._open)
-        return self._compare(image, pose)
+            work, new = len(self._open) + len(self._arrived), self._arrived
+            self._open, self._arrived = followed(self._lookout, image, pose, self._open, new), []
+            if self._open:
+                return self._compare(image, pose, work)
+        return self._seek(image, pose)
+
+    def _forget(self) -> None:
+        """Drop all that is being compared."""
+        self._open, self._arrived, self._search = [], [], None
 
     def _track(self, runway: Hypothesis, image: ImageArray, pose: CameraPose) -> EdgeReport:
         """Follow the runway; doubt it where there is reason to, and in any case now and then."""
@@ -53,7 +79,8 @@ class EdgeTracker:
         runway = runway.after(step)
         self._unchecked += 1
         if runway.missed > self._config.coast_frames:
-            self._runway, self._open = None, []
+            self._runway = None
+            self._forget()
             return EdgeReport(status=EdgeStatus.SEARCHING, miss=step.miss, edges=None)
         self._runway = runway
         if self._config.confirm_frames > 1 and self._doubted(runway, image, pose):
@@ -62,42 +89,69 @@ class EdgeTracker:
         return EdgeReport(status=status, miss=step.miss, edges=step.edges)
 
     def _doubted(self, runway: Hypothesis, image: ImageArray, pose: CameraPose) -> bool:
-        """Return whether Algorithm 1 brings a better pair; all are compared anew if so."""
-        config = self._config
-        strange = runway.missed >= config.doubt_missed or runway.agreement < config.doubt_agreement
-        strange = strange or score(runway, config) < config.doubt_score
-        wait = config.doubt_frames if strange else config.check_frames
-        if self._unchecked < wait:
+        """Return whether Algorithm 1 has brought a better pair; all are compared anew if so."""
+        config, search = self._config, self._search
+        if search is None:
+            strange = runway.missed >= config.doubt_missed or runway.agreement < config.doubt_agreement
+            strange = strange or score(runway, config) < config.doubt_score
+            if self._unchecked < (config.doubt_frames if strange else config.check_frames):
+                return False
+            self._unchecked = 0
+        search = self._search_on(image, pose, [runway], _THOROUGHLY)
+        if search is None or search.waiting:
             return False
-        self._unchecked = 0
-        found = find_pairs(self._lookout, image, pose, [runway])
-        if isinstance(found, EdgeMiss):
-            return False
+        self._search = None
         own = score(runway, config) + config.margin
-        rivals = [h for h in found if not alike(h, runway) and score(h, config) > own]
+        rivals = [h for h in search.found if not alike(h, search.known[0]) and score(h, config) > own]
         if not rivals:
             return False
-        self._open, self._runway, self._compared = merged(self._lookout, [runway], rivals), None, 0
+        self._open, self._arrived, self._runway, self._compared = [runway], rivals, None, 0
         return True
 
-    def _compare(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
-        """Add what Algorithm 1 finds to the hypotheses, and choose where one is clearly the best."""
-        config = self._config
-        found = find_pairs(self._lookout, image, pose, self._open)
+    def _search_on(self, image: ImageArray, pose: CameraPose, known: list[Hypothesis], work: int) -> PairSearch | None:
+        """Begin a search, or go on with that which is under way; ``work`` was done in this frame already."""
+        # one piece at least, but where new pairs were followed besides: in the next frame there are fewer of them
+        least = int(self._runway is not None or work <= self._config.hypotheses)
+        left = max(self._config.work - work, least)
+        if self._search is None and left > 0:
+            self._search, left = begin_search(self._lookout, image, pose, known), left - 1
+        if self._search is not None:
+            look_on(self._lookout, self._search, left)
+        return self._search
+
+    def _seek(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
+        """Begin with what Algorithm 1 finds, all of it in one frame: nothing else is to be done."""
+        self._forget()
+        found = find_pairs(self._lookout, image, pose, [])
         if isinstance(found, EdgeMiss):
-            if not self._open:
-                return EdgeReport(status=EdgeStatus.SEARCHING, miss=found, edges=None)
-        else:
-            self._compared = self._compared if self._open else 0
-            self._open = merged(self._lookout, self._open, found)
+            return EdgeReport(status=EdgeStatus.SEARCHING, miss=found, edges=None)
+        self._open, self._compared = merged(self._lookout, [], found), 1
+        return self._chosen()
+
+    def _compare(self, image: ImageArray, pose: CameraPose, work: int) -> EdgeReport:
+        """Choose where one hypothesis is clearly the best; if not, add what Algorithm 1 finds."""
         self._compared += 1
-        best = self._open[0]
+        report = self._chosen()
+        if self._runway is None:
+            search = self._search_on(image, pose, self._open, work)
+            if search is not None and not search.waiting:
+                # no more of them, the best, than can be followed in the next frame
+                room = max(self._config.work - len(self._open), 1)
+                self._arrived = sorted(search.found, key=lambda h: -score(h, self._config))[:room]
+                self._search = None
+        return report
+
+    def _chosen(self) -> EdgeReport:
+        """Return the best hypothesis, and take it for the runway where it has proved to be."""
+        config, best = self._config, self._open[0]
         proved = best.frames >= config.confirm_frames and best.missed == 0 and self._compared >= config.confirm_frames
-        if proved and config.confirm_frames > 1:
+        if config.confirm_frames > 1:
             others = [h for h in self._open[1:] if 2 * h.frames >= config.confirm_frames]
             ahead = score(best, config) - max((score(h, config) for h in others), default=-1e9)
-            proved = ahead >= config.margin and best.agreement >= config.doubt_agreement
+            proved = proved and ahead >= config.margin and best.agreement >= config.doubt_agreement
+            proved = proved and self._search is None
         if proved:
-            self._runway, self._open, self._unchecked = best, [], 0
+            self._forget()
+            self._runway, self._unchecked = best, 0
         miss = EdgeMiss.NONE if best.missed == 0 else EdgeMiss.FAINT
         return EdgeReport(status=EdgeStatus.TRACKING if proved else EdgeStatus.ACQUIRING, miss=miss, edges=best.edges)

@@ -1,18 +1,21 @@
 """The tracker on short rendered approaches and on pictures that show nothing."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from groundstation.onboard.edges import hypotheses
+from groundstation.onboard.edges import tracker as tracker_module
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
 from groundstation.onboard.edges.detection import NoPair
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
 from groundstation.onboard.edges.look import edge_noise
 from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix
-from groundstation.onboard.edges.report import EdgeMiss, EdgeStatus
+from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Renderer
@@ -92,6 +95,69 @@ def test_a_strip_within_the_runway_is_doubted_long_before_the_usual_check() -> N
         assert report.edges is not None
         wanted, _ = project_lines(lines, line_map(pose, KAPPA), report.edges.rows_px)
         assert np.abs(report.edges.crossings_px - wanted).max() < most_px
+
+
+def doubted(config: TrackerConfig, frames: int, *, written_over: bool) -> list[EdgeReport]:
+    """Return what is said of a runway that the tracker does not know, started surely beside it."""
+    pose = approach()
+    tracker = EdgeTracker(KAPPA, SIZE, config)
+    tracker.start(LineState(mean=np.array([1.0, 0.0, -35.0, -17.0, 0.0, 0.0, 0.0]), covariance=1e-6 * np.eye(7)))
+    reports = []
+    for k in range(frames):
+        picture = painted_runway(pose, seed=k)
+        reports.append(tracker.step(picture, pose))
+        if written_over:
+            picture[:] = 0
+    return reports
+
+
+def counted(function: Callable[..., Any], name: str, pieces: int, done: dict[str, int]) -> Callable[..., Any]:
+    """Return a function that also adds its pieces of work to those ``done``."""
+
+    def wrapped(*args: Any, **named: Any) -> Any:
+        done[name] = done.get(name, 0) + pieces
+        return function(*args, **named)
+
+    return wrapped
+
+
+def test_a_comparison_is_spread_over_frames_by_counted_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Following is one piece (the runway three), Algorithm 1 one, a look one; no frame has more than configured."""
+    config, done = TrackerConfig(guess=replace(GUESS, width_m=18.0)), dict[str, int]()
+    for module, name, pieces in (
+        (tracker_module, "follow", 3),
+        (hypotheses, "follow", 1),
+        (hypotheses, "detect", 1),
+        (hypotheses, "_first_look", 1),
+        (hypotheses, "_announced", 1),
+    ):
+        monkeypatch.setattr(module, name, counted(getattr(module, name), name, pieces, done))
+    pose = approach()
+    tracker = EdgeTracker(KAPPA, SIZE, config)
+    tracker.start(LineState(mean=np.array([1.0, 0.0, -35.0, -17.0, 0.0, 0.0, 0.0]), covariance=1e-6 * np.eye(7)))
+    each, statuses = [], []
+    for k in range(12):
+        done.clear()
+        statuses.append(tracker.step(painted_runway(pose, seed=k), pose).status)
+        each.append(dict(done))
+    assert EdgeStatus.ACQUIRING in statuses
+    assert statuses[-1] is EdgeStatus.TRACKING
+    assert max(sum(one.values()) for one in each) <= config.work
+    assert {name for one in each for name in one} == {"follow", "detect", "_first_look", "_announced"}
+    # the pairs of one picture are looked at in the next frame too
+    assert any("_first_look" in one and "detect" not in one for one in each)
+
+
+def test_a_picture_may_be_written_over_after_its_frame() -> None:
+    """Nothing is taken away from the picture, so that what is looked at later is not a copy for that reason."""
+    config = TrackerConfig(guess=replace(GUESS, width_m=18.0), paint_m=0.0)
+    kept, over = (doubted(config, 10, written_over=written_over) for written_over in (False, True))
+    assert EdgeStatus.ACQUIRING in [r.status for r in kept]
+    for one, other in zip(kept, over, strict=True):
+        assert one.status is other.status
+        assert one.edges is not None
+        assert other.edges is not None
+        np.testing.assert_array_equal(one.edges.crossings_px, other.edges.crossings_px)
 
 
 def test_the_announced_runway_is_looked_for_where_algorithm_1_finds_none(monkeypatch: pytest.MonkeyPatch) -> None:

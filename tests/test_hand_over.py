@@ -1,0 +1,37 @@
+"""How threads share: who gives way keeps nobody else back."""
+
+import os
+import sys
+import threading
+
+import pytest
+
+from groundstation.hand_over import give_way, quick_hand_over
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only on Linux a thread has a rank of its own")
+def test_a_thread_gives_way_by_itself() -> None:
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    seen: list[tuple[bool, int]] = []
+    thread = threading.Thread(target=lambda: seen.append((give_way(), os.getpriority(os.PRIO_PROCESS, 0))))
+    thread.start()
+    thread.join()
+    assert seen == [(True, min(before + 5, 19))]
+    assert os.getpriority(os.PRIO_PROCESS, 0) == before
+
+
+def test_where_threads_have_no_rank_nothing_is_changed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: int) -> None:
+        raise PermissionError("not here")
+
+    monkeypatch.setattr(os, "setpriority", refused)
+    assert not give_way()
+    monkeypatch.setattr(sys, "platform", "win32")
+    assert not give_way()
+
+
+def test_the_interpreters_patience_comes_back() -> None:
+    before_s = sys.getswitchinterval()
+    with quick_hand_over():
+        assert sys.getswitchinterval() < before_s
+    assert sys.getswitchinterval() == before_s
