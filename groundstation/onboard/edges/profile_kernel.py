@@ -33,8 +33,10 @@ def gather(
         for line in range(2):
             outwards = (-1.0 if line == 0 else 1.0) / step
             edge = x[2 * line] * (1.0 - t) + x[2 * line + 1] * t
-            first = max(math.ceil(edge - half * step), 0)
-            last = min(math.floor(edge + half * step), image.shape[1] - 1)
+            # what lies beyond the other line is not this edge's pavement
+            other = x[2 - 2 * line] * (1.0 - t) + x[3 - 2 * line] * t
+            first = max(math.ceil(max(edge - half * step, other if line == 1 else 0.0)), 0)
+            last = min(math.floor(min(edge + half * step, other if line == 0 else np.inf)), image.shape[1] - 1)
             for j in range(first, last + 1):
                 place = outwards * (j - edge) + half
                 i = int(place)

@@ -127,6 +127,21 @@ def test_every_pixel_of_a_window_is_counted_once_and_none_twice() -> None:
     np.testing.assert_allclose(total[0, 0, 20] / weight[0, 0, 20], seen_there, atol=0.05)
 
 
+def test_no_pixel_beyond_the_other_line_is_an_edges_own() -> None:
+    """Of a narrow strip the far side came into both profiles, and both edges were put within it."""
+    x, rows, steps = np.array([300.0, 290.0, 306.0, 320.0]), np.array([262.0, 300.0]), np.array([0.5, 0.5])
+    picture = np.zeros((480, 640, 3), np.uint8)
+    for row in range(262, 301):
+        left, right = crossings_at(x, rows, np.array([row, row]))[[0, 2]]
+        picture[row, math.ceil(left) : math.floor(right) + 1] = 51
+    total, weight = np.zeros((2, 8, 61, 3)), np.zeros((2, 8, 61))
+    gather(picture, x, rows, steps, total, weight)
+    within = np.arange(61) < 30
+    np.testing.assert_allclose(total[:, :, within], 0.2 * np.repeat(weight[:, :, within, None], 3, axis=3), atol=1e-12)
+    assert (weight[:, 0, :11] == 0.0).all()  # at most 9 px apart in the first rows, 18 bins
+    assert (weight[:, -1, 5:].sum(axis=1) > 0.0).all()
+
+
 def test_mean_and_covariance_are_those_of_the_likelihood() -> None:
     """Blocks of normal likelihoods about a line: least squares gives the same, to what a grid can tell."""
     trials, steps, line, sigma = 41, np.array([0.5, 1.0]), np.array([1.3, -2.2]), 2.0
