@@ -49,11 +49,12 @@ def follow(
     *,
     thorough: bool,
     marks: Marks | None = None,
+    checks: bool = True,
 ) -> Followed:
     """Follow lines into a picture (h, w, 3) uint8 BGR.
 
     Not ``thorough``: the strip's search alone says where they are, without the descent; for lines that are one of
-    several possibilities.
+    several possibilities. With ``checks`` what is remembered of profiles is doubted, see `profile.edges_by_profile`.
     """
     config = lookout.config
     predicted = predict(state, process_noise(config, state))
@@ -62,7 +63,7 @@ def follow(
         return Followed(state=predicted, edges=None, found=None, miss=EdgeMiss.NO_BAND)
     px_per_m = float(np.abs(look.predicted[3] - look.predicted[1]) / abs(predicted.mean[C] - predicted.mean[D]))
     if thorough and config.profile is not None:
-        found = by_profile(config, image, look, predicted, marks)
+        found = by_profile(config, image, look, predicted, marks, checks=checks)
     else:
         image = without_paint(image, look.rows, config.paint_m * px_per_m)
         found = _measure(config, image, look, predicted, thorough=thorough)
@@ -87,7 +88,7 @@ def follow(
 
 
 def by_profile(
-    config: TrackerConfig, image: ImageArray, look: Look, predicted: LineState, marks: Marks | None
+    config: TrackerConfig, image: ImageArray, look: Look, predicted: LineState, marks: Marks | None, *, checks: bool
 ) -> FoundEdges | None:
     """Return the edges where the profiles across them put them; the picture has its paint."""
     profile = config.profile
@@ -103,7 +104,7 @@ def by_profile(
         if wide is None:
             return None
         guess = wide
-    found = profiled(profile, image, look, predicted, guess, prior, marks)
+    found = profiled(profile, image, look, predicted, guess, prior, marks, checks=checks)
     return None if found.contrast.min() < config.strip.least_contrast else found
 
 
@@ -115,11 +116,13 @@ def profiled(
     guess: FloatArray,
     prior: FloatArray,
     marks: Marks | None,
+    *,
+    checks: bool,
 ) -> FoundEdges:
     """Return edges by profiles about a guess (4,), with a prior (4, 4) about where the look predicts them."""
     width_m = abs(float(state.mean[C] - state.mean[D]))
     px_per_m = np.abs(look.predicted[2:] - look.predicted[:2]) / width_m
-    found = edges_by_profile(image, guess, look.rows, px_per_m, look.predicted, prior, marks, config)
+    found = edges_by_profile(image, guess, look.rows, px_per_m, look.predicted, prior, marks, config, checks=checks)
     return FoundEdges(
         crossings_px=found.crossings_px,
         covariance_px2=found.covariance_px2,

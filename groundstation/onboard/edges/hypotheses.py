@@ -188,7 +188,9 @@ def look_on(lookout: Lookout, search: PairSearch, looks: int) -> None:
         else:
             near = _first_look(lookout, search.image, crossings, search.rows, search.pose, search.e)
         if near is not None:
-            search.found.append(_started(lookout, search.painted, near, crossings, search.rows, search.pose))
+            # a picture's first pairs are reported, and are worth a profile
+            painted = None if search.known else search.painted
+            search.found.append(_started(lookout, painted, near, crossings, search.rows, search.pose))
 
 
 def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
@@ -201,11 +203,15 @@ def followed(
 ) -> list[Hypothesis]:
     """Return every pair one frame later, without those that were not seen for long, and without doubles.
 
-    ``new`` were seen in a picture before this one and have not been followed yet.
+    ``old`` with the best first; ``new`` were seen in a picture before this one and have not been followed yet.
     """
-    thorough, most = lookout.config.profile is not None, lookout.config.coast_frames // 2
+    # what is reported is the best one's, for which alone there is time to take profiles
+    profiled_one, most = old[0] if lookout.config.profile is not None else None, lookout.config.coast_frames // 2
     moved = [
-        [h.after(follow(lookout, image, pose, h.state, thorough=thorough, marks=h.marks)) for h in hypotheses]
+        [
+            h.after(follow(lookout, image, pose, h.state, thorough=h is profiled_one, marks=h.marks, checks=False))
+            for h in hypotheses
+        ]
         for hypotheses in (old, new)
     ]
     return merged(lookout, *([h for h in hypotheses if h.missed <= most] for hypotheses in moved))
@@ -273,18 +279,22 @@ def _first_look(
 
 def _started(
     lookout: Lookout,
-    image: ImageArray,
+    painted: ImageArray | None,
     found: FoundEdges,
     detected: FloatArray,
     rows: FloatArray,
     pose: CameraPose,
 ) -> Hypothesis:
-    """Return the filter's start: next to nothing known of the lines, and the pose's errors as configured."""
+    """Return the filter's start: next to nothing known of the lines, and the pose's errors as configured.
+
+    With a picture that has its paint, the edges are those of the profiles.
+    """
     config = lookout.config
     state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, lookout.kappa))
     look = look_between(lookout, pose, state, rows)
-    if config.profile is not None:
-        found = profiled(config.profile, image, look, state, found.crossings_px, _FIRST_SIGMA_PX**2 * np.eye(4), None)
+    if config.profile is not None and painted is not None:
+        prior = _FIRST_SIGMA_PX**2 * np.eye(4)
+        found = profiled(config.profile, painted, look, state, found.crossings_px, prior, None, checks=False)
         state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, lookout.kappa))
         look = look_between(lookout, pose, state, rows)
     noise = found.covariance_px2 + pose_noise(config, look)

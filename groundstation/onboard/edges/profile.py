@@ -132,11 +132,14 @@ def edges_by_profile(
     prior_px2: FloatArray,
     marks: Marks | None,
     config: ProfileConfig,
+    *,
+    checks: bool = True,
 ) -> ProfiledEdges:
     """Return the edges about a guess (4,) by the profiles of a picture (h, w, 3) with its paint.
 
     ``px_per_m`` (2,) across the runway at the upper and the lower row. The prior, crossings (4,) of covariance (4, 4),
     chooses among likely places and is no part of the result. ``marks`` of the picture before, None of a first one.
+    Without ``checks`` neither other lines nor other places of the lamps are tried.
     """
     weight = np.asarray(np.linalg.inv(prior_px2 * np.outer(OUTWARDS, OUTWARDS)), np.float64)
     offset = OUTWARDS * (predicted_px - guess_px)
@@ -147,11 +150,12 @@ def edges_by_profile(
     strayed = False
     fit = fitted(wide, _beside(marks, config), config.wide, config.alike)
     moved = likeliest(fit, offset, weight).moved_px
-    if marks.frames > 1 and marks.frames % 2 == 0:
+    checks = checks and marks.frames > 1
+    if checks and marks.frames % 2 == 0:
         marks, other = _doubted(marks, wide, moved, config)
         strayed = marks.frames == 0
         moved = other if strayed else moved
-    elif marks.frames > 1:
+    elif checks:
         marks = _with_lamps(marks, wide, (offset, weight), config)
     if marks.frames == 0:
         marks = _seen(marks, fit, moved, config, near=True)
