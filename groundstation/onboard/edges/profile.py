@@ -10,8 +10,8 @@ block perhaps one of something else. The prior chooses among the likely places; 
 likelihood's own: where darkness hides the far end it is wide, and near rows and filter hold it. Not in the paper.
 
 Paint half a metre inside one place of the edge may be lamps a metre outside another, in one picture; over some it is
-not. What both usually look like is remembered (`Marks`). In every other picture it is asked whether other lines do
-better without that memory, in the rest another place of the lamps, or none, is tried.
+not. What both usually look like is remembered (`Marks`). By turns it is asked whether other lines do better without
+that memory, and another place of the lamps, or none, is tried: in each picture at first, then in every other.
 """
 
 import math
@@ -62,6 +62,7 @@ class ProfileConfig:
     blur_px : sigma of the picture across a line.
     mark_sigma, mark_frames : what the excess (0 to 1) of paint and lamps may differ by from what is usual, and over
         how many frames that is taken.
+    check_frames : with so many seen, lines and lamps are doubted once in this many frames.
     alike : neighbouring bins and colours that err alike.
     floor_px : sigma that no end goes below.
     """
@@ -82,6 +83,7 @@ class ProfileConfig:
     blur_px: float = 0.8
     mark_sigma: float = 0.04
     mark_frames: int = 10
+    check_frames: int = 2
     alike: float = 4.0
     floor_px: float = 0.4
 
@@ -150,13 +152,14 @@ def edges_by_profile(
     strayed = False
     fit = fitted(wide, _beside(marks, config), config.wide, config.alike)
     moved = likeliest(fit, offset, weight).moved_px
-    checks = checks and marks.frames > 1
-    if checks and marks.frames % 2 == 0:
+    turn, between = divmod(marks.frames, 1 if marks.frames <= config.mark_frames else config.check_frames)
+    checks = checks and marks.frames > 1 and between == 0
+    if checks and turn % 2 == 0:
         marks, other = _doubted(marks, wide, moved, config)
         strayed = marks.frames == 0
         moved = other if strayed else moved
     elif checks:
-        marks = _with_lamps(marks, wide, (offset, weight), config)
+        marks = _with_lamps(marks, turn // 2, wide, (offset, weight), config)
     if marks.frames == 0:
         marks = _seen(marks, fit, moved, config, near=True)
     crossings = guess_px + OUTWARDS * moved
@@ -266,13 +269,13 @@ def _any_light(
 
 
 def _with_lamps(
-    marks: Marks, profiles: Straightened, prior: tuple[FloatArray, FloatArray], config: ProfileConfig
+    marks: Marks, turn: int, profiles: Straightened, prior: tuple[FloatArray, FloatArray], config: ProfileConfig
 ) -> Marks:
     """Return marks with the place of the lamps that this picture and those before it speak for.
 
-    One other place is compared, with any light of the lamps for both.
+    One other place is compared, they take turns, with any light of the lamps for both.
     """
-    other = (marks.frames // 2) % len(config.lamps_m)
+    other = turn % len(config.lamps_m)
     if other == marks.lamps:
         return marks
     own, new = (_any_light(marks, profiles, k, prior, config) for k in (marks.lamps, other))
