@@ -54,7 +54,8 @@ class ProfileConfig:
     wide, fine : displacements of the line to either side that are tried, first with steps of twice the size.
     beside : steps at either side of the trials that the profile goes on.
     least_step_px, step_m : a step at a row is the larger of the two.
-    line_m : inner and outer side of a painted side line, outwards from the edge.
+    line_m : inner and outer side of a painted side line, outwards from the edge; told, not learned, as rendered: by
+        ICAO's Annex 14 (5.2.7) it is 0.45 m wide on runways narrower than 30 m, its outer side about on the edge.
     lamps_m : places where lamps may stand, outwards from the edge, the likeliest first; infinite for none.
     lamps_cost, lamps_margin : log-likelihood that lamps have to be worth, and another place of them in all.
     stray_steps, stray_cost, stray_margin : how far off other lines are, in wide steps, what they have to be likelier
