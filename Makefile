@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/landing-1
+KERNELS := $(shell grep -rl --include=*.py njit groundstation calibration)
 
-.PHONY: demo test docs lint kernels fuzz peers cameras figures study clean
+.PHONY: demo test docs lint kernels kernels-aboard fuzz peers cameras figures study clean
 
 $(VENV)/installed: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
@@ -13,13 +14,18 @@ $(VENV)/installed: pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,docs,logs,ptu]'
 	@touch $@
 
+# numba looks whether a kernel's own file has changed, not those of the kernels that are compiled into it
+$(VENV)/kernels: $(KERNELS) | $(VENV)/installed
+	@find groundstation calibration -name '*.nb[ic]' -delete
+	@touch $@
+
 ## demo: replay the bundled landing and print its accuracy
-demo: $(VENV)/installed
+demo: $(VENV)/installed $(VENV)/kernels
 	$(BIN)/groundstation replay recordings/landing-1 --out $(OUT)
 
 ## test: everything that must hold, under ten minutes on two cores (three workers: a sixth of the time is waiting for devices)
-test: $(VENV)/installed
-	@$(MAKE) --no-print-directory --jobs=2 lint kernels
+test: $(VENV)/installed $(VENV)/kernels
+	@$(MAKE) --no-print-directory --jobs=2 kernels lint kernels-aboard
 	$(BIN)/python -m pytest --numprocesses=3 --dist=loadfile --no-loadscope-reorder
 
 ## docs: these pages as a site, out/docs/index.html; no network, neither now nor when it is read
@@ -34,7 +40,10 @@ lint: $(VENV)/installed
 
 ## kernels: compile what is compiled, once, while lint has the other core; three workers would compile it three times
 kernels: $(VENV)/installed
-	$(BIN)/python -c 'from groundstation.warm_up import warm_up; warm_up()'
+	$(BIN)/python -m tests.compile_kernels ground
+
+kernels-aboard: $(VENV)/installed
+	$(BIN)/python -m tests.compile_kernels aboard >/dev/null
 
 ## fuzz: the property tests once more, on examples that no run has seen
 fuzz: $(VENV)/installed

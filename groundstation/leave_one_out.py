@@ -8,6 +8,8 @@ from numba import njit
 from groundstation.arrays import FloatArray
 
 LEAST_SHARE = 1e-2  # of the information in one direction: what is less is none
+# of an epoch: A₀₀, A₀₁, A₁₁, g₀, g₁, the variances of its noise and of its constant error, px²
+PART_SIZE = 7
 
 
 @njit(cache=True)
@@ -57,6 +59,29 @@ def explained(A: FloatArray, g: FloatArray) -> float:
 
 
 @njit(cache=True)
+def summed_up(parts: FloatArray, count: int, bias: FloatArray) -> tuple[float, int]:
+    """Write b̂ = A⁺ g (2,) of the sums over the first ``count`` epochs (k, 7); return T and its degrees of freedom.
+
+    A direction that the others say nothing of, across the line of sight of two stations, is left out.
+    """
+    sums = np.zeros(PART_SIZE)
+    for k in range(count):
+        for j in range(PART_SIZE):
+            sums[j] += parts[k, j]
+    noise, constant = sums[5] / count, sums[6] / count
+    values, vectors = np.linalg.eigh(np.array([[sums[0], sums[1]], [sums[1], sums[2]]]))
+    bias[:] = 0.0
+    dof = 0
+    for k in range(2):
+        if values[k] > LEAST_SHARE * count / noise:
+            dof += 1
+            along = (vectors[0, k] * sums[3] + vectors[1, k] * sums[4]) / values[k]
+            for a in range(2):
+                bias[a] += vectors[a, k] * along
+    return (sums[3] * bias[0] + sums[4] * bias[1]) / (1.0 + count * constant / noise), dof
+
+
+@njit(cache=True)
 def held_against(
     jacobian: FloatArray,
     H: FloatArray,
@@ -89,3 +114,4 @@ def warm_up() -> None:
     held_against(np.zeros((2, 5)), np.zeros((2, 3)), 1, np.zeros(3), np.eye(3), 0.0, np.zeros(2), np.zeros((2, 2)))
     leave_out(np.tile(np.eye(2), (2, 1, 1)), np.sqrt(np.arange(12.0)).reshape(2, 2, 3), np.zeros((2, 2)))
     whitened(np.zeros(2), np.eye(2))
+    summed_up(np.ones((2, PART_SIZE)), 1, np.zeros(2))

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.leave_one_out import LEAST_SHARE, explained, leave_out, whitened
+from groundstation.leave_one_out import PART_SIZE, explained, leave_out, summed_up, whitened
 
 # an epoch's own T counts at most so much: a single gross outlier is not a fault
 _MOST_OF_ONE = 36.0
 # an innovation beyond this (χ² of 2 degrees, one in a thousand) jumps; two of three in a row are no chance
 _JUMP = 13.8
+_FIRST_ROOM = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,17 +34,6 @@ class Sight:
     jacobian_px_per_m: FloatArray
     noise_px2: FloatArray
     constant_px2: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Part:
-    """What one epoch says of one station: A (2, 2), g (2,), variance of its noise and of its constant error, px²."""
-
-    t_s: float
-    A: FloatArray
-    g: FloatArray
-    noise_px2: float
-    constant_px2: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,13 +55,15 @@ class StationWindow:
     def __init__(self, length_s: float, constant_px: float) -> None:
         self._length_s = length_s
         self._constant_px2 = constant_px**2
-        self._epochs: deque[_Part] = deque()
+        # of each epoch what `summed_up` wants; when they were
+        self._parts = np.empty((_FIRST_ROOM, PART_SIZE))
+        self._epochs: deque[float] = deque()
         self._innovations: deque[tuple[float, FloatArray]] = deque()
 
     @property
     def first_s(self) -> float:
         """When the oldest epoch was; infinite if there is none."""
-        return self._epochs[0].t_s if self._epochs else math.inf
+        return self._epochs[0] if self._epochs else math.inf
 
     def forget_epochs(self) -> None:
         """Start anew; the innovations stay."""
@@ -96,27 +88,30 @@ class StationWindow:
             constant = self._constant_px2 + sight.constant_px2
             square = explained(A, g)
             share = min(1.0, (_MOST_OF_ONE * (1.0 + constant / noise) / max(square, 1e-12)) ** 0.5)
-            own.append(_Part(t_s=t_s, A=A, g=g * share, noise_px2=noise, constant_px2=constant))
-        while own and own[0].t_s < t_s - self._length_s:
+            self._keep(t_s, (A[0, 0], A[0, 1], A[1, 1], g[0] * share, g[1] * share, noise, constant))
+        old = 0
+        while own and own[0] < t_s - self._length_s:
             own.popleft()
+            old += 1
+        if old:
+            self._parts[: len(own)] = self._parts[old : old + len(own)]
+
+    def _keep(self, t_s: float, part: tuple[float, ...]) -> None:
+        """Put an epoch behind the others."""
+        count = len(self._epochs)
+        if count == len(self._parts):
+            self._parts = np.concatenate([self._parts, np.empty_like(self._parts)])
+        self._parts[count] = part
+        self._epochs.append(t_s)
 
     def separation(self) -> Separation:
         """Return the window's leave-one-out test."""
-        epochs = self._epochs
-        n = len(epochs)
+        n = len(self._epochs)
         if n == 0:
             return Separation(statistic=0.0, dof=1, bias_px=np.zeros(2), epochs=0)
-        A = np.sum([e.A for e in epochs], axis=0)
-        g = np.sum([e.g for e in epochs], axis=0)
-        noise = float(np.mean([e.noise_px2 for e in epochs]))
-        values, vectors = np.linalg.eigh(A)
-        # a direction that the others say nothing of: across the line of sight of two stations
-        sound = values > LEAST_SHARE * n / noise
-        root = np.where(sound, 1.0 / np.where(sound, values, 1.0), 0.0)
-        bias = (vectors * root) @ (vectors.T @ g)
-        rho = float(np.mean([e.constant_px2 for e in epochs])) / noise
-        statistic = float(g @ bias) / (1.0 + n * rho)
-        return Separation(statistic=statistic, dof=max(int(sound.sum()), 1), bias_px=bias, epochs=n)
+        bias = np.empty(2)
+        statistic, dof = summed_up(self._parts, n, bias)
+        return Separation(statistic=statistic, dof=max(dof, 1), bias_px=bias, epochs=n)
 
     def judged(self, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray) -> None:
         """Take an innovation of the filter, accepted or not."""

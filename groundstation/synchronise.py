@@ -15,7 +15,7 @@ Rules, all in the session clock:
 
 import bisect
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -137,8 +137,8 @@ class Synchroniser:
         self._passed_s = float("-inf")
         self._used: set[int] = set()
 
-    def push(self, event: Arrival) -> Iterator[Ready]:
-        """Take one event and yield, in time order, all whose time has come."""
+    def push(self, event: Arrival) -> Iterable[Ready]:
+        """Take one event and return, in time order, all whose time has come."""
         if not isinstance(event, ReferenceFix):
             # a receiver has a clock of its own: that it is ahead does not make the cameras late
             self._newest_s = max(self._newest_s, event.t_s)
@@ -148,14 +148,13 @@ class Synchroniser:
             reached = event.t_s if reading else event.t_s + self._config.camera_gap_s
             self._streams[stream] = max(self._streams.get(stream, reached), reached)
         if event.t_s < self._passed_s and not isinstance(event, Epoch):
-            yield from self._answer_late(event)
-            return
+            return self._answer_late(event)
         self._enqueue(event)
-        yield from self._drain(final=False)
+        return self._drain(final=False) if self._may_pass(self._queue[0].t_s) else ()
 
-    def finish(self) -> Iterator[Ready]:
-        """Yield everything still waiting: nothing more will come."""
-        yield from self._drain(final=True)
+    def finish(self) -> Iterable[Ready]:
+        """Return everything still waiting: nothing more will come."""
+        return self._drain(final=True)
 
     def angles_at(self, station: str, t_s: float) -> AnglesAt | AngleFault | None:
         """Return interpolated angles at ``t_s``; None for a fixed station, which has none."""

@@ -149,12 +149,14 @@ class TrackLife:
             return True
         if t_s - self._newest_pixel_s > c.lost_after_s:
             return True
-        where = ekf.layout.position
-        if float(np.sqrt(np.trace(ekf.covariance[where, where]))) > c.lost_sigma_m:
+        at, P = ekf.layout.position.start, ekf.covariance
+        if P[at, at] + P[at + 1, at + 1] + P[at + 2, at + 2] > c.lost_sigma_m**2:
             return True
-        sigmas = []
+        # it is held as long as one camera could be told where to look
         for name in stations:
             prediction = ekf.predict_pixel(name)
             if prediction is not None:
-                sigmas.append(float(np.sqrt(np.diag(ekf.pixel_covariance(prediction)).max())))
-        return not sigmas or min(sigmas) > c.lost_sigma_px
+                S = ekf.pixel_covariance(prediction)
+                if not max(S[0, 0], S[1, 1]) > c.lost_sigma_px**2:
+                    return False
+        return True

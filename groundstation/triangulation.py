@@ -79,19 +79,22 @@ def triangulate(views: Sequence[View]) -> Triangulation | None:
     if start is None:
         return None
     point, gap = start
-    best, information, chi2 = _refine(
-        np.stack([v.station.packed for v in views]),
-        np.stack([v.pixel for v in views]),
-        np.stack([v.covariance_px2 for v in views]),
+    best, covariance = np.empty(3), np.empty((3, 3))
+    chi2 = _refine(
+        np.array([v.station.packed for v in views]),
+        np.array([v.pixel for v in views]),
+        np.array([v.covariance_px2 for v in views]),
         np.array([(v.pan_rad, v.tilt_rad, v.angle_sigma_rad) for v in views]),
         point,
+        best,
+        covariance,
     )
     if chi2 < 0.0:
         return None
     return Triangulation(
         midpoint_runway_m=point,
         point_runway_m=best,
-        covariance_m2=np.asarray(np.linalg.inv(information), dtype=np.float64),
+        covariance_m2=covariance,
         gap_m=gap,
         residual_sigma=math.sqrt(chi2),
     )
@@ -99,14 +102,21 @@ def triangulate(views: Sequence[View]) -> Triangulation | None:
 
 @njit(cache=True)
 def _refine(
-    stations: FloatArray, pixels: FloatArray, covariances: FloatArray, angles: FloatArray, start: FloatArray
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return the maximum-likelihood point (3,), its information (3, 3) and χ², −1 where there is no such point.
+    stations: FloatArray,
+    pixels: FloatArray,
+    covariances: FloatArray,
+    angles: FloatArray,
+    start: FloatArray,
+    point: FloatArray,
+    covariance: FloatArray,
+) -> float:
+    """Write the maximum-likelihood point (3,) and its covariance (3, 3); return χ², −1 where there is no such point.
 
     ``stations`` (n, 36) packed, ``pixels`` (n, 2) with ``covariances`` (n, 2, 2), ``angles`` (n, 3) pan, tilt and
     their sigma; Gauss-Newton from ``start``, each view's noise taken at the newest point.
     """
-    point, step = start.copy(), np.full(3, np.inf)
+    step = np.full(3, np.inf)
+    point[:] = start
     information, gradient = np.zeros((3, 3)), np.zeros(3)
     pixel, jacobian, chi2 = np.empty(2), np.empty((2, 5)), 0.0
     for k in range(_STEPS + 1):
@@ -114,15 +124,16 @@ def _refine(
         for n in range(stations.shape[0]):
             depth = kernels.project(stations[n], point, angles[n, 0], angles[n, 1], pixel, jacobian)
             if depth < kernels.MIN_DEPTH_M:
-                return point, information, -1.0
+                return -1.0
             chi2 += _add_view(information, gradient, pixels[n] - pixel, jacobian, covariances[n], angles[n, 2])
         if not _solvable(information, 1e14):
-            return point, information, -1.0
+            return -1.0
         if k == _STEPS or np.abs(step).max() < _CONVERGED_M:
             break
         step = np.linalg.solve(information, gradient)
         point += step
-    return point, information, chi2
+    covariance[:] = np.linalg.inv(information)
+    return float(chi2)
 
 
 @njit(cache=True)

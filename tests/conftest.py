@@ -3,6 +3,11 @@
 import os
 from pathlib import Path
 
+from groundstation.cli_start import ONE_THREAD
+
+# as the program begins, before numpy is there
+os.environ.update(ONE_THREAD | os.environ)
+
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -19,17 +24,21 @@ compile_once()
 
 # The files that take longest begin first: a worker takes whole files, and one begun last is waited for by all others.
 LONGEST_FILES = (
-    "calibration/test_real_flight.py",
     "docs/test_commands.py",
+    "test_reproduce.py",
+    "calibration/test_real_flight.py",
     "replay/test_rendered_sessions.py",
     "replay/test_label_sessions.py",
-    "replay/test_learning.py",
+    "estimation/test_against_bounds.py",
+    "calibration/test_mount.py",
+    "evaluation/test_evaluate.py",
+    "replay/test_late_data.py",
     "replay/test_recording_identity.py",
-    "estimation/test_leaving_the_image.py",
-    "estimation/test_ekf_consistency.py",
+    "onboard/approach/test_nose_flight.py",
+    "onboard/pose/test_solver.py",
+    "replay/test_learning.py",
     "detection/test_birds.py",
-    "calibration/test_check.py",
-    "calibration/test_flight_study.py",
+    "live/test_operation.py",
     "sources/cameras/test_gige_fakes.py",
     "ptu_drivers/test_alpaca_independent.py",
 )

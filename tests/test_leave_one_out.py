@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from groundstation.leave_one_out import leave_out, whitened
+from groundstation.leave_one_out import leave_out, summed_up, whitened
 
 
 @pytest.mark.parametrize("stations", [2, 3, 5])
@@ -37,3 +37,19 @@ def test_a_whitened_residual_has_the_length_of_its_sigmas(rng: np.random.Generat
 def test_a_covariance_that_is_none_is_refused() -> None:
     with pytest.raises(np.linalg.LinAlgError):
         whitened(np.ones(2), np.array([[1.0, 2.0], [2.0, 1.0]]))
+
+
+@pytest.mark.parametrize("directions", [1, 2])
+def test_summed_up_epochs_are_the_pseudo_inverse_of_their_sums(rng: np.random.Generator, directions: int) -> None:
+    """With two stations nothing is known along one direction, and that is no degree of freedom."""
+    root = rng.normal(size=(9, 2, 1)) if directions == 2 else np.tile(rng.normal(size=(2, 1)), (9, 1, 1))
+    A, noise, constant = root @ root.transpose(0, 2, 1), 1.5, 0.4
+    g = (A @ rng.normal(size=2)).reshape(9, 2)
+    parts = np.column_stack([A[:, 0, 0], A[:, 0, 1], A[:, 1, 1], g, np.full(9, noise), np.full(9, constant)])
+    bias = np.empty(2)
+    # what lies behind the count is not looked at
+    statistic, dof = summed_up(np.vstack([parts, np.full((3, 7), np.nan)]), 9, bias)
+    wanted = np.linalg.pinv(A.sum(axis=0), rcond=1e-9) @ g.sum(axis=0)
+    assert dof == directions
+    np.testing.assert_allclose(bias, wanted, rtol=1e-6)
+    assert statistic == pytest.approx(float(g.sum(axis=0) @ wanted) / (1.0 + 9 * constant / noise), rel=1e-6)

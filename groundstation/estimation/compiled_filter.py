@@ -35,20 +35,65 @@ def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatA
 
 
 @njit(cache=True)
-def _projected(P: FloatArray, H: FloatArray, R: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return P Hᵀ, (n, m), and S = H P Hᵀ + R, (m, m)."""
+def project_into(P: FloatArray, H: FloatArray, R: FloatArray, HP: FloatArray, S: FloatArray) -> None:
+    """Write H P (m, n) and S = H P Hᵀ + R (m, m)."""
     m, n = H.shape
-    PHt, S = np.zeros((n, m)), R.copy()
+    HP[:] = 0.0
+    S[:] = R
+    for a in range(m):
+        line = HP[a]
+        for j in range(n):
+            h = H[a, j]
+            if h != 0.0:
+                for i in range(n):
+                    line[i] += P[j, i] * h
     for a in range(m):
         for j in range(n):
             if H[a, j] != 0.0:
-                for i in range(n):
-                    PHt[i, a] += P[j, i] * H[a, j]
+                for b in range(m):
+                    S[a, b] += H[a, j] * HP[b, j]
+
+
+@njit(cache=True)
+def solve_small(A: FloatArray, B: FloatArray) -> None:
+    """Solve A X = B in place of B (m, k), by Gaussian elimination with pivots, in place of A (m, m) too.
+
+    For two or three numbers measured at once a general solver takes longer to begin than to solve. As that one it
+    raises `LinAlgError` where A is singular, or either is not finite.
+    """
+    m, k = B.shape
     for a in range(m):
-        for j in range(n):
+        for b in range(m):
+            if not math.isfinite(A[a, b]):
+                raise np.linalg.LinAlgError("Array must not contain infs or NaNs.")
+        for j in range(k):
+            if not math.isfinite(B[a, j]):
+                raise np.linalg.LinAlgError("Array must not contain infs or NaNs.")
+    for c in range(m):
+        pivot = c
+        for a in range(c + 1, m):
+            if abs(A[a, c]) > abs(A[pivot, c]):
+                pivot = a
+        if A[pivot, c] == 0.0:
+            raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
+        if pivot != c:
             for b in range(m):
-                S[a, b] += H[a, j] * PHt[j, b]
-    return PHt, S
+                A[c, b], A[pivot, b] = A[pivot, b], A[c, b]
+            for j in range(k):
+                B[c, j], B[pivot, j] = B[pivot, j], B[c, j]
+        for a in range(c + 1, m):
+            factor = A[a, c] / A[c, c]
+            for b in range(c + 1, m):
+                A[a, b] -= factor * A[c, b]
+            for j in range(k):
+                B[a, j] -= factor * B[c, j]
+    for c in range(m - 1, -1, -1):
+        for a in range(c + 1, m):
+            for j in range(k):
+                B[c, j] -= A[c, a] * B[a, j]
+        inverse = 1.0 / A[c, c]
+        for j in range(k):
+            B[c, j] *= inverse
 
 
 @njit(cache=True)
@@ -57,18 +102,20 @@ def trial_state(
 ) -> FloatArray:
     """Return the state (n,) that one update would lead to: where to linearise once more."""
     m, n = H.shape
-    PHt, S = _projected(P, H, R)
-    weighted = np.linalg.solve(S, residual)
+    HP, S = np.empty((m, n)), np.empty((m, m))
+    project_into(P, H, R, HP, S)
+    weighted = residual.copy().reshape((m, 1))
+    solve_small(S, weighted)
     moved = x.copy()
     for i in range(n):
         if estimated[i]:
             for a in range(m):
-                moved[i] += PHt[i, a] * weighted[a]
+                moved[i] += HP[a, i] * weighted[a, 0]
     return moved
 
 
 @njit(cache=True)
-def correct(
+def correct_into(
     x: FloatArray,
     P: FloatArray,
     H: FloatArray,
@@ -76,71 +123,98 @@ def correct(
     residual: FloatArray,
     estimated: BoolArray,
     share: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return state and covariance after one update in Joseph form, with the gain K and S.
+    new_x: FloatArray,
+    new_P: FloatArray,
+    Kt: FloatArray,
+    S: FloatArray,
+) -> None:
+    """Write state and covariance after one update in Joseph form, with the gain Kᵀ (m, n) and S (m, m).
 
     The gain is the optimal one times ``share``. (I − K H) P (I − K H)ᵀ + K R Kᵀ, multiplied out from the left in steps
     of n² m, since K and H are thin.
     """
     m, n = H.shape
-    PHt, S = _projected(P, H, R)
     # one row for each number measured: the inner loops then run along rows
-    HP = np.ascontiguousarray(PHt.T)
-    Kt = np.linalg.solve(S, HP) * share
-    for i in range(n):
-        if not estimated[i]:
-            Kt[:, i] = 0.0
-    K = np.ascontiguousarray(Kt.T)
-    new_x = x.copy()
-    half = P.copy()
-    for i in range(n):
-        row = half[i]
-        for a in range(m):
-            new_x[i] += K[i, a] * residual[a]
-            gain, line = K[i, a], HP[a]
-            for j in range(n):
-                row[j] -= gain * line[j]
-    # what is left of the right-hand factor: −(half Hᵀ) Kᵀ + K R Kᵀ
-    rest = np.zeros((n, m))
+    HP = np.empty((m, n))
+    project_into(P, H, R, HP, S)
+    Kt[:] = HP
+    solve_small(S.copy(), Kt)
     for a in range(m):
+        for i in range(n):
+            Kt[a, i] = Kt[a, i] * share if estimated[i] else 0.0
+    new_x[:] = x
+    for a in range(m):
+        for i in range(n):
+            new_x[i] += Kt[a, i] * residual[a]
+    for i in range(n):
+        old, row = P[i], new_P[i]
+        row[:] = old
+        for a in range(m):
+            gain, line = Kt[a, i], HP[a]
+            if gain != 0.0:
+                for j in range(n):
+                    row[j] -= gain * line[j]
+    # what is left of the right-hand factor: −((I − K H) P Hᵀ) Kᵀ + K R Kᵀ
+    columns = np.empty(n, np.int64)
+    rest = np.zeros((m, n))
+    for a in range(m):
+        count = 0
         for j in range(n):
             if H[a, j] != 0.0:
-                for i in range(n):
-                    rest[i, a] -= half[i, j] * H[a, j]
+                columns[count] = j
+                count += 1
         for i in range(n):
+            total = 0.0
+            for c in range(count):
+                total -= new_P[i, columns[c]] * H[a, columns[c]]
             for b in range(m):
-                rest[i, a] += K[i, b] * R[b, a]
+                total += Kt[b, i] * R[b, a]
+            rest[a, i] = total
     for i in range(n):
-        row = half[i]
+        row = new_P[i]
         for a in range(m):
-            gain, line = rest[i, a], Kt[a]
+            gain, line = rest[a, i], Kt[a]
             for j in range(n):
                 row[j] += gain * line[j]
     for i in range(n):
         for j in range(i):
-            half[i, j] = half[j, i] = 0.5 * (half[i, j] + half[j, i])
-    return new_x, half, K, S
+            new_P[i, j] = new_P[j, i] = 0.5 * (new_P[i, j] + new_P[j, i])
 
 
 @njit(cache=True)
-def carry(x: FloatArray, P: FloatArray, F: FloatArray, Q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return F x and F P Fᵀ + Q; F is nearly diagonal."""
+def carry_into(
+    x: FloatArray,
+    P: FloatArray,
+    F: FloatArray,
+    Q: FloatArray,
+    half: FloatArray,
+    new_x: FloatArray,
+    new_P: FloatArray,
+) -> None:
+    """Write F x and F P Fᵀ + Q; F is nearly diagonal. ``half`` (n, n) is room to work in."""
     n = x.size
-    new_x, half, new_P = np.zeros(n), np.zeros((n, n)), Q.copy()
+    rows, columns, count = np.empty(n * n, np.int64), np.empty(n * n, np.int64), 0
     for i in range(n):
         for k in range(n):
-            f = F[i, k]
-            if f != 0.0:
-                new_x[i] += f * x[k]
-                for j in range(n):
-                    half[i, j] += f * P[k, j]
-    for j in range(n):
-        for k in range(n):
-            f = F[j, k]
-            if f != 0.0:
-                for i in range(n):
-                    new_P[i, j] += half[i, k] * f
-    return new_x, new_P
+            if k != i and F[i, k] != 0.0:
+                rows[count], columns[count] = i, k
+                count += 1
+    for i in range(n):
+        own, old, line = F[i, i], P[i], half[i]
+        new_x[i] = own * x[i]
+        for j in range(n):
+            line[j] = own * old[j]
+    for c in range(count):
+        f, line, old = F[rows[c], columns[c]], half[rows[c]], P[columns[c]]
+        new_x[rows[c]] += f * x[columns[c]]
+        for j in range(n):
+            line[j] += f * old[j]
+    for i in range(n):
+        line, row, noise = half[i], new_P[i], Q[i]
+        for j in range(n):
+            row[j] = noise[j] + line[j] * F[j, j]
+        for c in range(count):
+            row[rows[c]] += line[columns[c]] * F[rows[c], columns[c]]
 
 
 @njit(cache=True)
@@ -172,6 +246,8 @@ def lasting_part(
 @njit(cache=True)
 def log_likelihood(residual: FloatArray, S: FloatArray) -> float:
     """Return log N(residual; 0, S) of m numbers, but for the constant."""
+    if residual.size == 2:
+        return -0.5 * squared_sigmas(residual, S) - 0.5 * math.log(S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
     return -0.5 * float(residual @ np.linalg.solve(S, residual)) - 0.5 * np.log(np.linalg.det(S))
 
 
@@ -185,7 +261,9 @@ class CompiledKalmanFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filte
 
     def predict(self, u: object = 0) -> None:
         """Carry state and covariance forward by ``F`` and ``Q``; there is no control input."""
-        self.x, self.P = carry(self.x, self.P, self.F, self.Q)
+        x, P = np.empty_like(self.x), np.empty_like(self.P)
+        carry_into(self.x, self.P, self.F, self.Q, np.empty_like(P), x, P)
+        self.x, self.P = x, P
 
     def correct(
         self,
@@ -202,5 +280,7 @@ class CompiledKalmanFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filte
         """
         if estimated is None:
             estimated = np.ones(self.x.size, np.bool_)
-        self.x, self.P, self.K, self.S = correct(self.x, self.P, H, R, residual, estimated, share)
-        self.y = residual
+        m, n = H.shape
+        x, P, Kt, S = np.empty(n), np.empty((n, n)), np.empty((m, n)), np.empty((m, m))
+        correct_into(self.x, self.P, H, R, residual, estimated, share, x, P, Kt, S)
+        self.x, self.P, self.K, self.S, self.y = x, P, Kt.T, S, residual

@@ -56,24 +56,16 @@ class StationEkf(FilterCore):
             self.set_angles(station, angles_rad, (0.0, 0.0), sigma_rad)
             return Innovation(residual=np.zeros(2), covariance=np.eye(2) * sigma_rad**2, nis=0.0, dof=0, accepted=True)
         model = self._encoders[station]
-        read = model.judge(
-            self.state,
-            self.covariance,
-            angles_rad,
-            ahead_s,
-            sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0,
-            0.0 if model.carries_clock else clock_sigma_s,
-            self._config.encoder_gate_sigma,
-        )
+        variance = sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
+        noise = (variance, 0.0 if model.carries_clock else clock_sigma_s)
         if self._learns_clocks and station in self._watch.squares:
-            self._watch = self._watch.read(station, read.nis / 2.0)
-        if read.accepted:
-            self._bank.correct(read.residual, read.jacobian, read.noise, self._estimated(), telling=False)
-        else:
+            # whether this very reading may teach a clock is for itself to say, too
+            square = model.squares(self.state, self.covariance, angles_rad, ahead_s, *noise)
+            self._watch = self._watch.read(station, square / 2.0)
+        read = model.fuse(self._bank, angles_rad, ahead_s, *noise, self._config.encoder_gate_sigma, self._estimated())
+        if not read.accepted:
             self._bank.doubt(self.layout.angles[station], read.residual**2)
-        return Innovation(
-            residual=read.residual, covariance=read.covariance, nis=read.nis, dof=2, accepted=read.accepted
-        )
+        return read
 
     def set_angles(
         self, station: str, angles_rad: tuple[float, float], rates_rad_s: tuple[float, float], sigma_rad: float

@@ -7,7 +7,7 @@ first was a spike and is dropped.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.ekf import StationEkf
@@ -19,16 +19,28 @@ from groundstation.rig import Station
 _FROZEN_READINGS = 15
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EncoderState:
+class _Known(NamedTuple):
+    """What is remembered of one station's readings: a new one for each, since the window for late data keeps the old.
+
+    ``newest_s`` is that of the newest that was believed, ``last`` the newest of all and ``same`` how often it has come
+    in a row before; ``suspect`` is held back; a ``frozen`` encoder repeats itself.
+    """
+
+    newest_s: float = -math.inf
+    last: PtuSample | None = None
+    same: int = 0
+    suspect: PtuSample | None = None
+    frozen: bool = False
+
+
+_NOTHING = _Known()
+
+
+class EncoderState(NamedTuple):
     """Everything that the feed remembers of the readings so far, to go back to."""
 
     spikes: int
-    suspect: Mapping[str, PtuSample]
-    newest: Mapping[str, float]
-    last: Mapping[str, PtuSample]
-    same: Mapping[str, int]
-    frozen: frozenset[str]
+    known: Mapping[str, _Known]
 
 
 class EncoderFeed:
@@ -40,92 +52,82 @@ class EncoderFeed:
         self._stations = stations
         self._sigmas_rad = {name: station.angle_sigma_rad for name, station in stations.items()}
         self._max_rate = math.radians(config.ptu_max_rate_deg_s)
-        self._suspect: dict[str, PtuSample] = {}
-        self._newest: dict[str, float] = {}
+        # replaced, never written to: snapshots hold it
+        self._known: Mapping[str, _Known] = {}
         self._began_anew = False
-        self._last: dict[str, PtuSample] = {}
-        self._same: dict[str, int] = {}
-        self._frozen: set[str] = set()
 
     def read(self, sample: PtuSample) -> str | None:
         """Fuse one reading, at or after the filter's time; return a line for the log if something was odd."""
         station = self._stations.get(sample.station)
         if station is None or station.fixed:
             return None
-        note = self._watch_for_standstill(sample, station)
-        if note is not None or sample.station in self._frozen:
-            return note
-        ahead = sample.t_s - (self._ekf.time_s if self._ekf.time_s is not None else sample.t_s)
-        suspect = self._suspect.pop(sample.station, None)
-        if suspect is not None:
-            note = self._settle(suspect, sample, max(ahead, 0.0))
+        before = self._known.get(sample.station, _NOTHING)
+        note, known = self._watch_for_standstill(sample, station, before)
+        if note is None and not known.frozen:
+            note, known = self._judge(sample, station, known)
+        self._known = {**self._known, sample.station: known}
+        return note
+
+    def _judge(self, sample: PtuSample, station: Station, known: _Known) -> tuple[str | None, _Known]:
+        """Fuse a reading of an encoder that is alive, once it is settled what the one before was."""
+        note = None
+        now_s = self._ekf.time_s
+        ahead = 0.0 if now_s is None else max(sample.t_s - now_s, 0.0)
+        if known.suspect is not None:
+            note = self._settle(known.suspect, sample, ahead)
+            known = known._replace(suspect=None)
             if self._began_anew:
                 # the axis stands on this very reading now: it must not count twice
-                self._newest[sample.station] = sample.t_s
-                return note
+                return note, known._replace(newest_s=sample.t_s)
         innovation = self._ekf.update_encoder(
             sample.station,
             (sample.pan_rad, sample.tilt_rad),
             self._sigmas_rad[sample.station],
             station.ptu_clock.sigma_s,
-            max(ahead, 0.0),
+            ahead,
         )
         if innovation.accepted:
-            self._newest[sample.station] = sample.t_s
-        else:
-            self._suspect[sample.station] = sample
-        return note
+            return note, _Known(sample.t_s, known.last, known.same, None, known.frozen)
+        return note, known._replace(suspect=sample)
 
     def snapshot(self) -> EncoderState:
         """Return all that is remembered of the readings: it belongs to the filter's time as its state does."""
-        return EncoderState(
-            spikes=self.spikes,
-            suspect=dict(self._suspect),
-            newest=dict(self._newest),
-            last=dict(self._last),
-            same=dict(self._same),
-            frozen=frozenset(self._frozen),
-        )
+        return EncoderState(self.spikes, self._known)
 
     def restore(self, saved: EncoderState) -> None:
         """Remember again what was remembered at a `snapshot`."""
-        self.spikes = saved.spikes
-        self._suspect, self._newest = dict(saved.suspect), dict(saved.newest)
-        self._last, self._same, self._frozen = dict(saved.last), dict(saved.same), set(saved.frozen)
+        self.spikes, self._known = saved
 
     def is_doubtful(self, station: str) -> bool:
         """Return whether the newest reading is held back, not yet known to be a jerk or a spike."""
-        return station in self._suspect
+        return self._known.get(station, _NOTHING).suspect is not None
 
     def is_frozen(self, station: str) -> bool:
         """Return whether a noisy encoder has been repeating one value: its angles are not to be used."""
-        return station in self._frozen
+        return self._known.get(station, _NOTHING).frozen
 
-    def _watch_for_standstill(self, sample: PtuSample, station: Station) -> str | None:
+    def _watch_for_standstill(self, sample: PtuSample, station: Station, known: _Known) -> tuple[str | None, _Known]:
         """Notice an encoder that repeats itself to the last digit although its readings are noisy.
 
         A noiseless encoder at rest does that rightly, so it is left alone.
         """
-        last = self._last.get(sample.station)
-        self._last[sample.station] = sample
-        same = last is not None and (last.pan_rad, last.tilt_rad) == (sample.pan_rad, sample.tilt_rad)
-        self._same[sample.station] = self._same.get(sample.station, 0) + 1 if same else 0
-        noisy = station.ptu_sigma_rad > 0.5 * station.ptu_resolution_rad
-        if noisy and self._same[sample.station] >= _FROZEN_READINGS:
-            if sample.station not in self._frozen:
-                self._frozen.add(sample.station)
-                return f"station {sample.station}: PTU repeats one reading since {_FROZEN_READINGS} readings, not used"
-        elif sample.station in self._frozen:
-            self._frozen.discard(sample.station)
+        last = known.last
+        repeats = last is not None and last.pan_rad == sample.pan_rad and last.tilt_rad == sample.tilt_rad
+        same = known.same + 1 if repeats else 0
+        frozen = same >= _FROZEN_READINGS and station.ptu_sigma_rad > 0.5 * station.ptu_resolution_rad
+        newest_s, note = known.newest_s, None
+        if frozen and not known.frozen:
+            note = f"station {sample.station}: PTU repeats one reading since {_FROZEN_READINGS} readings, not used"
+        elif known.frozen and not frozen:
             sigma = self._sigmas_rad[sample.station]
             self._ekf.set_angles(sample.station, (sample.pan_rad, sample.tilt_rad), (0.0, 0.0), sigma)
-            self._newest[sample.station] = sample.t_s
-            return f"station {sample.station}: PTU readings change again at {sample.t_s:.3f} s"
-        return None
+            newest_s = sample.t_s
+            note = f"station {sample.station}: PTU readings change again at {sample.t_s:.3f} s"
+        return note, _Known(newest_s, sample, same, known.suspect, frozen)
 
     def age_s(self, station: str, t_s: float) -> float:
         """Return how long ago the last believed reading was."""
-        return t_s - self._newest.get(station, -math.inf)
+        return t_s - self._known.get(station, _NOTHING).newest_s
 
     def noise_rad(self, station: str) -> float:
         """Return one sigma of one reading of an angle."""

@@ -7,6 +7,7 @@ with the prediction's distance beyond the border.
 import math
 
 import numpy as np
+from numba import njit
 
 from groundstation.arrays import FloatArray
 
@@ -19,11 +20,17 @@ def probability_in_view(pixel: FloatArray, covariance_px2: FloatArray, image_siz
     ``pixel`` (2,), ``covariance_px2`` (2, 2). The correlation of u and v is neglected: it moves mass along
     the border, not across it.
     """
+    return float(_mass_inside(pixel, covariance_px2, image_size_px[0], image_size_px[1]))
+
+
+@njit(cache=True)
+def _mass_inside(pixel: FloatArray, covariance: FloatArray, width: int, height: int) -> float:
+    """Return the mass between −½ and the image's size − ½ of both axes."""
     mass = 1.0
     for axis in range(2):
-        sigma = math.sqrt(max(covariance_px2[axis, axis], 1e-12))
+        sigma = math.sqrt(max(covariance[axis, axis], 1e-12))
         low = (-0.5 - pixel[axis]) / (sigma * _SQRT2)
-        high = (image_size_px[axis] - 0.5 - pixel[axis]) / (sigma * _SQRT2)
+        high = ((width if axis == 0 else height) - 0.5 - pixel[axis]) / (sigma * _SQRT2)
         mass *= 0.5 * (math.erf(high) - math.erf(low))
     return mass
 

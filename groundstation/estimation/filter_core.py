@@ -137,7 +137,8 @@ class FilterCore:
 
     def _rays_check_each_other(self, since_s: float) -> bool:
         """Return whether so many stations have contributed since then that the rig's errors show between their rays."""
-        return sum(t_s >= since_s for t_s in self._contributed_s.values()) >= _RAYS_THAT_CHECK
+        known = self._contributed_s
+        return len(known) >= _RAYS_THAT_CHECK and sum(t_s >= since_s for t_s in known.values()) >= _RAYS_THAT_CHECK
 
     def _note_contribution(self, station: str) -> None:
         if len(self._stations) >= _RAYS_THAT_CHECK and self.time_s is not None:

@@ -18,13 +18,16 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import innovation_covariance, squared_sigmas
+from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, squared_sigmas
+from groundstation.estimation.modes import ModeBank, correct_modes
 from groundstation.estimation.parameters import DGPS_ANTENNA, DGPS_CLOCK
 from groundstation.estimation.state import StateLayout
 from groundstation.geometry import kernels
+from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.calibration import changed_packed, parameter_indices
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration
 from groundstation.geometry.station import StationGeometry
+from groundstation.messages import Innovation
 from groundstation.rig_covariance import READOUT
 
 IndexArray = NDArray[np.int64]
@@ -46,21 +49,6 @@ class LinearPrediction:
 
     value: FloatArray
     jacobian: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JudgedReading:
-    """A reading of two angles held against the state: ``residual`` (2,), rad, with ``jacobian`` (2, n).
-
-    ``noise`` R (2, 2) and ``covariance`` S (2, 2), squared sigmas, and whether both angles are inside the gate.
-    """
-
-    residual: FloatArray
-    jacobian: FloatArray
-    noise: FloatArray
-    covariance: FloatArray
-    nis: float
-    accepted: bool
 
 
 class PixelModel:
@@ -205,7 +193,7 @@ class EncoderModel:
         H[0, rate] = H[1, rate + 1] = ahead_s
         return LinearPrediction(value=state[self._angles] + ahead_s * state[self._rates], jacobian=H)
 
-    def judge(
+    def squares(
         self,
         state: FloatArray,
         P: FloatArray,
@@ -213,26 +201,63 @@ class EncoderModel:
         ahead_s: float,
         variance_rad2: float,
         clock_sigma_s: float,
+    ) -> float:
+        """Return the squared sigmas of a reading, as `fuse` will find them."""
+        expected = self.predict(state, ahead_s)
+        residual = np.array([wrap_rad(a - b) for a, b in zip(angles_rad, expected.value, strict=True)])
+        R = np.diag(variance_rad2 + (clock_sigma_s * state[self._rates]) ** 2)
+        return float(squared_sigmas(residual, innovation_covariance(P, expected.jacobian, R)))
+
+    def fuse(
+        self,
+        bank: ModeBank,
+        angles_rad: tuple[float, float],
+        ahead_s: float,
+        variance_rad2: float,
+        clock_sigma_s: float,
         gate_sigma: float,
-    ) -> JudgedReading:
-        """Hold a reading of pan and tilt, stamped ``ahead_s`` after the state's time, against the state.
+        estimated: BoolArray,
+    ) -> Innovation:
+        """Fuse a reading of pan and tilt, stamped ``ahead_s`` after the state's time, unless the gate refuses it.
 
         ``variance_rad2`` is the noise of each; ``clock_sigma_s`` counts as noise besides, in the measure of the rate.
+        Both angles must be within ``gate_sigma``; the states that are ``estimated`` (n,) may move.
         """
-        residual, R, S = np.empty(2), np.empty((2, 2)), np.empty((2, 2))
-        H = np.empty((2, self._layout.size))
+        residual, S = np.empty(2), np.empty((2, 2))
+        moved = bank.room()
         pan, tilt = angles_rad
-        at, rate = self._angles.start, self._rates.start
-        nis, accepted = _judge_angles(
-            state, P, at, rate, pan, tilt, ahead_s, variance_rad2, clock_sigma_s, gate_sigma, residual, H, R, S
+        states, covariances = bank.modes()
+        nis, accepted = _fuse_angles(
+            states,
+            covariances,
+            bank.x,
+            bank.P,
+            bank.weights,
+            self._angles.start,
+            self._rates.start,
+            pan,
+            tilt,
+            ahead_s,
+            variance_rad2,
+            clock_sigma_s,
+            gate_sigma,
+            estimated,
+            residual,
+            S,
+            *moved,
         )
-        return JudgedReading(residual=residual, jacobian=H, noise=R, covariance=S, nis=nis, accepted=accepted)
+        if accepted:
+            bank.take(moved)
+        return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 
 
 @njit(cache=True)
-def _judge_angles(
+def _fuse_angles(
+    states: FloatArray,
+    covariances: FloatArray,
     x: FloatArray,
     P: FloatArray,
+    weights: FloatArray,
     angle: int,
     rate: int,
     pan_rad: float,
@@ -241,14 +266,17 @@ def _judge_angles(
     variance_rad2: float,
     clock_sigma_s: float,
     gate_sigma: float,
+    estimated: BoolArray,
     residual: FloatArray,
-    H: FloatArray,
-    R: FloatArray,
     S: FloatArray,
+    new_states: FloatArray,
+    new_covariances: FloatArray,
+    new_weights: FloatArray,
+    new_x: FloatArray,
+    new_P: FloatArray,
 ) -> tuple[float, bool]:
-    """Write residual, H, R and S of a reading; return its squared sigmas and whether it passes the gate."""
-    H[:] = 0.0
-    R[:] = 0.0
+    """Write residual and S of a reading and, if it passes the gate, the modes after it; return its squared sigmas."""
+    H, R = np.zeros((2, x.size)), np.zeros((2, 2))
     inside = True
     for k in range(2):
         H[k, angle + k], H[k, rate + k] = 1.0, ahead_s
@@ -256,9 +284,17 @@ def _judge_angles(
         off = read - (x[angle + k] + ahead_s * x[rate + k])
         residual[k] = (off + np.pi) % (2.0 * np.pi) - np.pi
         R[k, k] = variance_rad2 + (clock_sigma_s * x[rate + k]) ** 2
-    S[:] = innovation_covariance(P, H, R)
+    # S = H P Hᵀ + R of H = [I, ahead·I] at two pairs of places
+    for a in range(2):
+        for b in range(2):
+            by_angle = P[angle + a, angle + b] + P[angle + a, rate + b] * ahead_s
+            by_rate = P[rate + a, angle + b] + P[rate + a, rate + b] * ahead_s
+            S[a, b] = R[a, b] + by_angle + ahead_s * by_rate
     for k in range(2):
         inside &= residual[k] ** 2 <= gate_sigma**2 * S[k, k]
+    if inside:
+        moved = (new_states, new_covariances, new_weights, new_x, new_P)
+        correct_modes(states, covariances, x, weights, residual, H, R, estimated, 1.0, False, *moved)
     return squared_sigmas(residual, S), inside
 
 

@@ -12,7 +12,13 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import BoolArray, CompiledKalmanFilter, carry, correct, log_likelihood
+from groundstation.estimation.compiled_filter import (
+    BoolArray,
+    CompiledKalmanFilter,
+    carry_into,
+    correct_into,
+    log_likelihood,
+)
 
 _LEAST_WEIGHT = 1e-6
 # of the modes: states (r, n), covariances (r, n, n), weights (r,); of their mixture: mean (n,), covariance (n, n)
@@ -56,7 +62,7 @@ class ModeBank:
 
     def snapshot(self) -> list[FloatArray]:
         """Return all there is to know, to be given to `restore`; nothing is copied, since nothing is written over."""
-        return [self.weights, *self._all()]
+        return [self.weights, *self.modes()]
 
     def restore(self, saved: list[FloatArray]) -> None:
         """Go back to a `snapshot`."""
@@ -102,9 +108,9 @@ class ModeBank:
     def predict(self, F: FloatArray, noises: Sequence[FloatArray] | FloatArray, dt_s: float) -> None:
         """Carry every mode forward by ``F`` and its own process noise over ``dt_s`` seconds."""
         if len(self._filters) > 1:
-            moved = self._room()
-            _predict(*self._all(), self.weights, self._stay_s, F, np.asarray(noises), dt_s, *moved)
-            self._take(moved)
+            moved = self.room()
+            _predict(*self.modes(), self.weights, self._stay_s, F, np.asarray(noises), dt_s, *moved)
+            self.take(moved)
             return
         self._changed()
         only = self._filters[0]
@@ -129,9 +135,9 @@ class ModeBank:
             self._changed()
             self._filters[0].correct(residual, H, R, estimated, share)
             return
-        moved = self._room()
-        _correct(*self._all(), self.x, self.weights, residual, H, R, estimated, share, telling, *moved)
-        self._take(moved)
+        moved = self.room()
+        correct_modes(*self.modes(), self.x, self.weights, residual, H, R, estimated, share, telling, *moved)
+        self.take(moved)
 
     def reshape(self, H: FloatArray, shift: FloatArray, covariance: FloatArray, estimated: BoolArray) -> None:
         """Give the measured quantity another distribution than predicted, and let the state follow.
@@ -156,7 +162,7 @@ class ModeBank:
                 self._mean = self._filters[0].x, self._filters[0].P
             else:
                 x, P = np.empty(self._size), np.empty((self._size, self._size))
-                _moments(*self._all(), self.weights, x, P)
+                _moments(*self.modes(), self.weights, x, P)
                 self._mean = x, P
         return self._mean
 
@@ -176,7 +182,7 @@ class ModeBank:
                 each.x, each.P = own_x, own_P
         self._behind = False
 
-    def _room(self) -> Moved:
+    def room(self) -> Moved:
         """Return where a step writes to: arrays of its own, since snapshots hold the ones before.
 
         They are handed in, not returned: a compiled function takes longer to return an array than to multiply two.
@@ -184,12 +190,13 @@ class ModeBank:
         r, n = len(self._filters), self._size
         return np.empty((r, n)), np.empty((r, n, n)), np.empty(r), np.empty(n), np.empty((n, n))
 
-    def _take(self, moved: Moved) -> None:
+    def take(self, moved: Moved) -> None:
         """Become what a step has made of the modes."""
         states, covariances, self.weights, x, P = moved
         self._mean, self._stacked, self._behind = (x, P), (states, covariances), True
 
-    def _all(self) -> Stacked:
+    def modes(self) -> Stacked:
+        """Return the states (r, n) and covariances (r, n, n) of the modes; not to be written to."""
         if self._stacked is None:
             self._stacked = np.array([f.x for f in self._filters]), np.array([f.P for f in self._filters])
         return self._stacked
@@ -244,15 +251,15 @@ def _predict(
     count, n = states.shape
     joint = _joint(weights, stay_s, dt_s)
     after[:] = joint.sum(axis=0)
-    start_x, start_P = np.empty(n), np.empty((n, n))
+    start_x, start_P, half = np.empty(n), np.empty((n, n)), np.empty((n, n))
     for k in range(count):
         _moments(states, covariances, joint[:, k] / after[k], start_x, start_P)
-        X[k], P[k] = carry(start_x, start_P, F, noises[k])
+        carry_into(start_x, start_P, F, noises[k], half, X[k], P[k])
     _moments(X, P, after, mean, spread)
 
 
 @njit(cache=True)
-def _correct(
+def correct_modes(
     states: FloatArray,
     covariances: FloatArray,
     x: FloatArray,
@@ -271,13 +278,14 @@ def _correct(
 ) -> None:
     """Write the modes after a residual (m,) that was taken at ``x`` (n,)."""
     count, n = states.shape
-    logs = np.zeros(count)
+    m, logs = residual.size, np.zeros(count)
+    own, Kt, S = np.empty(m), np.empty((m, n)), np.empty((m, m))
     for k in range(count):
-        own = residual.copy()
-        for a in range(own.size):
+        for a in range(m):
+            own[a] = residual[a]
             for j in range(n):
                 own[a] -= H[a, j] * (states[k, j] - x[j])
-        X[k], P[k], _, S = correct(states[k], covariances[k], H, R, own, estimated, share)
+        correct_into(states[k], covariances[k], H, R, own, estimated, share, X[k], P[k], Kt, S)
         if telling:
             logs[k] = log_likelihood(own, S)
     after[:] = weights

@@ -20,7 +20,7 @@ from groundstation.messages import Innovation, Kinematics
 ROUNDING_S = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class RecordedState(EkfState):
     """The filter at one instant, with how much it had recorded."""
 
@@ -135,7 +135,7 @@ class RecordedEkf(StationEkf):
 
     def snapshot(self) -> RecordedState:
         """Return all that the filter is now."""
-        return RecordedState(*(*self._remembered(), self.tape.mark, len(self.steps)))
+        return RecordedState(*self._remembered(), self.tape.mark, len(self.steps))
 
     def restore(self, saved: EkfState) -> None:
         """Be again what the filter was at a `snapshot`; what was recorded since then is taken back."""

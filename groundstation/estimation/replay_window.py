@@ -254,8 +254,8 @@ class ReplayWindow:
 
     def end(self, where: int, entry: "_Entry", *, trims: bool) -> None:
         """Put in its place the entry of what has been done since it was begun."""
-        entry.steps = list(self._ekf.steps)  # type: ignore[arg-type]  # the filter's own steps, and our readings
-        self._ekf.steps.clear()
+        entry.steps = self._ekf.steps  # type: ignore[assignment]  # the filter's own steps, and our readings
+        self._ekf.steps = []
         self._entries.insert(where, entry)
         if trims:
             self._trim()

@@ -48,9 +48,10 @@ class StateLayout:
         return slice(self.size - len(self.parameters), self.size)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+# a dozen for each pair of frames: not frozen, which would take making one twice as long
+@dataclass(slots=True, eq=False)
 class EkfState:
-    """Everything that a filter is at one instant, to go back to."""
+    """Everything that a filter is at one instant, to go back to; not to be written to."""
 
     time_s: float | None
     first_s: float | None

@@ -108,6 +108,12 @@ class RecorderQueue:
         """Whether nothing more will come."""
         return self._closed
 
+    @property
+    def drained(self) -> bool:
+        """Whether nothing waits and nothing more will come; `closed` may become true with much still to be taken."""
+        with self._changed:
+            return self._closed and not self._items
+
     def fill(self) -> float:
         """Return how full it is, 0 to 1, of pictures or of items, whichever is more."""
         with self._changed:

@@ -54,7 +54,7 @@ class RecorderWriter:
                 self._messages.put(item, png=self._queue.fill() < self._config.png_fill)
                 if isinstance(item, Answer) and isinstance(item.content, TrackEstimate):
                     self._rates.answered(item.content, self._output.tell())
-            elif self._queue.closed:
+            elif self._queue.drained:
                 break
             self._flush()
         self._messages.finish()

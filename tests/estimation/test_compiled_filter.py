@@ -1,10 +1,11 @@
 """The compiled filter gives what filterpy's own arithmetic gives."""
 
 import numpy as np
+import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import CompiledKalmanFilter, innovation_covariance
+from groundstation.estimation.compiled_filter import CompiledKalmanFilter, innovation_covariance, solve_small
 
 N = 14
 
@@ -47,3 +48,21 @@ def test_an_exact_measurement_leaves_no_negative_variance(rng: np.random.Generat
     for _ in range(50):
         ours.correct(np.zeros(2), H, 1e-14 * np.eye(2))
     assert np.linalg.eigvalsh(0.5 * (ours.P + ours.P.T)).min() > -1e-12
+
+
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_the_small_solver_is_the_general_one(rng: np.random.Generator, m: int) -> None:
+    for _ in range(20):
+        A, B = rng.normal(size=(m, m)), rng.normal(size=(m, 7))
+        # the first pivot is none: rows must change places
+        A[0, 0] = 0.0 if m > 1 else A[0, 0]
+        X = B.copy()
+        solve_small(A.copy(), X)
+        np.testing.assert_allclose(X, np.linalg.solve(A, B), rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("bad", [np.zeros((2, 2)), np.array([[1.0, 2.0], [2.0, 4.0]]), np.full((2, 2), np.nan)])
+def test_the_small_solver_refuses_what_the_general_one_refuses(bad: FloatArray) -> None:
+    """So that numbers no filter can work with are still a fault that the pipeline begins anew from."""
+    with pytest.raises(np.linalg.LinAlgError):
+        solve_small(bad.copy(), np.ones((2, 1)))

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from groundstation.estimation.compiled_filter import CompiledKalmanFilter
 from groundstation.estimation.measurement import EncoderModel, PixelModel
+from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.state import state_layout
 from tests.stereo_rig import aim, make_rig
 
@@ -46,3 +48,33 @@ def test_encoder_jacobian_looks_ahead() -> None:
     expected = EncoderModel(layout, "right").predict(x, 0.01)
     np.testing.assert_allclose(expected.value, [0.11, 0.18])
     np.testing.assert_allclose(expected.jacobian @ x, [0.11, 0.18])
+
+
+@pytest.mark.parametrize(("off_rad", "accepted"), [(0.002, True), (0.5, False)])
+def test_a_fused_reading_is_the_plain_filters_update(rng: np.random.Generator, off_rad: float, accepted: bool) -> None:
+    """The kernel against the written-out equations; a reading beyond the gate leaves everything as it was."""
+    layout = state_layout(("left", "right"))
+    n, model = layout.size, EncoderModel(layout, "right")
+    root = 0.01 * rng.normal(size=(n, n))
+    x, P = rng.normal(size=n), root @ root.T + 1e-6 * np.eye(n)
+    bank, plain = ModeBank(n, (5.0,)), CompiledKalmanFilter(dim_x=n, dim_z=2)
+    bank.place(slice(0, n), x, P)
+    plain.x, plain.P = x.copy(), P.copy()
+    ahead_s, variance, clock_s = 0.02, 1e-6, 1e-3
+    expected = model.predict(x, ahead_s)
+    R = np.diag(variance + (clock_s * x[layout.rates["right"]]) ** 2)
+    plain.correct(np.full(2, off_rad), expected.jacobian, R)
+    # a whole turn more is the same angle
+    pan, tilt = expected.value + off_rad + np.array([2.0 * np.pi, 0.0])
+    square = model.squares(bank.x, bank.P, (pan, tilt), ahead_s, variance, clock_s)
+    read = model.fuse(bank, (pan, tilt), ahead_s, variance, clock_s, 6.0, np.ones(n, np.bool_))
+    assert read.accepted is accepted
+    np.testing.assert_allclose(read.residual, off_rad, atol=1e-12)
+    np.testing.assert_allclose(read.covariance, plain.S, rtol=1e-9)
+    assert (
+        read.nis
+        == pytest.approx(square)
+        == pytest.approx(float(read.residual @ np.linalg.solve(plain.S, read.residual)))
+    )
+    np.testing.assert_allclose(bank.x, plain.x if accepted else x, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(bank.P, plain.P if accepted else P, rtol=1e-9, atol=1e-14)

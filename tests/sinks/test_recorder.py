@@ -16,6 +16,7 @@ from groundstation.errors import InputError
 from groundstation.messages import Epoch, Frame
 from groundstation.recover import recover
 from groundstation.sinks.recorder import Recorder, RecorderConfig, RecorderState
+from groundstation.sinks.recorder_queue import Item, RecorderQueue
 from tests.recording.recorded import events, header, looked_at, played, same, small_rig
 
 PLENTY = 10**12
@@ -253,3 +254,32 @@ def test_killed_at_any_moment_all_that_was_written_is_recovered(lines: int, tmp_
     assert done.messages["/groundstation/events"] > len(back)
     assert path.stat().st_size - done.lost_bytes >= written - 2**15 - 20_000
     assert number > 0
+
+
+def test_what_comes_between_an_idle_moment_and_the_end_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: a writer that found nothing, and then finds the queue closed, looks once more."""
+    taken, idle, go_on = RecorderQueue.take, threading.Event(), threading.Event()
+
+    def held_up(queue: RecorderQueue, timeout_s: float) -> Item | None:
+        item = taken(queue, timeout_s)
+        if item is None and not idle.is_set():
+            idle.set()
+            assert go_on.wait(20.0)
+        return item
+
+    monkeypatch.setattr(RecorderQueue, "take", held_up)
+    path = tmp_path / "flight.mcap"
+    recorder = Recorder(path, small_rig(), header(), RecorderConfig(**QUICK), free_bytes=lambda: PLENTY)
+    assert idle.wait(20.0)
+    feed(recorder, 5)
+    closing = threading.Thread(target=recorder.close)
+    closing.start()
+    while not recorder._queue.closed:
+        closing.join(0.001)
+    go_on.set()
+    closing.join()
+    back, source = played(path)
+    assert not source.missing
+    assert all(same(one, other) for one, other in zip(events(5, np.random.default_rng(1)), back, strict=True))

@@ -56,6 +56,13 @@ def _residuals(
 
 
 @njit(cache=True)
+def _moved(root: FloatArray, k: int, m: int, by_k: float, by_m: float, out: FloatArray) -> None:
+    """Fill a step (6,) along columns k and m of the root, in tenths of a sigma."""
+    for i in range(6):
+        out[i] = _STEP * (by_k * root[i, k] + by_m * root[i, m])
+
+
+@njit(cache=True)
 def second_order(
     points: FloatArray, rays: FloatArray, tangents: FloatArray, q: FloatArray, root: FloatArray
 ) -> FloatArray:
@@ -68,25 +75,38 @@ def second_order(
     c = -R.T @ t
     count = 2 * len(points)
     middle, bent = np.empty(count), np.empty((6, 6, count))
-    ahead, back, J = np.empty((6, count)), np.empty((6, count)), np.empty((count, 6))
+    J = np.empty((count, 6))
     ab, ba, aa, bb = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
-    steps = _STEP * root
-    _residuals(points, rays, tangents, R, c, np.zeros(6), middle)
+    step, other = np.zeros(6), np.zeros(6)
+    _residuals(points, rays, tangents, R, c, step, middle)
     for k in range(6):
-        _residuals(points, rays, tangents, R, c, steps[:, k].copy(), ahead[k])
-        _residuals(points, rays, tangents, R, c, -steps[:, k], back[k])
-        J[:, k] = (ahead[k] - back[k]) / (2.0 * _STEP)
-        bent[k, k] = (ahead[k] + back[k] - 2.0 * middle) / _STEP**2
+        _moved(root, k, k, 0.5, 0.5, step)
+        _moved(root, k, k, -0.5, -0.5, other)
+        _residuals(points, rays, tangents, R, c, step, aa)
+        _residuals(points, rays, tangents, R, c, other, bb)
+        for i in range(count):
+            J[i, k] = (aa[i] - bb[i]) / (2.0 * _STEP)
+            bent[k, k, i] = (aa[i] + bb[i] - 2.0 * middle[i]) / _STEP**2
         for m in range(k):
-            _residuals(points, rays, tangents, R, c, steps[:, k] + steps[:, m], aa)
-            _residuals(points, rays, tangents, R, c, -steps[:, k] - steps[:, m], bb)
-            _residuals(points, rays, tangents, R, c, steps[:, k] - steps[:, m], ab)
-            _residuals(points, rays, tangents, R, c, steps[:, m] - steps[:, k], ba)
-            bent[k, m] = (aa + bb - ab - ba) / (4.0 * _STEP**2)
-            bent[m, k] = bent[k, m]
-    out = np.zeros((6, 6))
+            _moved(root, k, m, 1.0, 1.0, step)
+            _moved(root, k, m, -1.0, -1.0, other)
+            _residuals(points, rays, tangents, R, c, step, aa)
+            _residuals(points, rays, tangents, R, c, other, bb)
+            _moved(root, k, m, 1.0, -1.0, step)
+            _moved(root, k, m, -1.0, 1.0, other)
+            _residuals(points, rays, tangents, R, c, step, ab)
+            _residuals(points, rays, tangents, R, c, other, ba)
+            for i in range(count):
+                bent[k, m, i] = (aa[i] + bb[i] - ab[i] - ba[i]) / (4.0 * _STEP**2)
+                bent[m, k, i] = bent[k, m, i]
+    out, pull = np.zeros((6, 6)), np.empty(6)
     for k in range(6):
         for m in range(6):
-            pull = J.T @ bent[k, m].copy()
-            out += 0.5 * np.outer(pull, pull)
+            for a in range(6):
+                pull[a] = 0.0
+                for i in range(count):
+                    pull[a] += J[i, a] * bent[k, m, i]
+            for a in range(6):
+                for b in range(6):
+                    out[a, b] += 0.5 * pull[a] * pull[b]
     return out

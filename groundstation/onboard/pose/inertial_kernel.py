@@ -44,7 +44,9 @@ def strapdown(
         a = pushed[k] - (GRAVITY_M_S2 if k == 2 else 0.0)
         position[k] += dt * velocity[k] + 0.5 * dt * dt * a
         velocity[k] += dt * a
-    q[:] = turned(q, dt * rate[0], dt * rate[1], dt * rate[2], True)
+    after = turned(q, dt * rate[0], dt * rate[1], dt * rate[2], True)
+    for k in range(4):
+        q[k] = after[k]
     return pushed
 
 
@@ -83,7 +85,10 @@ def predict(
     half = turned(q, 0.5 * dt * rate[0], 0.5 * dt * rate[1], 0.5 * dt * rate[2], True)
     pushed = strapdown(position, velocity, q, force, rate, dt)
     F = transition(half, pushed, dt)
-    P[:] = F @ P @ F.T
+    moved = F @ P @ F.T
+    for i in range(STATE_SIZE):
+        for k in range(STATE_SIZE):
+            P[i, k] = moved[i, k]
     for k in range(3):
         P[k, k] += densities[0] * dt**3 / 3.0
         P[k, 3 + k] += densities[0] * dt**2 / 2.0

@@ -183,8 +183,9 @@ def levenberg_marquardt(
         for k in range(8):
             largest[k] = max(largest[k], N[k, k])
         floor = 1e-12 * largest.max()
-        A[:] = N
         for k in range(8):
+            for m in range(8):
+                A[k, m] = N[k, m]
             A[k, k] += damping * max(largest[k], floor)
         move = np.linalg.solve(A, g)
         q_new = q - move
@@ -192,7 +193,8 @@ def levenberg_marquardt(
         cost_new = (r_new * r_new).sum() if good else np.inf
         small = np.sqrt((move * move).sum()) <= tolerance * (tolerance + np.sqrt((q * q).sum()))
         if cost_new <= cost:
-            q[:] = q_new
+            for k in range(8):
+                q[k] = q_new[k]
             small = small or cost - cost_new <= tolerance * tolerance * cost
             cost = cost_new
             r, r_new = r_new, r

@@ -1,5 +1,7 @@
 """Compiled arithmetic around the solver: rays and their tangents from pixels, conversions, reprojection, covariance.
 
+Arrays are filled by loops: a slice that is assigned to, or an outer product, takes numba seconds to compile.
+
 A lens is packed as (10,): fx, fy, cx, cy, k1, k2, p1, p2, k3, the r² limit of `groundstation.geometry.kernels.distort`.
 """
 
@@ -94,7 +96,8 @@ def matrix_of(q: FloatArray) -> FloatArray:
 def dual_of(R: FloatArray, t: FloatArray, q: FloatArray) -> None:
     """Fill the unit dual quaternion (8,) of x ↦ R x + t."""
     r = quaternion_of(R)
-    q[:4] = r
+    for k in range(4):
+        q[k] = r[k]
     q[4] = -0.5 * (t[0] * r[1] + t[1] * r[2] + t[2] * r[3])
     q[5] = 0.5 * (t[0] * r[0] + t[1] * r[3] - t[2] * r[2])
     q[6] = 0.5 * (t[1] * r[0] + t[2] * r[1] - t[0] * r[3])
@@ -104,7 +107,10 @@ def dual_of(R: FloatArray, t: FloatArray, q: FloatArray) -> None:
 @njit(cache=True)
 def pose_of(q: FloatArray, R: FloatArray, t: FloatArray) -> None:
     """Fill R (3, 3) and t (3,) of a dual quaternion of any length."""
-    R[:] = matrix_of(q)
+    turn = matrix_of(q)
+    for i in range(3):
+        for k in range(3):
+            R[i, k] = turn[i, k]
     s = 2.0 / (q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
     t[0] = s * (-q[4] * q[1] + q[0] * q[5] + q[2] * q[7] - q[3] * q[6])
     t[1] = s * (-q[4] * q[2] + q[0] * q[6] + q[3] * q[5] - q[1] * q[7])
@@ -112,15 +118,21 @@ def pose_of(q: FloatArray, R: FloatArray, t: FloatArray) -> None:
 
 
 @njit(cache=True)
-def best_plane(points: FloatArray) -> FloatArray:
-    """Return axes (3, 3) as columns, right-handed: two along the points' plane, then its normal."""
+def plane_normal(points: FloatArray) -> FloatArray:
+    """Return the unit normal (3,) of the plane nearest to the points, on either side."""
     centred = points - points.sum(axis=0) / len(points)
     _, vectors = np.linalg.eigh(centred.T @ centred)
-    axes = np.empty((3, 3))
-    axes[:, 0] = vectors[:, 2]
-    axes[:, 1] = vectors[:, 1]
-    axes[:, 2] = np.cross(vectors[:, 2], vectors[:, 1])
-    return axes
+    return vectors[:, 0].copy()
+
+
+@njit(cache=True)
+def half_turn(axis: FloatArray) -> FloatArray:
+    """Return the rotation (3, 3) by 180° about a unit vector (3,), 2 a aᵀ − I."""
+    R = np.empty((3, 3))
+    for i in range(3):
+        for k in range(3):
+            R[i, k] = 2.0 * axis[i] * axis[k] - (1.0 if i == k else 0.0)
+    return R
 
 
 @njit(cache=True)
@@ -137,10 +149,8 @@ def turned_to_front(points: FloatArray, rays: FloatArray, q: FloatArray) -> None
     if facing >= 0:
         return
     centre = points.sum(axis=0) / len(points)
-    normal = best_plane(points)[:, 2].copy()
-    half_turn = 2.0 * np.outer(normal, normal) - np.eye(3)
     middle = -(R @ centre + t)
-    R = R @ half_turn
+    R = R @ half_turn(plane_normal(points))
     dual_of(R, middle - R @ centre, q)
 
 
@@ -152,11 +162,8 @@ def mirrored_start(points: FloatArray, q: FloatArray, out: FloatArray) -> None:
     centre = points.sum(axis=0) / len(points)
     middle = R @ centre + t
     sight = middle / np.sqrt((middle * middle).sum())
-    normal = R @ best_plane(points)[:, 2].copy()
     # half a turn about the sight carries n to its mirror image and turns the plane in itself; undo the latter
-    half_turn = 2.0 * np.outer(sight, sight) - np.eye(3)
-    back = 2.0 * np.outer(normal, normal) - np.eye(3)
-    R = half_turn @ back @ R
+    R = half_turn(sight) @ half_turn(R @ plane_normal(points)) @ R
     dual_of(R, middle - R @ centre, out)
 
 
@@ -190,8 +197,9 @@ def information_of(points: FloatArray, rays: FloatArray, tangents: FloatArray, q
     for i in range(len(points)):
         a = points[i] - centre
         x = R @ a
-        D[:, :3] = -R
         for k in range(3):
+            for m in range(3):
+                D[k, m] = -R[k, m]
             D[k, 3] = R[k, 1] * a[2] - R[k, 2] * a[1]
             D[k, 4] = R[k, 2] * a[0] - R[k, 0] * a[2]
             D[k, 5] = R[k, 0] * a[1] - R[k, 1] * a[0]
@@ -199,6 +207,7 @@ def information_of(points: FloatArray, rays: FloatArray, tangents: FloatArray, q
         for part in range(2):
             m = tangents[i, part]
             e = (m * x).sum() / depth
+            across = m - e * rays[i]
             for k in range(6):
-                J[2 * i + part, k] = ((m - e * rays[i]) * D[:, k]).sum() / depth
+                J[2 * i + part, k] = (across[0] * D[0, k] + across[1] * D[1, k] + across[2] * D[2, k]) / depth
     return J.T @ J
