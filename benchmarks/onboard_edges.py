@@ -81,7 +81,7 @@ def tracked(config: TrackerConfig, reports: list[EdgeReport] | None = None) -> S
 def plain(energy: Energy) -> TrackerConfig:
     """Return our filter with nothing but a descent from its prediction, in bands across: what sets energies apart."""
     descent = DescentConfig(energy=energy)
-    config = TrackerConfig(guess=GUESS, use_strip=False, paint_m=0.0, band_m=4.0, gate=math.inf)
+    config = TrackerConfig(guess=GUESS, use_strip=False, profile=None, paint_m=0.0, band_m=4.0, gate=math.inf)
     return replace(config, descent=descent)
 
 

@@ -6,6 +6,7 @@ from enum import Enum
 
 from groundstation.onboard.edges.descent import DescentConfig, Energy
 from groundstation.onboard.edges.detection import DetectionConfig
+from groundstation.onboard.edges.profile import ProfileConfig
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.strip import StripConfig
 
@@ -26,6 +27,8 @@ class TrackerConfig:
     measurement : what the filter is told.
     use_strip : search about the prediction before going down, and settle to a fraction of a pixel after it.
     bands_across : take the means along the image of a line across the runway; else along the lines' normals.
+    profile : of the runway, the profile across each edge says where it is; None: the strip or the descent (crossings
+        only).
     paint_m : bright marks narrower than this are taken away first, painted lines and lamps; 0 for none.
     first_band_m : width of the neighbourhoods where a pair is first looked at, on the ground; wide ones are not held
         by marks within the runway.
@@ -60,6 +63,7 @@ class TrackerConfig:
     descent: DescentConfig = field(default_factory=DescentConfig)
     strip: StripConfig = field(default_factory=StripConfig)
     detection: DetectionConfig = field(default_factory=DetectionConfig)
+    profile: ProfileConfig | None = field(default_factory=ProfileConfig)
     paint_m: float = 1.2
     first_band_m: float = 5.0
     band_m: float = 2.5
@@ -85,8 +89,8 @@ class TrackerConfig:
     doubt_frames: int = 5
     check_frames: int = 30
     work: int = 5
-    edge_sigma_m: float = 0.7
-    edge_sigma_px: float = 1.2
+    edge_sigma_m: float = 0.35
+    edge_sigma_px: float = 0.6
     plain_contrast: float = 0.07
     gate: float = 25.0
     coast_frames: int = 10
@@ -100,6 +104,7 @@ def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> Trac
         measurement=Measurement.LINES,
         use_strip=False,
         bands_across=False,
+        profile=None,
         paint_m=0.0,
         guess=guess,
         descent=DescentConfig(energy=energy, adaptive_gamma=False),

@@ -23,6 +23,7 @@ from groundstation.onboard.edges.lines import (
 from groundstation.onboard.edges.look import Look, Lookout, edge_noise, look_at, pose_noise
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.profile import Marks, ProfileConfig, edges_by_profile, reach_px
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.strip import FoundEdges, search_edges, settle
 
@@ -40,11 +41,20 @@ class Followed:
     miss: EdgeMiss
 
 
-def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineState, *, thorough: bool) -> Followed:
+def follow(
+    lookout: Lookout,
+    image: ImageArray,
+    pose: CameraPose,
+    state: LineState,
+    *,
+    thorough: bool,
+    marks: Marks | None = None,
+    checks: bool = True,
+) -> Followed:
     """Follow lines into a picture (h, w, 3) uint8 BGR.
 
     Not ``thorough``: the strip's search alone says where they are, without the descent; for lines that are one of
-    several possibilities.
+    several possibilities. With ``checks`` what is remembered of profiles is doubted, see `profile.edges_by_profile`.
     """
     config = lookout.config
     predicted = predict(state, process_noise(config, state))
@@ -52,10 +62,15 @@ def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineSta
     if look is None:
         return Followed(state=predicted, edges=None, found=None, miss=EdgeMiss.NO_BAND)
     px_per_m = float(np.abs(look.predicted[3] - look.predicted[1]) / abs(predicted.mean[C] - predicted.mean[D]))
-    image = without_paint(image, look.rows, config.paint_m * px_per_m)
-    found = _measure(config, image, look, predicted, thorough=thorough)
+    if thorough and config.profile is not None:
+        found = by_profile(config, image, look, predicted, marks, checks=checks)
+    else:
+        image = without_paint(image, look.rows, config.paint_m * px_per_m)
+        found = _measure(config, image, look, predicted, thorough=thorough)
     if found is None:
         return _missed(config, look, predicted, EdgeMiss.FAINT, math.nan)
+    if found.strayed:
+        predicted = _loosened(config, predicted)
     update = _update(lookout, predicted, look, found)
     if update.nis > config.gate:
         return _missed(config, look, predicted, EdgeMiss.GATED, update.nis)
@@ -70,6 +85,52 @@ def follow(lookout: Lookout, image: ImageArray, pose: CameraPose, state: LineSta
         nis=update.nis,
     )
     return Followed(state=update.state, edges=edges, found=found, miss=EdgeMiss.NONE)
+
+
+def by_profile(
+    config: TrackerConfig, image: ImageArray, look: Look, predicted: LineState, marks: Marks | None, *, checks: bool
+) -> FoundEdges | None:
+    """Return the edges where the profiles across them put them; the picture has its paint."""
+    profile = config.profile
+    if profile is None:
+        return None
+    width_m = abs(float(predicted.mean[C] - predicted.mean[D]))
+    px_per_m = np.abs(look.predicted[2:] - look.predicted[:2]) / width_m
+    prior = look.h @ predicted.covariance @ look.h.T + pose_noise(config, look)
+    guess = look.predicted
+    if (3.0 * np.sqrt(prior.diagonal()) > np.tile(reach_px(px_per_m, profile), 2)).any():
+        cleaned = without_paint(image, look.rows, config.paint_m * float(px_per_m[1]))
+        wide = search_edges(cleaned, guess, look.rows, look.widths, look.across, prior, config.strip)
+        if wide is None:
+            return None
+        guess = wide
+    found = profiled(profile, image, look, predicted, guess, prior, marks, checks=checks)
+    return None if found.contrast.min() < config.strip.least_contrast else found
+
+
+def profiled(
+    config: ProfileConfig,
+    image: ImageArray,
+    look: Look,
+    state: LineState,
+    guess: FloatArray,
+    prior: FloatArray,
+    marks: Marks | None,
+    *,
+    checks: bool,
+) -> FoundEdges:
+    """Return edges by profiles about a guess (4,), with a prior (4, 4) about where the look predicts them."""
+    width_m = abs(float(state.mean[C] - state.mean[D]))
+    px_per_m = np.abs(look.predicted[2:] - look.predicted[:2]) / width_m
+    found = edges_by_profile(image, guess, look.rows, px_per_m, look.predicted, prior, marks, config, checks=checks)
+    return FoundEdges(
+        crossings_px=found.crossings_px,
+        covariance_px2=found.covariance_px2,
+        contrast=found.contrast,
+        agreement=found.agreement,
+        marks=found.marks,
+        strayed=found.strayed,
+    )
 
 
 def process_noise(config: TrackerConfig, state: LineState) -> FloatArray:
@@ -109,6 +170,14 @@ def _measure(
         flat = down.energy >= -1e-9
         return None if flat else plain_edges(down.crossings_px)
     return settle(image, down.crossings_px, look.rows, look.widths, look.across, config.strip)
+
+
+def _loosened(config: TrackerConfig, state: LineState) -> LineState:
+    """Return lines of which the place is known no better than that of a pair at its start; their direction is kept."""
+    covariance = state.covariance.copy()
+    covariance[C, C] += config.start_shift_m**2
+    covariance[D, D] += config.start_shift_m**2
+    return LineState(mean=state.mean, covariance=covariance)
 
 
 def _update(lookout: Lookout, predicted: LineState, look: Look, found: FoundEdges) -> LineUpdate:

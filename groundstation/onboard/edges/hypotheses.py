@@ -15,7 +15,7 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import Measurement, TrackerConfig
 from groundstation.onboard.edges.descent import descend
 from groundstation.onboard.edges.detection import NoPair, detect
-from groundstation.onboard.edges.follow import Followed, follow, plain_edges
+from groundstation.onboard.edges.follow import Followed, follow, plain_edges, profiled
 from groundstation.onboard.edges.kalman import LineState, update_crossings
 from groundstation.onboard.edges.lines import (
     C,
@@ -30,6 +30,7 @@ from groundstation.onboard.edges.look import Lookout, edge_noise, look_between, 
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.plausible import plausible
 from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.profile import Marks
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
 from groundstation.onboard.edges.strip import FoundEdges, find_edges, search_edges, settle
@@ -55,6 +56,7 @@ class Hypothesis:
     state, edges : the lines, and what the last frame showed of them.
     frames, missed : since they were found; without edges since they were last seen.
     agreement, nis, lost : means over the last frames: see `strip.FoundEdges`, NIS at most 25, share without edges.
+    marks : paint and lamps beside its edges, where it was followed by profiles.
     """
 
     state: LineState
@@ -64,6 +66,7 @@ class Hypothesis:
     agreement: float
     nis: float
     lost: float
+    marks: Marks | None = None
 
     def after(self, step: Followed) -> "Hypothesis":
         """Return the hypothesis after a step."""
@@ -81,6 +84,7 @@ class Hypothesis:
             agreement=agreement,
             nis=nis,
             lost=self.lost + weight * (float(not seen) - self.lost),
+            marks=step.found.marks if step.found is not None and step.found.marks is not None else self.marks,
         )
 
 
@@ -102,7 +106,8 @@ class PairSearch:
 
     Attributes
     ----------
-    image, pose, rows, e : the picture (h, w, 3) without paint, and its geometry.
+    painted, image : the picture (h, w, 3), and without its paint.
+    pose, rows, e : its geometry.
     middle : crossings (4,) of the announced runway.
     known : the pairs that were followed when the picture was taken.
     waiting : crossings (4,) of the pairs to look at, the announced runway first.
@@ -110,6 +115,7 @@ class PairSearch:
     miss : why there is nothing to be seen, if it stays so.
     """
 
+    painted: ImageArray
     image: ImageArray
     pose: CameraPose
     rows: FloatArray
@@ -141,6 +147,7 @@ def begin_search(lookout: Lookout, image: ImageArray, pose: CameraPose, known: l
     config, kappa = lookout.config, lookout.kappa
     e, middle = line_map(pose, kappa), np.zeros(4)
     search = PairSearch(
+        painted=image,
         image=image,
         pose=pose,
         rows=np.zeros(2),
@@ -158,9 +165,9 @@ def begin_search(lookout: Lookout, image: ImageArray, pose: CameraPose, known: l
     half = 0.5 * config.guess.width_m
     search.rows, search.middle = rows, project_lines(np.array([1.0, 0.0, -half, half]), e, rows)[0]
     px_per_m = np.abs(search.middle[2:] - search.middle[:2]) / (2.0 * half)
-    cleaned = without_paint(image, rows, config.paint_m * float(px_per_m[1]))
     # a picture that is looked at later is not the caller's, who may write the next one into it
-    search.image = image.copy() if cleaned is image else cleaned
+    search.painted = image.copy()
+    search.image = without_paint(search.painted, rows, config.paint_m * float(px_per_m[1]))
     pairs = detect(search.image, rows, px_per_m, config.detection, lambda x: plausible(x, rows, pose, kappa, config))
     wanted = (_MORE_PAIRS if known else _FIRST_PAIRS) if config.confirm_frames > 1 else 1
     if config.use_strip and config.confirm_frames > 1:
@@ -181,7 +188,9 @@ def look_on(lookout: Lookout, search: PairSearch, looks: int) -> None:
         else:
             near = _first_look(lookout, search.image, crossings, search.rows, search.pose, search.e)
         if near is not None:
-            search.found.append(_started(lookout, near, crossings, search.rows, search.pose))
+            # a picture's first pairs are reported, and are worth a profile
+            painted = None if search.known else search.painted
+            search.found.append(_started(lookout, painted, near, crossings, search.rows, search.pose))
 
 
 def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
@@ -194,13 +203,17 @@ def followed(
 ) -> list[Hypothesis]:
     """Return every pair one frame later, without those that were not seen for long, and without doubles.
 
-    ``new`` were seen in a picture before this one and have not been followed yet.
+    ``old`` with the best first; ``new`` were seen in a picture before this one and have not been followed yet.
     """
+    # what is reported is the best one's, for which alone there is time to take profiles
+    profiled_one, most = old[0] if lookout.config.profile is not None else None, lookout.config.coast_frames // 2
     moved = [
-        [h.after(follow(lookout, image, pose, h.state, thorough=False)) for h in hypotheses]
+        [
+            h.after(follow(lookout, image, pose, h.state, thorough=h is profiled_one, marks=h.marks, checks=False))
+            for h in hypotheses
+        ]
         for hypotheses in (old, new)
     ]
-    most = lookout.config.coast_frames // 2
     return merged(lookout, *([h for h in hypotheses if h.missed <= most] for hypotheses in moved))
 
 
@@ -265,12 +278,25 @@ def _first_look(
 
 
 def _started(
-    lookout: Lookout, found: FoundEdges, detected: FloatArray, rows: FloatArray, pose: CameraPose
+    lookout: Lookout,
+    painted: ImageArray | None,
+    found: FoundEdges,
+    detected: FloatArray,
+    rows: FloatArray,
+    pose: CameraPose,
 ) -> Hypothesis:
-    """Return the filter's start: next to nothing known of the lines, and the pose's errors as configured."""
+    """Return the filter's start: next to nothing known of the lines, and the pose's errors as configured.
+
+    With a picture that has its paint, the edges are those of the profiles.
+    """
     config = lookout.config
     state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, lookout.kappa))
     look = look_between(lookout, pose, state, rows)
+    if config.profile is not None and painted is not None:
+        prior = _FIRST_SIGMA_PX**2 * np.eye(4)
+        found = profiled(config.profile, painted, look, state, found.crossings_px, prior, None, checks=False)
+        state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, lookout.kappa))
+        look = look_between(lookout, pose, state, rows)
     noise = found.covariance_px2 + pose_noise(config, look)
     update = update_crossings(state, look.predicted, look.h, found.crossings_px, noise)
     edges = Edges(
@@ -282,7 +308,16 @@ def _started(
         measured_px=found.crossings_px,
         nis=math.nan,
     )
-    return Hypothesis(state=update.state, edges=edges, frames=1, missed=0, agreement=found.agreement, nis=4.0, lost=0.0)
+    return Hypothesis(
+        state=update.state,
+        edges=edges,
+        frames=1,
+        missed=0,
+        agreement=found.agreement,
+        nis=4.0,
+        lost=0.0,
+        marks=found.marks,
+    )
 
 
 def _prior(config: TrackerConfig, mean: FloatArray) -> LineState:

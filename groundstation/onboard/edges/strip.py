@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.onboard.edges.profile import Marks
 from groundstation.onboard.edges.strip_kernel import (
     best_displacements,
     displacement_scores,
@@ -56,13 +57,16 @@ class StripConfig:
 class FoundEdges:
     """Crossings (4,) px, covariance (4, 4) px², the contrast (2,) across both edges, and how alike it is, −1 to 1.
 
-    The ``agreement`` is 1 where inside differs from outside by the same colours at both edges, all along them.
+    The ``agreement`` is 1 where inside differs from outside by the same colours at both edges, all along them;
+    ``marks`` of paint and lamps where a profile was taken, and whether it ``strayed`` to other lines.
     """
 
     crossings_px: FloatArray
     covariance_px2: FloatArray
     contrast: FloatArray
     agreement: float
+    marks: Marks | None = None
+    strayed: bool = False
 
 
 def find_edges(

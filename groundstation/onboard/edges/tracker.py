@@ -75,7 +75,9 @@ class EdgeTracker:
 
     def _track(self, runway: Hypothesis, image: ImageArray, pose: CameraPose) -> EdgeReport:
         """Follow the runway; doubt it where there is reason to, and in any case now and then."""
-        step = follow(self._lookout, image, pose, runway.state, thorough=True)
+        # a search takes the time in which the profiles' memory is doubted
+        checks = self._search is None
+        step = follow(self._lookout, image, pose, runway.state, thorough=True, marks=runway.marks, checks=checks)
         runway = runway.after(step)
         self._unchecked += 1
         if runway.missed > self._config.coast_frames:

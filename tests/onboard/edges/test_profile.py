@@ -1,0 +1,164 @@
+"""The profile across the edges: levels that are there, no pull by paint or lamps, lamps that are learned."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from groundstation.arrays import FloatArray
+from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
+from groundstation.onboard.edges.pose import intrinsic_matrix
+from groundstation.onboard.edges.profile import Marks, ProfileConfig, ProfiledEdges, edges_by_profile
+from groundstation.onboard.edges.profile_fit import OUTWARDS
+from groundstation.onboard.edges.profile_kernel import best_lines, gather, line_likelihood, misfits, moments
+from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_rows
+from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Renderer, varied
+from tests.onboard.edges.seen import smooth_picture
+
+KAPPA = intrinsic_matrix(NOSE_LENS)
+HAZE, NIGHT = 1, 3
+
+
+@cache
+def seen(scene: int, seed: int, index: int) -> tuple[NoseFrame, FloatArray, FloatArray, FloatArray]:
+    """Return a rendered frame of an airfield with painted side lines, its rows, true crossings, and px per m."""
+    drawn = varied(SEQUENCES[scene], seed)
+    sequence = replace(drawn, airfield=replace(drawn.airfield, edge_stripe_m=0.45))
+    frame = Renderer(sequence).frame(index)
+    half = 0.5 * sequence.airfield.width_m
+    guess = RunwayGuess(width_m=2.0 * half, length_m=sequence.airfield.length_m)
+    rows = band_rows(frame.truth, KAPPA, NOSE_LENS.image_size_px, guess)
+    assert not isinstance(rows, NoBand)
+    crossings = project_lines(np.array([1.0, 0.0, -half, half]), line_map(frame.truth, KAPPA), rows)[0]
+    return frame, rows, crossings, np.abs(crossings[2:] - crossings[:2]) / (2.0 * half)
+
+
+def followed(
+    scene: int, off_px: FloatArray, pictures: int, config: ProfileConfig
+) -> tuple[ProfiledEdges, FloatArray, FloatArray]:
+    """Return what comes of so many looks at one picture, begun off by (4,) px outwards; truth (4,), px per m (2,)."""
+    frame, rows, wanted, px_per_m = seen(scene, 61, 24)
+    guess, marks, prior = wanted + OUTWARDS * off_px, None, 9.0 * np.eye(4)
+    for _ in range(pictures):
+        found = edges_by_profile(frame.image, guess, rows, px_per_m, guess, prior, marks, config)
+        guess, marks = found.crossings_px, found.marks
+    return found, wanted, px_per_m
+
+
+@pytest.mark.parametrize("scene", [HAZE, NIGHT], ids=["haze", "night"])
+@pytest.mark.parametrize("off_px", [-3.0, 3.0])
+def test_neither_paint_nor_lamps_draw_an_edge_aside(scene: int, off_px: float) -> None:
+    """On the paint's inner side both were 2 to 4 px off in haze, by night 1 to 5 px outwards, towards the lamps."""
+    found, wanted, _ = followed(scene, np.full(4, off_px), 4, ProfileConfig())
+    error = OUTWARDS * (found.crossings_px - wanted)
+    assert np.abs(error).max() < 1.5, error
+    assert float(error @ np.linalg.solve(found.covariance_px2, error)) < 18.5
+
+
+def test_where_lamps_stand_is_learned() -> None:
+    config = ProfileConfig(lamps_m=(math.inf, 3.0, 2.0, 1.0))
+    found, wanted, _ = followed(NIGHT, np.zeros(4), 18, config)
+    assert config.lamps_m[found.marks.lamps] == 1.0
+    assert np.abs(found.crossings_px - wanted).max() < 1.5
+    no_light = followed(HAZE, np.zeros(4), 10, config)[0]
+    assert math.isinf(config.lamps_m[no_light.marks.lamps])
+
+
+def test_lines_that_strayed_come_back_though_the_prior_holds_them() -> None:
+    frame, rows, wanted, px_per_m = seen(HAZE, 61, 24)
+    config, prior = ProfileConfig(), 0.04 * np.eye(4)
+    # on the runway, two metres inside the left edge, and sure of it
+    held = wanted - 2.0 * np.repeat(px_per_m[None], 2, axis=0).ravel() * np.array([-1.0, -1.0, 0.0, 0.0])
+    marks: Marks | None = None
+    back = 0
+    for _ in range(12):
+        found = edges_by_profile(frame.image, held, rows, px_per_m, held, prior, marks, config)
+        marks = found.marks
+        if found.strayed:
+            back += 1
+            assert np.abs(found.crossings_px - wanted).max() < 1.5
+            break
+    assert back == 1
+
+
+def test_levels_and_displacement_of_a_profile_are_found() -> None:
+    bins, trials, at = 31, 11, 7
+    z = np.arange(bins) - bins // 2 - (at - trials // 2)
+    blur, bar = 1.2, (-4.0, -2.0)
+    under = np.vectorize(lambda value: 0.5 * (1.0 + math.erf(value / math.sqrt(2.0))))
+    step, line = under(z / blur), under((z - bar[0]) / blur) - under((z - bar[1]) / blur)
+    levels = np.array([[0.3, 0.31, 0.32], [0.5, 0.4, 0.35], [0.2, 0.25, 0.3]])
+    colours = (1.0 - step)[:, None] * levels[0] + step[:, None] * levels[1] + line[:, None] * levels[2]
+    weight = np.random.default_rng(0).uniform(0.5, 3.0, (1, bins))
+    misfit, found = np.empty((1, trials)), np.empty((1, trials, 3, 3))
+    bars, usual = np.array([[bar]]), np.zeros((1, 1, 3))
+    misfits(weight[..., None] * colours[None], weight, np.array([blur]), bars, usual, np.zeros(1), misfit, found)
+    assert misfit[0].argmin() == at
+    assert misfit[0, at] < 1e-6
+    assert np.delete(misfit[0], at).min() > 1e-3
+    np.testing.assert_allclose(found[0, at], levels, atol=1e-5)
+    # held stiffly to what is usual, the line is that
+    misfits(weight[..., None] * colours[None], weight, np.array([blur]), bars, usual, np.full(1, 1e9), misfit, found)
+    np.testing.assert_allclose(found[0, :, 2], 0.0, atol=1e-4)
+    assert misfit[0, at] > 1e-2
+
+
+def test_every_pixel_of_a_window_is_counted_once_and_none_twice() -> None:
+    x, rows, steps = np.array([250.3, 190.7, 380.1, 455.6]), np.array([262.0, 300.0]), np.array([0.5, 0.9])
+    total, weight = np.zeros((2, 8, 41, 3)), np.zeros((2, 8, 41))
+    gather(np.full((480, 640, 3), 51, np.uint8), x, rows, steps, total, weight)
+    np.testing.assert_allclose(total, 0.2 * np.repeat(weight[..., None], 3, axis=3), atol=1e-12)
+    count = 0
+    for row in range(262, 301):
+        t = (row - 262.0) / 38.0
+        edge, reach = x[0] * (1.0 - t) + x[1] * t, 20.0 * (steps[0] * (1.0 - t) + steps[1] * t)
+        count += math.floor(edge + reach) - math.ceil(edge - reach) + 1
+    assert weight[0].sum() == pytest.approx(count)
+    picture = smooth_picture(2)
+    total[:] = weight[:] = 0.0
+    gather(picture, x, rows, steps, total, weight)
+    # the middle bin lies on the line
+    t = 0.5 / 8.0 * np.array([-1.0, 0.0, 1.0]).mean() + 0.5 / 8.0
+    row = 262.0 + 38.0 * t
+    edge = crossings_at(x, rows, np.array([row, row]))[0]
+    seen_there = picture[round(row), round(edge)] / 255.0
+    np.testing.assert_allclose(total[0, 0, 20] / weight[0, 0, 20], seen_there, atol=0.05)
+
+
+def test_no_pixel_beyond_the_other_line_is_an_edges_own() -> None:
+    """Of a narrow strip the far side came into both profiles, and both edges were put within it."""
+    x, rows, steps = np.array([300.0, 290.0, 306.0, 320.0]), np.array([262.0, 300.0]), np.array([0.5, 0.5])
+    picture = np.zeros((480, 640, 3), np.uint8)
+    for row in range(262, 301):
+        left, right = crossings_at(x, rows, np.array([row, row]))[[0, 2]]
+        picture[row, math.ceil(left) : math.floor(right) + 1] = 51
+    total, weight = np.zeros((2, 8, 61, 3)), np.zeros((2, 8, 61))
+    gather(picture, x, rows, steps, total, weight)
+    within = np.arange(61) < 30
+    np.testing.assert_allclose(total[:, :, within], 0.2 * np.repeat(weight[:, :, within, None], 3, axis=3), atol=1e-12)
+    assert (weight[:, 0, :11] == 0.0).all()  # at most 9 px apart in the first rows, 18 bins
+    assert (weight[:, -1, 5:].sum(axis=1) > 0.0).all()
+
+
+def test_mean_and_covariance_are_those_of_the_likelihood() -> None:
+    """Blocks of normal likelihoods about a line: least squares gives the same, to what a grid can tell."""
+    trials, steps, line, sigma = 41, np.array([0.5, 1.0]), np.array([1.3, -2.2]), 2.0
+    t = (np.arange(8) + 0.5) / 8.0
+    step = steps[0] * (1.0 - t) + steps[1] * t
+    places = (np.arange(trials) - trials // 2) * step[:, None]
+    curves = np.exp(-0.5 * ((places - (line[0] * (1.0 - t) + line[1] * t)[:, None]) / sigma) ** 2)
+    grid, mean, covariance, best = np.empty((trials, trials)), np.empty(2), np.empty((2, 2)), np.zeros(4)
+    line_likelihood(curves, steps, 0.0, grid)
+    moments(grid, steps, mean, covariance)
+    design = np.stack([1.0 - t, t], axis=1)
+    np.testing.assert_allclose(mean, line, atol=0.05)
+    np.testing.assert_allclose(covariance, sigma**2 * np.linalg.inv(design.T @ design), rtol=0.05)
+    worth = best_lines(np.stack([grid, grid]), steps, np.zeros(4), np.zeros((4, 4)), best)
+    at = np.unravel_index(grid.argmax(), grid.shape)
+    np.testing.assert_allclose(best, np.tile(steps * (np.array(at) - trials // 2), 2))
+    assert worth == pytest.approx(2.0 * grid.max())
+    # a prior that is sure of elsewhere is heeded
+    best_lines(np.stack([grid, grid]), steps, np.full(4, 3.0), 1e6 * np.eye(4), best)
+    np.testing.assert_allclose(best, 3.0)
