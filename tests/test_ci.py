@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-ALL = "mrpt chromium flirptu alpaca-simulators evo pyptzcontroller dynamixel-sdk"
+ALL = "mrpt chromium aravis flirptu alpaca-simulators evo pyptzcontroller dynamixel-sdk"
 # fails as often as the file of its name and subcommand says, and notes what it was asked, and what tests would see
 NOTE = """#!/bin/sh
 echo "$(basename "$0") $*" >>"$NOTES/log"
@@ -60,6 +60,7 @@ def test_all_that_was_installed_is_required_of_the_tests(machine: Machine) -> No
     assert called[-1].split() == ["peers:" + ALL.split()[0], *ALL.split()[1:]]
     assert called[0].startswith("apt-get install -y --no-install-recommends libmrpt-hwdrivers-dev")
     assert called[1] == "apt-get install -y --no-install-recommends chromium"
+    assert called[2] == "apt-get install -y --no-install-recommends aravis-tools iproute2"
 
 
 def test_a_registry_that_is_briefly_away(machine: Machine) -> None:
@@ -104,7 +105,7 @@ def test_a_developer_is_told_and_goes_on(machine: Machine) -> None:
     assert code == 0
     assert called[-2:] == ["make test", "peers:"]
     assert not any(c.startswith("sleep") for c in called)
-    assert said.count("could not be installed; the tests that need it will say so") == 3
+    assert said.count("could not be installed; the tests that need it will say so") == 4
 
 
 def test_a_required_peer_that_is_absent_fails_its_test(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from tests.peers import absent
+
 pytest.importorskip("viva_genicam", reason="extra gige is not installed")
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -41,7 +43,7 @@ def in_namespace(command: str, timeout_s: float = 120.0) -> str:
 def scenario(name: str) -> dict[str, Any]:
     module = "tests.sources.cameras.aravis_scenarios" if name != "viva" else "tests.sources.cameras.viva_scenario"
     if name != "viva" and shutil.which("arv-fake-gv-camera-0.8") is None:
-        pytest.skip("arv-fake-gv-camera-0.8 is not installed: apt install aravis-tools")
+        absent("aravis", "apt install aravis-tools")
     result: dict[str, Any] = json.loads(in_namespace(f"{sys.executable} -m {module} {name}").splitlines()[-1])
     return result
 
@@ -139,7 +141,7 @@ def test_lost_packets_are_asked_for_again_where_the_camera_can() -> None:
 
 def test_the_command_line_lists_and_shows_them() -> None:
     if shutil.which("arv-fake-gv-camera-0.8") is None:
-        pytest.skip("arv-fake-gv-camera-0.8 is not installed: apt install aravis-tools")
+        absent("aravis", "apt install aravis-tools")
     groundstation = f"{sys.executable} -m groundstation cameras"
     script = (
         "sh -c 'arv-fake-gv-camera-0.8 -i 127.0.0.1 -s GV01 & sleep 1;"
