@@ -94,8 +94,8 @@ def _from_toml(path: Path, name: str | None) -> CalibratedLens:
     table.refuse_unknown(_TOML_KEYS)
     lens = _lens(
         str(path),
-        table.vector("image_size_px", 2),
-        [*table.vector("focal_px", 2), *table.vector("principal_point_px", 2)],
+        table.vector("image_size_px", 2, names="[width, height]"),
+        [*table.vector("focal_px", 2, names="[fx, fy]"), *table.vector("principal_point_px", 2, names="[cx, cy]")],
         table.vector("distortion", 5, (0.0,) * 5),
     )
     return CalibratedLens(lens=lens, covariance=_lens_part(read_covariance(table.table("covariance"))))

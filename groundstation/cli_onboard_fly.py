@@ -15,9 +15,9 @@ _FLY_MORE = """example:
   groundstation onboard fly out/flight/nose.avi --camera out/flight/nose.toml \\
       --imu out/flight/imu.csv --out out/fly
 
-the camera file: as for `onboard edges`; [runway] width_m and length_m must be those of
-the runway, or name a surveyed one by --runways and --runway. [imu] camera_in_body_m and
-noise are optional
+the camera file: as for `onboard edges`; [runway] width_m and length_m must be there and
+be those of the runway, or name a surveyed one by --runways and --runway. [imu]
+camera_in_body_m and noise are optional
 
 the IMU table: t_s, force_x_m_s2 … force_z_m_s2, rate_x_deg_s … rate_z_deg_s (forward,
 right, down); with roll_deg, pitch_deg, yaw_deg and a place besides, as for `onboard
@@ -29,8 +29,9 @@ compared with the aircraft's own and never used for it
 DIR gets track.csv, track.tum, pictures.csv, fly.mp4, fly.rrd, and with --ground-track
 agreement.csv
 
-exit code: 0 done; 1 an input is at fault, or the ground's track and the aircraft's
-own do not agree; 2 wrong usage; 130 interrupted"""
+exit code: 0 done; 1 an input is at fault, no picture's pose could be used (why is
+said), or the ground's track and the aircraft's own do not agree; 2 wrong usage;
+130 interrupted"""
 _RENDER = """Render a nose camera's video of an approach, with the inertial unit's log and the exact
 truth, for `onboard fly` and `onboard edges` to be tried on."""
 _RENDER_MORE = """example:
@@ -159,7 +160,9 @@ def run_fly(options: argparse.Namespace) -> int:
         print(f"wrote {path}")
     if result.fault is not None:
         print(f"groundstation: fault in the video: {result.fault}", file=sys.stderr)
-    return 0 if result.fault is None and result.agrees else 1
+    if result.unused:
+        print(f"groundstation: {result.unused}", file=sys.stderr)
+    return 0 if result.fault is None and result.agrees and not result.unused else 1
 
 
 def _runway(options: argparse.Namespace) -> tuple[Path, str, str] | None:

@@ -17,7 +17,8 @@ _POSE_MORE = """example:
 corners.csv has filename, x_A, y_A … x_D, y_D in px, in any order; file names start
 with AIRPORT_RUNWAY_, as in LFRS_03_35_10.jpeg. The runways are JSON: airport,
 runway, corners A to D with latitude, longitude and altitude. nose.toml has
-image_size_px, focal_px, principal_point_px and distortion.
+image_size_px, focal_px, principal_point_px and distortion; that of `onboard
+edges` and `onboard fly` will do.
 
 poses.csv has filename,x_m,y_m,z_m,qw,qx,qy,qz,range_m,reprojection_px,status;
 the quaternion is runway_from_camera; status is ok, uncertain (the corners say next
@@ -65,6 +66,7 @@ def run_pose(options: argparse.Namespace) -> int:
     """Solve every picture, write the table, print how many of each status; returns the exit code."""
     # imported here: --help and a wrong option answer at once
     from calibration.lens_files import read_lens
+    from groundstation.onboard.edges.camera_file import is_camera_file, load_nose_camera
     from groundstation.onboard.pose.files import Runways, read_corners, write_poses
     from groundstation.onboard.pose.label import solve_corners
     from groundstation.onboard.pose.solve import RunwayPose
@@ -73,7 +75,8 @@ def run_pose(options: argparse.Namespace) -> int:
     refuse_overwriting((options.corners, options.runways, options.camera), [options.out])
     if options.out.is_dir():
         raise InputError(str(options.out), got="a folder", wanted="--out with a file's name")
-    lens = read_lens(options.camera).lens
+    whole = is_camera_file(options.camera)
+    lens = load_nose_camera(options.camera).lens if whole else read_lens(options.camera).lens
     runways = Runways(options.runways)
 
     def rows() -> Iterator[tuple[str, RunwayPose | None, str]]:
@@ -81,7 +84,7 @@ def run_pose(options: argparse.Namespace) -> int:
             if row.pixels is None:
                 yield row.filename, None, "no_corners"
                 continue
-            found = solve_corners(runways.find(row.airport, row.runway), row.pixels, lens, options.sigma_px)
+            found = solve_corners(runways.find(row.airport, row.runway, row.where), row.pixels, lens, options.sigma_px)
             yield row.filename, found.pose, found.status.value
 
     counts = write_poses(options.out, rows())

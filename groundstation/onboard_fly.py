@@ -14,6 +14,7 @@ from groundstation.onboard.approach.config import ApproachConfig, CornerMethod
 from groundstation.onboard.approach.corner_finder import FoundCorners
 from groundstation.onboard.approach.ground_track import read_ground_track
 from groundstation.onboard.approach.navigator import NoseFix, NoseNavigator, NoseReport
+from groundstation.onboard.approach.outcome_words import why_unused
 from groundstation.onboard.approach.track_file import NoseFiles, agreement_words, write_agreement
 from groundstation.onboard.approach.unit_file import has_poses, load_unit, read_samples
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
@@ -58,13 +59,15 @@ class FlyRequest:
 class FlyResult:
     """What came of it: pictures by outcome, epochs by the filter's status, agreement, files, a fault.
 
-    ``agrees`` is True where there is no ground track to disagree with; ``agreement`` says it in words.
+    ``agrees`` is True where there is no ground track to disagree with; ``agreement`` says it in words. ``unused`` says
+    why no picture's pose was used; empty where one was.
     """
 
     outcomes: dict[str, int]
     statuses: dict[str, int]
     agreement: str
     agrees: bool
+    unused: str
     files: tuple[Path, ...]
     fault: InputError | None
 
@@ -76,6 +79,12 @@ def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] =
     """
     _refuse_overwriting(request)
     camera = load_nose_camera(request.camera)
+    if request.runway is None and camera.unsaid:
+        raise CameraFileError(
+            f"{request.camera}: runway",
+            got=f"no {' and no '.join(camera.unsaid)}",
+            wanted="the runway's own size in m, or --runways FILE and --runway AIRPORT_RUNWAY",
+        )
     samples = read_samples(request.imu)
     log = load_imu(request.imu, camera) if has_poses(request.imu) else None
     if log is None and camera.start is None:
@@ -187,6 +196,7 @@ class _Flight:
             statuses=dict(statuses),
             agreement=words,
             agrees=agrees,
+            unused=why_unused(outcomes, self._navigator.runway.length_m, self._navigator.runway.width_m),
             files=(*tables.files, *files),
             fault=fault,
         )

@@ -38,7 +38,8 @@ def draw_sight(
     if report.fix is not None:
         x, y, z = report.fix.position_m
         sx, sy, sz = np.sqrt(np.diag(report.fix.covariance)[:3])
-        words += f"  x {x:.1f}+-{sx:.1f}  y {y:.0f}+-{sy:.0f}  z {z:.1f}+-{sz:.1f} m"
+        # OpenCV before 5 writes ASCII only
+        words += f"  x {x:.1f}  y {y:.0f}  z {z:.1f} m, sigma {sx:.1f}  {sy:.0f}  {sz:.1f}"
     scale = max(0.5, picture.shape[1] / 1400)
     place = (6, picture.shape[0] - 10)
     (w, h), below = cv2.getTextSize(words, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)

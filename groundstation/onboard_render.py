@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.onboard.approach.unit_file import SAMPLE_COLUMNS
@@ -57,8 +58,9 @@ def render_flight(
     flight = drawn_flight(scene, seed, frames, motion)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        files[1].write_text(camera_file(flight), encoding="utf-8")
-        _write(files[2], _LOG_COLUMNS, _log_rows(flight, np.random.default_rng([flight.sequence.seed, 5])))
+        said = said_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
+        files[1].write_text(camera_file(flight, *said), encoding="utf-8")
+        _write(files[2], _LOG_COLUMNS, _log_rows(flight, *said))
         _write(files[3], TRUTH_COLUMNS, _truth_rows(flight))
     except OSError as fault:
         raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
@@ -74,22 +76,25 @@ def render_flight(
     return files
 
 
-def camera_file(flight: NoseFlight) -> str:
-    """Return the camera file's text."""
-    lens, field = flight.setup.lens, flight.sequence.airfield
+def camera_file(flight: NoseFlight, attitude_rad: FloatArray, place_m: FloatArray) -> str:
+    """Return the camera file's text; it starts where the navigation said (n, 3), (n, 3) that the first picture was."""
+    lens, field, first = flight.setup.lens, flight.sequence.airfield, flight.frames[0]
+    x, y, z = place_m[first]
+    roll, pitch, yaw = np.degrees(attitude_rad[first])
     return (
         f"image_size_px = {list(lens.image_size_px)}\n"
         f"focal_px = {lens.focal_px.tolist()}\n"
         f"principal_point_px = {lens.principal_point_px.tolist()}\n"
         f"mount_deg = [0.0, {CAMERA_PITCH_DEG}, 0.0]\n\n"
         f"[runway]\nwidth_m = {field.width_m}\nlength_m = {field.length_m}\n\n"
+        f"[start]\nheight_m = {z:.3f}\ndistance_m = {y:.3f}\nlateral_m = {x:.3f}\n"
+        f"roll_deg = {roll:.3f}\npitch_deg = {pitch:.3f}\nyaw_deg = {yaw:.3f}\n\n"
         f"[imu]\ncamera_in_body_m = {flight.setup.mount.camera_in_body_m.tolist()}\n"
     )
 
 
-def _log_rows(flight: NoseFlight, rng: np.random.Generator) -> Iterable[list[float]]:
-    attitude, place = said_poses(flight, rng)
-    for sample, angles, at in zip(flight.motion.samples, np.degrees(attitude), place, strict=True):
+def _log_rows(flight: NoseFlight, attitude_rad: FloatArray, place_m: FloatArray) -> Iterable[list[float]]:
+    for sample, angles, at in zip(flight.motion.samples, np.degrees(attitude_rad), place_m, strict=True):
         yield [sample.t_s, *sample.force_m_s2, *np.degrees(sample.rate_rad_s), *angles, *at]
 
 

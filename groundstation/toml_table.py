@@ -130,11 +130,13 @@ class Table:
             raise self.fail(key, quoted(value), "true or false")
         return value
 
-    def vector(self, key: str, length: int, default: tuple[float, ...] | None = None) -> NDArray[np.float64]:
-        """Return ``length`` finite numbers as float64."""
+    def vector(
+        self, key: str, length: int, default: tuple[float, ...] | None = None, *, names: str = ""
+    ) -> NDArray[np.float64]:
+        """Return ``length`` finite numbers as float64; ``names``, as in [fx, fy], says which."""
         if key not in self.values and default is not None:
             return np.array(default, dtype=np.float64)
-        wanted = f"{length} finite numbers"
+        wanted = f"{length} finite numbers" + (f", {names}" if names else "")
         value = self._get(key, wanted)
         numbers = [finite_number(v) for v in value] if isinstance(value, list) and len(value) == length else [None]
         if any(n is None for n in numbers):

@@ -14,11 +14,15 @@ from groundstation.errors import InputError
 from groundstation.experiments.canny import canny_edges
 from groundstation.experiments.experiment import Findings
 from groundstation.experiments.localisation import failing
+from groundstation.experiments.nose_alone import FLAT, HOUGH, PRINTED, Alone, deciding, order_words
+from groundstation.experiments.nose_pictures import PANEL_PX, panel, sheet
 from groundstation.experiments.page import paper_page
 from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.registry import EXPERIMENTS, named
 from groundstation.experiments.reproduce import ReproduceRequest, reproduce
 from groundstation.experiments.tables import Table
+from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.scenes.sequences import NoseFrame
 from tests.docs.pages import ROOT
 from tests.docs.test_commands import run_page
 
@@ -254,6 +258,70 @@ def test_an_obstructed_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixtu
     (tmp_path / "taken").write_text("")
     assert main(["reproduce", *part, "--out", str(tmp_path / "taken")]) == 1
     assert f"{tmp_path / 'taken'}: got File exists; wanted a folder" in capsys.readouterr().err
+
+
+def followed(name: str, variant_px: float, flat_px: float, hough_px: float = 50.0) -> Alone:
+    """An approach with such errors in each of four pictures."""
+    sizes = {PRINTED: variant_px, FLAT: flat_px, HOUGH: hough_px}
+    picture = np.zeros((480, 640, 3), np.uint8)
+    pose = CameraPose(threshold_from_camera=np.eye(3), camera_threshold_m=np.zeros(3))
+    return Alone(
+        scene=name,
+        seed=1,
+        last=NoseFrame(index=0, t_s=0.0, image=picture, truth=pose, said=pose),
+        truth=(np.zeros(4), np.array([200.0, 300.0])),
+        errors={method: np.full((4, 4), px) for method, px in sizes.items()},
+    )
+
+
+def test_what_decides_between_two_energies_is_named() -> None:
+    """Expected: the approaches without which the order turns, those that say most for it first, and no other."""
+    calm, lost, bad = followed("calm", 1.0, 0.8), followed("lost", 2.0, 40.0), followed("bad", 1.5, 20.0)
+    every = [calm, bad, lost]
+    assert deciding(every, PRINTED, FLAT) == [lost, bad]
+    assert deciding(every, FLAT, PRINTED) == []
+    assert deciding([bad, lost], PRINTED, FLAT) == [lost, bad]
+    said = order_words(every, PRINTED)
+    assert "the paper's table 1 comes out" in said
+    assert "better one in 2 of 3 approaches" in said
+    assert "lost 1 (40.0 px non-variant), bad 1 (20.0 px non-variant): without, it would be 1.0 against 0.8 px" in said
+    assert "decides" not in order_words([bad, lost], PRINTED)
+    assert "does not come out" in order_words([calm], PRINTED)
+    assert "does not come out" in order_words([followed("hough", 1.0, 2.0, 1.5)], PRINTED)
+
+
+def test_the_energies_are_compared_by_scene_beside_the_papers_numbers(found: dict[str, Findings]) -> None:
+    by_scene, by_approach = found["edge-energies"].tables
+    rows = {str(row[0]): dict(zip(by_scene.columns, row, strict=True)) for row in by_scene.rows}
+    assert rows[FLAT]["paper's 1"] == 30.9
+    assert {row["paper's 2"] for name, row in rows.items() if name not in (FLAT, HOUGH)} == {7.3}
+    each = [dict(zip(by_approach.columns, row, strict=True)) for row in by_approach.rows]
+    for method, row in rows.items():
+        pooled = np.sqrt(np.mean([float(str(one[method])) ** 2 for one in each]))
+        assert float(str(row["all"])) == pytest.approx(pooled)
+        assert float(str(row["day"])) == pytest.approx(float(str(each[0][method])))
+    assert [note for note in by_scene.notes if "table 1" in note] == list(by_scene.notes)
+
+
+def test_a_runway_is_cut_out_where_it_is() -> None:
+    """Expected: it fills most of the panel, a line through it is where it was seen, and colours are explained."""
+    image = np.zeros((480, 640, 3), np.uint8)
+    image[200:301, 299:302] = 255
+    rows = np.array([200.0, 300.0])
+    wanted = np.array([290.0, 280.0, 310.0, 320.0])
+    shown = panel(image, wanted, rows, [((0, 0, 255), np.full(4, 300.0))], "a name")
+    assert shown.shape == (PANEL_PX[1], PANEL_PX[0], 3)
+    red = np.argwhere((shown[:, :, 2] > 200) & (shown[:, :, 0] < 100))
+    white = np.argwhere((shown[:270] > 100).all(axis=2))
+    assert np.ptp(red[:, 0]) > 0.6 * PANEL_PX[1]
+    assert np.ptp(white[:, 0]) == pytest.approx(np.ptp(red[:, 0]), abs=8)
+    assert white[:, 1].mean() == pytest.approx(red[:, 1].mean(), abs=2.0)
+    # near the picture's border nothing from outside of it is shown
+    assert panel(np.full_like(image, 90), wanted - 285.0, rows + 170.0, [], "")[:270].min() == 90
+    whole = sheet([[shown, shown], [shown]], [((0, 0, 255), "truth")])
+    assert whole.shape[1] == 2 * PANEL_PX[0]
+    assert np.array_equal(whole[-PANEL_PX[1] :, : PANEL_PX[0]], shown)
+    assert (whole[: -2 * PANEL_PX[1]].reshape(-1, 3) == (0, 0, 255)).all(axis=1).sum() > 20
 
 
 def test_each_round_leads_astray_as_far_as_the_filter_says(found: dict[str, Findings]) -> None:

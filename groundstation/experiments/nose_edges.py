@@ -9,9 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from groundstation.arrays import FloatArray, ImageArray
+from groundstation.arrays import FloatArray
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.experiment import Findings, PaperFigure
+from groundstation.experiments.nose_pictures import panel, sheet
 from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.tables import Cell, Table
 from groundstation.onboard.edges.baselines import hough_edges
@@ -35,6 +36,7 @@ _OURS, _VARIANT, _FLAT, _HOUGH = "ours", "spatially variant", "non-variant", "Ho
 _PAPERS = (("paper's 1", 6.9, 3.6, 30.9, 24.5, 54.3, 99.4), ("paper's 2", 7.3, 2.9, 32.9, 22.6, 57.9, 39.9))
 SEED_STEP = 7000
 _SHOWN = (0, 25, 45)
+TRUE_COLOUR = (60, 60, 255)
 _COLOURS = {_OURS: (80, 255, 80), _VARIANT: (255, 160, 60), _HOUGH: (60, 200, 255)}
 DIFFERENCES = (
     "The paper's two sequences are of a flight simulator and are not published; ours are rendered, 50 frames each, one "
@@ -91,7 +93,9 @@ def edges(recorded: Recorded) -> Findings:
     figure = PaperFigure(
         name="runway_edges",
         title="Figures 13 and 14: edges followed",
-        caption="Each light at three moments: the truth red, ours green, the paper's blue, Hough and Canny yellow.",
+        caption="Each light at three moments, cut out about the runway: truth red, ours green, the paper's tracker "
+        "(spatially variant) blue, Hough and Canny yellow. A line that is not seen lies outside what is cut out, or "
+        "there is none.",
         draw=lambda path: _draw(tracked, path),
     )
     return Findings(tables=tables, figures=(figure,), differences=DIFFERENCES)
@@ -127,10 +131,17 @@ def _tracker(config: TrackerConfig) -> Step:
     return step
 
 
-def _hough(frame: NoseFrame) -> Found:
+def rows_said(frame: NoseFrame) -> FloatArray | None:
+    """Return the rows (2,) of the search band by what the sensors say, None where they say that there are none."""
     rows = band_rows(frame.said, KAPPA, NOSE_LENS.image_size_px, GUESS)
-    found = None if isinstance(rows, NoBand) else hough_edges(frame.image, rows)
-    return None if found is None or isinstance(rows, NoBand) else (found, rows)
+    return None if isinstance(rows, NoBand) else rows
+
+
+def hough(frame: NoseFrame) -> Found:
+    """Return Hough's lines on Canny's edges in the rows that the sensors' pose says."""
+    rows = rows_said(frame)
+    found = None if rows is None else hough_edges(frame.image, rows)
+    return None if found is None or rows is None else (found, rows)
 
 
 def _track(sequence: Sequence, count: int) -> _Tracked:
@@ -140,7 +151,7 @@ def _track(sequence: Sequence, count: int) -> _Tracked:
         _OURS: _tracker(TrackerConfig(guess=GUESS)),
         _VARIANT: _tracker(paper_config(GUESS)),
         _FLAT: _tracker(paper_config(GUESS, Energy.NON_VARIANT)),
-        _HOUGH: _hough,
+        _HOUGH: hough,
     }
     errors, everything = {}, {}
     for name, step in steps.items():
@@ -164,30 +175,22 @@ def rendered(sequence: Sequence, count: int) -> list[NoseFrame]:
 
 
 def _draw(tracked: list[_Tracked], path: Path) -> None:
-    """Draw the pictures side by side."""
+    """Draw the runway's part of the pictures side by side."""
     sheets = []
     for one in tracked:
         row = []
         for k in sorted({min(k, len(one.frames) - 1) for k in _SHOWN} | {0}):
             frame = one.frames[k]
-            picture = frame.image.copy()
             wanted, rows = true_edges(one.sequence, frame.truth)
-            draw_line(picture, (60, 60, 255), wanted, rows)
+            drawn = [(TRUE_COLOUR, wanted)]
             for name, colour in _COLOURS.items():
                 found = one.found[name][k]
                 if found is not None:
-                    draw_line(picture, colour, crossings_at(*found, rows), rows)
-            row.append(picture[120:420])
-        row += [np.zeros_like(row[0])] * (len(_SHOWN) - len(row))
-        sheets.append(np.hstack(row))
-    cv2.imwrite(str(path), np.vstack(sheets))
-
-
-def draw_line(picture: ImageArray, colour: tuple[int, int, int], crossings: FloatArray, rows: FloatArray) -> None:
-    """Draw both edges (4,) into a picture."""
-    for pair in np.clip(crossings, -2000.0, 3000.0).reshape(2, 2):
-        ends = [(round(16 * float(u)), round(16 * float(v))) for u, v in zip(pair, rows, strict=True)]
-        cv2.line(picture, ends[0], ends[1], colour, 1, cv2.LINE_AA, 4)
+                    drawn.append((colour, crossings_at(*found, rows)))
+            row.append(panel(frame.image, wanted, rows, drawn, f"{one.sequence.name}, frame {k + 1}"))
+        sheets.append(row)
+    legend = [(TRUE_COLOUR, "truth"), *((colour, name) for name, colour in _COLOURS.items())]
+    cv2.imwrite(str(path), sheet(sheets, legend))
 
 
 # --------------------------------------------------------------------------------------- prediction alone

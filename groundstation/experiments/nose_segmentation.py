@@ -15,10 +15,10 @@ from groundstation.experiments.nose_edges import (
     KAPPA,
     LOST_PX,
     SEED_STEP,
-    draw_line,
     rendered,
     true_edges,
 )
+from groundstation.experiments.nose_pictures import draw_line
 from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.tables import Cell, Table
 from groundstation.onboard.edges.config import paper_config

@@ -5,6 +5,7 @@ from groundstation.experiments import (
     detectors,
     leaving,
     localisation,
+    nose_alone,
     nose_edges,
     nose_flights,
     nose_passes,
@@ -99,6 +100,13 @@ EXPERIMENTS: tuple[Experiment, ...] = (
         numbers="table 1, figures 13 and 14",
         title="Runway edges in four lights",
         run=nose_edges.edges,
+    ),
+    Experiment(
+        name="edge-energies",
+        paper=Paper.EDGES,
+        numbers="table 1, figures 9 and 10",
+        title="Runway edges without a filter: spatially variant, non-variant, Hough",
+        run=nose_alone.alone,
     ),
     Experiment(
         name="edge-prediction",

@@ -179,7 +179,8 @@ def _hint(
         PREDICTION_SIGMA_PX**2 * np.eye(2),
         projection.jacobian[:, :3],
         projection.depth_m,
-        velocity[row],
+        float(truth.t_s[row]),
+        (velocity[row], np.zeros((3, 3))),
         SpanModel(session.target.span_m * float(np.exp(SPAN_SIGMA_RATIO * draw[2]))),
         float(position[2]),
     )

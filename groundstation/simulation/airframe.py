@@ -39,6 +39,31 @@ _WHITE, _RED, _GREY, _BLACK = (205.0, 208.0, 210.0), (44.0, 36.0, 150.0), (80.0,
 REST_HEIGHT_PER_SPAN = -_WHEEL_UP + 0.02
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """How an aircraft of this kind differs from the usual one.
+
+    Attributes
+    ----------
+    fuselage_width, fuselage_height, length, chord : as multiples of the usual ones.
+    wing_back, wing_up : how much farther back and higher the wing is, in spans.
+    skin_bgr, trim_bgr : of the most of it; of cowling, wing tips and fin.
+    """
+
+    fuselage_width: float = 1.0
+    fuselage_height: float = 1.0
+    length: float = 1.0
+    chord: float = 1.0
+    wing_back: float = 0.0
+    wing_up: float = 0.0
+    skin_bgr: tuple[float, float, float] = _WHITE
+    trim_bgr: tuple[float, float, float] = _RED
+
+    def __post_init__(self) -> None:
+        for name in ("fuselage_width", "fuselage_height", "length", "chord"):
+            require_positive(f"Shape: {name}", getattr(self, name))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Airframe:
     """An aircraft's skin: ``corners_body_m`` (n, 3, 3) of n triangles, ``normals_body`` (n, 3) outward, and
@@ -51,10 +76,11 @@ class Airframe:
     span_m: float
 
 
-def trainer(span_m: float = 2.3) -> Airframe:
-    """Return the aircraft with this wing span, m."""
+def trainer(span_m: float = 2.3, shape: Shape | None = None) -> Airframe:
+    """Return the aircraft with this wing span, m, and of this shape; None is the usual one."""
     require_positive("trainer: span_m", span_m)
-    parts = [*_fuselage(), *_surfaces(), *_gear()]
+    shape = Shape() if shape is None else shape
+    parts = [*_fuselage(shape), *_surfaces(shape), *_gear(shape)]
     corners = np.concatenate([_outward(triangles) for triangles, _ in parts])
     colours = np.concatenate([np.tile(colour, (len(triangles), 1)) for triangles, colour in parts])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -73,37 +99,43 @@ def trainer(span_m: float = 2.3) -> Airframe:
 _Part = tuple[FloatArray, tuple[float, float, float]]
 
 
-def _fuselage() -> list[_Part]:
+def _fuselage(shape: Shape) -> list[_Part]:
     angle = 2.0 * np.pi * np.arange(_RING) / _RING
     rings = []
-    for behind, half, above, below in _FUSELAGE:
-        middle, height = 0.5 * (above + below), 0.5 * (above - below)
+    for usual_behind, usual_half, above, below in _FUSELAGE:
+        behind, half = shape.length * usual_behind, shape.fuselage_width * usual_half
+        middle, height = 0.5 * (above + below), shape.fuselage_height * 0.5 * (above - below)
         rings.append(np.column_stack([np.full(_RING, behind), half * np.cos(angle), middle + height * np.sin(angle)]))
     cowling, body = _loft(rings[:4]), _loft(rings[3:])
-    return [(cowling, _RED), (body, _WHITE)]
+    return [(cowling, shape.trim_bgr), (body, shape.skin_bgr)]
 
 
-def _surfaces() -> list[_Part]:
-    """Return wing (tips in red), tailplane and fin."""
+def _surfaces(shape: Shape) -> list[_Part]:
+    """Return wing (its tips in the trim's colour), tailplane and fin."""
+    back, skin, trim = (shape.length - 1.0) * _TAIL, shape.skin_bgr, shape.trim_bgr
     parts: list[_Part] = []
     for side in (-1.0, 1.0):
-        sections = [_section(side * s, math.sin(_DIHEDRAL_RAD) * s) for s in (0.0, 0.41, 0.5)]
-        parts += [(_loft(sections[:2]), _WHITE), (_loft(sections[1:]), _RED)]
-        plane = [_plate(side * s, 0.022, _TAIL + sweep, 0.10 - 0.6 * sweep) for s, sweep in ((0.0, 0.0), (0.17, 0.02))]
-        parts.append((_loft(plane), _WHITE))
+        sections = [_section(shape, side * s, math.sin(_DIHEDRAL_RAD) * s) for s in (0.0, 0.41, 0.5)]
+        parts += [(_loft(sections[:2]), skin), (_loft(sections[1:]), trim)]
+        plane = [
+            _plate(side * s, 0.022, back + _TAIL + sweep, 0.10 - 0.6 * sweep) for s, sweep in ((0.0, 0.0), (0.17, 0.02))
+        ]
+        parts.append((_loft(plane), skin))
     fin = []
     for up, lead, chord in ((0.015, 0.66, 0.135), (0.15, 0.725, 0.075)):
-        flat = _plate(0.0, 0.0, lead, chord)
+        flat = _plate(0.0, 0.0, back + lead, chord)
         fin.append(np.column_stack([flat[:, 0], flat[:, 2], np.full(len(flat), up)]))
-    parts.append((_loft(fin), _RED))
+    parts.append((_loft(fin), trim))
     return parts
 
 
-def _section(right: float, up: float) -> FloatArray:
+def _section(shape: Shape, right: float, up: float) -> FloatArray:
     """Return a wing's section, (8, 3)."""
+    chord = shape.chord * _CHORD
     along = np.array([0.0, 0.08, 0.3, 0.65, 1.0, 0.65, 0.3, 0.08])
     across = np.array([0.0, 0.45, 0.62, 0.4, 0.0, -0.25, -0.38, -0.3]) * _WING_THICK
-    place = [_WING_LEAD + _CHORD * along, np.full(8, right), _WING_UP + up + _CHORD * across]
+    lead, height = _WING_LEAD + shape.wing_back, _WING_UP + shape.wing_up
+    place = [lead + chord * along, np.full(8, right), height + up + chord * across]
     return np.column_stack(place)
 
 
@@ -113,13 +145,19 @@ def _plate(right: float, up: float, lead: float, chord: float) -> FloatArray:
     return np.column_stack([lead + chord * along, np.full(4, right), up + across])
 
 
-def _gear() -> list[_Part]:
+def _gear(shape: Shape) -> list[_Part]:
+    """Return the legs, their wheels and the wing's struts."""
     parts: list[_Part] = []
     for side in (-1.0, 1.0):
         foot = np.array([0.31, side * 0.115, _WHEEL_UP])
         parts.append((_rod(np.array([0.29, side * 0.025, -0.045]), foot, 0.006), _GREY))
         parts.append((_wheel(foot), _BLACK))
-        parts.append((_rod(np.array([0.28, side * 0.04, -0.03]), np.array([0.28, side * 0.19, 0.094]), 0.004), _WHITE))
+        parts.append(
+            (
+                _rod(np.array([0.28, side * 0.04, -0.03]), np.array([0.28, side * 0.19, 0.094 + shape.wing_up]), 0.004),
+                shape.skin_bgr,
+            )
+        )
     foot = np.array([0.075, 0.0, _WHEEL_UP])
     parts += [(_rod(np.array([0.065, 0.0, -0.03]), foot, 0.005), _GREY), (_wheel(foot), _BLACK)]
     return parts

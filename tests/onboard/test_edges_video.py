@@ -100,6 +100,9 @@ def test_bad_input_is_one_line_and_exit_code_1(
         LENS.replace("640", "320") + START: "got pictures of 640×480 px",
         LENS + "zoom = 3\n": "an unknown key",
         LENS.replace("[620.0, 620.0]", "[0.0, 620.0]") + START: "focal_px",
+        LENS.replace("[620.0, 620.0]", "3401.6") + START: "got 3401.6; wanted 2 finite numbers, [fx, fy]",
+        LENS.replace("[640, 480]", "640") + START: "wanted 2 finite numbers, [width, height]",
+        LENS.replace("[319.5, 239.5]", "[319.5]") + START: "wanted 2 finite numbers, [cx, cy]",
         LENS.replace("[620.0, 620.0]", "[620.0, 1e-9]") + START: "wanted two numbers of px from 64 to 640000",
         "image_size_px = [640": "not TOML",
     }
@@ -151,7 +154,12 @@ def test_help_says_how(capsys: pytest.CaptureFixture[str]) -> None:
     [
         ("", "an empty file"),
         ("t_s,roll_deg\n0,1\n", "no column"),
-        ("t_s,roll_deg,pitch_deg,yaw_deg,x_m,y_m,z_m\n0,0,0,0,0,100,9\n0,0,0,0,0,99,9\n", "times that do not grow"),
+        (
+            "t_s,roll_deg,pitch_deg,yaw_deg,x_m,y_m,z_m\n0,0,0,0,0,100,9\n\n0,0,0,0,0,99,9\n",
+            "imu.csv: line 4: t_s: got 0 after 0; wanted growing times",
+        ),
+        ("t_s,roll_deg,pitch_deg,yaw_deg,x_m,y_m,z_m\n0,0,0,0,0,100,9\n", "got one row; wanted two or more"),
+        ("t_s,roll_deg,pitch_deg,yaw_deg,x_m,y_m,z_m\n", "got no row; wanted two or more"),
         ("t_s,roll_deg,pitch_deg,yaw_deg,x_m,y_m,z_m\n0,0,0,0,0,100,9\n1,0,nan,0,0,99,9\n", "line 3: pitch_deg"),
         ("t_s,roll_deg,pitch_deg,yaw_deg,x_m,y_m,z_m\n0,0,0,0,0,100,9\n1,0,0,0,0,99,-1\n", "below"),
         ("t_s,roll_deg,pitch_deg,yaw_deg,lat_deg,lon_deg,alt_m\n0,0,0,0,1,1,9\n1,0,0,0,1,1,9\n", "[runway]"),

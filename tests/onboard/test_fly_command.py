@@ -1,20 +1,30 @@
 """`groundstation onboard render` and `onboard fly` as a user meets them."""
 
 import csv
+import re
 import shutil
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from groundstation import onboard_fly_sinks
 from groundstation.cli import main
 from groundstation.errors import InputError
+from groundstation.onboard.approach.corner_finder import NoCorners
 from groundstation.onboard.approach.ground_track import GroundTrackError, read_ground_track
+from groundstation.onboard.approach.navigator import NoseFix, NoseReport
+from groundstation.onboard.approach.outcome_words import USED, WORDS, why_unused
 from groundstation.onboard.approach.track_file import PICTURE_COLUMNS, TRACK_COLUMNS
+from groundstation.onboard.edges.camera_file import load_nose_camera
+from groundstation.onboard.edges.flat_picture import FlatPicture
+from groundstation.onboard.edges.imu_file import load_imu
+from groundstation.onboard.pose.inertial import NavigationStatus, Outcome
 from groundstation.simulation import flight_model
 from tests.complaints import complaint
 
-FRAMES = 12
+FRAMES = 14
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +34,8 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(flight: Path, out: Path, *options: str, imu: Path | None = None) -> int:
-    camera, log = flight / "nose.toml", imu or flight / "imu.csv"
+def run(flight: Path, out: Path, *options: str, camera: Path | None = None, imu: Path | None = None) -> int:
+    camera, log = camera or flight / "nose.toml", imu or flight / "imu.csv"
     call = ["onboard", "fly", str(flight / "nose.avi"), "--camera", str(camera), "--imu", str(log), "--out", str(out)]
     return main([*call, *options])
 
@@ -85,7 +95,10 @@ def test_bad_input_is_one_line(flight: Path, tmp_path: Path, capsys: pytest.Capt
     plain = tmp_path / "plain.csv"
     head = "t_s,force_x_m_s2,force_y_m_s2,force_z_m_s2,rate_x_deg_s,rate_y_deg_s,rate_z_deg_s\n"
     plain.write_text(head + "0,0,0,-9.8,0,0,0\n1,0,0,-9.8,0,0,0\n")
-    assert run(flight, out, imu=plain) == 1
+    camera = tmp_path / "nose.toml"
+    told = (flight / "nose.toml").read_text()
+    camera.write_text(told[: told.index("[start]")] + told[told.index("[imu]") :])
+    assert run(flight, out, camera=camera, imu=plain) == 1
     assert "a [start] table" in capsys.readouterr().err
     plain.write_text(head + "1,0,0,-9.8,0,0,0\n1,0,0,-9.8,0,0,0\n")
     assert run(flight, out, imu=plain) == 1
@@ -93,6 +106,91 @@ def test_bad_input_is_one_line(flight: Path, tmp_path: Path, capsys: pytest.Capt
     with pytest.raises(SystemExit) as ended:
         run(flight, out, "--threshold-m", "1,2")
     assert ended.value.code == 2
+
+
+@pytest.mark.parametrize("missing", [("width_m",), ("length_m",), ("width_m", "length_m")])
+def test_the_runways_size_is_never_guessed(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], missing: tuple[str, ...]
+) -> None:
+    """Expected: a camera file without it is refused, unless a surveyed runway is named; `edges` takes it as before."""
+    lines = (flight / "nose.toml").read_text().splitlines()
+    camera = tmp_path / "nose.toml"
+    camera.write_text("\n".join(line for line in lines if not line.startswith(missing)) + "\n")
+    assert run(flight, tmp_path / "out", camera=camera) == 1
+    said = capsys.readouterr().err
+    assert f"runway: got no {' and no '.join(missing)}; wanted the runway's own size in m" in said
+    assert not (tmp_path / "out").exists()
+    table = tmp_path / "runways.json"
+    table.write_text("{}")
+    assert run(flight, tmp_path / "out", "--runways", str(table), "--runway", "LFRS_03", camera=camera) == 1
+    assert "runways.json: got airport 'LFRS'; wanted one of runways.json: nothing" in capsys.readouterr().err
+    assert load_nose_camera(camera).unsaid == missing
+
+
+def test_a_flight_without_a_pose_is_no_success(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: told a runway of another size, exit code 1, and what the pictures had, as in pictures.csv."""
+    told = (flight / "nose.toml").read_text()
+    camera = tmp_path / "nose.toml"
+    camera.write_text(re.sub(r"length_m = .*", "length_m = 1500.0", re.sub(r"width_m = .*", "width_m = 30.0", told)))
+    assert run(flight, tmp_path / "out", "--no-rerun", camera=camera) == 1
+    shown = capsys.readouterr()
+    assert f"trajectory: waiting {FRAMES}" in shown.out
+    assert f"no pose was used, so there is no trajectory; of {FRAMES} pictures " in shown.err
+    for outcome, count in Counter(row["outcome"] for row in rows(tmp_path / "out" / "pictures.csv")).items():
+        assert f"{count} had {WORDS[outcome]} ({outcome})" in shown.err
+    assert "Is the runway 30 m wide and 1500 m long?" in shown.err
+
+
+def test_every_outcome_has_words() -> None:
+    """Expected: all that `NoseReport.outcome` can be that is not a use, in the words and on the page."""
+    parts = {"no_pose", "no_edges", "edges_alone", "no_fit", *NoCorners, *Outcome} - USED
+    assert set(WORDS) == parts
+    page = (Path(__file__).parents[2] / "docs" / "onboard-fly.md").read_text(encoding="utf-8")
+    for name in parts | USED:
+        assert f"`{name}`" in page
+    assert why_unused({"gated": 3, "used": 1}, 500.0, 20.0) == ""
+    assert why_unused({}, 500.0, 20.0).startswith("there was no picture")
+    often = why_unused({"edges_alone": 2, "flat": 5}, 500.0, 20.0)
+    assert f" 5 had {WORDS['flat']} (flat); 2 had {WORDS['edges_alone']} (edges_alone). Is the runway 20 m" in often
+    assert "Is the runway" not in why_unused({"no_pose": 2, "late": 5}, 500.0, 20.0)
+
+
+def test_a_rendered_camera_file_starts_where_its_log_does(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: so that `onboard edges` can do without the log."""
+    camera = load_nose_camera(flight / "nose.toml")
+    log = load_imu(flight / "imu.csv", camera)
+    first = log.pose(0.0)
+    assert first is not None
+    assert camera.start is not None
+    np.testing.assert_allclose(camera.start.camera_threshold_m, first.camera_threshold_m, atol=1e-3)
+    np.testing.assert_allclose(camera.start.threshold_from_camera, first.threshold_from_camera, atol=2e-5)
+    call = ["onboard", "edges", str(flight / "nose.avi"), "--camera", str(flight / "nose.toml"), "--no-rerun"]
+    assert main([*call, "--out", str(tmp_path / "out")]) == 0
+    assert "tracking" in capsys.readouterr().out
+
+
+def test_what_is_drawn_into_the_pictures_can_be_drawn(flight: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: place and sigma in characters that OpenCV 4 has as well."""
+    drawn: list[str] = []
+    monkeypatch.setattr(onboard_fly_sinks.cv2, "putText", lambda image, text, *more: drawn.append(text))
+    fix = NoseFix(
+        t_s=0.0,
+        position_m=np.array([1.24, 200.4, 8.06]),
+        velocity_m_s=np.zeros(3),
+        runway_from_body_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        covariance=np.diag(np.array([0.3, 4.0, 0.2, *[1.0] * 6]) ** 2),
+        status=NavigationStatus.AIDED,
+    )
+    report = NoseReport(t_s=0.0, told=None, edges=None, corners=None, pose=None, innovation=None, fix=fix)
+    camera = load_nose_camera(flight / "nose.toml")
+    picture = np.zeros((camera.lens.image_size_px[1], camera.lens.image_size_px[0], 3), np.uint8)
+    onboard_fly_sinks.draw_sight(picture, 3, report, None, FlatPicture(camera.lens))
+    assert drawn[-1] == "no_pose  x 1.2  y 200  z 8.1 m, sigma 0.3  4  0.2"
+    assert all(text.isascii() for text in drawn)
 
 
 def test_what_is_read_is_not_written_over(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -170,7 +268,7 @@ def test_a_ground_track_of_another_time_is_refused(
 ) -> None:
     (tmp_path / "g.tum").write_text("50 0 200 9 0 0 0 1\n60 0 100 9 0 0 0 1\n")
     assert run(flight, tmp_path / "out", "--ground-track", str(tmp_path / "g.tum")) == 1
-    assert "got times from 50 to 60 s; wanted the video's, from 0 to 1.2 s" in capsys.readouterr().err
+    assert "got times from 50 to 60 s; wanted the video's, from 0 to 1.4 s" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -179,7 +277,8 @@ def test_a_ground_track_of_another_time_is_refused(
     [
         ("g.tum", "0 1 2 3\n", "t x y z qx qy qz qw"),
         ("g.tum", "0 1 2 nan 0 0 0 1\n", "line 1"),
-        ("g.tum", "1 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 1\n", "do not grow"),
+        ("g.tum", "1 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 1\n", "g.tum: time: got 1 after 1 s; wanted growing times"),
+        ("g.tum", "1 1 2 3 0 0 0 1\n", "got 1 positions; wanted a track of two or more"),
         ("g.csv", "t_s,x_m\n0,1\n", "a column y_m"),
     ],
 )

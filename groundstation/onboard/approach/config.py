@@ -47,6 +47,8 @@ class ApproachConfig:
     near_sigma_m, end_sigma_px : the same of a threshold, whose bars begin 6 m behind it, and of its blur;
         ``far_end_…`` of the far one.
     faint_px : what a threshold's rows are anew besides, over the rise of the difference in units of its noise.
+    confirmed_after : so many poses taken since the filter's start, and its fixes are given out: the first two fit any
+        velocity, so that two wrong ones begin as well as two right ones.
     trusted_after : so many poses since the filter's start, and it says where thresholds are looked for.
     trusted_attitude_rad, trusted_share : and its attitude and position (share of the range) are known to this.
     """
@@ -79,6 +81,7 @@ class ApproachConfig:
     most_share: float = 10.0
     most_scatter: float = 100.0
     far_end_sigma_px: float = 1.5
+    confirmed_after: int = 4
     trusted_after: int = 10
     trusted_attitude_rad: float = math.radians(0.6)
     trusted_share: float = 0.1

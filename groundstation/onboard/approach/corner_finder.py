@@ -41,7 +41,6 @@ class NoCorners(enum.StrEnum):
     OUT_OF_PICTURE = "out_of_picture"
     FLAT = "flat"
     NO_NEAR = "no_near_threshold"
-    NO_FAR = "no_far_threshold"
     NO_THRESHOLD = "no_threshold"
     NO_CORNER = "no_corner"
     TURNED = "turned"

@@ -31,8 +31,12 @@ def read_ground_track(path: Path, threshold_m: FloatArray, sigma_m: float) -> Po
     if not path.is_file():
         raise GroundTrackError(str(path), got="no such file", wanted="track.csv of a replay, or a TUM trajectory")
     t, places, covariances = _from_csv(path, sigma_m) if path.suffix == ".csv" else _from_tum(path, sigma_m)
-    if len(t) < 2 or (np.diff(t) <= 0.0).any():
-        raise GroundTrackError(str(path), got="times that do not grow, or fewer than two", wanted="a track")
+    if len(t) < 2:
+        raise GroundTrackError(str(path), got=f"{len(t)} positions", wanted="a track of two or more")
+    back = np.flatnonzero(np.diff(t) <= 0.0)
+    if len(back):
+        before, now = t[back[0] : back[0] + 2]
+        raise GroundTrackError(f"{path}: time", got=f"{now:.15g} after {before:.15g} s", wanted="growing times")
     return PositionSeries(t_s=t, position_m=places - threshold_m, covariance_m2=covariances)
 
 

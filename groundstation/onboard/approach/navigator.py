@@ -76,7 +76,7 @@ class NoseReport:
     """What came of a picture; each part is None where the one before gave nothing for it.
 
     ``told`` is the pose that the tracker was given, ``edges`` its report; ``corners``, ``pose`` and ``innovation``
-    follow; ``fix`` is None until the filter has started.
+    follow; ``fix`` is None until poses confirm the filter's start.
     """
 
     t_s: float
@@ -120,7 +120,7 @@ class NoseNavigator:
         # what edges may be wrong by for good is counted once, with the corners
         self._tracker_config = TrackerConfig(guess=guess, edge_sigma_m=0.0, edge_sigma_px=0.0)
         self._tracker = EdgeTracker(self._kappa, lens.image_size_px, self._tracker_config)
-        self._inside = self._alone = False
+        self._inside = self._alone = self._confirmed = False
         self._used = 0
         self._in_a_row = 0
         self._scatter = 1.0
@@ -132,6 +132,7 @@ class NoseNavigator:
         self._filter = InertialFilter(self._config.inertial, self._mount)
         self._lasting = LastingErrors(self._config.inertial, self._mount, LASTING_COUNT + 2 * EDGE_MODES)
         self._used = self._refused = 0
+        self._confirmed = False
         self._scatter = 1.0
         if self._last is not None:
             self.feel(self._last)
@@ -277,12 +278,13 @@ class NoseNavigator:
         self._learn_scatter(innovation, observation)
         if innovation.outcome in (Outcome.USED, Outcome.STARTED, Outcome.RESTARTED):
             self._used += 1
+            self._confirmed = self._confirmed or self._used >= self._config.confirmed_after
         self._refused = self._refused + 1 if innovation.outcome is Outcome.GATED else 0
         if not self._inside and self._refused >= self._config.give_up_after:
             self._begin()
         if innovation.outcome is Outcome.RESTARTED:
             # its velocity is unknown again: the tracker goes back to what it was told before
-            self._used, self._inside = 1, False
+            self._used, self._inside, self._confirmed = 1, False, False
         return innovation
 
     def _in_time(self, t_s: float, lasting_px: FloatArray) -> FloatArray:
@@ -325,7 +327,7 @@ class NoseNavigator:
         pose: RunwayPose | None,
         innovation: PoseInnovation | None,
     ) -> NoseReport:
-        fix = self._fix(self._filter.navigation, t_s) if self._filter.started else None
+        fix = self._fix(self._filter.navigation, t_s) if self._confirmed else None
         return NoseReport(t_s=t_s, told=told, edges=edges, corners=corners, pose=pose, innovation=innovation, fix=fix)
 
     def _fix(self, now: Navigation, t_s: float) -> NoseFix:

@@ -33,6 +33,7 @@ class NoseCamera:
     ----------
     lens, mount : the camera, and how it is turned in the aircraft.
     guess : the runway's width and length, roughly.
+    unsaid : which of both the file does not say, width_m or length_m; `RunwayGuess`' own stand for them.
     heading_rad : which way one lands, clockwise from north; 0 where yaw is told from the landing direction.
     place : the threshold on Earth, None where the file does not say.
     start : pose at the first frame, None where the file does not say.
@@ -41,6 +42,7 @@ class NoseCamera:
     lens: Lens
     mount: Attitude
     guess: RunwayGuess
+    unsaid: tuple[str, ...]
     heading_rad: float
     place: RunwayPlace | None
     start: CameraPose | None
@@ -65,24 +67,32 @@ def load_nose_camera(path: Path) -> NoseCamera:
         lens=_lens(table),
         mount=mount,
         guess=guess,
+        unsaid=tuple(key for key in ("width_m", "length_m") if key not in runway),
         heading_rad=heading,
         place=_place(runway, heading),
         start=_start(table, guess, heading, mount) if "start" in table else None,
     )
 
 
+def is_camera_file(path: Path) -> bool:
+    """Return whether a file is TOML that says more than a lens; raises `CameraFileError` where it is damaged TOML."""
+    if path.suffix.lower() != ".toml" or not path.is_file():
+        return False
+    return not {"mount_deg", "runway", "start", "imu"}.isdisjoint(load_toml(path, CameraFileError))
+
+
 def _lens(table: Table) -> Lens:
-    size = table.vector("image_size_px", 2)
+    size = table.vector("image_size_px", 2, names="[width, height]")
     if np.any(size < 16) or np.any(size != np.round(size)) or np.any(size > 65536):
         raise table.fail("image_size_px", str(size.tolist()), "two whole numbers of pixels from 16 to 65536")
-    focal = table.vector("focal_px", 2)
+    focal = table.vector("focal_px", 2, names="[fx, fy]")
     least, most = _LEAST_FOCAL * size[0], _MOST_FOCAL * size[0]
     if np.any(focal < least) or np.any(focal > most):
         raise table.fail("focal_px", str(focal.tolist()), f"two numbers of px from {least:g} to {most:g}")
     return Lens(
         image_size_px=(int(size[0]), int(size[1])),
         focal_px=focal,
-        principal_point_px=table.vector("principal_point_px", 2),
+        principal_point_px=table.vector("principal_point_px", 2, names="[cx, cy]"),
         distortion=table.vector("distortion", 5, (0.0,) * 5),
     )
 

@@ -6,7 +6,7 @@ from enum import Enum
 
 from groundstation.onboard.edges.descent import DescentConfig, Energy
 from groundstation.onboard.edges.detection import DetectionConfig
-from groundstation.onboard.edges.profile import ProfileConfig
+from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.strip import StripConfig
 
@@ -50,6 +50,7 @@ class TrackerConfig:
     edge_sigma_m, edge_sigma_px : what the seen edge and the pavement's may lie apart, for paint, lamps and shoulders,
         alike along an edge, and for blur and haze at either end; it does not average out, and is added to what is
         reported (crossings only).
+    profile_sigma_m, profile_sigma_px : the same where a profile says what its marks leave open.
     plain_contrast : contrast (0 to 1) below which an edge is faint, and ``edge_sigma_px`` grows as it falls.
     gate : largest normalised innovation squared of an accepted measurement, 4 degrees of freedom.
     coast_frames : how long the lines are predicted alone before they are sought anew.
@@ -91,6 +92,8 @@ class TrackerConfig:
     work: int = 5
     edge_sigma_m: float = 0.35
     edge_sigma_px: float = 0.6
+    profile_sigma_m: float = 0.2
+    profile_sigma_px: float = 0.35
     plain_contrast: float = 0.07
     gate: float = 25.0
     coast_frames: int = 10

@@ -107,7 +107,8 @@ def spatially_variant_as_printed(
     height = rows[1] - rows[0]
     grad[:] = 0.0
     energy = 0.0
-    u, v, edge = np.empty(3), np.empty(3), np.empty(3)
+    # of u, of v, and on the edge
+    seen = np.empty((3, 3))
     for line in range(2):
         side = -1.0 if line == 0 else 1.0
         top, bottom = x[2 * line], x[2 * line + 1]
@@ -120,18 +121,17 @@ def spatially_variant_as_printed(
             ell = widths[line, 0] + (widths[line, 1] - widths[line, 0]) * t
             if not (inside(image, cx - ell * nx, cy - ell * ny) and inside(image, cx + ell * nx, cy + ell * ny)):
                 continue
-            u[:] = 0.0
-            v[:] = 0.0
-            edge[:] = 0.0
+            seen[:] = 0.0
             for m in range(n_s):
                 s = (m + 0.5) * ell / n_s
-                add_colour(image, cx - s * nx, cy - s * ny, 1.0 / n_s, u)
-                add_colour(image, cx + s * nx, cy + s * ny, 1.0 / n_s, v)
-            add_colour(image, cx, cy, 1.0, edge)
+                add_colour(image, cx - s * nx, cy - s * ny, 1.0 / n_s, seen, 0)
+                add_colour(image, cx + s * nx, cy + s * ny, 1.0 / n_s, seen, 1)
+            add_colour(image, cx, cy, 1.0, seen, 2)
             squares, pull = 0.0, 0.0
             for c in range(3):
-                squares += (u[c] - v[c]) ** 2
-                pull += (u[c] - v[c]) * (edge[c] - u[c] + edge[c] - v[c])
+                between = seen[0, c] - seen[1, c]
+                squares += between**2
+                pull += between * (2.0 * seen[2, c] - seen[0, c] - seen[1, c])
             energy -= 0.5 * length / n_t * squares
             # h·N ds of Eq. A9
             push = -pull / ell * nx * length / n_t

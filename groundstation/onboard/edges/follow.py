@@ -1,13 +1,14 @@
 """One step of lines that are followed: predict, look about the prediction, go down, settle, gate, update."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import Measurement, TrackerConfig
 from groundstation.onboard.edges.descent import descend
+from groundstation.onboard.edges.found import FoundEdges
 from groundstation.onboard.edges.kalman import LineState, LineUpdate, predict, update_crossings, update_lines
 from groundstation.onboard.edges.kalman_kernel import between
 from groundstation.onboard.edges.lines import (
@@ -21,11 +22,20 @@ from groundstation.onboard.edges.lines import (
     project_lines,
 )
 from groundstation.onboard.edges.look import Look, Lookout, edge_noise, look_at, pose_noise
+from groundstation.onboard.edges.marks import Change, Marks
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.pose import CameraPose
-from groundstation.onboard.edges.profile import Marks, ProfileConfig, edges_by_profile, reach_px
+from groundstation.onboard.edges.profile import edges_by_profile, reach_px
+from groundstation.onboard.edges.profile_config import ProfileConfig
+from groundstation.onboard.edges.profile_fit import Raised
 from groundstation.onboard.edges.report import EdgeMiss, Edges
-from groundstation.onboard.edges.strip import FoundEdges, search_edges, settle
+from groundstation.onboard.edges.search_band import RunwayGuess
+from groundstation.onboard.edges.strip import search_edges, settle
+
+# lamps are not taken to be seen farther out than from so many times their height: below, the camera is on the ground
+_LEAST_ABOVE = 6.0
+# runways as wide have the wider side lines
+_WIDE_RUNWAY_M = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,28 +59,27 @@ def follow(
     *,
     thorough: bool,
     marks: Marks | None = None,
-    checks: bool = True,
+    layouts: int = 0,
 ) -> Followed:
     """Follow lines into a picture (h, w, 3) uint8 BGR.
 
     Not ``thorough``: the strip's search alone says where they are, without the descent; for lines that are one of
-    several possibilities. With ``checks`` what is remembered of profiles is doubted, see `profile.edges_by_profile`.
+    several possibilities. So many ``layouts`` are compared, see `profile.edges_by_profile`.
     """
     config = lookout.config
     predicted = predict(state, process_noise(config, state))
     look = look_at(lookout, pose, predicted)
     if look is None:
         return Followed(state=predicted, edges=None, found=None, miss=EdgeMiss.NO_BAND)
-    px_per_m = float(np.abs(look.predicted[3] - look.predicted[1]) / abs(predicted.mean[C] - predicted.mean[D]))
     if thorough and config.profile is not None:
-        found = by_profile(config, image, look, predicted, marks, checks=checks)
+        found = _by_profile(config, config.profile, image, look, predicted, marks, layouts=layouts)
     else:
-        image = without_paint(image, look.rows, config.paint_m * px_per_m)
+        image = without_paint(image, look.rows, config.paint_m * float(scale_of(look, predicted)[1]))
         found = _measure(config, image, look, predicted, thorough=thorough)
     if found is None:
         return _missed(config, look, predicted, EdgeMiss.FAINT, math.nan)
-    if found.strayed:
-        predicted = _loosened(config, predicted)
+    if found.change is not Change.NONE:
+        predicted = _loosened(config, predicted, found.change)
     update = _update(lookout, predicted, look, found)
     if update.nis > config.gate:
         return _missed(config, look, predicted, EdgeMiss.GATED, update.nis)
@@ -87,15 +96,18 @@ def follow(
     return Followed(state=update.state, edges=edges, found=found, miss=EdgeMiss.NONE)
 
 
-def by_profile(
-    config: TrackerConfig, image: ImageArray, look: Look, predicted: LineState, marks: Marks | None, *, checks: bool
+def _by_profile(
+    config: TrackerConfig,
+    profile: ProfileConfig,
+    image: ImageArray,
+    look: Look,
+    predicted: LineState,
+    marks: Marks | None,
+    *,
+    layouts: int,
 ) -> FoundEdges | None:
     """Return the edges where the profiles across them put them; the picture has its paint."""
-    profile = config.profile
-    if profile is None:
-        return None
-    width_m = abs(float(predicted.mean[C] - predicted.mean[D]))
-    px_per_m = np.abs(look.predicted[2:] - look.predicted[:2]) / width_m
+    px_per_m = scale_of(look, predicted)
     prior = look.h @ predicted.covariance @ look.h.T + pose_noise(config, look)
     guess = look.predicted
     if (3.0 * np.sqrt(prior.diagonal()) > np.tile(reach_px(px_per_m, profile), 2)).any():
@@ -104,7 +116,7 @@ def by_profile(
         if wide is None:
             return None
         guess = wide
-    found = profiled(profile, image, look, predicted, guess, prior, marks, checks=checks)
+    found = profiled(profile, image, look, predicted, guess, prior, marks, layouts=layouts)
     return None if found.contrast.min() < config.strip.least_contrast else found
 
 
@@ -117,20 +129,37 @@ def profiled(
     prior: FloatArray,
     marks: Marks | None,
     *,
-    checks: bool,
+    layouts: int,
 ) -> FoundEdges:
     """Return edges by profiles about a guess (4,), with a prior (4, 4) about where the look predicts them."""
-    width_m = abs(float(state.mean[C] - state.mean[D]))
-    px_per_m = np.abs(look.predicted[2:] - look.predicted[:2]) / width_m
-    found = edges_by_profile(image, guess, look.rows, px_per_m, look.predicted, prior, marks, config, checks=checks)
-    return FoundEdges(
-        crossings_px=found.crossings_px,
-        covariance_px2=found.covariance_px2,
-        contrast=found.contrast,
-        agreement=found.agreement,
-        marks=found.marks,
-        strayed=found.strayed,
+    px_per_m = scale_of(look, state)
+    raised = lamps_seen(look.pose.camera_threshold_m, state.mean, config.lamp_height_m)
+    return edges_by_profile(
+        image, guess, look.rows, px_per_m, look.predicted, prior, marks, config, layouts=layouts, raised=raised
     )
+
+
+def scale_of(look: Look, state: LineState) -> FloatArray:
+    """Return the px in a metre across the runway, at the upper and the lower row (2,)."""
+    return np.asarray(np.abs(look.predicted[2:] - look.predicted[:2]) / abs(float(state.mean[C] - state.mean[D])))
+
+
+def side_lines_of(config: ProfileConfig, runway: RunwayGuess) -> ProfileConfig:
+    """Return the configuration with side lines as wide as Annex 14 wants on a runway of the announced width."""
+    wide = runway.width_m >= _WIDE_RUNWAY_M
+    return replace(config, line_width_m=config.wide_line_width_m) if wide else config
+
+
+def lamps_seen(camera_m: FloatArray, mean: FloatArray, height_m: float) -> Raised:
+    """Return where lamps of a height beside lines (a, b, c, d, …) are seen on the ground, from a camera (3,).
+
+    By H / (H − h) farther from below the camera than they stand: half a metre on short final.
+    """
+    above_m = max(float(camera_m[2]), _LEAST_ABOVE * height_m)
+    scale = above_m / (above_m - height_m)
+    below = float(mean[:2] @ camera_m[:2])
+    left, right = -float(mean[C]) - below, below + float(mean[D])
+    return Raised(scale=scale, shift_m=((scale - 1.0) * left, (scale - 1.0) * right))
 
 
 def process_noise(config: TrackerConfig, state: LineState) -> FloatArray:
@@ -172,11 +201,17 @@ def _measure(
     return settle(image, down.crossings_px, look.rows, look.widths, look.across, config.strip)
 
 
-def _loosened(config: TrackerConfig, state: LineState) -> LineState:
-    """Return lines of which the place is known no better than that of a pair at its start; their direction is kept."""
-    covariance = state.covariance.copy()
-    covariance[C, C] += config.start_shift_m**2
-    covariance[D, D] += config.start_shift_m**2
+def _loosened(config: TrackerConfig, state: LineState, change: Change) -> LineState:
+    """Return lines of which the place is known no better than that of a pair at its start; their direction is kept.
+
+    Where the layout changed it is their distance that is not known: both were alike too far out or in.
+    """
+    covariance, shift = state.covariance.copy(), config.start_shift_m**2
+    covariance[C, C] += shift
+    covariance[D, D] += shift
+    if change is Change.LAYOUT:
+        covariance[C, D] -= shift
+        covariance[D, C] -= shift
     return LineState(mean=state.mean, covariance=covariance)
 
 
@@ -204,7 +239,7 @@ def _in_picture(
     prior = look.h @ predicted.covariance @ look.h.T + pose_noise(config, look)
     crossings, covariance = np.empty(4), np.empty((4, 4))
     between(look.predicted, prior, found.crossings_px, found.covariance_px2, crossings, covariance)
-    return crossings, covariance + edge_noise(config, look.predicted, predicted.mean, found.contrast)
+    return crossings, covariance + edge_noise(config, look.predicted, look.rows, predicted.mean, found)
 
 
 def _missed(config: TrackerConfig, look: Look, predicted: LineState, miss: EdgeMiss, nis: float) -> Followed:
@@ -215,7 +250,7 @@ def _missed(config: TrackerConfig, look: Look, predicted: LineState, miss: EdgeM
         crossings_px=look.predicted,
         covariance_px2=look.h @ predicted.covariance @ look.h.T
         + pose_noise(config, look)
-        + edge_noise(config, look.predicted, predicted.mean),
+        + edge_noise(config, look.predicted, look.rows, predicted.mean),
         predicted_px=look.predicted,
         measured_px=None,
         nis=nis,

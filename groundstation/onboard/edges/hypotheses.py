@@ -16,6 +16,7 @@ from groundstation.onboard.edges.config import Measurement, TrackerConfig
 from groundstation.onboard.edges.descent import descend
 from groundstation.onboard.edges.detection import NoPair, detect
 from groundstation.onboard.edges.follow import Followed, follow, plain_edges, profiled
+from groundstation.onboard.edges.found import FoundEdges
 from groundstation.onboard.edges.kalman import LineState, update_crossings
 from groundstation.onboard.edges.lines import (
     C,
@@ -27,23 +28,30 @@ from groundstation.onboard.edges.lines import (
     state_from_crossings,
 )
 from groundstation.onboard.edges.look import Lookout, edge_noise, look_between, pose_noise, widths_of
+from groundstation.onboard.edges.marks import Marks
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.plausible import plausible
 from groundstation.onboard.edges.pose import CameraPose
-from groundstation.onboard.edges.profile import Marks
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
-from groundstation.onboard.edges.strip import FoundEdges, find_edges, search_edges, settle
+from groundstation.onboard.edges.strip import find_edges, search_edges, settle
 
+# sigma of a detected pair's crossings
 _FIRST_SIGMA_PX = 3.0
 # what an announced runway's edges may each be off by, for its width and for the pose's place
 _ANNOUNCED_M = 3.0
 # pairs of a picture that are looked at more closely, the lowest energies
 _FIRST_PAIRS, _MORE_PAIRS = 4, 2
-_ALIKE_PX, _ALIKE_SHARE = 3.0, 0.08
+# two pairs are the same lines up to so many px, or that part of their distance in the lower row
+_SAME_PX, _SAME_SHARE = 3.0, 0.08
 _MOST_NIS = 25.0
+# of a pair that was not measured yet: as expected of four crossings
+USUAL_NIS = 4.0
+# sigma of c and d of a pair that was only detected, m
+_ANYWHERE_M = 10.0
 # what the parts of a score weigh: agreement of the edges' colours, misfit to the pose, frames without edges
 _AGREEMENT, _NIS, _MISSED = 4.0, 0.125, 4.0
+# frames over which these are means
 _MEMORY = 12
 
 
@@ -55,7 +63,7 @@ class Hypothesis:
     ----------
     state, edges : the lines, and what the last frame showed of them.
     frames, missed : since they were found; without edges since they were last seen.
-    agreement, nis, lost : means over the last frames: see `strip.FoundEdges`, NIS at most 25, share without edges.
+    agreement, nis, lost : means over the last frames: see `found.FoundEdges`, NIS at most 25, share without edges.
     marks : paint and lamps beside its edges, where it was followed by profiles.
     """
 
@@ -127,14 +135,9 @@ class PairSearch:
     miss: EdgeMiss
 
 
-def find_pairs(
-    lookout: Lookout, image: ImageArray, pose: CameraPose, known: list[Hypothesis]
-) -> list[Hypothesis] | EdgeMiss:
-    """Run Algorithm 1, and return what its best pairs look like from near by; or why there is none.
-
-    Pairs that are ``known`` already are left out, and fewer are looked at where there are such.
-    """
-    search = begin_search(lookout, image, pose, known)
+def find_pairs(lookout: Lookout, image: ImageArray, pose: CameraPose) -> list[Hypothesis] | EdgeMiss:
+    """Run Algorithm 1, and return what its best pairs look like from near by; or why there is none."""
+    search = begin_search(lookout, image, pose, [])
     look_on(lookout, search, len(search.waiting))
     return search.found or search.miss
 
@@ -195,7 +198,7 @@ def look_on(lookout: Lookout, search: PairSearch, looks: int) -> None:
 
 def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
     """Return whether crossings (4,) in a search's picture are those of a pair that was followed there."""
-    return any(one.edges is not None and alike_px(one.edges, crossings_px, search.rows) for one in search.known)
+    return any(one.edges is not None and same_lines_px(one.edges, crossings_px, search.rows) for one in search.known)
 
 
 def followed(
@@ -205,11 +208,13 @@ def followed(
 
     ``old`` with the best first; ``new`` were seen in a picture before this one and have not been followed yet.
     """
+    # one of several is given up sooner than the runway
+    profile, most = lookout.config.profile, lookout.config.coast_frames // 2
     # what is reported is the best one's, for which alone there is time to take profiles
-    profiled_one, most = old[0] if lookout.config.profile is not None else None, lookout.config.coast_frames // 2
+    best, layouts = (None, 0) if profile is None else (old[0], profile.layouts_beside)
     moved = [
         [
-            h.after(follow(lookout, image, pose, h.state, thorough=h is profiled_one, marks=h.marks, checks=False))
+            h.after(follow(lookout, image, pose, h.state, thorough=h is best, marks=h.marks, layouts=layouts))
             for h in hypotheses
         ]
         for hypotheses in (old, new)
@@ -221,22 +226,22 @@ def merged(lookout: Lookout, old: list[Hypothesis], new: list[Hypothesis]) -> li
     """Return the best of both lists, at most as many as configured, the best first; of two alike the earlier."""
     config, kept = lookout.config, list[Hypothesis]()
     for one in sorted(old, key=lambda h: -score(h, config)) + new:
-        if not any(alike(one, other) for other in kept):
+        if not any(same_lines(one, other) for other in kept):
             kept.append(one)
     return sorted(kept, key=lambda h: -score(h, config))[: config.hypotheses]
 
 
-def alike(one: Hypothesis, other: Hypothesis) -> bool:
+def same_lines(one: Hypothesis, other: Hypothesis) -> bool:
     """Return whether two pairs are the same lines of the picture."""
     if one.edges is None or other.edges is None:
         return False
-    return alike_px(other.edges, one.edges.crossings_px, one.edges.rows_px)
+    return same_lines_px(other.edges, one.edges.crossings_px, one.edges.rows_px)
 
 
-def alike_px(edges: Edges, crossings_px: FloatArray, rows_px: FloatArray) -> bool:
+def same_lines_px(edges: Edges, crossings_px: FloatArray, rows_px: FloatArray) -> bool:
     """Return whether edges are the same lines of the picture as crossings (4,) with rows (2,)."""
     there = crossings_at(edges.crossings_px, edges.rows_px, rows_px)
-    apart = max(_ALIKE_PX, _ALIKE_SHARE * float(crossings_px[3] - crossings_px[1]))
+    apart = max(_SAME_PX, _SAME_SHARE * float(crossings_px[3] - crossings_px[1]))
     return bool(np.abs(there - crossings_px).max() < apart)
 
 
@@ -294,7 +299,16 @@ def _started(
     look = look_between(lookout, pose, state, rows)
     if config.profile is not None and painted is not None:
         prior = _FIRST_SIGMA_PX**2 * np.eye(4)
-        found = profiled(config.profile, painted, look, state, found.crossings_px, prior, None, checks=False)
+        found = profiled(
+            config.profile,
+            painted,
+            look,
+            state,
+            found.crossings_px,
+            prior,
+            None,
+            layouts=0,
+        )
         state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, lookout.kappa))
         look = look_between(lookout, pose, state, rows)
     noise = found.covariance_px2 + pose_noise(config, look)
@@ -303,7 +317,7 @@ def _started(
         state=update.state,
         rows_px=rows,
         crossings_px=found.crossings_px,
-        covariance_px2=found.covariance_px2 + edge_noise(config, found.crossings_px, update.state.mean, found.contrast),
+        covariance_px2=found.covariance_px2 + edge_noise(config, found.crossings_px, rows, update.state.mean, found),
         predicted_px=detected,
         measured_px=found.crossings_px,
         nis=math.nan,
@@ -314,7 +328,7 @@ def _started(
         frames=1,
         missed=0,
         agreement=found.agreement,
-        nis=4.0,
+        nis=USUAL_NIS,
         lost=0.0,
         marks=found.marks,
     )
@@ -322,7 +336,9 @@ def _started(
 
 def _prior(config: TrackerConfig, mean: FloatArray) -> LineState:
     """Return lines (4,) of which next to nothing is known, with the pose's errors as configured."""
-    prior = np.diag([0.0, 0.0, 100.0, 100.0, *[config.lasting_attitude_rad**2] * 2, config.lasting_height_m**2])
+    prior = np.diag(
+        [0.0, 0.0, *[_ANYWHERE_M**2] * 2, *[config.lasting_attitude_rad**2] * 2, config.lasting_height_m**2]
+    )
     prior[:2, :2] = config.start_turn_rad**2 * np.outer([-mean[1], mean[0]], [-mean[1], mean[0]])
     if config.measurement is Measurement.LINES:
         return LineState(mean=mean, covariance=prior[:4, :4])

@@ -75,8 +75,14 @@ def load_imu(path: Path, camera: NoseCamera) -> PoseLog:
             str(path), got="places on Earth", wanted="lat_deg, lon_deg and alt_m in the camera's [runway]"
         )
     table = np.array([[_number(path, line, row, header, name) for name in wanted] for line, row in rows])
-    if len(table) < 2 or np.any(np.diff(table[:, 0]) <= 0.0):
-        raise ImuFileError(f"{path}: t_s", got="times that do not grow, or fewer than two", wanted="growing times")
+    if len(table) < 2:
+        counted = "one row" if len(table) else "no row"
+        raise ImuFileError(str(path), got=counted, wanted="two or more, over the video's time")
+    for (line, _), before, now in zip(rows[1:], table[:-1, 0], table[1:, 0], strict=True):
+        if now <= before:
+            raise ImuFileError(
+                f"{path}: line {line}: t_s", got=f"{now:.15g} after {before:.15g}", wanted="growing times"
+            )
     attitude = np.unwrap(np.radians(table[:, 1:4]), axis=0)
     attitude[:, 2] -= camera.heading_rad
     positions = table[:, 4:]

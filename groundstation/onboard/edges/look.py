@@ -1,17 +1,20 @@
 """What a frame looks like to lines that are followed: rows, crossings of the prediction, bands, noise."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.config import Measurement, TrackerConfig
+from groundstation.onboard.edges.found import FoundEdges
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.line_kernel import band_widths_of, look_kernel, noise_of_pose
 from groundstation.onboard.edges.lines import PITCH, ROLL, UP, C, D
 from groundstation.onboard.edges.pose import CameraPose, corrected_pose
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
 
+# fainter than a quarter of plain contrast an edge is not drawn farther: the profile's own sigma grows there
 _MOST_FAINT = 4.0
 
 
@@ -93,18 +96,25 @@ def pose_noise(config: TrackerConfig, look: Look) -> FloatArray:
 
 
 def edge_noise(
-    config: TrackerConfig, crossings: FloatArray, mean: FloatArray, contrast: FloatArray | None = None
+    config: TrackerConfig, crossings: FloatArray, rows: FloatArray, mean: FloatArray, found: FoundEdges | None = None
 ) -> FloatArray:
     """Return what the definition of an edge leaves open, (4, 4) px²: alike at both ends of a line.
 
-    ``contrast`` (2,) across each edge: where it is faint, other marks draw it farther. None where it was not seen.
+    Where edges are faint, other marks draw them farther; along a row the more so the more the line leans. Where a
+    profile says what its marks leave unsettled, that is taken, with less beside it. ``found`` is None where the edges
+    were not seen.
     """
     per_m, noise = max(abs(float(mean[C] - mean[D])), 1.0), np.zeros((4, 4))
-    own = np.abs(crossings[2:] - crossings[:2]) * (config.edge_sigma_m / per_m)
+    unsettled = None if found is None else found.unsettled_px2
+    sigma_m = config.edge_sigma_m if unsettled is None else config.profile_sigma_m
+    sigma_px = config.edge_sigma_px if unsettled is None else config.profile_sigma_px
+    own = np.abs(crossings[2:] - crossings[:2]) * (sigma_m / per_m)
     for line in range(2):
-        faint = 1.0 if contrast is None else min(max(config.plain_contrast / float(contrast[line]), 1.0), _MOST_FAINT)
+        contrast = config.plain_contrast if found is None else float(found.contrast[line])
+        faint = min(max(config.plain_contrast / max(contrast, 1e-9), 1.0), _MOST_FAINT)
+        faint *= math.hypot(1.0, float(crossings[2 * line + 1] - crossings[2 * line]) / float(rows[1] - rows[0]))
         block = noise[2 * line : 2 * line + 2, 2 * line : 2 * line + 2]
         np.multiply(own[:, None], own, out=block)
-        block[0, 0] += (faint * config.edge_sigma_px) ** 2
-        block[1, 1] += (faint * config.edge_sigma_px) ** 2
-    return noise
+        block[0, 0] += (faint * sigma_px) ** 2
+        block[1, 1] += (faint * sigma_px) ** 2
+    return noise if unsettled is None else noise + unsettled

@@ -1,13 +1,18 @@
 """Profiles across both edges of one picture, fitted with pavement, painted line, lamps and ground."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.profile_kernel import best_lines, gather, line_likelihood, misfits
+from groundstation.onboard.edges.ascent_kernel import best_displacements
+from groundstation.onboard.edges.profile_kernel import (
+    gather,
+    line_likelihood,
+    misfits,
+    picked_levels,
+    picked_trials,
+)
 
 OUTWARDS = np.array([-1.0, -1.0, 1.0, 1.0])
 # half of how far, across the runway, the light of lamps reaches about their line
@@ -16,12 +21,24 @@ _OUTLIER = 0.02  # likelihood of a block of rows that shows something else, over
 _LEAST_BLUR = 0.5
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Raised:
+    """Where lamps, which stand higher than the ground, are seen on it: ``scale`` times as far out, and farther.
+
+    ``shift_m`` of the left and the right line.
+    """
+
+    scale: float = 1.0
+    shift_m: tuple[float, float] = (0.0, 0.0)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Straightened:
     """Profiles of both lines: sums of colours (2, blocks, bins, 3), weights (2, blocks, bins).
 
     Besides steps (2,) px of a bin at the upper and the lower row, and of each block: bins in a metre (blocks,), sigma
-    of the picture in bins (2, blocks); ``coarse`` is how many of the finest steps a bin has.
+    of the picture in bins (2, blocks); ``coarse`` is how many of the finest steps a bin has; ``raised`` where lamps
+    are seen.
     """
 
     total: FloatArray
@@ -30,18 +47,21 @@ class Straightened:
     bins_per_m: FloatArray
     blurs: FloatArray
     coarse: float
+    raised: Raised
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """A side line's inner and outer side and the lamps' place, m outwards from the edge; None for none."""
+
+    line_m: tuple[float, float] | None
+    lamps_m: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Beside:
-    """What is expected beside the edges.
+class Usual:
+    """The usual excess (2, blocks, 3) of line and lamps, and how stiffly each (2,) is held to it, in pixels."""
 
-    Painted line's inner and outer side and the lamps' place, m outwards from the edge (infinite: none); the usual
-    excess (2, blocks, 3) of line and lamps, and how stiffly each (2,) is held to it, in pixels.
-    """
-
-    line_m: tuple[float, float]
-    lamps_m: float
     excess: FloatArray
     stiffness: FloatArray
 
@@ -79,6 +99,7 @@ def straightened(
     sizes: tuple[int, int],
     blur_px: float,
     coarse: float,
+    raised: Raised,
 ) -> Straightened:
     """Return the profiles about lines x (4,), of (blocks, bins) ``sizes``; ``steps`` (2,) px of a bin at both rows."""
     total, weight = np.zeros((2, *sizes, 3)), np.zeros((2, *sizes))
@@ -86,41 +107,68 @@ def straightened(
     step, m = _along(sizes[0], steps), _along(sizes[0], px_per_m)
     lean = np.hypot(1.0, (x[1::2] - x[::2]) / (rows[1] - rows[0]))
     blurs = np.hypot(blur_px * lean[:, None] / step, _LEAST_BLUR)
-    return Straightened(total=total, weight=weight, steps=steps, bins_per_m=m / step, blurs=blurs, coarse=coarse)
+    return Straightened(
+        total=total, weight=weight, steps=steps, bins_per_m=m / step, blurs=blurs, coarse=coarse, raised=raised
+    )
 
 
-def fitted(profiles: Straightened, beside: Beside, reach: int, alike: float) -> Fit:
-    """Return the likelihood of displacements of ``reach`` bins to either side; so many values ``alike`` err as one."""
-    blocks, trials = profiles.weight.shape[1], 2 * reach + 1
-    lamps = (beside.lamps_m - _LAMP_M, beside.lamps_m + _LAMP_M)
-    places = [beside.line_m] if no_lamps(beside.lamps_m) else [beside.line_m, lamps]
-    bars = np.array(places)[:, None, :] * profiles.bins_per_m[None, :, None]
-    misfit, levels = np.empty((2, blocks, trials)), np.zeros((2, blocks, trials, 4, 3))
-    own = np.empty((blocks, trials, 2 + len(places), 3))
-    grids, base = np.empty((2, trials, trials)), 0.0
+def fitted(profiles: Straightened, layouts: list[Layout], usual: Usual | None, reach: int, alike: float) -> list[Fit]:
+    """Return of each layout the likelihood of displacements of ``reach`` bins to either side.
+
+    So many values ``alike`` err as one. What is ``usual`` is that of the first layout; None: any paint and light.
+    """
+    blocks, trials, count = profiles.weight.shape[1], 2 * reach + 1, len(layouts)
+    sides_m = np.array([[_sides(layout, profiles.raised, line) for layout in layouts] for line in range(2)])
+    bars = sides_m[:, :, :, None, :] * profiles.bins_per_m[:, None]
+    there = bars[0, 0, :, 0, 0] < bars[0, 0, :, 0, 1]
+    misfit, levels = np.empty((2, count, blocks, trials)), np.zeros((2, count, blocks, trials, 4, 3))
+    grids, bases = np.empty((count, 2, trials, trials)), np.zeros(count)
     freedom = 3.0 * (profiles.weight > 0.0).sum(axis=2)
+    excess, stiffness = np.zeros((2, blocks, 3)), np.zeros(2)
+    if usual is not None:
+        excess, stiffness = usual.excess * there[:, None, None], usual.stiffness
     for line in range(2):
         misfits(
-            profiles.total[line], profiles.weight[line], profiles.blurs[line], bars, beside.excess, beside.stiffness,
-            misfit[line], own,
+            profiles.total[line], profiles.weight[line], profiles.blurs[line], bars[line], excess, stiffness,
+            misfit[line], levels[line],
         )  # fmt: skip
-        levels[line, :, :, : own.shape[2]] = own
-        least = misfit[line].min(axis=1)
+        least = misfit[line].min(axis=2)
         power = 0.5 * profiles.coarse * freedom[line] / alike
-        line_likelihood((least[:, None] / misfit[line]) ** power[:, None], profiles.steps, _OUTLIER, grids[line])
-        base -= float((power * np.log(least / np.maximum(freedom[line], 1.0))).sum())
-    return Fit(grids=grids, base=base, levels=levels, misfit=misfit, freedom=freedom, steps=profiles.steps)
+        curves = (least[:, :, None] / misfit[line]) ** power[:, None]
+        for k in range(count):
+            line_likelihood(curves[k], profiles.steps, _OUTLIER, grids[k, line])
+        bases -= (power * np.log(least / np.maximum(freedom[line], 1.0))).sum(axis=1)
+    return [
+        Fit(
+            grids=grids[k],
+            base=float(bases[k]),
+            levels=levels[:, k],
+            misfit=misfit[:, k],
+            freedom=freedom,
+            steps=profiles.steps,
+        )
+        for k in range(count)
+    ]
+
+
+def _sides(layout: Layout, raised: Raised, line: int) -> list[tuple[float, float]]:
+    """Return inner and outer side of line and lamps, m outwards on the ground; of no width where there are none."""
+    sides = [layout.line_m or (0.0, 0.0), (0.0, 0.0)]
+    if layout.lamps_m is not None:
+        seen_m = raised.scale * layout.lamps_m + raised.shift_m[line]
+        sides[1] = (seen_m - _LAMP_M, seen_m + _LAMP_M)
+    return sides
 
 
 def likeliest(fit: Fit, offset_px: FloatArray, weight: FloatArray) -> Likeliest:
     """Return the likeliest displacement; the prior's mean is at ``offset_px`` (4,), its inverse covariance (4, 4)."""
     moved = np.zeros(4)
-    evidence = float(best_lines(fit.grids, fit.steps, offset_px, weight, moved))
+    evidence = float(best_displacements(fit.grids, -np.inf, fit.steps, offset_px, weight, moved))
     return Likeliest(moved_px=moved, evidence=evidence + fit.base)
 
 
 def likelihood_at(fit: Fit, moved_px: FloatArray) -> float:
-    """Return the log-likelihood of both lines displaced outwards by (4,) px, as of the next place on the grid."""
+    """Return the log-likelihood of both lines displaced outwards by (4,) px, as of the nearest place on the grid."""
     trials = fit.grids.shape[1]
     at = np.clip(np.round(moved_px / np.tile(fit.steps, 2)) + trials // 2, 0, trials - 1).astype(np.intp)
     return float(fit.grids[0, at[0], at[1]] + fit.grids[1, at[2], at[3]]) + fit.base
@@ -128,26 +176,17 @@ def likelihood_at(fit: Fit, moved_px: FloatArray) -> float:
 
 def levels_at(fit: Fit, moved_px: FloatArray) -> FloatArray:
     """Return the levels (2, blocks, 4, 3) of both lines, displaced outwards by (4,) px."""
-    picked = _picked(fit, moved_px)
-    return np.asarray(np.take_along_axis(fit.levels, picked[:, :, None, None, None], axis=2)[:, :, 0])
+    out = np.empty((*fit.misfit.shape[:2], 4, 3))
+    picked_levels(fit.levels, fit.steps, moved_px, out)
+    return out
 
 
 def noise_at(fit: Fit, moved_px: FloatArray) -> float:
     """Return the usual variance of a pixel about its profile, both lines displaced outwards by (4,) px."""
-    own = np.take_along_axis(fit.misfit, _picked(fit, moved_px)[:, :, None], axis=2)[:, :, 0]
+    picked = np.empty(fit.misfit.shape[:2], np.int64)
+    picked_trials(fit.misfit.shape[2], fit.steps, moved_px, picked)
+    own = np.take_along_axis(fit.misfit, picked[:, :, None], axis=2)[:, :, 0]
     return float(np.median(own / np.maximum(fit.freedom, 1.0)))
-
-
-def no_lamps(lamps_m: float) -> bool:
-    """Return whether a place of lamps stands for none."""
-    return math.isinf(lamps_m)
-
-
-def _picked(fit: Fit, moved_px: FloatArray) -> NDArray[np.intp]:
-    """Return which trial (2, blocks) displaces both lines outwards by (4,) px."""
-    blocks, trials = fit.misfit.shape[1:]
-    at = np.stack([_along(blocks, own) for own in moved_px.reshape(2, 2)]) / _along(blocks, fit.steps) + trials // 2
-    return np.asarray(np.clip(np.round(at), 0, trials - 1).astype(np.intp))
 
 
 def _along(blocks: int, ends: FloatArray) -> FloatArray:

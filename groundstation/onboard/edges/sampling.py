@@ -28,20 +28,7 @@ def sample(image: ImageArray, u: float, v: float, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def add_colour(image: ImageArray, u: float, v: float, weight: float, out: FloatArray) -> None:
-    """Add the weighted bilinear colour to ``out`` (3,)."""
-    j, i = int(u), int(v)
-    fu, fv = u - j, v - i
-    wa, wb = (1.0 - fu) * (1.0 - fv), fu * (1.0 - fv)
-    wc, wd = (1.0 - fu) * fv, fu * fv
-    scale = weight * _WHITE
-    for k in range(3):
-        mixed = wa * image[i, j, k] + wb * image[i, j + 1, k] + wc * image[i + 1, j, k] + wd * image[i + 1, j + 1, k]
-        out[k] += scale * mixed
-
-
-@njit(cache=True, nogil=True, inline="always")
-def add_colour_to(image: ImageArray, u: float, v: float, weight: float, out: FloatArray, row: int) -> None:
+def add_colour(image: ImageArray, u: float, v: float, weight: float, out: FloatArray, row: int) -> None:
     """Add the weighted bilinear colour to a row of ``out`` (n, 3)."""
     j, i = int(u), int(v)
     fu, fv = u - j, v - i

@@ -7,19 +7,19 @@ the upper and β at the lower row is a sum over it, so that a whole grid of (α,
 contrast), and the sum is of S / (S + κ), which no lamp or crossing taxiway carries alone. Not in the paper.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.profile import Marks
+from groundstation.onboard.edges.ascent_kernel import best_displacements
+from groundstation.onboard.edges.found import FoundEdges
 from groundstation.onboard.edges.strip_kernel import (
-    best_displacements,
     displacement_scores,
     edges_agree,
     fill_strip,
     own_places,
-    prior_weights,
     robust_line,
     usual_best,
     usual_middle,
@@ -51,22 +51,6 @@ class StripConfig:
     floor_px: float = 0.25
     block: int = 5
     least_contrast: float = 0.008
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FoundEdges:
-    """Crossings (4,) px, covariance (4, 4) px², the contrast (2,) across both edges, and how alike it is, −1 to 1.
-
-    The ``agreement`` is 1 where inside differs from outside by the same colours at both edges, all along them;
-    ``marks`` of paint and lamps where a profile was taken, and whether it ``strayed`` to other lines.
-    """
-
-    crossings_px: FloatArray
-    covariance_px2: FloatArray
-    contrast: FloatArray
-    agreement: float
-    marks: Marks | None = None
-    strayed: bool = False
 
 
 def find_edges(
@@ -103,11 +87,10 @@ def search_edges(
     scores = np.empty((2, strip.shape[2], strip.shape[2]))
     for line in range(2):
         displacement_scores(strip[line], config.block, _kappa(strip[line], config.block), scores[line])
-    weight, alone, displaced = np.empty((4, 4)), np.empty((2, 2, 2)), np.zeros(4)
-    prior_weights(prior, config.places, weight, alone)
-    if not best_displacements(scores, weight, alone, step, displaced):
-        return None
-    return guess_px + displaced
+    # over the number of places: a score is a mean over them
+    weight, displaced = np.linalg.inv(prior) / config.places, np.zeros(4)
+    best = float(best_displacements(scores, 0.0, np.full(2, step), np.zeros(4), weight, displaced))
+    return guess_px + displaced if math.isfinite(best) else None
 
 
 def settle(

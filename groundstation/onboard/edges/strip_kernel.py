@@ -4,8 +4,7 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray, ImageArray, IntArray
-from groundstation.onboard.edges.kalman_kernel import solved
-from groundstation.onboard.edges.sampling import add_colour_to, inside
+from groundstation.onboard.edges.sampling import add_colour, inside
 
 _FIT_ROUNDS = 8
 _MAX_PROFILE = 400
@@ -50,7 +49,7 @@ def fill_strip(
                     prefix[m + 1, c] = prefix[m, c]
                 seen[m + 1] = seen[m]
                 if inside(image, cx + r * nx, cy + r * ny):
-                    add_colour_to(image, cx + r * nx, cy + r * ny, 1.0, prefix, m + 1)
+                    add_colour(image, cx + r * nx, cy + r * ny, 1.0, prefix, m + 1)
                     seen[m + 1] += 1.0
             for c in range(3):
                 prefix[n + 1, c] = prefix[n, c]
@@ -189,56 +188,6 @@ def usual_middle(strip: FloatArray, block: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def best_displacements(scores: FloatArray, weight: FloatArray, alone: FloatArray, step: float, out: FloatArray) -> bool:
-    """Fill ``out`` (4,) with the displacements (px) of both lines that score best, less what they cost.
-
-    ``scores`` (2, displacements, displacements) as of `displacement_scores`; ``weight`` (4, 4) is the prior's inverse
-    covariance over the number of places, so that dᵀ weight d / 2 is in units of the score, ``alone`` (2, 2, 2) that of
-    each line whatever the other does. Turned by gusts, both lines move together, and a line alone does not jump to
-    its neighbour. Line by line, each given the other, from either one's own best; false where a line has no score.
-    """
-    n_o = scores.shape[1]
-    middle = n_o // 2
-    highest = -np.inf
-    d = np.zeros(4)
-    for first in range(2):
-        d[:] = 0.0
-        total = 0.0
-        for turn in range(4):
-            line = (first + turn) % 2
-            i, j = 2 * line, 2 - 2 * line
-            w = alone[line] if turn == 0 else weight[i : i + 2, i : i + 2]
-            pull0, pull1 = 0.0, 0.0
-            if turn > 0:
-                pull0 = weight[i, j] * d[j] + weight[i, j + 1] * d[j + 1]
-                pull1 = weight[i + 1, j] * d[j] + weight[i + 1, j + 1] * d[j + 1]
-            best, at, bt = -np.inf, -1, -1
-            for a in range(n_o):
-                x = step * (a - middle)
-                for b in range(n_o):
-                    if scores[line, a, b] < 0.0:
-                        continue
-                    y = step * (b - middle)
-                    cost = 0.5 * (w[0, 0] * x * x + 2.0 * w[0, 1] * x * y + w[1, 1] * y * y) + pull0 * x + pull1 * y
-                    if scores[line, a, b] - cost > best:
-                        best, at, bt = scores[line, a, b] - cost, a, b
-            if at < 0:
-                return False
-            d[i], d[i + 1] = step * (at - middle), step * (bt - middle)
-            if turn == 2:
-                total = scores[line, at, bt]
-            elif turn == 3:
-                total += scores[line, at, bt]
-        for i in range(4):
-            for j in range(4):
-                total -= 0.5 * d[i] * weight[i, j] * d[j]
-        if total > highest:
-            highest = total
-            out[:] = d
-    return True
-
-
-@njit(cache=True, nogil=True)
 def own_places(
     strip: FloatArray, step: float, block: int, window: float, kappa: float, offsets: FloatArray, weights: FloatArray
 ) -> None:
@@ -309,18 +258,6 @@ def robust_line(offsets: FloatArray, weights: FloatArray, ends: FloatArray, cova
         covariance[0, 0], covariance[1, 1] = a11 / determinant, a00 / determinant
         covariance[0, 1] = covariance[1, 0] = -a01 / determinant
     return spread
-
-
-@njit(cache=True, nogil=True)
-def prior_weights(prior: FloatArray, places: int, weight: FloatArray, alone: FloatArray) -> None:
-    """Fill the ``weight`` (4, 4) and ``alone`` (2, 2, 2) of `best_displacements` from a prior (4, 4) px²."""
-    weight[:] = solved(prior, np.eye(4)) / places
-    for line in range(2):
-        i = 2 * line
-        determinant = prior[i, i] * prior[i + 1, i + 1] - prior[i, i + 1] * prior[i + 1, i]
-        alone[line, 0, 0], alone[line, 1, 1] = prior[i + 1, i + 1], prior[i, i]
-        alone[line, 0, 1], alone[line, 1, 0] = -prior[i, i + 1], -prior[i + 1, i]
-        alone[line] /= determinant * places
 
 
 @njit(cache=True, nogil=True)

@@ -10,18 +10,22 @@ a frame has so many pieces of work (following a pair, Algorithm 1, a look at one
 first. Work is counted, not timed: the same pictures give the same edges.
 """
 
+import math
+from dataclasses import replace
+
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import TrackerConfig
-from groundstation.onboard.edges.follow import follow
+from groundstation.onboard.edges.follow import follow, side_lines_of
 from groundstation.onboard.edges.hypotheses import (
+    USUAL_NIS,
     Hypothesis,
     PairSearch,
-    alike,
     begin_search,
     find_pairs,
     followed,
     look_on,
     merged,
+    same_lines,
     score,
 )
 from groundstation.onboard.edges.kalman import LineState
@@ -43,6 +47,8 @@ class EdgeTracker:
     """
 
     def __init__(self, kappa: FloatArray, image_size_px: tuple[int, int], config: TrackerConfig) -> None:
+        if config.profile is not None:
+            config = replace(config, profile=side_lines_of(config.profile, config.guess))
         self._lookout = Lookout(kappa=kappa, image_size_px=image_size_px, config=config)
         self._config = config
         self._runway: Hypothesis | None = None
@@ -54,7 +60,7 @@ class EdgeTracker:
 
     def start(self, state: LineState) -> None:
         """Go on from lines that are known."""
-        self._runway = Hypothesis(state=state, edges=None, frames=1, missed=0, agreement=1.0, nis=4.0, lost=0.0)
+        self._runway = Hypothesis(state=state, edges=None, frames=1, missed=0, agreement=1.0, nis=USUAL_NIS, lost=0.0)
         self._forget()
         self._unchecked = 0
 
@@ -75,9 +81,10 @@ class EdgeTracker:
 
     def _track(self, runway: Hypothesis, image: ImageArray, pose: CameraPose) -> EdgeReport:
         """Follow the runway; doubt it where there is reason to, and in any case now and then."""
-        # a search takes the time in which the profiles' memory is doubted
-        checks = self._search is None
-        step = follow(self._lookout, image, pose, runway.state, thorough=True, marks=runway.marks, checks=checks)
+        # a search takes the time in which other layouts are compared
+        searching = self._search is not None or self._due(runway, self._unchecked + 1)
+        layouts = 0 if searching or self._config.profile is None else self._config.profile.layouts
+        step = follow(self._lookout, image, pose, runway.state, thorough=True, marks=runway.marks, layouts=layouts)
         runway = runway.after(step)
         self._unchecked += 1
         if runway.missed > self._config.coast_frames:
@@ -94,9 +101,7 @@ class EdgeTracker:
         """Return whether Algorithm 1 has brought a better pair; all are compared anew if so."""
         config, search = self._config, self._search
         if search is None:
-            strange = runway.missed >= config.doubt_missed or runway.agreement < config.doubt_agreement
-            strange = strange or score(runway, config) < config.doubt_score
-            if self._unchecked < (config.doubt_frames if strange else config.check_frames):
+            if not self._due(runway, self._unchecked):
                 return False
             self._unchecked = 0
         search = self._search_on(image, pose, [runway], _THOROUGHLY)
@@ -104,11 +109,18 @@ class EdgeTracker:
             return False
         self._search = None
         own = score(runway, config) + config.margin
-        rivals = [h for h in search.found if not alike(h, search.known[0]) and score(h, config) > own]
+        rivals = [h for h in search.found if not same_lines(h, search.known[0]) and score(h, config) > own]
         if not rivals:
             return False
         self._open, self._arrived, self._runway, self._compared = [runway], rivals, None, 0
         return True
+
+    def _due(self, runway: Hypothesis, unchecked: int) -> bool:
+        """Return whether so many frames without a search are enough; fewer are where the runway looks unlike one."""
+        config = self._config
+        strange = runway.missed >= config.doubt_missed or runway.agreement < config.doubt_agreement
+        strange = strange or score(runway, config) < config.doubt_score
+        return unchecked >= (config.doubt_frames if strange else config.check_frames)
 
     def _search_on(self, image: ImageArray, pose: CameraPose, known: list[Hypothesis], work: int) -> PairSearch | None:
         """Begin a search, or go on with that which is under way; ``work`` was done in this frame already."""
@@ -124,7 +136,7 @@ class EdgeTracker:
     def _seek(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
         """Begin with what Algorithm 1 finds, all of it in one frame: nothing else is to be done."""
         self._forget()
-        found = find_pairs(self._lookout, image, pose, [])
+        found = find_pairs(self._lookout, image, pose)
         if isinstance(found, EdgeMiss):
             return EdgeReport(status=EdgeStatus.SEARCHING, miss=found, edges=None)
         self._open, self._compared = merged(self._lookout, [], found), 1
@@ -149,7 +161,7 @@ class EdgeTracker:
         proved = best.frames >= config.confirm_frames and best.missed == 0 and self._compared >= config.confirm_frames
         if config.confirm_frames > 1:
             others = [h for h in self._open[1:] if 2 * h.frames >= config.confirm_frames]
-            ahead = score(best, config) - max((score(h, config) for h in others), default=-1e9)
+            ahead = score(best, config) - max((score(h, config) for h in others), default=-math.inf)
             proved = proved and ahead >= config.margin and best.agreement >= config.doubt_agreement
             proved = proved and self._search is None
         if proved:

@@ -1,6 +1,7 @@
 """The tables of `groundstation onboard pose`: corners and runways in, poses out (docs/formats.md)."""
 
 import csv
+import io
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -11,16 +12,18 @@ from typing import Any
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.errors import GroundstationError, InputError
+from groundstation.errors import InputError
 from groundstation.onboard.pose.runway import Runway, runway_from_geodetic
 from groundstation.onboard.pose.solve import RunwayPose
 from groundstation.session.tables import CsvTable
+from groundstation.toml_table import quoted, shown
 
 POSE_COLUMNS = (
     "filename", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "range_m", "reprojection_px", "status",
 )  # fmt: skip
 _CORNER_COLUMNS = tuple(f"{axis}_{corner}" for corner in "ABCD" for axis in "xy")
 _MOST_BYTES = 50_000_000
+_MOST_NAMES = 12
 _NAME = re.compile(r"^(?P<airport>[^_]+)_(?P<runway>[^_]+)_")
 _NUMBER = re.compile(r"^(\d{1,2})")
 
@@ -31,8 +34,12 @@ class PoseError(InputError):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CornerRow:
-    """One picture's corners: ``pixels`` (4, 2) in px, in any order; None where a cell is empty."""
+    """One picture's corners: ``pixels`` (4, 2) in px, in any order; None where a cell is empty.
 
+    ``where`` names the table and the line.
+    """
+
+    where: str
     filename: str
     airport: str
     runway: str
@@ -40,9 +47,14 @@ class CornerRow:
 
 
 def read_corners(path: Path) -> Iterator[CornerRow]:
-    """Read the corners picture by picture; file names start with AIRPORT_RUNWAY_. Raises `InputError`."""
+    """Read the corners picture by picture; file names start with AIRPORT_RUNWAY_.
+
+    Raises `InputError`, also for a table that has no picture.
+    """
     table = CsvTable(path, ["filename", *_CORNER_COLUMNS])
+    pictures = 0
     for row in table:
+        pictures += 1
         name = row.text["filename"].strip()
         match = _NAME.match(name)
         if match is None:
@@ -50,7 +62,10 @@ def read_corners(path: Path) -> Iterator[CornerRow]:
         values = [table.optional_number(row, column) for column in _CORNER_COLUMNS]
         present = [value for value in values if value is not None]
         pixels = np.array(present).reshape(4, 2) if len(present) == len(values) else None
-        yield CornerRow(filename=name, airport=match["airport"], runway=match["runway"], pixels=pixels)
+        where = f"{path.name}: line {row.line}"
+        yield CornerRow(where=where, filename=name, airport=match["airport"], runway=match["runway"], pixels=pixels)
+    if not pictures:
+        raise PoseError(str(path), got="no row below the header", wanted="one for each picture")
 
 
 class Runways:
@@ -70,20 +85,32 @@ class Runways:
         if not isinstance(self._table, dict):
             raise PoseError(str(path), got="no table", wanted="airport → runway → corners A, B, C, D")
 
-    def find(self, airport: str, runway: str) -> Runway:
-        """Return one runway seen by who lands on it; raises `PoseError` where it is missing or not usable."""
+    def find(self, airport: str, runway: str, asked: str = "") -> Runway:
+        """Return one runway seen by who lands on it; raises `PoseError` where it is missing or not usable.
+
+        ``asked`` says where its name stands, such as a table and its line.
+        """
         key = (airport, runway)
         if key not in self._made:
-            self._made[key] = self._make(airport, runway)
+            self._made[key] = self._make(airport, runway, asked)
         return self._made[key]
 
-    def _make(self, airport: str, runway: str) -> Runway:
+    def _make(self, airport: str, runway: str, asked: str) -> Runway:
         where = f"{self._path.name}: {airport} {runway}"
         ends = self._table.get(airport)
-        corners = ends.get(runway) if isinstance(ends, dict) else None
+        if not isinstance(ends, dict):
+            raise PoseError(
+                asked or str(self._path),
+                got=f"airport {quoted(airport)}",
+                wanted=f"one of {self._path.name}: {_some(self._table)}",
+            )
+        corners = ends.get(runway)
         if not isinstance(corners, dict):
-            have = ", ".join(list(ends)[:12]) if isinstance(ends, dict) else "no such airport"
-            raise PoseError(where, got=have, wanted=f"runway {runway}")
+            raise PoseError(
+                asked or str(self._path),
+                got=f"runway {quoted(runway)} of {airport}",
+                wanted=f"one of {self._path.name}: {_some(ends)}",
+            )
         places = np.array([_place(corners, name, where) for name in "ABCD"])
         first, second = places[:2], places[2:]
         # a runway is named after its landing heading in tens of degrees; C and D are near where the name says nothing
@@ -96,6 +123,12 @@ class Runways:
             got = f"{made.length_m:.1f} m by {made.width_m:.1f} m"
             raise PoseError(where, got=got, wanted="a runway, A and B at one end, C and D at the other")
         return made
+
+
+def _some(table: Mapping[str, Any]) -> str:
+    """Return the names in a table, the first of them where there are many."""
+    names = ", ".join(list(table)[:_MOST_NAMES]) or "nothing"
+    return shown(names, 200) + (f" and {len(table) - _MOST_NAMES} more" if len(table) > _MOST_NAMES else "")
 
 
 def _place(corners: Mapping[str, Any], name: str, where: str) -> tuple[float, float, float]:
@@ -122,19 +155,25 @@ def _along(start: FloatArray, end: FloatArray, heading_deg: float) -> float:
 
 
 def write_poses(path: Path, rows: Iterator[tuple[str, RunwayPose | None, str]]) -> dict[str, int]:
-    """Write (filename, pose, status) rows as they come, empty cells for no pose; returns how often each status came."""
+    """Write (filename, pose, status) rows, empty cells for no pose; returns how often each status came.
+
+    Nothing is written, and an older table stays, where one of the rows cannot be made.
+    Raises `InputError` where the table, or the folder that it is to stand in, cannot be written.
+    """
     counts: dict[str, int] = {}
+    text = io.StringIO()
+    out = csv.writer(text, lineterminator="\n")
+    out.writerow(POSE_COLUMNS)
+    for filename, pose, status in rows:
+        out.writerow([filename, *_cells(pose), status])
+        counts[status] = counts.get(status, 0) + 1
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8", newline="") as stream:
-            out = csv.writer(stream, lineterminator="\n")
-            out.writerow(POSE_COLUMNS)
-            for filename, pose, status in rows:
-                out.writerow([filename, *_cells(pose), status])
-                counts[status] = counts.get(status, 0) + 1
-    except GroundstationError:
-        path.unlink(missing_ok=True)
-        raise
+        path.write_text(text.getvalue(), encoding="utf-8", newline="")
+    except OSError as error:
+        raise PoseError(
+            str(error.filename or path), got=str(error.strerror), wanted="--out with a file that can be written"
+        ) from error
     return counts
 
 

@@ -34,7 +34,9 @@ class Airfield:
     ----------
     width_m, length_m : the runway, edge to edge and end to end; it lies at y from 0 to −length.
     end_m : length of the lighter slabs at both ends; 0 for none.
-    edge_stripe_m : width of the painted edge lines, 0.5 m inside the edges; 0 for none.
+    edge_stripe_m : width of the painted edge lines; 0 for none.
+    edge_stripe_inset_m : from a runway's edge inwards to the outer side of its line; 0: as in ICAO's Annex 14 (5.2.7).
+    lamps_out_m : from a runway's edge outwards to its lamps; to 3 m in ICAO's Annex 14 (5.3.9.4).
     bars : painted bars on each half of a threshold.
     roads : (x, y, direction in rad from the y axis, width) of long straight roads.
     taxiway_side : +1 or −1: on which side of the runway taxiway and apron lie; 0 for none.
@@ -47,6 +49,8 @@ class Airfield:
     length_m: float = 500.0
     end_m: float = 50.0
     edge_stripe_m: float = 0.45
+    edge_stripe_inset_m: float = 0.5
+    lamps_out_m: float = 1.0
     bars: int = 4
     roads: tuple[tuple[float, float, float, float], ...] = ()
     taxiway_side: int = 1
@@ -75,7 +79,7 @@ def patches(field: Airfield, generator: np.random.Generator) -> FloatArray:
         rows.append(_patch(x, -75.0, 0.22 * field.width_m, 90.0, s.rubber, opacity=0.3, mottle=0.3))
     rows.append(_patch(0.0, middle, 0.4, field.length_m - 60.0, s.paint, opacity=0.9, dashes=(20.0, 0.6)))
     if field.edge_stripe_m > 0.0:
-        x = half - 0.5 - 0.5 * field.edge_stripe_m
+        x = half - field.edge_stripe_inset_m - 0.5 * field.edge_stripe_m
         rows += [_patch(k * x, middle, field.edge_stripe_m, field.length_m, s.paint, opacity=0.9) for k in (-1, 1)]
     pitch = (half - 1.5) / max(field.bars, 1)
     for k in range(field.bars):
@@ -129,7 +133,7 @@ def _patch(
 
 def edge_lamps(field: Airfield, spacing_m: float = 30.0) -> FloatArray:
     """Return the runway's lamps (n, 6): place in m, colour; white along the edges, green and red at the ends."""
-    half = 0.5 * field.width_m + 1.0
+    half = 0.5 * field.width_m + field.lamps_out_m
     ys = np.arange(0.0, -field.length_m - 1.0, -spacing_m)
     lamps = [(x, y, 0.3, 1.0, 0.93, 0.75) for y in ys for x in (-half, half)]
     for x in np.linspace(-half, half, 7):

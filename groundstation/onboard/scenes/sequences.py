@@ -52,6 +52,8 @@ class NoseFrame:
 
 
 _ROAD = math.radians(90.0)
+# what lamps' places are drawn of, beside the seeds of all else
+_LAMPS = 1
 SEQUENCES: tuple[Sequence, ...] = (
     Sequence(
         name="day",
@@ -116,13 +118,19 @@ SEQUENCES: tuple[Sequence, ...] = (
 )
 
 
-def varied(sequence: Sequence, seed: int) -> Sequence:
-    """Return another approach in the same light: airfield, roads, flight path and everything random drawn anew."""
+def varied(
+    sequence: Sequence, seed: int, stripe_inset_m: float | None = 0.5, lamps_out_m: float | None = 1.0
+) -> Sequence:
+    """Return another approach in the same light: airfield, roads, flight path and everything random drawn anew.
+
+    Painted side lines lie ``stripe_inset_m`` inside the edges; None: on the edge, half a metre inside, or anywhere to
+    one metre, drawn too. Lamps stand ``lamps_out_m`` outside them; None: 0.8 to 3 m, drawn too.
+    """
     draw = np.random.default_rng([seed, sequence.seed])
     field, approach, side = sequence.airfield, sequence.approach, float(draw.choice([-1.0, 1.0]))
     across = (float(draw.uniform(-30.0, 30.0)), float(draw.uniform(15.0, 90.0)), _ROAD + float(draw.normal(0.0, 0.15)))
     beside = (-side * float(draw.uniform(32.0, 60.0)), float(draw.uniform(-200.0, 0.0)), float(draw.normal(0.0, 0.05)))
-    return replace(
+    drawn = replace(
         sequence,
         seed=seed,
         airfield=replace(
@@ -142,6 +150,12 @@ def varied(sequence: Sequence, seed: int) -> Sequence:
             crab_rad=float(draw.normal(0.0, math.radians(3.0))),
         ),
     )
+    if stripe_inset_m is None:
+        stripe_inset_m = float(draw.choice([0.0, 0.5, draw.uniform(0.0, 1.0)]))
+    if lamps_out_m is None:
+        # seeds of their own, so that nothing else that is drawn depends on whether these are
+        lamps_out_m = float(np.random.default_rng([seed, sequence.seed, _LAMPS]).uniform(0.8, 3.0))
+    return replace(drawn, airfield=replace(drawn.airfield, edge_stripe_inset_m=stripe_inset_m, lamps_out_m=lamps_out_m))
 
 
 class Renderer:

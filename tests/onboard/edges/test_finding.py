@@ -8,7 +8,6 @@ from groundstation.onboard.edges.lines import line_map, project_lines, shifted
 from groundstation.onboard.edges.paint import bridge, lamp_mask, without_paint
 from groundstation.onboard.edges.search_band import across_direction, band_widths
 from groundstation.onboard.edges.strip import StripConfig, find_edges, settle
-from groundstation.onboard.edges.strip_kernel import best_displacements
 from tests.onboard.edges.seen import KAPPA, ROWS, RUNWAY, approach, painted_runway
 
 POSE = approach()
@@ -65,20 +64,6 @@ def test_the_strip_finds_edges_from_afar_to_a_fraction_of_a_pixel() -> None:
         error = found.crossings_px - TRUTH
         assert np.abs(error).max() < 0.35
         assert error @ np.linalg.solve(found.covariance_px2, error) < 30.0
-
-
-def test_both_lines_are_displaced_together_where_the_prior_says_so() -> None:
-    """The right line's score is highest off its place; a prior that moves both lines alike leaves it at its place."""
-    scores = np.zeros((2, 21, 21))
-    scores[0, 14, 14] = 1.0
-    scores[1, 14, 14], scores[1, 3, 3] = 0.9, 1.0
-    out = np.zeros(4)
-    for shared, right in ((25.0, 2.0), (0.0, -3.5)):
-        prior = np.full((4, 4), shared) + (26.0 - shared) * np.eye(4)
-        alone = np.stack([np.linalg.inv(prior[:2, :2]), np.linalg.inv(prior[2:, 2:])]) / 40
-        assert best_displacements(scores, np.linalg.inv(prior) / 40, alone, 0.5, out)
-        np.testing.assert_array_equal(out, [2.0, 2.0, right, right])
-    assert not best_displacements(np.full((2, 21, 21), -1.0), np.eye(4), np.stack([np.eye(2)] * 2), 0.5, out)
 
 
 def test_edges_agree_about_a_runway_and_not_about_the_ground_beside_one() -> None:

@@ -11,6 +11,7 @@ from groundstation.onboard.edges import hypotheses
 from groundstation.onboard.edges import tracker as tracker_module
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
 from groundstation.onboard.edges.detection import NoPair
+from groundstation.onboard.edges.follow import plain_edges
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
 from groundstation.onboard.edges.look import edge_noise
@@ -179,12 +180,21 @@ def test_the_announced_runway_is_looked_for_where_algorithm_1_finds_none(monkeyp
 def test_faint_edges_are_said_to_be_less_sure() -> None:
     """Plain edges and unseen ones are off by as much as configured, fainter ones by more, to four times."""
     config = TrackerConfig()
-    crossings, mean = np.array([300.0, 200.0, 340.0, 380.0]), np.array([1.0, 0.0, -10.0, 10.0])
-    usual = edge_noise(config, crossings, mean)
+    crossings, rows, mean = (
+        np.array([300.0, 225.0, 340.0, 340.0]),
+        np.array([250.0, 350.0]),
+        np.array([1.0, 0.0, -9.0, 9.0]),
+    )
+    usual = edge_noise(config, crossings, rows, mean)
     plain = config.plain_contrast
-    np.testing.assert_array_equal(usual, edge_noise(config, crossings, mean, np.array([plain, 0.3])))
-    faint = edge_noise(config, crossings, mean, np.array([0.5 * plain, 0.01 * plain])) - usual
-    np.testing.assert_allclose(np.diag(faint), config.edge_sigma_px**2 * np.array([3.0, 3.0, 15.0, 15.0]))
+    found = plain_edges(crossings)
+    np.testing.assert_array_equal(
+        usual, edge_noise(config, crossings, rows, mean, replace(found, contrast=np.array([plain, 0.3])))
+    )
+    faint = edge_noise(config, crossings, rows, mean, replace(found, contrast=plain * np.array([0.5, 0.01]))) - usual
+    # along a row the leaning line by more
+    lean = 1.0 + 0.75**2
+    np.testing.assert_allclose(np.diag(faint), config.edge_sigma_px**2 * np.array([3.0 * lean, 3.0 * lean, 15.0, 15.0]))
     np.testing.assert_allclose(faint, np.diag(np.diag(faint)), atol=1e-12)
 
 

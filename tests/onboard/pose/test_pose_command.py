@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -110,10 +111,24 @@ def test_corners_are_put_in_order(permutation: list[int], seed: int) -> None:
     [
         ("runways", "{", "no JSON"),
         ("runways", "[]", "no table"),
-        ("runways", '{"ABCD": {"18": {}}}', "got 18; wanted runway 36"),
+        (
+            "runways",
+            '{"ABCD": {"18": {}, "18L": {}}}',
+            "corners.csv: line 2: got runway '36' of ABCD; wanted one of runways.json: 18, 18L",
+        ),
+        (
+            "runways",
+            json.dumps({f"A{k:03d}": {} for k in range(20)}),
+            "corners.csv: line 2: got airport 'ABCD'; wanted one of runways.json: A000, A001, A002, A003, A004, A005, "
+            "A006, A007, A008, A009, A010, A011 and 8 more",
+        ),
+        ("runways", "{}", "wanted one of runways.json: nothing"),
         ("runways", '{"ABCD": {"36": {"A": 1}}}', "corner A: got none that can be read"),
         ("camera", "focal_px = 3", "image_size_px: got nothing"),
+        ("camera", CAMERA.replace("[1400.0, 1390.0]", "1400.0"), "got 1400.0; wanted 2 finite numbers, [fx, fy]"),
+        ("camera", CAMERA + "mount_deg = [1, 2]\n", "mount_deg: got [1, 2]; wanted 3 finite numbers"),
         ("corners", "filename,x_A\n", "wanted a column y_A"),
+        ("corners", "filename,x_A,y_A,x_B,y_B,x_C,y_C,x_D,y_D\n\n", "got no row below the header"),
         ("corners", "filename,x_A,y_A,x_B,y_B,x_C,y_C,x_D,y_D\nme.png,1,2,3,4,5,6,7,8\n", "AIRPORT_RUNWAY_"),
         ("corners", "filename,x_A,y_A,x_B,y_B,x_C,y_C,x_D,y_D\nABCD_36_1.png,a,2,3,4,5,6,7,8\n", "x_A = 'a'"),
     ],
@@ -129,11 +144,38 @@ def test_a_file_at_fault_is_one_clear_line(
     assert not work["out"].exists()
 
 
+def test_an_older_table_stays_where_a_row_cannot_be_made(work: dict[str, Path]) -> None:
+    work["out"].write_text("poses of yesterday\n")
+    with work["corners"].open("a") as stream:
+        stream.write("ABCD_36_1.png,a,2,3,4,5,6,7,8\n")
+    assert run(work) == 1
+    assert work["out"].read_text() == "poses of yesterday\n"
+
+
 def test_nothing_that_is_read_is_written_over(work: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     before = work["corners"].read_text()
     assert run({**work, "out": work["corners"]}) == 1
     assert work["corners"].read_text() == before
     assert "another --out" in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_made_is_said(work: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    (work["camera"].parent / "taken").write_text("")
+    for out in ("taken/p.csv", "taken/deeper/p.csv"):
+        assert run({**work, "out": work["camera"].parent / out}) == 1
+        said = capsys.readouterr().err
+        assert re.search(r"taken\S*: got (Not a directory|File exists); wanted --out with a file that can be ", said)
+        assert "Errno" not in said
+
+
+def test_the_camera_file_of_the_other_commands_will_do(work: dict[str, Path]) -> None:
+    """Expected: the same poses, whatever else the file says."""
+    assert run(work) == 0
+    alone = work["out"].read_bytes()
+    more = "mount_deg = [0.0, -3.0, 0.0]\n[runway]\nwidth_m = 30.0\nlength_m = 900.0\n[start]\nheight_m = 9.0\n"
+    work["camera"].write_text(CAMERA + more + "[imu]\nforce_noise = 0.01\n")
+    assert run(work) == 0
+    assert work["out"].read_bytes() == alone
 
 
 def test_pixels_without_sense_have_no_pose_and_say_so(work: dict[str, Path]) -> None:

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from onboard_edges_study.methods import certain_truth, truth
 
 from groundstation.onboard.edges.lines import line_map, project_lines
 from groundstation.onboard.edges.pose import Attitude, intrinsic_matrix, nose_pose
 from groundstation.onboard.scenes.flight import Approach, fly, smooth_noise
-from groundstation.onboard.scenes.ground import Airfield
+from groundstation.onboard.scenes.ground import Airfield, edge_lamps, patches
 from groundstation.onboard.scenes.light import Light
 from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, Renderer, Sequence, varied
 
@@ -98,3 +99,39 @@ def test_another_airfield_is_drawn_from_its_seed_alone() -> None:
     assert one.light == SEQUENCES[1].light
     assert 16.0 <= one.airfield.width_m <= 24.0
     assert len({varied(sequence, 5).airfield.width_m for sequence in SEQUENCES}) == len(SEQUENCES)
+
+
+def test_a_side_line_is_painted_as_far_inside_the_edge_as_drawn_and_nothing_else_changes() -> None:
+    plain, drawn = varied(SEQUENCES[1], 5), [varied(SEQUENCES[1], seed, None) for seed in range(24)]
+    insets = [one.airfield.edge_stripe_inset_m for one in drawn]
+    assert {0.0, 0.5} < set(insets)
+    assert 0.0 <= min(insets) < max(insets) <= 1.0
+    moved = replace(drawn[5], airfield=replace(drawn[5].airfield, edge_stripe_inset_m=0.5))
+    assert moved == plain
+    field = Airfield(width_m=20.0, edge_stripe_m=0.45, edge_stripe_inset_m=0.25)
+    lines = [p for p in patches(field, np.random.default_rng(0)) if p[4] == 0.225]
+    np.testing.assert_allclose(sorted(p[0] + math.copysign(p[4], p[0]) for p in lines), [-9.75, 9.75])
+
+
+def test_lamps_stand_as_far_outside_the_edge_as_drawn_and_nothing_else_changes() -> None:
+    plain, drawn = varied(SEQUENCES[3], 5), [varied(SEQUENCES[3], seed, 0.5, None) for seed in range(24)]
+    out = [one.airfield.lamps_out_m for one in drawn]
+    assert plain.airfield.lamps_out_m == 1.0
+    assert 0.8 <= min(out) < 1.2 < 2.6 < max(out) <= 3.0
+    assert replace(drawn[5], airfield=replace(drawn[5].airfield, lamps_out_m=1.0)) == plain
+    # the line's place is drawn alike, lamps or none
+    assert varied(SEQUENCES[3], 7, None, None).airfield.edge_stripe_inset_m == (
+        varied(SEQUENCES[3], 7, None).airfield.edge_stripe_inset_m
+    )
+    lamps = edge_lamps(Airfield(width_m=20.0, lamps_out_m=2.5))
+    np.testing.assert_allclose(np.abs(lamps[lamps[:, 4] == 0.93][:, 0]), 12.5)
+
+
+def test_errors_are_told_only_where_the_runway_is_seen() -> None:
+    """On short final a gust left fewer than eight rows of it in the picture, and the benchmark stopped."""
+    sequence = SEQUENCES[4]
+    at, level = np.array([0.0, 130.0, 9.0]), Attitude(roll_rad=0.0, pitch_rad=-0.05, yaw_rad=0.0)
+    assert truth(sequence, nose_pose(at, level)) is not None
+    assert truth(sequence, nose_pose(at, replace(level, pitch_rad=0.35))) is None
+    with pytest.raises(ValueError, match="in which the runway is not seen"):
+        certain_truth(sequence, nose_pose(at, replace(level, pitch_rad=0.35)))

@@ -1,0 +1,96 @@
+"""What is compared on rendered approaches: the tracker, the paper's energies and two baselines, each as a step."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundstation.experiments import nose_edges
+from groundstation.experiments.nose_alone import from_last
+from groundstation.experiments.nose_edges import rows_said
+from groundstation.onboard.edges.baselines import graph_cut_edges
+from groundstation.onboard.edges.config import TrackerConfig, paper_config
+from groundstation.onboard.edges.descent import DescentConfig, Energy
+from groundstation.onboard.edges.lines import line_map, project_lines, shifted
+from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.report import EdgeReport
+from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_rows, band_widths
+from groundstation.onboard.edges.tracker import EdgeTracker
+from groundstation.onboard.scenes.sequences import NOSE_LENS, NoseFrame, Sequence
+
+KAPPA, GUESS, LOST_PX = nose_edges.KAPPA, nose_edges.GUESS, nose_edges.LOST_PX
+SIZE = NOSE_LENS.image_size_px
+Array = NDArray[np.float64]
+Step = Callable[[NoseFrame], tuple[Array, Array] | None]
+
+
+def truth(sequence: Sequence, pose: CameraPose) -> tuple[Array, Array] | None:
+    """Return the rows (2,) between which the true edges are seen, and where they cross them (4,).
+
+    None where they are seen in too few rows for any error to be told, as in a gust on short final.
+    """
+    field = sequence.airfield
+    guess = RunwayGuess(width_m=field.width_m, length_m=field.length_m, margin_m=0.5, margin_px=0.0)
+    rows = band_rows(pose, KAPPA, SIZE, guess)
+    if isinstance(rows, NoBand):
+        return None
+    lines = np.array([1.0, 0.0, -0.5 * field.width_m, 0.5 * field.width_m])
+    return rows, project_lines(lines, line_map(pose, KAPPA), rows)[0]
+
+
+def certain_truth(sequence: Sequence, pose: CameraPose) -> tuple[Array, Array]:
+    """Return the truth where nothing goes without it; ValueError where it is not seen."""
+    wanted = truth(sequence, pose)
+    if wanted is None:
+        raise ValueError(f"{sequence.name}: got a frame in which the runway is not seen; wanted its edges")
+    return wanted
+
+
+def tracked(config: TrackerConfig, reports: list[EdgeReport] | None = None) -> Step:
+    """Return a tracker as a step that gives crossings and their rows; what it says goes to ``reports``."""
+    tracker = EdgeTracker(KAPPA, SIZE, config)
+
+    def step(frame: NoseFrame) -> tuple[Array, Array] | None:
+        report = tracker.step(frame.image, frame.said)
+        edges = report.edges
+        if reports is not None:
+            reports.append(report)
+        return None if edges is None else (edges.crossings_px, edges.rows_px)
+
+    return step
+
+
+def plain(energy: Energy) -> TrackerConfig:
+    """Return our filter with nothing but a descent from its prediction, in bands across: what sets energies apart."""
+    descent = DescentConfig(energy=energy)
+    config = TrackerConfig(guess=GUESS, use_strip=False, profile=None, paint_m=0.0, band_m=4.0, gate=math.inf)
+    return replace(config, descent=descent)
+
+
+def graph_cut(frame: NoseFrame) -> tuple[Array, Array] | None:
+    """Return GrabCut's edges, seeded by the nominal runway from the sensors' pose."""
+    rows = rows_said(frame)
+    if rows is None:
+        return None
+    e, lines = line_map(frame.said, KAPPA), np.array([1.0, 0.0, -10.0, 10.0])
+    guess, outer = project_lines(lines, e, rows)[0], project_lines(shifted(lines, 4.0), e, rows)[0]
+    found = graph_cut_edges(frame.image, rows, guess, band_widths(guess, outer, rows, 2.5))
+    return None if found is None else (found, rows)
+
+
+def methods(sequence: Sequence, first: CameraPose, reports: list[EdgeReport] | None = None) -> dict[str, Step]:
+    """Return everything that is compared, ready for a sequence."""
+    printed, flat = paper_config(GUESS), paper_config(GUESS, Energy.NON_VARIANT)
+    return {
+        "ours": tracked(TrackerConfig(guess=GUESS), reports),
+        "spatially variant, KF": tracked(printed),
+        "non-variant, KF": tracked(flat),
+        "spatially variant, our filter": tracked(plain(Energy.SPATIALLY_VARIANT)),
+        "non-variant, our filter": tracked(plain(Energy.NON_VARIANT)),
+        "spatially variant, last frame": from_last(sequence, first, Energy.AS_PRINTED, across=False),
+        "non-variant, last frame": from_last(sequence, first, Energy.NON_VARIANT, across=False),
+        "Hough and Canny": nose_edges.hough,
+        "GrabCut": graph_cut,
+    }
