@@ -5,9 +5,9 @@ usage: GROUNDSTATION_DATA=… python benchmarks/detector_clips.py [--acquire] [-
 
 Each segment is tracked on its own: started on its first box or, with --acquire, found by searching; then frames are
 scored from 0.5 s on. A hit is a target point inside the labelled box or within 10 px of its centre (5 px at half
-resolution); wrong is a point that is neither; the rest are misses. Times are of one update of the tracker on one
-core, without decoding. Without --kind, segments of kind "contrail" (the target is the trail's head) are reported
-after those of kind "aircraft", and do not count in their total.
+resolution); wrong is a point that is neither; the rest are misses. Times are processor times of one update of
+the tracker, one thread, without decoding; CSRT's are, too. Without --kind, segments of kind "contrail" (the target is
+the trail's head) are reported after those of kind "aircraft", and do not count in their total.
 
 --csrt runs OpenCV's CSRT on the same frames in the same run, in a virtual environment of its own (build/csrt-venv).
 """
@@ -176,12 +176,12 @@ def run_segment(folder: Path, segment: Segment, boxes: dict[int, Box], mode: Mod
         label, first = labels.get(index), tracker is None
         if tracker is None:
             tracker = PixelTracker((image.shape[1], image.shape[0]))
-        began = time.perf_counter()
+        began = time.process_time()
         if first and not mode.acquire and label is not None:
             track = tracker.start(image, index / RATE_HZ, label)
         else:
             track = tracker.step(image, index / RATE_HZ)
-        tally.elapsed_s.append(time.perf_counter() - began)
+        tally.elapsed_s.append(time.process_time() - began)
         beside: Box | None = None
         if csrt is not None:
             elapsed, beside = csrt.step(image, label if first else None)

@@ -19,11 +19,11 @@ from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.roi import place_roi
 from groundstation.estimation.initialise import Sighting
+from groundstation.flight_direction import FlightDirection
 from groundstation.messages import Detection, Frame, Miss, MissReason, Roi
 from groundstation.picture import Picture, as_picture
 from groundstation.rig import Station
 
-_MIN_HEADING_SPEED_M_S, _SURE_HEADING_SPEED_M_S = 3.0, 8.0
 # how well the span is known: given by the session (a bank or a crab shortens it), learnt on the way, or not at all
 _GIVEN_SPAN_SIGMA = 0.15
 _UNKNOWN_SPAN_SIGMA = 0.7
@@ -40,6 +40,26 @@ class Look:
     roi: Roi | None
     result: Detection | Miss
     channel_contrast: Mapping[str, float] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Extent:
+    """A silhouette's width and height, where its box's middle lay from the target point, and the scale then, px/m."""
+
+    size_px: tuple[float, float]
+    middle_px: tuple[float, float]
+    px_per_m: float | None
+
+    def at(self, px_per_m: float | None) -> "_Extent":
+        """Return what it has grown to at another scale."""
+        if self.px_per_m is None or px_per_m is None:
+            return self
+        growth = px_per_m / self.px_per_m
+        (w, h), (x, y) = self.size_px, self.middle_px
+        return _Extent(size_px=(growth * w, growth * h), middle_px=(growth * x, growth * y), px_per_m=px_per_m)
+
+
+_UNSEEN = _Extent(size_px=(0.0, 0.0), middle_px=(0.0, 0.0), px_per_m=None)
 
 
 class SpanModel:
@@ -77,24 +97,25 @@ class CameraTracker:
         self._config = config
         self._detector = Detector(config.detection, station.lens.image_size_px)
         self._finder = CandidateFinder(config.acquisition, station.lens.image_size_px, station.lens)
-        self._last_size_px: tuple[float, float] | None = None
-        self._heading: FloatArray | None = None
+        self._extent = _UNSEEN
+        self._px_per_m: float | None = None
+        self._direction = FlightDirection()
         self._detections = 0
 
     def reset(self) -> None:
         """Forget the target: after a loss nothing of it is trusted."""
         self._detector.reset()
         self._finder.reset()
-        self._last_size_px = None
-        self._heading = None
+        self._extent = _UNSEEN
+        self._direction.reset()
 
     @contextmanager
     def aside(self) -> Iterator[None]:
         """Inside, look at an older frame: its target's size, looks and background are not those of the next one."""
-        size_px, detections = self._last_size_px, self._detections
+        extent, scale, detections = self._extent, self._px_per_m, self._detections
         with self._detector.aside():
             yield
-        self._last_size_px, self._detections = size_px, detections
+        self._extent, self._px_per_m, self._detections = extent, scale, detections
 
     def search(self, frame: Frame, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> list[Sighting]:
         """Look at the whole frame and return the candidates in it: none where a recording kept only a part of it."""
@@ -125,9 +146,9 @@ class CameraTracker:
         hint: DetectionHint,
     ) -> Look | None:
         """Place the region of interest and look there; None if nothing of it is inside the image."""
-        roi = place_roi(
-            centre_px, covariance_px2, self._last_size_px, self._config.detection, self.station.lens.image_size_px
-        )
+        self._px_per_m = hint.px_per_m
+        extent, size_px = self._extent.at(hint.px_per_m), self.station.lens.image_size_px
+        roi = place_roi(centre_px, covariance_px2, extent.size_px, self._config.detection, size_px, extent.middle_px)
         if roi is None:
             return None
         recorded = _recorded(as_picture(frame.image), roi, centre_px)
@@ -144,8 +165,10 @@ class CameraTracker:
         return Look(roi=roi, result=result, channel_contrast=contrast)
 
     def accepted(self, detection: Detection) -> None:
-        """Remember the size of a silhouette that the filter believed."""
-        self._last_size_px = (detection.box[2], detection.box[3])
+        """Remember the extent of the silhouette, seen in the last look, that the filter believed."""
+        x, y, w, h = detection.box
+        middle = (x + 0.5 * w - detection.u_px, y + 0.5 * h - detection.v_px)
+        self._extent = _Extent(size_px=(w, h), middle_px=middle, px_per_m=self._px_per_m)
 
     def hint(
         self,
@@ -153,17 +176,18 @@ class CameraTracker:
         covariance_px2: FloatArray,
         jacobian_px_per_m: FloatArray,
         depth_m: float,
-        velocity_m_s: FloatArray,
+        t_s: float,
+        velocity: tuple[FloatArray, FloatArray],
         span: SpanModel,
         height_m: float | None = None,
     ) -> DetectionHint:
-        """Say what the filter knows of the target's looks; ``jacobian_px_per_m`` is ∂(u, v)/∂(x, y, z), (2, 3)."""
+        """Say what the filter knows of the target's looks at a frame's time.
+
+        ``jacobian_px_per_m`` (2, 3) is ∂(u, v)/∂(x, y, z), ``velocity`` is (3,) in m/s, runway frame, and its
+        covariance (3, 3).
+        """
         px_per_m = float(self.station.lens.focal_px[0]) / depth_m
-        speed = float(np.linalg.norm(velocity_m_s))
-        heading = velocity_m_s / speed if speed > _MIN_HEADING_SPEED_M_S else self._heading
-        if speed > _SURE_HEADING_SPEED_M_S:
-            # an aircraft that comes to a halt still points where it was going
-            self._heading = heading
+        heading = self._direction.at(t_s, *velocity, height_m=math.inf if height_m is None else height_m)
         forward = None if heading is None else jacobian_px_per_m @ heading
         return DetectionHint(
             predicted_px=predicted_px,

@@ -217,7 +217,8 @@ class FrameUpdate:
                 spread,
                 prediction.jacobian[:, ekf.layout.position],
                 prediction.depth_m,
-                ekf.state[ekf.layout.velocity],
+                record.t_s,
+                (ekf.state[ekf.layout.velocity], ekf.covariance[ekf.layout.velocity, ekf.layout.velocity]),
                 self._span,
                 float(ekf.state[ekf.layout.position][2]),
             )
@@ -348,6 +349,7 @@ class FrameUpdate:
             u_px=record.u_px,
             v_px=record.v_px,
             covariance_px2=np.eye(2) * self._config.estimation.labelled_sigma_px**2,
+            noise_px2=np.eye(2) * self._config.estimation.labelled_sigma_px**2,
             centroid_px=np.array([record.u_px, record.v_px]),
             box=(record.u_px, record.v_px, 0.0, 0.0),
             area_px=0.0,

@@ -175,6 +175,7 @@ class Detection:
     ----------
     u_px, v_px : the target point (the aircraft's nose) in full-image pixels.
     covariance_px2 : (2, 2) covariance of that point, of u and v.
+    noise_px2 : (2, 2) px² of u and v, the part of ``covariance_px2`` that is new in each frame; the rest lasts.
     centroid_px : (2,) centre of the silhouette.
     box : (x, y, w, h) px, the silhouette's bounding box in full-image pixels.
     area_px : the silhouette's area.
@@ -187,6 +188,7 @@ class Detection:
     u_px: float
     v_px: float
     covariance_px2: FloatArray
+    noise_px2: FloatArray
     centroid_px: FloatArray
     box: tuple[float, float, float, float]
     area_px: float

@@ -282,16 +282,16 @@ def _unit_quaternion(table: Table, key: str, default: tuple[float, ...] | None) 
 
 def _lens(table: Table, required: bool) -> Lens:
     """Parse the lens keys."""
-    size = table.vector("image_size_px", 2, None if required else (1.0, 1.0))
+    size = table.vector("image_size_px", 2, None if required else (1.0, 1.0), names="[width, height]")
     if np.any(size < 1) or np.any(size != np.round(size)) or np.any(size > 65536):
         raise table.fail("image_size_px", str(size.tolist()), "two whole numbers of pixels from 1 to 65536")
-    focal = table.vector("focal_px", 2, None if required else (1.0, 1.0))
+    focal = table.vector("focal_px", 2, None if required else (1.0, 1.0), names="[fx, fy]")
     if np.any(focal <= 0):
         raise table.fail("focal_px", str(focal.tolist()), "two numbers > 0")
     return Lens(
         image_size_px=(int(size[0]), int(size[1])),
         focal_px=focal,
-        principal_point_px=table.vector("principal_point_px", 2, None if required else (0.0, 0.0)),
+        principal_point_px=table.vector("principal_point_px", 2, None if required else (0.0, 0.0), names="[cx, cy]"),
         distortion=table.vector("distortion", 5, (0.0,) * 5),
     )
 

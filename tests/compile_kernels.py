@@ -37,7 +37,7 @@ def aboard() -> None:
     with tempfile.TemporaryDirectory() as folder:
         nose = f"{folder}/flight"
         fly = ["fly", f"{nose}/nose.avi", "--camera", f"{nose}/nose.toml", "--imu", f"{nose}/imu.csv"]
-        for words in (["render", "--out", nose, "--frames", "6"], [*fly, "--out", f"{folder}/fly"]):
+        for words in (["render", "--out", nose, "--frames", "14"], [*fly, "--out", f"{folder}/fly"]):
             if main(["onboard", *words]):
                 sys.exit(f"groundstation onboard {words[0]} failed, so not all of it is compiled")
 

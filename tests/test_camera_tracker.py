@@ -44,6 +44,7 @@ def test_a_silhouette_in_pieces_becomes_one_mask() -> None:
         u_px=0.0,
         v_px=0.0,
         covariance_px2=np.eye(2),
+        noise_px2=0.1 * np.eye(2),
         centroid_px=np.zeros(2),
         box=(0, 0, 1, 1),
         area_px=100.0,

@@ -2,7 +2,7 @@
 
 Started by detector_clips.py in a virtual environment of its own: CSRT is in opencv-contrib-python-headless below 5
 only. Each request is a line `W H X Y W H`, to begin in a box, or `next`, then the frame as raw bytes; each answer
-is a line: the time of the update in s, and the box, or nothing where it was lost.
+is a line: the processor time of the update in s, and the box, or nothing where it was lost.
 """
 
 import sys
@@ -25,9 +25,9 @@ def main() -> None:
             tracker.init(image, tuple(round(float(v)) for v in line[2:6]))
             print("0", flush=True)
             continue
-        began = time.perf_counter()
+        began = time.process_time()
         good, box = tracker.update(image)
-        elapsed = time.perf_counter() - began
+        elapsed = time.process_time() - began
         print(elapsed, *(box if good else ()), flush=True)
 
 

@@ -39,21 +39,24 @@ def features_of_regions(
     ``labels`` (h, w) say where the ``members`` (n,) are, ``box`` x0, y0, x1, y1 holds them, and ``area`` is how many px
     they have.
     """
-    total = np.zeros(3)
-    n = 0
+    # one place more than the largest member's, for all labels beyond
+    other = members.max() + 1
+    belongs = np.zeros(other + 1, np.bool_)
+    for k in members:
+        belongs[k] = True
+    blue, green, red, n = np.int64(0), np.int64(0), np.int64(0), 0
     for i in range(box[1], box[3]):
-        for j in range(box[0], box[2]):
-            label = labels[i, j]
-            if label == 0:
-                continue
-            for k in members:
-                if k == label:
-                    b, g, r = float(image[i, j, 0]), float(image[i, j, 1]), float(image[i, j, 2])
-                    total[0] += 0.114 * b + 0.587 * g + 0.299 * r
-                    total[1] += 0.5 * (b - r)
-                    total[2] += 0.5 * g - 0.25 * (b + r)
-                    n += 1
-                    break
+        line, row = labels[i, box[0] : box[2]], image[i, box[0] : box[2]]
+        for j in range(line.size):
+            if belongs[min(line[j], other)]:
+                blue += np.int64(row[j, 0])
+                green += np.int64(row[j, 1])
+                red += np.int64(row[j, 2])
+                n += 1
+    total = np.empty(3)
+    total[0] = 0.114 * blue + 0.587 * green + 0.299 * red
+    total[1] = 0.5 * (blue - red)
+    total[2] = 0.5 * green - 0.25 * (blue + red)
     return features(total / max(n, 1), float(box[2] - box[0]), float(box[3] - box[1]), area)
 
 

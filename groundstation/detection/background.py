@@ -8,6 +8,7 @@ another one shows. Where no kept frame knows the scene, the caller falls back on
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -20,6 +21,7 @@ from groundstation.detection.registration import (
     MIN_TEXTURED,
     Box,
     coarse,
+    grey_of,
     mean_misfit,
     misplacement,
     refine,
@@ -55,144 +57,113 @@ class Difference:
 
 
 @njit(cache=True, nogil=True, inline="always", fastmath=True)
-def _against(
-    image: ImageArray, at: tuple[int, int], frame: ImageArray, x: int, y: int, weights: Weights, c: int
-) -> tuple[np.float32, np.float32]:
-    """Return one channel's difference from a frame between its pixels, and the frame's slope there."""
-    a, b = np.float32(frame[y, x, c]), np.float32(frame[y, x + 1, c])
-    d, f = np.float32(frame[y + 1, x, c]), np.float32(frame[y + 1, x + 1, c])
-    value = weights[0] * a + weights[1] * b + weights[2] * d + weights[3] * f
-    return np.float32(image[at[1], at[0], c]) - value, abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b)
+def _opponents(b: np.float32, g: np.float32, r: np.float32) -> tuple[np.float32, np.float32, np.float32]:
+    """Return grey, blue minus red and green minus magenta of a colour, as in `flatten`."""
+    half = np.float32(0.5)
+    grey = np.float32(0.114) * b + np.float32(0.587) * g + np.float32(0.299) * r
+    return grey, half * (b - r), half * g - half * half * (b + r)
+
+
+@njit(cache=True, nogil=True, inline="always", fastmath=True)
+def _unlike(b: np.float32, g: np.float32, r: np.float32) -> np.float32:
+    """Return how unlike the background a colour's difference from it is, grey levels."""
+    grey, blue_red, magenta = _opponents(b, g, r)
+    return abs(grey) + np.float32(2) * (abs(blue_red) + abs(magenta))
 
 
 @njit(cache=True, nogil=True)
-def _unexplained(within: Box, misfit: Float32Array) -> NDArray[np.int32]:
-    """Return the places (n, 2), row and column, in a part x0, y0, x1, y1 of the window that no frame fits well yet."""
-    x0, y0, x1, y1 = within
-    places = np.empty((max(x1 - x0, 0) * max(y1 - y0, 0), 2), np.int32)
-    n = 0
-    for i in range(y0, y1):
-        for j in range(x0, x1):
-            places[n, 0], places[n, 1] = i, j
-            n += misfit[i, j] >= _GOOD_FIT
-    return places[:n]
+def _open(misfit: Float32Array, first: int, last: int) -> tuple[int, int]:
+    """Return the part x0, x1 of a row, between two columns, that no frame fits well yet; x0 = x1 if there is none."""
+    while first < last and misfit[first] < _GOOD_FIT:
+        first += 1
+    while last > first and misfit[last - 1] < _GOOD_FIT:
+        last -= 1
+    return first, last
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _difference(
-    image: ImageArray,
-    corner: tuple[int, int],
-    places: NDArray[np.int32],
-    frame: ImageArray,
-    shift: tuple[float, float],
-    hidden: Box,
-    edge_px: float,
-    residual: Float32Array,
-    edge: Float32Array,
-    misfit: Float32Array,
-) -> NDArray[np.int32]:
-    """Compare ``places`` of the window with one kept frame, and return those that it does not fit well, either.
-
-    ``corner`` is the window's place in the image. Each pixel takes the frame that fits it best: what one frame shows
-    of a passing bird is not background.
-    """
-    height, width = frame.shape[:2]
-    ox, oy = math.floor(shift[0]), math.floor(shift[1])
-    fx, fy = np.float32(shift[0] - ox), np.float32(shift[1] - oy)
-    one, half = np.float32(1), np.float32(0.5)
-    weights = ((one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy)
-    x0, y0 = corner[0] + ox, corner[1] + oy
-    gain = half * np.float32(edge_px)
-    left = 0
-    for n in range(places.shape[0]):
-        i, j = places[n, 0], places[n, 1]
-        x, y = x0 + j, y0 + i
-        inside = 0 <= x < width - 1 and 0 <= y < height - 1
-        if inside and not (hidden[1] <= y + fy < hidden[3] and hidden[0] <= x + fx < hidden[2]):
-            at = (corner[0] + j, corner[1] + i)
-            blue, slope_0 = _against(image, at, frame, x, y, weights, 0)
-            green, slope_1 = _against(image, at, frame, x, y, weights, 1)
-            red, slope_2 = _against(image, at, frame, x, y, weights, 2)
-            grey = np.float32(0.114) * blue + np.float32(0.587) * green + np.float32(0.299) * red
-            blue_red, magenta = half * (blue - red), half * green - half * half * (blue + red)
-            fit = abs(grey) + np.float32(2) * (abs(blue_red) + abs(magenta))
-            if fit < misfit[i, j]:
-                misfit[i, j] = fit
-                residual[0, i, j], residual[1, i, j], residual[2, i, j] = grey, blue_red, magenta
-                edge[i, j] = gain * max(slope_0, slope_1, slope_2)
-        if misfit[i, j] >= _GOOD_FIT:
-            places[left, 0], places[left, 1] = i, j
-            left += 1
-    return places[:left]
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _compare(
+def _lay_under(
     window: Planes,
-    ground: Planes,
-    between: tuple[float, float],
+    frame: Planes,
+    offset: tuple[float, float],
     edge_px: float,
-    shown: tuple[Box, Box],
+    within: Box,
+    hole: tuple[float, float, float, float],
     residual: Float32Array,
     edge: Float32Array,
     misfit: Float32Array,
-) -> None:
-    """Write the difference of a window (h, w) from a frame's planes (h + 1, w + 1), taken between their pixels.
+) -> bool:
+    """Write the difference of a window (h, w) from a kept frame where no frame fits well yet and this one fits better.
 
-    ``between`` is how far right and down of each of the frame's pixels, ``shown`` the part of the window that the frame
-    shows and the hole in it that the target hides; elsewhere the misfit is unknown. Each channel is gone through on its
-    own and row by row, so that the compiler works on many pixels at a time.
+    ``offset`` (x, y) is the window's place in the frame, which is taken between its pixels; ``within`` x0, y0, x1, y1
+    the part of the window to work on, ``hole`` what the target hides of the frame, in the frame's pixels. Returns
+    whether something in that part is still open. What one frame shows of a passing bird is not background, hence each
+    pixel takes the first frame that fits it well, or the one that fits best. Each channel is gone through on its own
+    and row by row, so that the compiler works on many pixels at a time.
     """
-    valid, hole = shown
-    h, w = edge.shape
-    fx, fy, one = np.float32(between[0]), np.float32(between[1]), np.float32(1)
+    h, w = frame[0].shape
+    ox, oy = math.floor(offset[0]), math.floor(offset[1])
+    fx, fy, one = np.float32(offset[0] - ox), np.float32(offset[1] - oy), np.float32(1)
     w00, w01, w10, w11 = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
     gain = np.float32(0.5 * edge_px)
-    apart = np.empty((3, w), np.float32)
-    for i in range(h):
-        steep = edge[i]
-        steep[:] = 0.0
+    apart, steep = np.empty((3, edge.shape[1]), np.float32), np.empty(edge.shape[1], np.float32)
+    unfit = np.empty(edge.shape[1], np.float32)
+    # columns of the window that the frame shows, and of these the ones that the target hides
+    shown = (max(-ox, 0), min(w - 1 - ox, edge.shape[1]))
+    hidden = (math.ceil(hole[0] - offset[0]), math.ceil(hole[2] - offset[0]))
+    left = False
+    for i in range(within[1], within[3]):
+        x0, x1 = _open(misfit[i], within[0], within[2])
+        y = oy + i
+        a, b = max(x0, shown[0]), min(x1, shown[1])
+        if a >= b or not 0 <= y < h - 1:
+            left = left or x1 > x0
+            continue
+        n = b - a
+        steep[:n] = 0.0
         for c in range(3):
-            new, upper, lower = window[c][i], ground[c][i], ground[c][i + 1]
-            for j in range(w):
-                a, b = np.float32(upper[j]), np.float32(upper[j + 1])
-                d, f = np.float32(lower[j]), np.float32(lower[j + 1])
-                apart[c, j] = np.float32(new[j]) - (w00 * a + w01 * b + w10 * d + w11 * f)
-                steep[j] = max(steep[j], gain * (abs(b - a) + abs(f - d) + abs(d - a) + abs(f - b)))
-        grey, blue_red, magenta, unfit = residual[0, i], residual[1, i], residual[2, i], misfit[i]
-        for j in range(w):
-            b, g, r = apart[0, j], apart[1, j], apart[2, j]
-            level = np.float32(0.114) * b + np.float32(0.587) * g + np.float32(0.299) * r
-            one_colour, other_colour = np.float32(0.5) * (b - r), np.float32(0.5) * g - np.float32(0.25) * (b + r)
-            grey[j], blue_red[j], magenta[j] = level, one_colour, other_colour
-            unfit[j] = abs(level) + np.float32(2) * (abs(one_colour) + abs(other_colour))
-        if not valid[1] <= i < valid[3]:
-            unfit[:] = np.float32(_UNKNOWN)
-        unfit[: valid[0]] = np.float32(_UNKNOWN)
-        unfit[max(valid[2], 0) :] = np.float32(_UNKNOWN)
-        if hole[1] <= i < hole[3]:
-            unfit[max(hole[0], 0) : max(hole[2], 0)] = np.float32(_UNKNOWN)
+            new = window[c][i, a:b]
+            upper, lower = frame[c][y, ox + a : ox + b + 1], frame[c][y + 1, ox + a : ox + b + 1]
+            for j in range(n):
+                p, q = np.float32(upper[j]), np.float32(upper[j + 1])
+                r, s = np.float32(lower[j]), np.float32(lower[j + 1])
+                apart[c, j] = np.float32(new[j]) - (w00 * p + w01 * q + w10 * r + w11 * s)
+                steep[j] = max(steep[j], gain * (abs(q - p) + abs(s - r) + abs(r - p) + abs(s - q)))
+        for j in range(n):
+            unfit[j] = _unlike(apart[0, j], apart[1, j], apart[2, j])
+        if hole[1] <= y + fy < hole[3]:
+            unfit[min(max(hidden[0] - a, 0), n) : min(max(hidden[1] - a, 0), n)] = np.float32(_UNKNOWN)
+        grey, blue_red, magenta = residual[0, i, a:b], residual[1, i, a:b], residual[2, i, a:b]
+        steepness, worst = edge[i, a:b], misfit[i, a:b]
+        for j in range(n):
+            better = worst[j] >= np.float32(_GOOD_FIT) and unfit[j] < worst[j]
+            level, one_colour, other_colour = _opponents(apart[0, j], apart[1, j], apart[2, j])
+            grey[j] = level if better else grey[j]
+            blue_red[j] = one_colour if better else blue_red[j]
+            magenta[j] = other_colour if better else magenta[j]
+            steepness[j] = steep[j] if better else steepness[j]
+            worst[j] = unfit[j] if better else worst[j]
+        x0, x1 = _open(misfit[i], x0, x1)
+        left = left or x1 > x0
+    return left
 
 
-def _cut(frame: ImageArray, x: int, y: int, size: tuple[int, int]) -> Planes:
-    """Return the planes of a window (w, h) of a frame whose upper-left corner is (x, y); black beyond the frame."""
-    w, h = size
-    inside = frame[max(y, 0) : max(y + h, 0), max(x, 0) : max(x + w, 0)]
-    if inside.shape[:2] == (h, w):
-        return planes(inside)
-    window = np.zeros((h, w, 3), np.uint8)
-    top, left = max(-y, 0), max(-x, 0)
-    if inside.size:
-        window[top : top + inside.shape[0], left : left + inside.shape[1]] = inside
-    return planes(window)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Seen:
-    """A part (h, w, 3) of an earlier frame, with its corner in it, px."""
+    """A part (h, w, 3) of an earlier frame, with its corner in it, px; before the sky nobody needs more than that."""
 
     image: ImageArray
     corner: tuple[int, int]
+
+    @cached_property
+    def colour(self) -> Planes:
+        """Its blue, green and red."""
+        return planes(self.image)
+
+    @cached_property
+    def grey(self) -> Float32Array:
+        """Its grey levels (h, w)."""
+        return grey_of(self.image)
 
 
 class BackgroundMemory:
@@ -237,48 +208,48 @@ class BackgroundMemory:
         part, corner = picture.window(picture.available(grown(place, 1)) or place)
         image = np.ascontiguousarray(part)
         inside = (origin[0] - corner[0], origin[1] - corner[1])
-        if not self._register(_Seen(image, corner), inside, size, target):
+        if not self._register(image, corner, inside, size, target):
             self.reset()
             return None
-        residual = np.empty((3, h, w), np.float32)
-        edge, misfit = np.empty((h, w), np.float32), np.empty((h, w), np.float32)
-        frame, hidden, shift = self._laid_under(self._order[0], corner)
-        x0, y0 = inside[0] + shift[0], inside[1] + shift[1]
-        ground = _cut(frame, math.floor(x0), math.floor(y0), (w + 1, h + 1))
         window = planes(image[inside[1] : inside[1] + h, inside[0] : inside[0] + w])
-        last = (math.floor(frame.shape[1] - 1 - x0), math.floor(frame.shape[0] - 1 - y0))
-        valid = (max(math.ceil(-x0), 0), max(math.ceil(-y0), 0), min(last[0], w), min(last[1], h))
-        top_left = (math.ceil(hidden[0] - x0), math.ceil(hidden[1] - y0))
-        hole = (*top_left, math.ceil(hidden[2] - x0), math.ceil(hidden[3] - y0))
-        between, out = (x0 - math.floor(x0), y0 - math.floor(y0)), (residual, edge, misfit)
-        _compare(window, ground, between, self._edge_px, (valid, hole), *out)
-        # older frames serve where the target may be, where the newest one hides the scene, and where it ends
-        near = _union(
-            (target[0] - origin[0], target[1] - origin[1], target[2] - origin[0], target[3] - origin[1]), hole, size
-        )
-        whole = (0, 0, w, h)
-        open_px = _unexplained(near if valid == whole else whole, misfit)
-        for k in self._order[1:]:
-            frame, hidden, shift = self._laid_under(k, corner)
-            open_px = _difference(image, inside, open_px, frame, shift, hidden, self._edge_px, *out)
-        return Difference(residual=residual, edge=edge, known=misfit < _UNKNOWN)
+        residual, edge = np.empty((3, h, w), np.float32), np.empty((h, w), np.float32)
+        misfit = np.full((h, w), _UNKNOWN, np.float32)
+        within: Box = (0, 0, w, h)
+        for k in self._order:
+            kept, hole, (sx, sy) = self._laid_under(k, corner)
+            offset = (inside[0] + sx, inside[1] + sy)
+            if not _lay_under(window, kept.colour, offset, self._edge_px, within, hole, residual, edge, misfit):
+                break
+            if k == self._order[0] and _holds(kept.grey.shape, offset, size):
+                # older frames serve where the target may be, where the newest one hides the scene, and where it ends
+                near = (target[0] - origin[0], target[1] - origin[1], target[2] - origin[0], target[3] - origin[1])
+                x, y = hole[0] - offset[0], hole[1] - offset[1]
+                ends = (math.ceil(x), math.ceil(y), math.ceil(hole[2] - offset[0]), math.ceil(hole[3] - offset[1]))
+                within = _union(near, ends, size)
+        known = misfit < _UNKNOWN
+        if not known.all():
+            residual[:, ~known], edge[~known] = 0.0, 0.0
+        return Difference(residual=residual, edge=edge, known=known)
 
-    def _laid_under(self, k: int, corner: tuple[int, int]) -> tuple[ImageArray, Box, tuple[float, float]]:
+    def _laid_under(self, k: int, corner: tuple[int, int]) -> tuple[_Seen, Box, tuple[float, float]]:
         """Return a kept part, what the target hides of it, and the shift to it from a part at ``corner``."""
         kept, hidden = self._frames[k], self._hidden[k]
         (x, y), shift = kept.corner, self._shifts[k]
         hole = (int(hidden[0]) - x, int(hidden[1]) - y, int(hidden[2]) - x, int(hidden[3]) - y)
-        return kept.image, hole, (float(shift[0]) + corner[0] - x, float(shift[1]) + corner[1] - y)
+        return kept, hole, (float(shift[0]) + corner[0] - x, float(shift[1]) + corner[1] - y)
 
-    def _register(self, seen: _Seen, inside: tuple[int, int], size: tuple[int, int], target: Box) -> bool:
+    def _register(
+        self, image: ImageArray, corner: tuple[int, int], inside: tuple[int, int], size: tuple[int, int], target: Box
+    ) -> bool:
         """Find the new image's shift to the newest kept frame and carry it over to the others."""
-        x, y = seen.corner
+        x, y = corner
         keep_out = (target[0] - x, target[1] - y, target[2] - x, target[3] - y)
-        rows = textured(seen.image, inside, size, keep_out)
+        rows = textured(image, inside, size, keep_out)
         if rows.shape[0] < MIN_TEXTURED:
             return False
         newest = self._order[0]
-        reference, hidden, shift = self._laid_under(newest, seen.corner)
+        kept, hidden, shift = self._laid_under(newest, corner)
+        reference = kept.grey
         start = (shift[0] + float(self._motion[0]), shift[1] + float(self._motion[1]))
         sx, sy, sigma = refine(rows, reference, hidden, *start)
         if sigma > _MAX_SHIFT_SIGMA_PX or mean_misfit(rows, reference, hidden, sx, sy, 1) > _MAX_MISFIT:
@@ -308,6 +279,12 @@ class BackgroundMemory:
         self._shifts[slot] = 0.0
         self._order.insert(0, slot)
         self._age = 0
+
+
+def _holds(shape: tuple[int, ...], offset: tuple[float, float], size: tuple[int, int]) -> bool:
+    """Return whether a frame (h, w) shows all of a window (w, h) at that offset in it, between its pixels."""
+    (x, y), (w, h) = offset, size
+    return x >= 0 and y >= 0 and math.floor(x) + w < shape[1] and math.floor(y) + h < shape[0]
 
 
 def _union(a: Box, b: Box, size: tuple[int, int]) -> Box:

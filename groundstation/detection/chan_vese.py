@@ -17,11 +17,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from groundstation.detection.narrow_band import AT_REST, PHI_LIMIT, collect, limited_step, wake
+from groundstation.detection.narrow_band import AT_REST, PHI_LIMIT, limited_step, wake
+from groundstation.detection.settling import collect, collect_forgotten, means_of, settle
 
 _FLAT_ORACLE = 1e-12  # added to |∇φ|² so that a flat φ can still move: next to nothing
 _LEAST_INSIDE = 0.5  # of the level that the target is expected to reach
-_ASLEEP = 0.001  # one that need not be followed up
+_ASLEEP = 0.01  # one that need not be followed up
+_LOW, _FAR = 1.0, 0.3  # what is lower, or moves faster, may soon change sides
 
 
 @njit(cache=True, nogil=True)
@@ -129,18 +131,20 @@ def _sums(u: NDArray[np.float32], inside: NDArray[np.bool_], above: np.float32) 
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _clip(u: NDArray[np.float32], phi: NDArray[np.float32]) -> tuple[int, float, float]:
-    """Hold φ within its limits; return the pixels inside, the sum of u over them and over all."""
+def _clip(u: NDArray[np.float32], phi: NDArray[np.float32], rows: NDArray[np.int32]) -> tuple[int, float, float]:
+    """Hold φ within its limits; return the pixels inside (also by row), the sum of u over them and over all."""
     limit = np.float32(PHI_LIMIT)
     n, inside, total = 0, 0.0, 0.0
     for i in range(u.shape[0]):
-        row_n, row_inside, row_total = 0, np.float32(0), np.float32(0)
+        row_n, row_inside, row_total = np.int32(0), np.float32(0), np.float32(0)
         for j in range(u.shape[1]):
-            phi[i, j] = min(max(phi[i, j], -limit), limit)
+            value = min(max(phi[i, j], -limit), limit)
+            phi[i, j] = value
             row_total += u[i, j]
-            row_inside += u[i, j] if phi[i, j] > 0 else np.float32(0)
-            row_n += phi[i, j] > 0
-        n += row_n
+            row_inside += u[i, j] if value > 0 else np.float32(0)
+            row_n += np.int32(value > 0)
+        rows[i] = row_n
+        n += int(row_n)
         inside += float(row_inside)
         total += float(row_total)
     return n, inside, total
@@ -161,52 +165,60 @@ def evolve(
     """Evolve φ in place, held within ±`PHI_LIMIT`, touching only pixels that move and their neighbours.
 
     Returns the iterations done. It has come to rest when φ moves at no more than ``stop_fraction`` of the pixels
-    inside, ``stop_after`` times running. Then the whole grid is looked over with the means reached, so that no
-    region is forgotten, and the work goes on wherever something would still move. Where the means take scenery for
-    the target, most of the picture moves for long; ``visits_per_px`` bounds what is spent on that, as visits to a
-    pixel over the grid's pixels.
+    inside, ``stop_after`` times running. Then the contour's pixels take the side where they rest without a limit
+    (settling.py), and the whole grid is looked over with the means reached, so that no region is forgotten: the work
+    goes on wherever something would still move. Where the means take scenery for the target, most of the picture
+    moves for long; ``visits_per_px`` bounds what is spent on that, as visits to a pixel over the grid's pixels.
     """
     h, w = u.shape
-    lambda1, lambda2 = np.float32(weights[2]), np.float32(weights[3])
-    mu, nu, eps_f, dt_f = np.float32(weights[0]), np.float32(weights[1]), np.float32(eps), np.float32(dt)
-    n, inside, total = _clip(u, phi)
+    four = np.array(weights, np.float32)
+    mu, hold, eps_f, dt_f = four[0], np.float32(4) * four[0], np.float32(eps), np.float32(dt)
+    rows = np.empty(h, np.int32)
+    n, inside, total = _clip(u, phi, rows)
     queue, after = np.empty(h * w, np.int32), np.empty(h * w, np.int32)
-    waiting = np.zeros(h * w, np.bool_)
-    count = 0
-    quiet = stop_after
+    waiting, seen = np.zeros(h * w, np.bool_), np.zeros(h * w, np.bool_)
+    quiet = 0
     left = visits_per_px * h * w
+    count = collect(u, phi, means_of(n, inside, total, h * w, four), mu, rows, queue)
     for iteration in range(iterations):
-        c1 = np.float32(inside / max(n, 1))
-        c2 = np.float32((total - inside) / max(h * w - n, 1))
-        # −ν − λ1 (u − c1)² + λ2 (u − c2)², sorted by powers of u
-        bend, slope = lambda2 - lambda1, np.float32(2) * (lambda1 * c1 - lambda2 * c2)
-        level = lambda2 * c2 * c2 - lambda1 * c1 * c1 - nu
-        if quiet >= stop_after:
-            count = collect(u, phi, (bend, slope, level), (mu, eps_f, dt_f), queue)
+        if quiet >= stop_after or count == 0:
+            n, inside, visits = settle(u, phi, four, (n, inside, total), rows, (queue, after, waiting, seen))
+            drive = means_of(n, inside, total, h * w, four)
+            count = collect_forgotten(u, phi, drive, (mu, eps_f, dt_f), rows, seen, queue)
             if count <= stop_fraction * n:
                 return iteration
-            quiet = 0
+            quiet, left = 0, left - visits
         left -= count
         if left < 0:
             return iteration
+        bend, slope, level = means_of(n, inside, total, h * w, four)
         changed, coming = 0, 0
         for k in range(count):
             place = queue[k]
             i, j = place // w, place % w
             old, value = phi[i, j], u[i, j]
-            new = limited_step(phi, i, j, (bend * value + slope) * value + level, mu, eps_f, dt_f)
+            push = (bend * value + slope) * value + level
+            # at its limit, and held there by more than four neighbours can pull
+            if abs(push) > hold and abs(old) >= np.float32(PHI_LIMIT) and (push > 0) == (old > 0):
+                continue
+            new = limited_step(phi, i, j, push, mu, eps_f, dt_f)
             phi[i, j] = new
-            changed += abs(new - old) > np.float32(AT_REST)
-            if abs(new - old) > np.float32(_ASLEEP):
+            seen[place] = True
+            moved = abs(new - old)
+            if moved > np.float32(AT_REST) and (abs(new) < np.float32(_LOW) or moved > np.float32(_FAR)):
+                changed += 1
+            if moved > np.float32(_ASLEEP):
                 coming = wake(place, h, w, waiting, after, coming)
             if (new > 0) != (old > 0):
                 sign = 1 if new > 0 else -1
                 n += sign
+                rows[i] += sign
                 inside += sign * value
         for k in range(coming):
             waiting[after[k]] = False
         queue, after, count = after, queue, coming
         quiet = quiet + 1 if changed <= stop_fraction * n else 0
+    settle(u, phi, four, (n, inside, total), rows, (queue, after, waiting, seen))
     return iterations
 
 

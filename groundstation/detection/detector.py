@@ -181,6 +181,7 @@ class Detector:
             u_px=float(point[0]),
             v_px=float(point[1]),
             covariance_px2=covariance,
+            noise_px2=nose.noise * look.scale**2,
             centroid_px=look.full(group.centre),
             box=(float(left), float(top), float(group.width * size), float(group.height * size)),
             area_px=group.area * size**2,
@@ -208,14 +209,18 @@ def _place_of(detection: Detection) -> tuple[int, int, int, int]:
 
 def _outline(member: NDArray[np.uint8], look: Look, corner: FloatArray) -> NDArray[np.float32]:
     """Return the outline in full-image pixels, pieces separated by a row of NaN."""
+    if look.scale > 1:
+        # round the pixels that those of a reduced image stand for: through their middles it would lose half of each
+        size = (member.shape[1] * look.scale, member.shape[0] * look.scale)
+        member = np.asarray(cv2.resize(member, size, interpolation=cv2.INTER_NEAREST), np.uint8)
     contours, _ = cv2.findContours(member, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not contours:
         return np.empty((0, 2), np.float32)
     # one array of all pieces, with a row between them
     points = np.empty((sum(map(len, contours)) + len(contours) - 1, 2), np.float32)
-    n, origin = 0, look.full(corner)
+    n, origin = 0, look.full(corner) - 0.5 * (look.scale - 1)
     for contour in contours:
-        points[n : n + len(contour)] = contour.reshape(-1, 2) * look.scale + origin
+        points[n : n + len(contour)] = contour.reshape(-1, 2) + origin
         points[n + len(contour) : n + len(contour) + 1] = np.nan
         n += len(contour) + 1
     return points

@@ -9,8 +9,6 @@ and the level set is driven by ``share`` × local + (1 − ``share``) × global,
 a share below 1 keeps the contour from settling where one side has nothing to be fitted to.
 """
 
-import math
-
 import cv2
 import numpy as np
 from numba import njit
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 
 from groundstation.detection.chan_vese import region_means
 from groundstation.detection.narrow_band import AT_REST, PHI_LIMIT, limited_step
+from groundstation.detection.settling import settle_driven
 
 Float32Array = NDArray[np.float32]
 _SWEEPS = 3  # of the whole grid between two fits
@@ -94,10 +93,13 @@ def evolve_local(
     in px; the rest as in `chan_vese.evolve`, by whose rule it stops.
     """
     np.clip(phi, -PHI_LIMIT, PHI_LIMIT, out=phi)
-    quiet = 0
-    for round_ in range(math.ceil(iterations / _SWEEPS)):
+    quiet, done = 0, 0
+    while done < iterations:
         moved, n = _sweep(drive_field(u, phi, weights, local), phi, weights[0], eps, dt, _SWEEPS)
+        done += _SWEEPS
         quiet = quiet + 1 if moved <= stop_fraction * n else 0
         if quiet >= stop_after:
-            return (round_ + 1) * _SWEEPS
-    return iterations
+            break
+    # the last pixels go where the flow without limits takes them, as in `chan_vese.evolve`
+    settle_driven(drive_field(u, phi, weights, local), phi, weights[0])
+    return min(done, iterations)

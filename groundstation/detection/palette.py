@@ -73,18 +73,20 @@ def _discount(
 ) -> None:
     """Scale the contrast of each pixel down where its colour is common in the surroundings."""
     low, high = math.log(_COMMON), math.log(_RARE)
-    factor = np.ones(share.size, np.float32)
+    # of a bin only when a pixel asks for it, and once: few of all are asked for
+    factor = np.full(share.size, np.float32(-1))
     shares = share.ravel()
-    for k in range(shares.size):
-        if shares[k] > _RARE:
-            factor[k] = max(0.0, (math.log(shares[k]) - low) / (high - low))
     for i in range(contrast.shape[0]):
-        for j in range(contrast.shape[1]):
-            if contrast[i, j] > _NOISE:
-                a = _bin(residual[0, i, j], per_level[0], share.shape[0])
-                b = _bin(residual[1, i, j], per_level[1], share.shape[1])
-                c = _bin(residual[2, i, j], per_level[2], share.shape[2])
-                contrast[i, j] *= factor[(a * share.shape[1] + b) * share.shape[2] + c]
+        row, grey, blue_red, magenta = contrast[i], residual[0, i], residual[1, i], residual[2, i]
+        for j in range(row.size):
+            if row[j] > _NOISE:
+                a = _bin(grey[j], per_level[0], share.shape[0])
+                b = _bin(blue_red[j], per_level[1], share.shape[1])
+                k = (a * share.shape[1] + b) * share.shape[2] + _bin(magenta[j], per_level[2], share.shape[2])
+                if factor[k] < 0:
+                    common = shares[k] > _RARE
+                    factor[k] = max(0.0, (math.log(shares[k]) - low) / (high - low)) if common else 1.0
+                row[j] *= factor[k]
 
 
 @njit(cache=True, nogil=True)

@@ -43,6 +43,7 @@ def in_full(track: PixelTrack, scale: int) -> PixelTrack:
             u_px=(result.u_px - offset) / scale,
             v_px=(result.v_px - offset) / scale,
             covariance_px2=result.covariance_px2 / scale**2,
+            noise_px2=result.noise_px2 / scale**2,
             centroid_px=(result.centroid_px - offset) / scale,
             box=((x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5, w / scale, h / scale),
             area_px=result.area_px / scale**2,

@@ -208,23 +208,39 @@ def _upper(count: NDArray[np.int64], share: float) -> float:
     return 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, inline="always")
+def _place(value: np.float32) -> np.int32:
+    """Return the place of a contrast in the histogram over its root."""
+    root = np.float32(_BINS_PER_ROOT) * np.sqrt(value)
+    return np.int32(min(root, np.float32(_BINS_PER_ROOT * _MAX_ROOT - 1)))
+
+
+@njit(cache=True, nogil=True)
 def _levels(
     contrast: Float32Array, box: Box, columns: Float32Array, rows: Float32Array, area_px: float
 ) -> tuple[float, float]:
     """Return the level that ``area_px`` pixels exceed near the prediction, and what their share exceeds elsewhere."""
     x0, y0, x1, y1 = box
-    gain, last = np.float32(_BINS_PER_ROOT), _BINS_PER_ROOT * _MAX_ROOT - 1
+    last = _BINS_PER_ROOT * _MAX_ROOT - 1
     near, far = np.zeros(last + 1, np.int64), np.zeros(last + 1, np.int64)
+    places = np.empty(contrast.shape[1], np.int32)
     # a share of many pixels is known well enough from every second row of them
     for i in range(y0, y1, 1 if (x1 - x0) * (y1 - y0) < _MANY_PX else 2):
-        for j in range(x0, x1):
-            value = contrast[i, j] * columns[j - x0] * rows[i - y0]
-            near[min(int(gain * np.sqrt(value)), last)] += 1
+        row, likely = contrast[i], rows[i - y0]
+        # all of a row's places first, which the compiler does many at a time
+        for k in range(x1 - x0):
+            places[k] = _place(row[x0 + k] * columns[k] * likely)
+        for k in range(x1 - x0):
+            near[places[k]] += 1
+    left, right = (x0 + 1) // 2, (x1 + 1) // 2  # of every second column, those inside
     for i in range(0, contrast.shape[0], 2):
-        for j in range(0, contrast.shape[1], 2):
-            if not (y0 <= i < y1 and x0 <= j < x1):
-                far[min(int(gain * np.sqrt(contrast[i, j])), last)] += 1
+        row, beside = contrast[i], y0 <= i < y1
+        for k in range((row.size + 1) // 2):
+            places[k] = _place(row[2 * k])
+        for k in range(left if beside else 0):
+            far[places[k]] += 1
+        for k in range(max(right, left) if beside else 0, (row.size + 1) // 2):
+            far[places[k]] += 1
     share = min(max(area_px, 3.0) / ((x1 - x0) * (y1 - y0)), 0.3)
     return _upper(near, share), max(_upper(far, share), _TAIL) if far.sum() > _ENOUGH_PX else _TAIL
 

@@ -135,18 +135,27 @@ def soft_silhouette(
     x0, y0, x1, y1 = box
     h, w = y1 - y0, x1 - x0
     mask, soft = np.zeros((h, w), np.uint8), np.zeros((h, w), np.float32)
+    # one place more than the largest member's, for all labels beyond
+    other = members.max() + 1
+    belongs = np.zeros(other + 1, np.uint8)
+    for k in members:
+        belongs[k] = 1
     for i in range(h):
+        line, own = labels[y0 + i], mask[i]
         for j in range(w):
-            label = labels[y0 + i, x0 + j]
-            if label == 0:
-                continue
-            for k in members:
-                if k == label:
-                    mask[i, j] = 1
-                    for p in range(max(i - 1, 0), min(i + 2, h)):
-                        for q in range(max(j - 1, 0), min(j + 2, w)):
-                            soft[p, q] = u[y0 + p, x0 + q]
-                    break
+            own[j] = belongs[min(line[x0 + j], other)]
+    near = np.zeros(w + 2, np.uint8)
+    for i in range(h):
+        above, own, below = mask[max(i - 1, 0)], mask[i], mask[min(i + 1, h - 1)]
+        some = np.uint8(0)
+        for j in range(w):
+            near[j + 1] = above[j] | own[j] | below[j]
+            some |= near[j + 1]
+        if some == 0:
+            continue
+        line, out = u[y0 + i], soft[i]
+        for j in range(w):
+            out[j] = line[x0 + j] if (near[j] | near[j + 1] | near[j + 2]) != 0 else np.float32(0)
     return mask, soft
 
 

@@ -14,6 +14,7 @@ from groundstation.arrays import FloatArray, ImageArray
 
 Box = tuple[int, int, int, int]
 ImageRow = NDArray[np.uint8]
+Float32Array = NDArray[np.float32]
 
 _MIN_TEXTURE = 3.0  # grey levels per px: gradients below it are noise
 MIN_TEXTURED = 40
@@ -23,15 +24,21 @@ _CLIPPED = 30.0  # grey levels
 
 
 @njit(cache=True, nogil=True)
-def _grey(image: ImageArray, y: int, x: int) -> float:
-    return 0.114 * image[y, x, 0] + 0.587 * image[y, x, 1] + 0.299 * image[y, x, 2]
-
-
-@njit(cache=True, nogil=True)
 def _greys(row: ImageRow, out: FloatArray) -> None:
     """Write the grey levels of a row of pixels, three bytes each."""
     for x in range(out.size):
         out[x] = 0.114 * row[3 * x] + 0.587 * row[3 * x + 1] + 0.299 * row[3 * x + 2]
+
+
+@njit(cache=True, nogil=True)
+def grey_of(image: ImageArray) -> Float32Array:
+    """Return the grey levels (h, w) of a contiguous picture (h, w, 3) BGR, not rounded."""
+    h, w = image.shape[:2]
+    flat, row, grey = image.reshape(h, 3 * w), np.empty(w), np.empty((h, w), np.float32)
+    for y in range(h):
+        _greys(flat[y], row)
+        grey[y] = row
+    return grey
 
 
 def textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int], keep_out: Box) -> FloatArray:
@@ -68,18 +75,18 @@ def _textured(image: ImageArray, origin: tuple[int, int], size: tuple[int, int],
 
 
 @njit(cache=True, nogil=True)
-def _sample(image: ImageArray, x: float, y: float) -> float:
+def _sample(grey: Float32Array, x: float, y: float) -> float:
     """Return the grey level between pixels, or −1 outside."""
     ix, iy = math.floor(x), math.floor(y)
-    if ix < 0 or iy < 0 or ix + 1 >= image.shape[1] or iy + 1 >= image.shape[0]:
+    if ix < 0 or iy < 0 or ix + 1 >= grey.shape[1] or iy + 1 >= grey.shape[0]:
         return -1.0
     fx, fy = x - ix, y - iy
-    top = (1 - fx) * _grey(image, iy, ix) + fx * _grey(image, iy, ix + 1)
-    return (1 - fy) * top + fy * ((1 - fx) * _grey(image, iy + 1, ix) + fx * _grey(image, iy + 1, ix + 1))
+    top = (1 - fx) * grey[iy, ix] + fx * grey[iy, ix + 1]
+    return (1 - fy) * top + fy * ((1 - fx) * grey[iy + 1, ix] + fx * grey[iy + 1, ix + 1])
 
 
 @njit(cache=True, nogil=True)
-def mean_misfit(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float, every: int) -> float:
+def mean_misfit(rows: FloatArray, reference: Float32Array, hidden: Box, sx: float, sy: float, every: int) -> float:
     """Return the mean clipped difference of the textured pixels at one shift."""
     total, n = 0.0, 0
     for k in range(0, rows.shape[0], every):
@@ -94,7 +101,7 @@ def mean_misfit(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float,
 
 
 @njit(cache=True, nogil=True)
-def coarse(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> tuple[float, float]:
+def coarse(rows: FloatArray, reference: Float32Array, hidden: Box, sx: float, sy: float) -> tuple[float, float]:
     """Return the best shift on a coarse raster around a guess."""
     every = max(rows.shape[0] // 300, 1)
     best, bx, by = 1e9, sx, sy
@@ -108,7 +115,7 @@ def coarse(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: 
 
 
 @njit(cache=True, nogil=True)
-def refine(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> tuple[float, float, float]:
+def refine(rows: FloatArray, reference: Float32Array, hidden: Box, sx: float, sy: float) -> tuple[float, float, float]:
     """Return the sub-pixel shift by robust Gauss-Newton, and its sigma in px (large when undetermined)."""
     sigma = 1e9
     for _ in range(10):
@@ -146,7 +153,7 @@ def refine(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: 
 
 
 @njit(cache=True, nogil=True)
-def misplacement(rows: FloatArray, reference: ImageArray, hidden: Box, sx: float, sy: float) -> float:
+def misplacement(rows: FloatArray, reference: Float32Array, hidden: Box, sx: float, sy: float) -> float:
     """Return how far, in px, the scene still lies off after the shift: how misfits grow with the gradient."""
     n, s_g, s_e, s_gg, s_ge = 0, 0.0, 0.0, 0.0, 0.0
     for k in range(rows.shape[0]):
@@ -176,8 +183,8 @@ def warm_up() -> None:
     y, x = np.mgrid[0:40, 0:60]
     picture = np.repeat((120 + 60 * ((x // 5 + y // 4) % 2)).astype(np.uint8)[:, :, None], 3, axis=2)
     rows = textured(picture, (0, 0), (60, 40), (0, 0, 0, 0))
-    nothing = (0, 0, 0, 0)
-    coarse(rows, picture, nothing, 0.0, 0.0)
-    refine(rows, picture, nothing, 0.0, 0.0)
-    mean_misfit(rows, picture, nothing, 0.0, 0.0, 1)
-    misplacement(rows, picture, nothing, 0.0, 0.0)
+    nothing, grey = (0, 0, 0, 0), grey_of(picture)
+    coarse(rows, grey, nothing, 0.0, 0.0)
+    refine(rows, grey, nothing, 0.0, 0.0)
+    mean_misfit(rows, grey, nothing, 0.0, 0.0, 1)
+    misplacement(rows, grey, nothing, 0.0, 0.0)

@@ -6,6 +6,8 @@ from groundstation.arrays import FloatArray
 from groundstation.detection.config import DetectionConfig
 from groundstation.messages import Roi
 
+_ROOM = 0.25  # of the basic size, which a silhouette keeps around it
+
 
 def place_roi(
     predicted_px: FloatArray,
@@ -13,6 +15,7 @@ def place_roi(
     last_size_px: tuple[float, float] | None,
     config: DetectionConfig,
     image_size_px: tuple[int, int],
+    last_middle_px: tuple[float, float] = (0.0, 0.0),
 ) -> Roi | None:
     """Return the window to search, clipped to the image, or None if nothing of it lies inside.
 
@@ -21,14 +24,19 @@ def place_roi(
     predicted_px : (2,) expected target point, u and v.
     predicted_covariance_px2 : (2, 2) its covariance.
     last_size_px : width and height of the target's last silhouette, None if not known.
+    last_middle_px : where the middle of that silhouette's box lay from the target point: an aircraft that climbs over
+        the camera hangs below its nose.
 
-    The window is the target's last size plus the basic size, centred on the prediction and widened by
-    ``roi_sigmas`` of it to either side.
+    The window is the target's last size plus the basic size, centred on the prediction and widened by ``roi_sigmas``
+    of it to either side. It moves, and does not grow, so that the silhouette keeps a quarter of the basic size around
+    it.
     """
     size = last_size_px if last_size_px is not None else (0.0, 0.0)
     edges: list[tuple[int, int]] = []
     for axis in (0, 1):
-        centre, variance = float(predicted_px[axis]), float(predicted_covariance_px2[axis, axis])
+        aside = last_middle_px[axis]
+        beyond = math.copysign(max(abs(aside) - _ROOM * config.roi_basic_px[axis], 0.0), aside)
+        centre, variance = float(predicted_px[axis]) + beyond, float(predicted_covariance_px2[axis, axis])
         if not math.isfinite(centre) or not variance >= 0:
             return None
         sigma = min(math.sqrt(variance), config.roi_max_sigma_px)

@@ -50,14 +50,21 @@ def _moved(
     inside = np.zeros(shape, np.bool_)
     top, bottom = to[1] - growth * (point[1] + 0.5), to[1] + growth * (mask.shape[0] - point[1])
     left, right = to[0] - growth * (point[0] + 0.5), to[0] + growth * (mask.shape[1] - point[0])
+    # which column of the mask each column shows is the same in every row; −1 for none
+    first = max(math.floor(left), 0)
+    last = max(min(math.ceil(right) + 1, w), first)
+    columns = np.empty(last - first, np.int64)
+    for j in range(first, last):
+        x = round((j - to[0]) / growth + point[0])
+        columns[j - first] = x if 0 <= x < mask.shape[1] else -1
     for i in range(max(math.floor(top), 0), min(math.ceil(bottom) + 1, h)):
         y = round((i - to[1]) / growth + point[1])
         if not 0 <= y < mask.shape[0]:
             continue
-        for j in range(max(math.floor(left), 0), min(math.ceil(right) + 1, w)):
-            x = round((j - to[0]) / growth + point[0])
-            if 0 <= x < mask.shape[1]:
-                inside[i, j] = mask[y, x] > 0
+        own, row = inside[i], mask[y]
+        for j in range(first, last):
+            if columns[j - first] >= 0:
+                own[j] = row[columns[j - first]] > 0
     return inside
 
 

@@ -7,7 +7,6 @@ fuselage is a strip, and the nose is its forward end.
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -16,12 +15,11 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
 from groundstation.detection.fuselage import locate_nose, trace
+from groundstation.detection.point_noise import new_in_each_frame
+from groundstation.detection.thickest import thickest_place
 from groundstation.detection.wing import extent, level_frame
 
 _RADIUS_PER_SPAN = 0.07
-_FLANK_WEIGHT = 0.3
-_FLANK_RADII = 2.5
-_MAX_ROLL_RAD = math.radians(35.0)
 _CORE_PER_SPAN = 0.025  # half width of the fuselage's core
 _SHAPE_PER_SPAN = 0.0042
 _LEAD_SIGMA_PER_SPAN = 0.06
@@ -33,8 +31,6 @@ _MIN_TAIL_PX = 10.0
 _END_ON = 0.3  # shorter images of a length than this do not show the fuselage's forward end
 _LEAD_PER_SPAN = 0.26  # nose to the thickest part of the fuselage, at the wing
 _UNKNOWN_HEADING = 0.25
-_SUBPIXEL = 4
-_RADIUS_STEP_PX = 0.1
 _SIDE_ON = 0.8
 _TIP_PER_SPAN = 0.006
 _BODY_ASIDE = 0.035
@@ -52,22 +48,11 @@ _EDGE_PX, _EDGE_PX_SIGMAS = 0.2, 3.0  # sigma of an edge's place: best, and as n
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NosePoint:
-    """A target point (2,) in working pixels with its (2, 2) covariance."""
+    """A target point (2,) in working pixels with its covariance (2, 2), of which ``noise`` is new in each frame."""
 
     point: FloatArray
     covariance: FloatArray
-
-
-@lru_cache(maxsize=64)
-def disc_kernel(steps: int) -> NDArray[np.float32]:
-    """Return a disc of radius ``steps`` × `_RADIUS_STEP_PX`, anti-aliased, that sums to one."""
-    radius = steps * _RADIUS_STEP_PX
-    half = math.ceil(radius)
-    fine = (np.arange((2 * half + 1) * _SUBPIXEL) + 0.5) / _SUBPIXEL - half - 0.5
-    inside = (fine[:, None] ** 2 + fine[None, :] ** 2 <= radius * radius).astype(np.float32)
-    n = 2 * half + 1
-    disc = inside.reshape(n, _SUBPIXEL, n, _SUBPIXEL).mean(axis=(1, 3))
-    return np.asarray(disc / disc.sum(), np.float32)
+    noise: FloatArray
 
 
 def find_nose(
@@ -93,26 +78,27 @@ def find_nose(
     height_per_span : of the nose above the runway, in spans, or None.
     scale : how many of the camera's px one px here is; all lengths above are in px here.
     """
-    thickest = _thickest(membership, max(_RADIUS_PER_SPAN * span, 1.2))
+    thickest = thickest_place(membership, max(_RADIUS_PER_SPAN * span, 1.2))
     noise = (0.15 + _NOISE_PX_SIGMAS / max(contrast, 1.0)) ** 2
     covariance = (noise + (_SHAPE_PER_SPAN * span) ** 2) * np.eye(2)
     if forward_per_span is None:
         # the nose may lie anywhere within the lead of an aircraft seen some 15° off its axis
-        return NosePoint(
-            point=thickest, covariance=covariance + (_UNKNOWN_HEADING * _LEAD_PER_SPAN * span) ** 2 * np.eye(2)
-        )
+        unknown = (_UNKNOWN_HEADING * _LEAD_PER_SPAN * span) ** 2 * np.eye(2)
+        new = new_in_each_frame(noise, unknown, contrast, 0.0)
+        return NosePoint(point=thickest, covariance=covariance + unknown, noise=new)
     airborne = _airborne(height_per_span)
     forward = forward_per_span
     if up is not None:
         forward = forward + math.sin(airborne * _INCIDENCE_RAD) * up
     if float(np.hypot(*forward)) < _SIDE_ON * span:
-        found = _near_head_on(membership, thickest, forward, (span, contrast, scale), (expected, airborne))
-        return NosePoint(point=found.point, covariance=found.covariance + covariance)
-    forward, forward_covariance = _fuselage_axis(membership, thickest, forward, span)
-    lead = _lead(membership, thickest, forward, span)
-    lead_error = _LEAD_SIGMA_PER_SPAN * forward
-    covariance += np.outer(lead_error, lead_error) + _LEAD_PER_SPAN**2 * forward_covariance
-    return NosePoint(point=thickest + lead * forward, covariance=covariance)
+        point, attitude = _near_head_on(membership, thickest, forward, (span, contrast, scale), (expected, airborne))
+    else:
+        forward, forward_covariance = _fuselage_axis(membership, thickest, forward, span)
+        lead_error = _LEAD_SIGMA_PER_SPAN * forward
+        attitude = np.outer(lead_error, lead_error) + _LEAD_PER_SPAN**2 * forward_covariance
+        point = thickest + _lead(membership, thickest, forward, span) * forward
+    new = new_in_each_frame(noise, attitude, contrast, _legible(scale * span))
+    return NosePoint(point=point, covariance=covariance + attitude, noise=new)
 
 
 def _near_head_on(
@@ -121,8 +107,8 @@ def _near_head_on(
     forward: FloatArray,
     seen: tuple[float, float, int],
     known: tuple[tuple[float, float] | None, float],
-) -> NosePoint:
-    """Return the nose of an aircraft whose wing is seen in its full width.
+) -> tuple[FloatArray, FloatArray]:
+    """Return the nose (2,) and its covariance (2, 2) of an aircraft whose wing is seen in its full width.
 
     ``seen`` is the silhouette's width, its contrast and how many of the camera's px one px is, ``forward`` (2,) the
     expected image of the body axis, px per that width, ``known`` the expected span with its log-sigma and how surely
@@ -134,13 +120,12 @@ def _near_head_on(
     span = _likely_span(width, expected)
     # where crab can be read it is left open; where it cannot, an approach in usual wind is assumed. What blurs it is
     # the camera, not that a large silhouette is looked at in a reduced picture
-    legible = min(max((scale * span - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
+    legible = _legible(scale * span)
     back, size, wing_seen = level_frame(membership, float(thickest[0]), span)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     level = np.asarray(cv2.warpAffine(membership, back, size, flags=flags), np.float32)
     span_of = (width, span, expected is not None)
-    point, covariance = _nose_in(level, back, thickest, forward, span_of, wing_seen, edge, (airborne, legible))
-    return NosePoint(point=point, covariance=covariance)
+    return _nose_in(level, back, thickest, forward, span_of, wing_seen, edge, (airborne, legible))
 
 
 @njit(cache=True, nogil=True)
@@ -196,6 +181,11 @@ def _nose_in(
     return np.array([cos * s - sin * t + back[0, 2], sin * s + cos * t + back[1, 2]]), turned
 
 
+def _legible(span_px: float) -> float:
+    """Return from 0 to 1 how far a silhouette of this span, in the camera's px, tells crab."""
+    return min(max((span_px - _CRAB_FROM_PX) / (_CRAB_SURE_PX - _CRAB_FROM_PX), 0.0), 1.0)
+
+
 def _airborne(height_per_span: float | None) -> float:
     """Return 0 for a rolling aircraft, 1 for a flying one, something between where the height does not tell."""
     if height_per_span is None:
@@ -229,78 +219,6 @@ def _lead(membership: NDArray[np.float32], thickest: FloatArray, forward: FloatA
     beyond = np.flatnonzero(strip < 0.5 * max(float(strip[: max(t.size // 4, 1)].mean()), 1e-6))
     end = float(t[beyond[0]]) / length if beyond.size else _LEAD_PER_SPAN
     return min(max(end, 0.5 * _LEAD_PER_SPAN), 1.4 * _LEAD_PER_SPAN)
-
-
-def _thickest(membership: NDArray[np.float32], radius: float) -> FloatArray:
-    """Return the place (2,) where a disc is filled best and, along the wing, its neighbourhood is not.
-
-    A wing that blur has thickened holds a disc, too, but then its neighbours along the wing hold one as well.
-    """
-    response = cv2.filter2D(
-        membership, cv2.CV_32F, disc_kernel(round(radius / _RADIUS_STEP_PX)), borderType=cv2.BORDER_CONSTANT
-    )
-    return _summit(np.asarray(response, np.float32), membership, _FLANK_RADII * radius)
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _less(rise: NDArray[np.float32], response: NDArray[np.float32], dx: float, dy: float, weight: float) -> None:
-    """Take the response, shifted by (dx, dy) and ``weight`` times, from ``rise``; it is nothing outside."""
-    h, w = response.shape
-    ix, iy = math.floor(dx), math.floor(dy)
-    fx, fy, one = np.float32(dx - ix), np.float32(dy - iy), np.float32(1)
-    gain = np.float32(weight)
-    w00, w01 = gain * (one - fx) * (one - fy), gain * fx * (one - fy)
-    w10, w11 = gain * (one - fx) * fy, gain * fx * fy
-    # four whole shifts: the inner loop has no condition, so that the compiler works on many pixels at a time
-    for down, right, share in ((0, 0, w00), (0, 1, w01), (1, 0, w10), (1, 1, w11)):
-        x, y = ix + right, iy + down
-        for i in range(max(-y, 0), min(h - y, h)):
-            for j in range(max(-x, 0), min(w - x, w)):
-                rise[i, j] -= share * response[i + y, j + x]
-
-
-@njit(cache=True, nogil=True)
-def _wing_angle(membership: NDArray[np.float32]) -> float:
-    """Return the direction of the silhouette's long axis, 0 where that is too steep to be a wing."""
-    h, w = membership.shape
-    mass, x, y, xx, xy, yy = 1e-12, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(h):
-        of_row, along, square = 0.0, 0.0, 0.0
-        for j in range(w):
-            m = float(membership[i, j])
-            of_row += m
-            along += m * j
-            square += m * (j * j)
-        mass += of_row
-        x += along
-        y += of_row * i
-        xx += square
-        xy += along * i
-        yy += of_row * (i * i)
-    spread = 2.0 * (xy - x * y / mass)
-    angle = 0.5 * math.atan2(spread, (xx - x * x / mass) - (yy - y * y / mass))
-    return angle if abs(angle) < _MAX_ROLL_RAD else 0.0
-
-
-@njit(cache=True, nogil=True)
-def _summit(response: NDArray[np.float32], membership: NDArray[np.float32], aside: float) -> FloatArray:
-    """Return the centre (2,) of what comes close to the highest response less its flanks ``aside`` along the wing."""
-    h, w = response.shape
-    angle = _wing_angle(membership)
-    dx, dy = aside * math.cos(angle), aside * math.sin(angle)
-    rise = response.copy()
-    _less(rise, response, dx, dy, 0.5 * _FLANK_WEIGHT)
-    _less(rise, response, -dx, -dy, 0.5 * _FLANK_WEIGHT)
-    highest = rise.max()
-    total, x, y = 1e-12, 0.0, 0.0
-    for i in range(h):
-        for j in range(w):
-            above = rise[i, j] - 0.8 * highest
-            if above > 0.0:
-                total += above * above
-                x += above * above * j
-                y += above * above * i
-    return np.array([x / total, y / total])
 
 
 def _fuselage_axis(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, trial_state
+from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, squared_sigmas, trial_state
 from groundstation.estimation.measurement import PixelModel, PixelPrediction
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import CLOCKS, clock_places
@@ -76,7 +76,7 @@ class PixelLinearisation:
             # what the new look makes of the state as it is, and of all that the state may be
             change = again - residual
             turned = innovation_covariance(P, there_H - H, np.zeros((2, 2)))
-            off = float(change @ np.linalg.solve(R, change))
+            off = float(squared_sigmas(change, R))
             if off + turned[0, 0] / R[0, 0] + turned[1, 1] / R[1, 1] < _LINEAR_SIGMA**2:
                 return Linearised(jacobian=H, residual=residual)
             H, residual = there_H, again

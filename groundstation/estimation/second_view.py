@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
@@ -72,7 +73,7 @@ class SecondView:
         """
         noise = math.sqrt((seen.covariance_px2[0, 0] + seen.covariance_px2[1, 1]) / 2.0)
         own = self._pixels[seen.station].predict(x, 0.0, age_s)
-        sigma, axis = self._axis(P)
+        sigma, axis = _longest_axis(P[self._layout.position, self._layout.position])
         off = np.zeros_like(x)
         off[self._layout.position] = sigma * axis
         long = own is not None and sigma > _LONG_SHARE * own.depth_m
@@ -128,11 +129,6 @@ class SecondView:
             square=2.0 * float(fit.cost),
         )
 
-    def _axis(self, P: FloatArray) -> tuple[float, FloatArray]:
-        """Return one sigma of the position along its longest axis, m, and that axis (3,)."""
-        values, axes = np.linalg.eigh(P[self._layout.position, self._layout.position])
-        return float(np.sqrt(max(values[-1], 0.0))), axes[:, -1]
-
     def _bend(self, station: str, here: PixelPrediction | None, x: FloatArray, off: FloatArray, age_s: float) -> float:
         """Return how much a step ``off`` (n,) either way bends the pixel that is ``here``, px; inf if behind."""
         model = self._pixels[station]
@@ -141,6 +137,13 @@ class SecondView:
             return math.inf
         u, v = before.pixel - 2.0 * here.pixel + after.pixel
         return math.hypot(u, v) / 2.0
+
+
+@njit(cache=True)
+def _longest_axis(P: FloatArray) -> tuple[float, FloatArray]:
+    """Return one sigma along a covariance's (3, 3) longest axis, and that axis (3,)."""
+    values, axes = np.linalg.eigh(P)
+    return math.sqrt(max(values[-1], 0.0)), axes[:, -1].copy()
 
 
 class _Meeting:

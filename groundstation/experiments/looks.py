@@ -31,6 +31,7 @@ class Outcome:
     reason : "found", or why not.
     point_px, error_px : (2,) the target point and its distance from the true nose; NaN where none was found.
     whitened : (2,) the error divided by the root of its stated covariance; NaN likewise.
+    covariance_px2, noise_px2 : (2, 2) what was stated, and what of it is new in each frame; NaN likewise.
     overlap : intersection over union with the true silhouette; 0 where nothing was found.
     centre_error_px : distance of the found silhouette's centre from the true one's; NaN where nothing was found.
     elapsed_s, segment_s : processor time of the whole detector, and of the segmentation in it.
@@ -48,6 +49,8 @@ class Outcome:
     point_px: FloatArray
     error_px: FloatArray
     whitened: FloatArray
+    covariance_px2: FloatArray
+    noise_px2: FloatArray
     overlap: float
     centre_error_px: float
     holds_nose: bool
@@ -82,6 +85,7 @@ class Watcher:
         self._detectors: dict[str, Detector] = {}
         self._stopwatches: dict[str, list[float]] = {}
         self._sizes: dict[str, tuple[float, float]] = {}
+        self._middles: dict[str, tuple[float, float]] = {}
 
     def look(self, scene: Scene) -> Outcome:
         """Look at one scene; only the detector is timed."""
@@ -92,7 +96,8 @@ class Watcher:
             self._stopwatches[name] = _time_segmentation(self._detectors[name])
         hint = scene.hint
         spread = hint.predicted_covariance_px2
-        roi = place_roi(hint.predicted_px, spread, self._sizes.get(name), self._config, size)
+        middle = self._middles.get(name, (0.0, 0.0))
+        roi = place_roi(hint.predicted_px, spread, self._sizes.get(name), self._config, size, middle)
         if roi is None:
             raise ValueError("a scene's prediction lies in the picture, so its region of interest does")
         self._stopwatches[name].clear()
@@ -100,7 +105,9 @@ class Watcher:
         result = self._detectors[name].detect(image, roi, hint)
         elapsed = time.thread_time() - started
         if isinstance(result, Detection):
-            self._sizes[name] = (result.box[2], result.box[3])
+            x, y, w, h = result.box
+            self._sizes[name] = (w, h)
+            self._middles[name] = (x + 0.5 * w - result.u_px, y + 0.5 * h - result.v_px)
         truth = FrameTruth(nose_px=scene.nose_px, silhouette=scene.silhouette, background=scene.background)
         return judged(scene.frame, truth, (roi, result), (elapsed, sum(self._stopwatches[name])))
 
@@ -111,11 +118,13 @@ def judged(
     """Return what a look at a frame is worth; ``times_s`` are those of the detector and of the segmentation in it."""
     roi, result = look
     point = error = whitened = np.full(2, np.nan)
+    covariance = noise = np.full((2, 2), np.nan)
     overlap, centre_error, reason = 0.0, float("nan"), FOUND
     if isinstance(result, Detection):
         point = np.array([result.u_px, result.v_px])
         error = point - truth.nose_px
-        whitened = np.linalg.solve(np.linalg.cholesky(result.covariance_px2), error)
+        covariance, noise = result.covariance_px2, result.noise_px2
+        whitened = np.linalg.solve(np.linalg.cholesky(covariance), error)
         overlap = _overlap(result, truth.silhouette)
         centre_error = float(np.hypot(*(result.centroid_px - truth.silhouette.centre_px)))
     else:
@@ -133,6 +142,8 @@ def judged(
         point_px=point,
         error_px=error,
         whitened=whitened,
+        covariance_px2=covariance,
+        noise_px2=noise,
         overlap=overlap,
         centre_error_px=centre_error,
         holds_nose=_holds(roi, truth.nose_px[0], truth.nose_px[1], 0, 0),

@@ -56,7 +56,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.station_health",
     ),
     ("groundstation.config",),
-    ("groundstation.epoch", "groundstation.track_life", "groundstation.warm_up"),
+    ("groundstation.epoch", "groundstation.track_life", "groundstation.flight_direction", "groundstation.warm_up"),
     (
         "groundstation.integrity",
         "groundstation.existence",
@@ -102,6 +102,7 @@ CORE = (
     "track_life",
     "target_keeper",
     "camera_tracker",
+    "flight_direction",
     "station_health",
     "integrity",
     "solution_separation",

@@ -53,19 +53,25 @@ def test_narrow_band_gives_the_same_regions_as_the_full_grid(rng: np.random.Gene
 
 
 SHIPPED = DetectionConfig().level_set
-# full grid, small step, until no pixel changes side for so long
-_AT_REST = (2.0, 6000, 0.0, 300)
+# full grid until no pixel changes side for so long; a small step needs 200 times as many to come as far, and 1500 of
+# them without a change may be a pause
+_AT_REST = (SHIPPED.time_step, 4000, 0.0, 300)
 
 
-def as_shipped(seed: int, radius_px: float) -> float:
-    """Return how alike the band with the detector's own numbers is to the grid at rest, on an ellipse in noise."""
-    rng = np.random.default_rng(seed)
+def ellipse_in_noise(rng: np.random.Generator, radius_px: float) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """An ellipse of this smaller radius in noise, and the inside of a start contour about it."""
     y, x = np.mgrid[0:70, 0:160]
     (u0, v0), stretch = rng.uniform([60, 28], [100, 42]), rng.uniform(1.0, 2.5)
     away = np.hypot((x - u0) / stretch, y - v0)
     u = 0.2 + rng.uniform(0.3, 0.7) / (1 + np.exp((away - radius_px) / 0.7)) + rng.normal(0, 0.04, x.shape)
     u = ((u - u.min()) / (u.max() - u.min())).astype(np.float32)
     inside = np.hypot((x - u0 - rng.normal(0, 3)) / (1.2 * stretch), y - v0 - rng.normal(0, 2)) < 1.2 * radius_px
+    return u, inside
+
+
+def as_shipped(seed: int, radius_px: float) -> float:
+    """Return how alike the band with the detector's own numbers is to the grid at rest, on an ellipse in noise."""
+    u, inside = ellipse_in_noise(np.random.default_rng(seed), radius_px)
     weights = (SHIPPED.mu, SHIPPED.nu, SHIPPED.lambda1, SHIPPED.lambda2)
     rest = chan_vese.start(u, inside)
     band = rest.copy()
@@ -75,12 +81,30 @@ def as_shipped(seed: int, radius_px: float) -> float:
     return overlap(rest > 0, band > 0)
 
 
-@pytest.mark.parametrize(("radius_px", "alike", "least"), [(20.0, 0.99, 0.99), (10.0, 0.99, 0.99), (4.0, 0.98, 0.96)])
-def test_the_shipped_numbers_end_where_the_grid_rests(radius_px: float, alike: float, least: float) -> None:
-    """Median and least of four: 0.99 from some 300 px inside; of a small silhouette a pixel or two may differ."""
-    found = [as_shipped(seed, radius_px) for seed in range(4)]
-    assert np.median(found) >= alike
-    assert min(found) >= least
+@pytest.mark.parametrize(
+    ("radius_px", "most_apart", "least"),
+    [(20.0, 0, 0.99), (10.0, 0, 0.99), (6.0, 1, 0.98), (4.0, 2, 0.96), (3.0, 2, 0.7)],
+)
+def test_the_shipped_numbers_end_where_the_grid_rests(radius_px: float, most_apart: int, least: float) -> None:
+    """IoU 0.99 in each of eight, but for so many of small silhouettes, of which one pixel is more than that."""
+    found = np.array([as_shipped(seed, radius_px) for seed in range(600, 608)])
+    assert np.count_nonzero(found < 0.99) <= most_apart
+    assert np.median(found) >= 0.995
+    assert found.min() >= least
+
+
+def test_rest_is_where_a_small_step_comes_to_in_the_end() -> None:
+    """A step a twentieth as large comes to the same rest, and the band ends there, too, to the last pixel."""
+    rng = np.random.default_rng(18)
+    u, inside = ellipse_in_noise(rng, 3.0)
+    weights = (SHIPPED.mu, SHIPPED.nu, SHIPPED.lambda1, SHIPPED.lambda2)
+    rest = chan_vese.start(u, inside)
+    small, band = rest.copy(), rest.copy()
+    chan_vese.evolve_full(u, rest, weights, SHIPPED.eps, *_AT_REST)
+    chan_vese.evolve_full(u, small, weights, SHIPPED.eps, 20.0, 2500, -1.0, 1)
+    chan_vese.evolve(u, band, weights, SHIPPED.eps, SHIPPED.time_step, SHIPPED.iterations, 0.01, 2)
+    assert np.array_equal(small > 0, rest > 0)
+    assert np.array_equal(band > 0, rest > 0)
 
 
 def test_energy_falls_along_the_flow(rng: np.random.Generator) -> None:

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from groundstation.camera_tracker import silhouette_mask
 from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.config import Channel, DetectionConfig, TargetPoint
 from groundstation.detection.detector import Detector, warm_up
@@ -171,6 +172,16 @@ def test_large_targets_are_seen_reduced_and_reported_in_full_pixels(rng: np.rand
     assert result.v_px == pytest.approx(160.8, abs=8)
     assert result.box[2] == pytest.approx(400, rel=0.05)
     assert result.area_px == pytest.approx(coverage(size, Painting(nose_px=(351, 161), span_px=400)).sum(), rel=0.2)
+
+
+def test_the_outline_of_a_target_seen_reduced_holds_all_of_its_pixels(rng: np.random.Generator) -> None:
+    """It went through the middles of the reduced image's pixels: half of one was missing all around."""
+    size = (700, 320)
+    painting = Painting(nose_px=(351.3, 160.8), span_px=300)
+    image = paint(sky(size), painting, rng)
+    result = found(Detector(DetectionConfig(), size).detect(image, whole(image), look_at((345.0, 158.0), 300.0)))
+    filled = np.count_nonzero(silhouette_mask(result, Roi(x=0, y=0, w=size[0], h=size[1])))
+    assert filled == pytest.approx(result.area_px, rel=0.02)
 
 
 @pytest.mark.parametrize("channel", [Channel.GREY, Channel.COLOUR, Channel.SATURATION])

@@ -29,7 +29,7 @@ def moved(image: ImageArray, dx: float, dy: float) -> ImageArray:
 def test_small_shifts_to_a_tenth_of_a_pixel(rng: np.random.Generator, shift: tuple[float, float]) -> None:
     reference = scene(rng)
     rows = reg.textured(moved(reference, *shift), *WINDOW, NOWHERE)
-    sx, sy, sigma = reg.refine(rows, reference, NOWHERE, 0.0, 0.0)
+    sx, sy, sigma = reg.refine(rows, reg.grey_of(reference), NOWHERE, 0.0, 0.0)
     assert (sx, sy) == pytest.approx(shift, abs=0.1)
     assert sigma < 0.1
 
@@ -37,9 +37,9 @@ def test_small_shifts_to_a_tenth_of_a_pixel(rng: np.random.Generator, shift: tup
 def test_a_large_shift_needs_the_raster(rng: np.random.Generator) -> None:
     reference = scene(rng)
     rows = reg.textured(moved(reference, 22.0, -17.0), *WINDOW, NOWHERE)
-    start = reg.coarse(rows, reference, NOWHERE, 0.0, 0.0)
+    start = reg.coarse(rows, reg.grey_of(reference), NOWHERE, 0.0, 0.0)
     assert start == pytest.approx((22.0, -17.0), abs=4.0)
-    sx, sy, _ = reg.refine(rows, reference, NOWHERE, *start)
+    sx, sy, _ = reg.refine(rows, reg.grey_of(reference), NOWHERE, *start)
     assert (sx, sy) == pytest.approx((22.0, -17.0), abs=0.15)
 
 
@@ -47,11 +47,11 @@ def test_a_plain_sky_has_nothing_to_hold_on_to(rng: np.random.Generator) -> None
     sky = (180 + rng.normal(0, 1, (180, 260, 3))).astype(np.uint8)
     rows = reg.textured(sky, *WINDOW, NOWHERE)
     assert rows.shape[0] < reg.MIN_TEXTURED
-    assert reg.refine(rows, sky, NOWHERE, 0.0, 0.0)[2] > 1e6
+    assert reg.refine(rows, reg.grey_of(sky), NOWHERE, 0.0, 0.0)[2] > 1e6
 
 
 def test_misplacement_is_measured_by_how_misfits_grow_with_the_gradient(rng: np.random.Generator) -> None:
     reference = scene(rng)
     rows = reg.textured(reference, *WINDOW, NOWHERE)
-    measured = [reg.misplacement(rows, reference, NOWHERE, s, 0.0) for s in (0.0, 0.18, 1.0)]
+    measured = [reg.misplacement(rows, reg.grey_of(reference), NOWHERE, s, 0.0) for s in (0.0, 0.18, 1.0)]
     assert measured[0] < measured[1] < measured[2] == reg.MAX_EDGE_PX

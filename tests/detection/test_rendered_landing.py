@@ -1,6 +1,7 @@
 """The detector on the bundled landing, its regions of interest placed on the truth with noise."""
 
 import csv
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,19 +13,23 @@ from groundstation.arrays import FloatArray
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.roi import place_roi
+from groundstation.evaluation.stated_parts import StatedErrors, flights_chi_square, noise_chi_square
 from groundstation.messages import Detection
 from groundstation.rig import load_rig
 
 FIRST, GROUND, SPAN_M, SIGMA_PX = 200, 276, 2.3, 5.0
 SIZE = (1280, 960)
+NOISE_FACTOR = 2.0  # within which the noise of rendered flights agrees with what drawn ones gave
 
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """One frame's error (2,) in px, its normalised square and the span there in px."""
+    """One frame's error (2,) in px, its normalised square, what was stated, and the span there in px."""
 
     error: FloatArray
     nis: float
+    stated: Detection
+    epoch: int
     span_px: float
     ground: bool
 
@@ -78,7 +83,7 @@ def seen(landing_1: Path) -> tuple[int, list[Seen]]:
             last = (result.box[2], result.box[3])
             error = np.array([result.u_px, result.v_px]) - nose
             nis = float(error @ np.linalg.solve(result.covariance_px2, error))
-            found.append(Seen(error=error, nis=nis, span_px=SPAN_M * scale, ground=k >= GROUND))
+            found.append(Seen(error=error, nis=nis, stated=result, epoch=k, span_px=SPAN_M * scale, ground=k >= GROUND))
     video.release()
     return looks, found
 
@@ -100,3 +105,33 @@ def test_errors_stay_small_and_inside_the_covariance(seen: tuple[int, list[Seen]
     assert rms_v < (4.5 if ground else 1.7)
     # two degrees of freedom; the nose model's error is common to neighbouring frames, so the bounds are wide
     assert 0.2 < np.mean([s.nis for s in chosen]) / 2.0 < 2.0
+
+
+def stated(seen: list[Seen]) -> list[StatedErrors]:
+    """Return the errors in runs without a gap."""
+    gaps = [i for i, (a, b) in enumerate(itertools.pairwise(seen), start=1) if b.epoch != a.epoch + 1]
+    return [
+        StatedErrors(
+            errors=np.array([s.error for s in run]),
+            covariances=np.array([s.stated.covariance_px2 for s in run]),
+            noises=np.array([s.stated.noise_px2 for s in run]),
+        )
+        for run in (seen[a:b] for a, b in zip([0, *gaps], [*gaps, len(seen)], strict=True))
+    ]
+
+
+@pytest.mark.parametrize("ground", [False, True])
+def test_the_whole_covariance_holds_for_one_flight(seen: tuple[int, list[Seen]], ground: bool) -> None:
+    """Expected: inside the 95 % bounds of one draw of what lasts, two-sided."""
+    mean = flights_chi_square([stated([s for s in seen[1] if s.ground == ground])])
+    assert mean is not None
+    assert mean.low < mean.mean < mean.high
+
+
+@pytest.mark.parametrize("ground", [False, True])
+def test_the_stated_noise_is_what_is_new_in_each_frame(seen: tuple[int, list[Seen]], ground: bool) -> None:
+    """Expected: inside its 95 % bounds, two-sided, for a noise up to twice as large or small, and few jumps."""
+    found = noise_chi_square(stated([s for s in seen[1] if s.ground == ground]))
+    assert found is not None
+    assert found.mean.low / NOISE_FACTOR < found.mean.mean < found.mean.high * NOISE_FACTOR
+    assert found.jump_share < 0.1

@@ -34,3 +34,16 @@ def test_a_vague_prediction_does_not_widen_without_end() -> None:
     roi = place_roi(np.array([600.0, 400.0]), 1e12 * np.eye(2), None, DetectionConfig(), (100_000, 100_000))
     assert roi is not None
     assert roi.w <= 250 + 2 * 3 * 200 + 600
+
+
+def test_the_window_lies_where_the_silhouette_hangs() -> None:
+    """Seen from below an aircraft hangs under its nose: the window moves so far that it holds it."""
+    point, config, size = np.array([600.0, 300.0]), DetectionConfig(), (330.0, 140.0)
+    plain = place_roi(point, np.eye(2), size, config, SIZE)
+    hanging = place_roi(point, np.eye(2), size, config, SIZE, (0.0, 66.0))
+    assert plain is not None
+    assert hanging is not None
+    assert (hanging.w, hanging.h, hanging.x) == (plain.w, plain.h, plain.x)
+    # 50 px are left around a silhouette about its nose, 25 around one that hangs
+    assert hanging.y == pytest.approx(plain.y + 66 - 25, abs=1)
+    assert place_roi(point, np.eye(2), size, config, SIZE, (10.0, 20.0)) == plain

@@ -194,3 +194,21 @@ def test_a_hidden_wing_half_widens_the_covariance_and_moves_the_nose_little(rng:
     found = find_nose(half, 58.0, 20.0, forward * 58 / 80, up * 58 / 80, (80.0, 0.05), 5.0)
     assert abs(found.point[0] - nose[0]) < 2.5
     assert found.covariance[0, 0] > whole.covariance[0, 0]
+
+
+@pytest.mark.parametrize("contrast", [1.0, 6.0, 20.0, 100.0])
+@pytest.mark.parametrize("span", [40.0, 120.0])
+@pytest.mark.parametrize("forward", [None, (0.05, 0.1), (0.9, 0.1)], ids=["unknown", "head-on", "side-on"])
+def test_what_is_new_in_each_frame_is_a_part_of_the_covariance(
+    rng: np.random.Generator, contrast: float, span: float, forward: tuple[float, float] | None
+) -> None:
+    """Expected: what is left lasts and is a covariance, too; less noise with more contrast."""
+    membership, _ = silhouette(HIGH_WING, View(span=span), rng)
+    along = None if forward is None else span * np.array(forward)
+    found, clearer = (
+        find_nose(membership, span, c, along, np.array([0.0, -span]), (span, 0.05), 5.0)
+        for c in (contrast, 2 * contrast)
+    )
+    assert np.linalg.eigvalsh(found.noise).min() > 0.0
+    assert np.linalg.eigvalsh(found.covariance - found.noise).min() > 0.0
+    assert np.trace(clearer.noise) < np.trace(found.noise)

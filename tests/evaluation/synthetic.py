@@ -155,6 +155,7 @@ def _report(t_s, epoch, cameras, ml, covariance, state, P, sigma_px, rng) -> Ste
                 u_px=float(pixel[0]),
                 v_px=float(pixel[1]),
                 covariance_px2=sigma_px**2 * np.eye(2),
+                noise_px2=sigma_px**2 * np.eye(2),
                 centroid_px=pixel,
                 box=(0.0, 0.0, 10.0, 10.0),
                 area_px=50.0,

@@ -45,6 +45,8 @@ def made_up(**changes: object) -> Outcome:
         point_px=np.array([53.0, 30.0]),
         error_px=np.array([3.0, 0.0]),
         whitened=np.array([1.5, 0.0]),
+        covariance_px2=4.0 * np.eye(2),
+        noise_px2=0.25 * np.eye(2),
         overlap=0.7,
         centre_error_px=1.0,
         holds_nose=True,

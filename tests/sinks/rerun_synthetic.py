@@ -113,6 +113,7 @@ class Landing:
                 u_px=float(u),
                 v_px=float(v),
                 covariance_px2=PIXEL_COVARIANCE,
+                noise_px2=0.1 * PIXEL_COVARIANCE,
                 centroid_px=(low + high).astype(np.float64) / 2,
                 box=(float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])),
                 area_px=float(np.prod(high - low) / 3),

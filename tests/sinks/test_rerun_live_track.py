@@ -17,6 +17,7 @@ SEEN = Detection(
     u_px=20.0,
     v_px=15.0,
     covariance_px2=np.eye(2),
+    noise_px2=0.1 * np.eye(2),
     centroid_px=np.array([20.0, 15.0]),
     box=(14.5, 12.5, 12.0, 5.0),
     area_px=40.0,

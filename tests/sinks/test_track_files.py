@@ -64,6 +64,7 @@ def _camera(found: bool) -> CameraReport:
         u_px=640.125,
         v_px=480.5,
         covariance_px2=np.array([[0.25, 0.1], [0.1, 1.0]]),
+        noise_px2=np.diag([0.02, 0.1]),
         centroid_px=np.array([641.0, 481.0]),
         box=(600.0, 470.0, 80.0, 20.0),
         area_px=300.0,

@@ -1,0 +1,28 @@
+"""The part of a target point's covariance that is new in each frame.
+
+Most of what is stated lasts as long as a flight: where the aircraft points and how it is built. New in each frame is
+what the noise of the picture does to the outline: it moves the point itself, and it moves the rows of the outline from
+which crab and pitch are read. Seen in 16 drawn flights (docs/results.md, "In a replay").
+"""
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+
+# px over contrast: many rows of the outline say where the point lies across the picture, few ends where along it
+_ACROSS_PX_SIGMAS, _ALONG_PX_SIGMAS = 2.2, 4.5
+_READ_SHARE = 0.08  # of the attitude's part, where the outline tells the attitude
+
+
+def new_in_each_frame(steady: float, attitude: FloatArray, contrast: float, legible: float) -> FloatArray:
+    """Return the noise (2, 2), px² of u and v, in a covariance of ``steady`` · 1 + ``attitude`` + more.
+
+    Parameters
+    ----------
+    steady : px², what is stated of each axis for picture and pixels; no more of it can be noise.
+    attitude : (2, 2) px², what is stated for where the aircraft points.
+    contrast : of the silhouette, in sigmas.
+    legible : 0 to 1, how far the outline tells the attitude.
+    """
+    across, along = (min((k / max(contrast, 1.0)) ** 2, steady) for k in (_ACROSS_PX_SIGMAS, _ALONG_PX_SIGMAS))
+    return np.diag([across, along]) + _READ_SHARE * legible * attitude
