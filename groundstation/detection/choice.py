@@ -16,11 +16,19 @@ from groundstation.messages import Miss, MissReason
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Memory:
-    """What confident frames leave: the silhouette's width in px, averaged, its looks, and the misses since."""
+    """What confident frames leave: the silhouette's width and mass, averaged, its looks, and the misses since.
+
+    ``span_px`` is in full-image px, ``mass`` the contrast in sigmas, summed over as many of them.
+    """
 
     span_px: float
+    mass: float
     appearance: Appearance
     misses: int = 0
+
+    def mass_at(self, span_px: float) -> float:
+        """Return the mass to expect of a silhouette of another span."""
+        return self.mass * (span_px / self.span_px) ** 2
 
 
 def choose(regions: Regions, look: Look, memory: Memory | None, config: DetectionConfig) -> Group | Miss:
@@ -45,7 +53,10 @@ def choose(regions: Regions, look: Look, memory: Memory | None, config: Detectio
     def unlike(group: Group) -> float:
         return _unlikeness(group, regions, look, memory)
 
-    scored = sorted(((_score(g, look, heaviest, unlike, config), g) for g in groups), key=lambda s: -s[0])
+    # what weighs more than the target did is no likelier for that: it may be a bird beside it, or both together
+    most = math.inf if memory is None or look.span is None else memory.mass_at(span * look.scale) / look.scale**2
+    scored = [(_score(g, look, min(g.mass, most) / heaviest, unlike, config), g) for g in groups]
+    scored.sort(key=lambda s: -s[0])
     best_score, best = scored[0]
     if best.contrast < config.min_contrast_to_noise:
         return Miss(reason=MissReason.LOW_CONTRAST, detail=f"contrast {best.contrast:.1f} sigma")
@@ -71,13 +82,16 @@ def _unlikeness(group: Group, regions: Regions, look: Look, memory: Memory | Non
 
 
 def _score(
-    group: Group, look: Look, heaviest: float, unlikeness: Callable[[Group], float], config: DetectionConfig
+    group: Group, look: Look, share: float, unlikeness: Callable[[Group], float], config: DetectionConfig
 ) -> float:
-    """Return the log-likelihood of a group, −inf where a gate excludes it; its looks are asked for last."""
+    """Return the log-likelihood of a group that weighs a ``share`` of the heaviest, −inf where a gate excludes it.
+
+    Its looks are asked for last.
+    """
     distance = _distance(group, look)
     if distance > config.gate_sigmas**2 or group.width * look.scale < config.min_span_px:
         return -math.inf
-    score = -0.5 * distance + math.log(group.mass / heaviest)
+    score = -0.5 * distance + math.log(share)
     if look.span is not None:
         # one pixel of blur at each tip besides what the hint allows
         sigma = math.hypot(look.span_sigma, 2.0 / look.span)

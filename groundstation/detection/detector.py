@@ -87,7 +87,7 @@ class Detector:
         if isinstance(detection, Miss):
             return self._missed(detection)
         if not detection.cut:
-            self._learn(picture, roi, detection, features_of(choice, regions, look))
+            self._learn(picture, roi, detection, choice.mass * look.scale**2, features_of(choice, regions, look))
         return detection
 
     def _divide(self, prepared: Prepared, start: MaskArray, look: Look) -> tuple[Regions, Group | Miss]:
@@ -106,14 +106,16 @@ class Detector:
                 self._memory = None
         return miss
 
-    def _learn(self, picture: Picture, roi: Roi, detection: Detection, seen: FloatArray) -> None:
-        """Take over what a detection shows of the target's size and looks, and of its background."""
+    def _learn(self, picture: Picture, roi: Roi, detection: Detection, mass: float, seen: FloatArray) -> None:
+        """Take over what a detection shows of the target's size, mass and looks, and of its background."""
         width, appearance = max(detection.box[2], 1.0), first_look(seen)
         if self._memory is not None:
             old = self._memory.span_px
             width = old * math.exp(_MEMORY_RATE * math.log(width / old))
+            before = self._memory.mass_at(width)
+            mass = before * math.exp(_MEMORY_RATE * math.log(mass / before))
             appearance = self._memory.appearance.learn(seen, self._config.appearance_rate)
-        self._memory = Memory(span_px=width, appearance=appearance)
+        self._memory = Memory(span_px=width, mass=mass, appearance=appearance)
         sure = detection.contrast_to_noise >= _TRUSTED_CONTRAST
         if sure and self._config.learn_background:
             around = (roi.x, roi.y, roi.x + roi.w, roi.y + roi.h)
