@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.detection.bilinear import places_between, widen
 from groundstation.detection.connected import connected_runs
 
 Float32Array = NDArray[np.float32]
@@ -79,15 +80,54 @@ def contrast_map(grey: ImageArray) -> Contrast:
     wide = np.pad(small.astype(np.int16), pad, mode="reflect", reflect_type="odd")
     coarse = cv2.medianBlur(np.clip(wide, 0, 255).astype(np.uint8), _MEDIAN).astype(np.float32)
     smooth = cv2.blur(coarse, (3, 3))[pad:-pad, pad:-pad]
-    background = cv2.resize(smooth, (w, h), interpolation=cv2.INTER_LINEAR)
-    residual = cv2.subtract(grey, background, dtype=cv2.CV_32F)
-    spread = cv2.resize(
-        np.abs(residual), (max(w // _SPREAD_BLOCK, 1), max(h // _SPREAD_BLOCK, 1)), interpolation=cv2.INTER_AREA
-    )
-    spread = cv2.blur(cv2.medianBlur(spread, _SPREAD_MEDIAN), (3, 3))
+    residual, deviation = _residual(grey, np.ascontiguousarray(smooth, np.float32))
+    spread = cv2.blur(cv2.medianBlur(deviation, _SPREAD_MEDIAN), (3, 3))
     sigma = np.maximum(_SPREAD_TO_SIGMA * spread, _NOISE_FLOOR)
-    sigma = cv2.resize(sigma, (w, h), interpolation=cv2.INTER_LINEAR)
-    return Contrast(sigmas=np.asarray(cv2.divide(residual, sigma), np.float32), spread=np.asarray(spread, np.float32))
+    _divide(residual, np.asarray(sigma, np.float32))
+    return Contrast(sigmas=residual, spread=np.asarray(spread, np.float32))
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _residual(grey: ImageArray, coarse: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Return a picture (h, w) less its coarse background, and the mean deviation from that in blocks."""
+    (h, w), (rows, columns) = grey.shape, coarse.shape
+    out = np.empty((h, w), np.float32)
+    blocks = np.zeros((max(h // _SPREAD_BLOCK, 1), max(w // _SPREAD_BLOCK, 1)), np.float32)
+    across = places_between(w, columns, columns / w)
+    above, below, share = places_between(h, rows, rows / h)
+    wide = np.empty((rows, w), np.float32)
+    for a in range(rows):
+        widen(coarse[a], across, wide[a])
+    for a in range(blocks.shape[0]):
+        total = np.zeros(w, np.float32)
+        top, end = a * h // blocks.shape[0], (a + 1) * h // blocks.shape[0]
+        for i in range(top, end):
+            new, upper, lower, to = grey[i], wide[above[i]], wide[below[i]], out[i]
+            down, up = share[i], np.float32(1) - share[i]
+            for j in range(w):
+                d = np.float32(new[j]) - (up * upper[j] + down * lower[j])
+                to[j] = d
+                total[j] += abs(d)
+        for b in range(blocks.shape[1]):
+            left, right = b * w // blocks.shape[1], (b + 1) * w // blocks.shape[1]
+            blocks[a, b] = total[left:right].sum() / ((end - top) * (right - left))
+    return out, blocks
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _divide(residual: Float32Array, sigma: Float32Array) -> None:
+    """Divide a residual (h, w) by a coarse sigma, taken between its blocks' middles."""
+    (h, w), (rows, columns) = residual.shape, sigma.shape
+    across = places_between(w, columns, columns / w)
+    above, below, share = places_between(h, rows, rows / h)
+    wide = np.empty((rows, w), np.float32)
+    for a in range(rows):
+        widen(sigma[a], across, wide[a])
+    for i in range(h):
+        upper, lower, to = wide[above[i]], wide[below[i]], residual[i]
+        down, up = share[i], np.float32(1) - share[i]
+        for j in range(w):
+            to[j] /= up * upper[j] + down * lower[j]
 
 
 @njit(cache=True, nogil=True)

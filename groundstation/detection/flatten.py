@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import ImageArray
+from groundstation.detection.bilinear import places_between, widen
 
 Float32Array = NDArray[np.float32]
 Plane = NDArray[np.uint8] | NDArray[np.float32]
@@ -80,23 +81,16 @@ def _less_median(colour: Planes, median: ImageArray, step: int, out: Float32Arra
     """Write the opponents of a colour less the block medians (rows, columns, 3), taken between the blocks' middles."""
     h, w = out.shape[1], out.shape[2]
     rows, columns = median.shape[:2]
-    gain, half, one = np.float32(1.0 / step), np.float32(0.5), np.float32(1)
+    half, one = np.float32(0.5), np.float32(1)
     # each row of blocks as wide as the image
-    left, right, across = np.empty(w, np.int32), np.empty(w, np.int32), np.empty(w, np.float32)
-    for j in range(w):
-        x = (np.float32(j) + half) * gain - half
-        first = math.floor(x)
-        left[j], right[j], across[j] = max(first, 0), min(first + 1, columns - 1), x - np.float32(first)
+    across = places_between(w, columns, 1.0 / step)
     wide = np.empty((3, rows, w), np.float32)
     for c in range(3):
         for a in range(rows):
-            line, row = median[a, :, c].astype(np.float32), wide[c, a]
-            for j in range(w):
-                row[j] = (one - across[j]) * line[left[j]] + across[j] * line[right[j]]
+            widen(median[a, :, c].astype(np.float32), across, wide[c, a])
+    above, below, share = places_between(h, rows, 1.0 / step)
     for i in range(h):
-        y = (np.float32(i) + half) * gain - half
-        first = math.floor(y)
-        down, upper, lower = y - np.float32(first), max(first, 0), min(first + 1, rows - 1)
+        upper, lower, down = above[i], below[i], share[i]
         up = one - down
         blue, green, red = colour[0][i], colour[1][i], colour[2][i]
         b0, g0, r0 = wide[0, upper], wide[1, upper], wide[2, upper]
