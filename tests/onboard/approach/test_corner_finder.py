@@ -136,6 +136,26 @@ def test_neither_bars_nor_slab_nor_road_is_the_threshold(
     assert seen >= 12
 
 
+def test_a_slab_on_faint_pavement_is_not_its_far_end(rng: np.random.Generator) -> None:
+    """Expected: a slab that ends before the far end, on pavement hardly other than the ground, is taken for no end.
+
+    By dusk such ends were confirmed in the place of the far threshold, 7 to 11 px below it, picture after picture.
+    """
+    scale = 4
+    big = np.full((480 * scale, 640 * scale, 3), (60, 90, 80), np.uint8)
+    for y0, y1, colour in ((0.0, -400.0, (70, 90, 85)), (-170.0, -215.0, (120, 110, 110))):
+        ground = np.array([[-10.0, y0, 0.0], [10.0, y0, 0.0], [10.0, y1, 0.0], [-10.0, y1, 0.0]])
+        pixels = (pixels_from_points(POSE, KAPPA, ground) + 0.5) * scale
+        cv2.fillPoly(big, [np.round(pixels).astype(np.int32)], colour)
+    small = cv2.GaussianBlur(cv2.resize(big, (640, 480), interpolation=cv2.INTER_AREA), (0, 0), 0.7)
+    wrong = 0
+    for _ in range(20):
+        image = np.clip(small + 2.0 * rng.standard_normal(small.shape), 0, 255).astype(np.uint8)
+        found = seen_threshold(image, CORNERS, 12.0, 2.0, far=True)
+        wrong += found is not None and abs(float(found.shift_px.mean())) > 3.0
+    assert wrong <= 1
+
+
 def test_grass_without_a_runway_confirms_next_to_nothing(rng: np.random.Generator) -> None:
     """Expected: at most one of ten places in blotched grass has one by chance; the filter's gate is for these."""
     confirmed = 0
