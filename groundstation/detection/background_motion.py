@@ -198,7 +198,7 @@ def _block_means(grey: ImageArray, laid: ImageArray, drift: Float32Array, absolu
     return np.divide(total, np.maximum(count, np.float32(1))).astype(np.float32)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _in_sigmas(
     grey: ImageArray,
     laid: ImageArray,
@@ -208,36 +208,39 @@ def _in_sigmas(
     misplaced_px: float,
 ) -> Float32Array:
     """Return the difference without the drift over its sigma; what noise alone explains is 0."""
-    out = np.zeros(grey.shape, np.float32)
+    h, w = grey.shape
+    out = np.empty((h, w), np.float32)
     noise = np.float32(2.0 * _NOISE**2)
     half = np.float32(0.5 * misplaced_px)
-    ignored = np.float32(1.5 * np.sqrt(noise))
-    for i in range(grey.shape[0]):
-        for j in range(grey.shape[1]):
-            if laid[i, j] == 0:
-                continue
-            y, x = i // _BLOCK_PX, j // _BLOCK_PX
-            d = np.float32(grey[i, j]) - np.float32(laid[i, j]) - drift[y, x]
-            if abs(d) < ignored:
-                continue
-            a, b = half * np.float32(slope[i, j]), np.float32(1.4) * common[y, x]
-            out[i, j] = d / np.sqrt(noise + a * a + b * b)
+    ignored, nothing = np.float32(1.5 * np.sqrt(noise)), np.float32(0)
+    for i in range(h):
+        y = i // _BLOCK_PX
+        for x in range(drift.shape[1]):
+            first, last = x * _BLOCK_PX, min((x + 1) * _BLOCK_PX, w)
+            # of one block at a time, and without a condition that skips: so the compiler works on many pixels at once
+            new, old, steep, to = grey[i, first:last], laid[i, first:last], slope[i, first:last], out[i, first:last]
+            away, anyway = drift[y, x], np.float32(1.4) * common[y, x]
+            floor = noise + anyway * anyway
+            for j in range(last - first):
+                d = np.float32(new[j]) - np.float32(old[j]) - away
+                a = half * np.float32(steep[j])
+                sigmas = d / np.sqrt(floor + a * a)
+                to[j] = nothing if (old[j] == 0) | (abs(d) < ignored) else sigmas
     return out
 
 
 @njit(cache=True)
 def _agreed(first: Float32Array, seen_first: ImageArray, second: Float32Array, seen_second: ImageArray) -> Float32Array:
     """Return the smaller of two significances of one sign, else 0; what one does not see, the other decides."""
-    out = np.zeros_like(first)
+    out = np.empty_like(first)
+    nothing = np.float32(0)
     for i in range(first.shape[0]):
-        for j in range(first.shape[1]):
-            a, b = first[i, j], second[i, j]
-            if seen_first[i, j] == 0:
-                out[i, j] = b
-            elif seen_second[i, j] == 0:
-                out[i, j] = a
-            elif a > 0 and b > 0:
-                out[i, j] = min(a, b)
-            elif a < 0 and b < 0:
-                out[i, j] = max(a, b)
+        one, other, to = first[i], second[i], out[i]
+        seen_one, seen_other = seen_first[i], seen_second[i]
+        for j in range(one.size):
+            a, b = one[j], other[j]
+            # what is above 0 in both, or below 0 in both
+            agreed = max(min(a, b), nothing) + min(max(a, b), nothing)
+            either = a if seen_other[j] == 0 else agreed
+            to[j] = b if seen_one[j] == 0 else either
     return out

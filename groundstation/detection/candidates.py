@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
+from groundstation.detection.connected import connected_runs
 
 Float32Array = NDArray[np.float32]
 
@@ -89,28 +90,25 @@ def contrast_map(grey: ImageArray) -> Contrast:
     return Contrast(sigmas=np.asarray(cv2.divide(residual, sigma), np.float32), spread=np.asarray(spread, np.float32))
 
 
-@njit(cache=True)
-def _measure(labels: NDArray[np.int32], contrast: Float32Array, count: int) -> FloatArray:
-    """Return per label: x0, y0, x1, y1, area, Σ|c|, Σ|c|x, Σ|c|y, Σc², peak."""
-    table = np.zeros((count, 10))
-    table[:, 0], table[:, 1] = labels.shape[1], labels.shape[0]
-    for i in range(labels.shape[0]):
-        for j in range(labels.shape[1]):
-            k = labels[i, j]
-            if k == 0:
-                continue
+@njit(cache=True, nogil=True)
+def _regions_beyond(contrast: Float32Array, limit: float) -> FloatArray:
+    """Return the 8-connected regions beyond ±limit, each as x0, y0, x1, y1, area, Σ|c|, Σ|c|x, Σ|c|y, Σc², peak."""
+    runs, number, count = connected_runs(np.abs(contrast) > limit)
+    table = np.zeros((count - 1, 10))
+    table[:, 0], table[:, 1] = contrast.shape[1], contrast.shape[0]
+    for k in range(runs.shape[0]):
+        i, first, end = runs[k]
+        row = table[number[k] - 1]
+        for j in range(first, end):
             c = abs(contrast[i, j])
-            row = table[k]
-            row[0] = min(row[0], j)
-            row[1] = min(row[1], i)
-            row[2] = max(row[2], j + 1)
-            row[3] = max(row[3], i + 1)
-            row[4] += 1
             row[5] += c
             row[6] += c * j
             row[7] += c * i
             row[8] += c * c
             row[9] = max(row[9], c)
+        row[0], row[1] = min(row[0], first), min(row[1], i)
+        row[2], row[3] = max(row[2], end), i + 1
+        row[4] += end - first
     return table
 
 
@@ -119,10 +117,8 @@ def find_spots(contrast: Float32Array, low: float, high: float, scale: float) ->
 
     ``scale`` is the size of one pixel of the map in px of the full image.
     """
-    mask = (np.abs(contrast) > low).astype(np.uint8)
-    count, found = cv2.connectedComponents(mask, connectivity=8, ltype=cv2.CV_32S)
-    table = _measure(np.asarray(found, np.int32), contrast, count)
-    table = table[1:][table[1:, 9] >= high]
+    table = _regions_beyond(contrast, low)
+    table = table[table[:, 9] >= high]
     strength = np.sqrt(table[:, 8] / np.maximum(table[:, 4], _SPECK))
     order = np.argsort(-strength, kind="stable")[:_MAX_SPOTS]
     shift = 0.5 * (scale - 1.0)

@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
+from groundstation.detection.connected import connected_runs
 
 LabelArray = NDArray[np.int32]
 _MAX_REGIONS = 400
@@ -51,65 +52,14 @@ class Group:
 
 
 @njit(cache=True, nogil=True)
-def _root(parent: NDArray[np.int32], k: int) -> int:
-    """Return the first run of the region that run k belongs to, and shorten the way to it."""
-    while parent[k] != k:
-        parent[k] = parent[parent[k]]
-        k = parent[k]
-    return k
-
-
-@njit(cache=True, nogil=True)
-def _runs(phi: NDArray[np.float32], runs: LabelArray, parent: LabelArray) -> int:
-    """Write the rows' runs of φ > 0 as row, first, last + 1 and link those that touch; returns their number."""
-    h, w = phi.shape
-    n, above, own = 0, 0, 0
-    for i in range(h):
-        inside = np.int32(0)
-        for j in range(w):
-            inside += np.int32(phi[i, j] > 0)
-        above, own, j = own, n, 0
-        before = above
-        while inside > 0 and j < w:
-            if phi[i, j] <= 0:
-                j += 1
-                continue
-            first = j
-            while j < w and phi[i, j] > 0:
-                j += 1
-            runs[n, 0], runs[n, 1], runs[n, 2], parent[n] = i, first, j, n
-            inside -= j - first
-            # a run of the row above touches it, if only by a corner
-            while before < own and runs[before, 2] < first:
-                before += 1
-            k = before
-            while k < own and runs[k, 1] <= j:
-                one, other = _root(parent, k), _root(parent, n)
-                parent[max(one, other)] = min(one, other)
-                k += 1
-            n += 1
-    return n
-
-
-@njit(cache=True, nogil=True)
 def _label(phi: NDArray[np.float32], contrast: NDArray[np.float32]) -> tuple[LabelArray, FloatArray]:
     """Return the labels of the 8-connected regions of φ > 0 and their table, (count, 10); row 0 is the background."""
     h, w = phi.shape
-    most = h * (w // 2 + 1)
-    runs, parent = np.empty((most, 3), np.int32), np.empty(most, np.int32)
-    n = _runs(phi, runs, parent)
-    number = np.zeros(n, np.int32)
-    count = 1
-    for k in range(n):
-        if parent[k] == k:
-            number[k] = count
-            count += 1
-        else:
-            number[k] = number[_root(parent, k)]
+    runs, number, count = connected_runs(phi)
     labels, table = np.zeros((h, w), np.int32), np.zeros((count, 10))
     for k in range(count):
         table[k, _X0], table[k, _Y0] = w, h
-    for k in range(n):
+    for k in range(runs.shape[0]):
         i, first, end = runs[k, 0], runs[k, 1], runs[k, 2]
         row = table[number[k]]
         for j in range(first, end):

@@ -156,6 +156,7 @@ def test_a_folder_and_a_missing_file_are_told_apart(
 
 
 def test_an_older_table_stays_where_a_row_cannot_be_made(work: dict[str, Path]) -> None:
+    work["out"].parent.mkdir()
     work["out"].write_text("poses of yesterday\n")
     with work["corners"].open("a") as stream:
         stream.write("ABCD_36_1.png,a,2,3,4,5,6,7,8\n")
