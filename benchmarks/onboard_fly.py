@@ -2,7 +2,8 @@
 
     python benchmarks/onboard_fly.py --draws 4 --first 951
 
-Each draw is another airfield, place, wind, unit and light's noise; minutes of rendering each.
+Each draw is another airfield, place, wind, unit and light's noise, with the places of side lines and lamps drawn too;
+minutes of rendering each.
 """
 
 import argparse
@@ -39,7 +40,7 @@ class FlightRow:
 
 def drawn_flight(light: str, seed: int, seconds: float = 13.0) -> NoseFlight:
     """Return a flight over another airfield in a light."""
-    sequence = varied(SEQUENCES[LIGHTS[light]], seed)
+    sequence = varied(SEQUENCES[LIGHTS[light]], seed, None, None)
     return nose_flight(sequence, nose_setup(sequence, seconds))
 
 

@@ -15,6 +15,7 @@ from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 from groundstation.rig import load_rig
 from groundstation.rig_covariance import ParameterCovariance, read_covariance
+from groundstation.text_file import absence
 from groundstation.toml_table import Table, load_toml, quoted
 
 _MOST_BYTES = 4_000_000
@@ -71,7 +72,7 @@ def read_lens(path: Path, name: str | None = None) -> CalibratedLens:
     if path.suffix.lower() == ".toml":
         return _from_toml(path, name)
     if not path.is_file():
-        raise IntrinsicsError(str(path), got="no such file", wanted="a lens file")
+        raise IntrinsicsError(str(path), got=absence(path), wanted="a lens file")
     if path.stat().st_size > _MOST_BYTES:
         raise IntrinsicsError(str(path), got="more than 4 MB", wanted="a lens file")
     values = parse_yaml(path.read_bytes().decode("utf-8-sig", errors="replace"), str(path))

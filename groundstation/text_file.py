@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from io import BytesIO, TextIOWrapper
+from pathlib import Path
 from typing import Protocol, TextIO
 
 
@@ -20,6 +21,11 @@ class TextFile(Protocol):
 
     def read_bytes(self) -> bytes:
         """Return what is in it."""
+
+
+def absence(file: TextFile) -> str:
+    """Return in words why a path is no file: it is a folder, or it is not there."""
+    return "a folder" if isinstance(file, Path) and file.is_dir() else "no such file"
 
 
 class TextFolder(Protocol):

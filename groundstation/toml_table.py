@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.errors import InputError, printable
-from groundstation.text_file import TextFile
+from groundstation.text_file import TextFile, absence
 
 MAX_TOML_BYTES = 4_000_000
 
@@ -32,7 +32,7 @@ def quoted(value: object) -> str:
 def load_toml(path: TextFile, error: type[InputError]) -> dict[str, Any]:
     """Read one TOML file; raises `error` if it is missing, too large or not TOML."""
     if not path.is_file():
-        raise error(str(path), got="no such file", wanted="a TOML file")
+        raise error(str(path), got=absence(path), wanted="a TOML file")
     try:
         with path.open(encoding="utf-8-sig") as file:
             text = file.read(MAX_TOML_BYTES + 1)

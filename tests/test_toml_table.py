@@ -77,6 +77,8 @@ def test_faults_of_the_file_itself(tmp_path: Path) -> None:
     path = tmp_path / "c.toml"
     with pytest.raises(ConfigError, match=r"c.toml: got no such file; wanted a TOML file"):
         load_toml(path, ConfigError)
+    with pytest.raises(ConfigError, match=r"got a folder; wanted a TOML file"):
+        load_toml(tmp_path, ConfigError)
     path.write_text("a = 1\nb = \n")
     with pytest.raises(ConfigError, match=r"got not TOML \(Invalid value \(at line 2, column 5\)\)"):
         load_toml(path, ConfigError)

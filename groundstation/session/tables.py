@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from groundstation.errors import SessionError
-from groundstation.text_file import TextFile
+from groundstation.text_file import TextFile, absence
 from groundstation.toml_table import quoted, shown
 
 MAX_COLUMNS = 400
@@ -38,7 +38,7 @@ class CsvTable:
     def __init__(self, path: TextFile, required: Sequence[str]) -> None:
         self.path = path
         if not path.is_file():
-            raise SessionError(str(path), got="no such file", wanted="a table with " + ", ".join(required))
+            raise SessionError(str(path), got=absence(path), wanted="a table with " + ", ".join(required))
         header = next(self._lines(), None)
         self.columns: tuple[str, ...] = () if header is None else tuple(name.strip() for name in header[1])
         for name in required:

@@ -172,6 +172,19 @@ def test_a_bad_imu_table_says_what_is_wrong(tmp_path: Path, text: str, words: st
     assert words in complaint(ImuFileError, lambda: load_imu(tmp_path / "imu.csv", camera))
 
 
+def test_an_imu_table_that_is_none_is_said_in_words(tmp_path: Path) -> None:
+    (tmp_path / "nose.toml").write_text(LENS)
+    (tmp_path / "nose.avi").write_bytes(b"RIFF\xa5\x80\n")
+    camera = load_nose_camera(tmp_path / "nose.toml")
+    for name, words in (
+        ("none.csv", "none.csv: got no such file; wanted a CSV table"),
+        ("", "got a folder; wanted a CSV table"),
+        ("nose.avi", "nose.avi: got bytes that are no text in UTF-8; wanted a CSV table"),
+    ):
+        path = tmp_path / name
+        assert words in complaint(ImuFileError, lambda path=path: load_imu(path, camera))
+
+
 def test_places_on_earth_become_poses_over_the_threshold(tmp_path: Path) -> None:
     runway = "[runway]\nlat_deg = 30.0\nlon_deg = -97.0\nalt_m = 200.0\nheading_deg = 90.0\n"
     (tmp_path / "nose.toml").write_text(LENS + runway)

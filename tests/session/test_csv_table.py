@@ -106,8 +106,8 @@ def test_times_must_grow(tmp_path: Path, times: tuple[float, float], message: st
 
 
 def test_a_missing_file_and_a_folder_in_its_place(tmp_path: Path) -> None:
-    for path in (tmp_path / "table.csv", tmp_path):
-        with pytest.raises(SessionError, match="got no such file; wanted a table with t_s"):
+    for path, got in ((tmp_path / "table.csv", "no such file"), (tmp_path, "a folder")):
+        with pytest.raises(SessionError, match=f"got {got}; wanted a table with t_s"):
             CsvTable(path, ["t_s"])
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.approach.config import ApproachConfig, CornerMethod
+from groundstation.onboard.approach.corner_errors import lasting_modes, lasting_sigmas, tracked_modes, weights_of_ends
 from groundstation.onboard.approach.threshold import SeenThreshold, seen_threshold
 from groundstation.onboard.edges.lines import PITCH, ROLL, UP
 from groundstation.onboard.edges.pose import CameraPose, corrected_pose, pixels_from_points
@@ -29,9 +30,6 @@ _NEAR_WINDOW, _FAR_WINDOW = 0.08, 0.05
 _LEAST_REACH_PX = 2.5
 # a threshold that is not seen: its corners lie on the tracked edges, anywhere along them
 _ANYWHERE_PX = 40.0
-# ways in which edges may lie wrong for good: both on the ground, four ends, two thresholds shifted and turned
-EDGE_MODES = 6
-LASTING_COUNT = EDGE_MODES + 4
 _NEAR, _FAR = (0, 3), (1, 2)
 
 
@@ -128,28 +126,20 @@ def find_corners(
     pixels, covariance = found
     if np.linalg.norm(pixels - moved, axis=1).max() > 4.0 * config.reach_px[1]:
         return NoCorners.TURNED
-    dark = float(np.median(grey[h // 2 :: 4, ::4])) < config.dark_grey
-    levels = min(seen.levels for seen in (near, far) if seen is not None)
+    if config.corners is CornerMethod.EDGES:
+        lasting = tracked_modes(pixels, edges, runway, config)
+    else:
+        dark = float(np.median(grey[h // 2 :: 4, ::4])) < config.dark_grey
+        levels = min(seen.levels for seen in (near, far) if seen is not None)
+        lasting = lasting_modes(pixels, runway, lasting_sigmas(config, levels, dark=dark))
     return FoundCorners(
         pixels=pixels,
         start_px=start,
         covariance_px2=covariance + _anew(config),
-        lasting_px=lasting_modes(pixels, runway, lasting_sigmas(config, levels, dark=dark)),
+        lasting_px=lasting,
         near_seen=near is not None,
         far_seen=far is not None,
     )
-
-
-def lasting_sigmas(config: ApproachConfig, levels: float, *, dark: bool) -> ApproachConfig:
-    """Return the tuning with what edges may lie wrong by in this light.
-
-    The fainter the pavement, the farther is its edge drawn aside by what else is there; by night it is drawn to lamps.
-    """
-    faint = float(np.clip(config.clear_levels / max(levels, 1.0), 1.0, config.most_faint))
-    side_m, side_px = config.side_sigma_m, faint * config.side_sigma_px
-    if dark:
-        side_m, side_px = max(side_m, config.lamp_sigma_m), max(side_px, config.lamp_sigma_px)
-    return replace(config, side_sigma_m=side_m, side_sigma_px=side_px)
 
 
 def start_corners(edges: Edges, pose: CameraPose, runway: Runway, kappa: FloatArray) -> FloatArray | None:
@@ -160,40 +150,6 @@ def start_corners(edges: Edges, pose: CameraPose, runway: Runway, kappa: FloatAr
     left, right = (_line(*ends) for ends in _ends(edges))
     near, far = _line(predicted[0], predicted[3]), _line(predicted[1], predicted[2])
     return corners_from_lines(left, right, near, far)
-
-
-def lasting_modes(pixels: FloatArray, runway: Runway, config: ApproachConfig) -> FloatArray:
-    """Return the columns (8, `LASTING_COUNT`) of what lasts: both edges on the ground and at each end, both thresholds.
-
-    A threshold's shift along the runway moves its corners along the sides.
-    """
-    columns = []
-    # pairs of corners: left side (near, far), right side (near, far)
-    for near, far in ((0, 1), (3, 2)):
-        shift = np.zeros((4, 2))
-        for k, other in ((near, 3 - near), (far, 3 - far)):
-            across = pixels[other] - pixels[k]
-            shift[k] = config.side_sigma_m * across / runway.width_m
-        columns.append(shift.ravel())
-    for k in range(4):
-        end = np.zeros((4, 2))
-        end[k, 0] = config.side_sigma_px
-        columns.append(end.ravel())
-    for pair, along_m, sigma_px in (
-        (((0, 1), (3, 2)), config.near_sigma_m, config.end_sigma_px),
-        (((1, 0), (2, 3)), 0.0, config.far_end_sigma_px),
-    ):
-        shift, turned = np.zeros((4, 2)), np.zeros((4, 2))
-        for sign, (k, other) in zip((1.0, -1.0), pair, strict=True):
-            side = pixels[other] - pixels[k]
-            # a metre takes more of the side's picture at its near end than on its average
-            by_metres = along_m / runway.length_m * _stretch(pixels, k, other)
-            by_blur = sigma_px / max(abs(float(side[1])), 1.0)
-            shift[k] = np.hypot(by_metres, by_blur) * side
-            # the same with its ends opposite: a threshold that seems turned
-            turned[k] = sign * by_blur * side
-        columns += [shift.ravel(), turned.ravel()]
-    return np.stack(columns, axis=1)
 
 
 def _corrected(pose: CameraPose, edges: Edges) -> CameraPose:
@@ -251,12 +207,6 @@ def _moved_down(corners: FloatArray, rows: FloatArray) -> FloatArray:
     return moved
 
 
-def _stretch(pixels: FloatArray, k: int, other: int) -> float:
-    """Return how much longer a metre appears at one end of a side than on its average: the widths' ratio."""
-    widths = [float(np.linalg.norm(pixels[i] - pixels[3 - i])) for i in (k, other)]
-    return widths[0] / max(widths[1], 1.0)
-
-
 def _inside(pixels: FloatArray, w: int, h: int) -> bool:
     return bool(((pixels >= _BORDER_PX) & (pixels <= np.array([w, h]) - 1.0 - _BORDER_PX)).all())
 
@@ -275,15 +225,16 @@ def _line(first: FloatArray, second: FloatArray) -> FloatArray:
 def _along_edges(
     edges: Edges, corners: FloatArray, near: SeenThreshold | None, far: SeenThreshold | None, config: ApproachConfig
 ) -> FloatArray:
-    """Return covariances (4, 2, 2) of corners on the tracked edges: across by these, along by the thresholds."""
-    upper, lower = edges.rows_px
+    """Return covariances (4, 2, 2) of corners on the tracked edges: across by these, along by the thresholds.
+
+    What lasts of the edges is no part of it.
+    """
+    anew = edges.covariance_px2 - edges.lasting_px2
     covariance = np.empty((4, 2, 2))
     for seen, which in ((near, _NEAR), (far, _FAR)):
         for number, k in enumerate(which):
-            share = (corners[k, 1] - upper) / (lower - upper)
-            # crossings of one edge: upper, lower
-            weights = np.array([1.0 - share, share])
-            block = edges.covariance_px2[2 * number : 2 * number + 2, 2 * number : 2 * number + 2]
+            weights = weights_of_ends(edges, float(corners[k, 1]))
+            block = anew[2 * number : 2 * number + 2, 2 * number : 2 * number + 2]
             side = corners[_NEAR[number]] - corners[_FAR[number]]
             along = side / side[1]
             if seen is None:

@@ -8,6 +8,7 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.onboard.pose.agreement import PositionSeries
 from groundstation.session.tables import CsvTable
+from groundstation.text_file import absence
 from groundstation.toml_table import finite_number, shown
 
 _PLACE = ("x_m", "y_m", "z_m")
@@ -29,7 +30,7 @@ def read_ground_track(path: Path, threshold_m: FloatArray, sigma_m: float) -> Po
     sigma_m : of each coordinate where the file has no covariance.
     """
     if not path.is_file():
-        raise GroundTrackError(str(path), got="no such file", wanted="track.csv of a replay, or a TUM trajectory")
+        raise GroundTrackError(str(path), got=absence(path), wanted="track.csv of a replay, or a TUM trajectory")
     t, places, covariances = _from_csv(path, sigma_m) if path.suffix == ".csv" else _from_tum(path, sigma_m)
     if len(t) < 2:
         raise GroundTrackError(str(path), got=f"{len(t)} positions", wanted="a track of two or more")

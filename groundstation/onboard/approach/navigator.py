@@ -13,13 +13,8 @@ from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.approach.config import ApproachConfig
-from groundstation.onboard.approach.corner_finder import (
-    EDGE_MODES,
-    LASTING_COUNT,
-    FoundCorners,
-    NoCorners,
-    find_corners,
-)
+from groundstation.onboard.approach.corner_errors import edge_mode_count, mode_count
+from groundstation.onboard.approach.corner_finder import FoundCorners, NoCorners, find_corners
 from groundstation.onboard.approach.lasting import LastingErrors
 from groundstation.onboard.approach.sensitivity import pixels_by_pose, pose_by_pixels
 from groundstation.onboard.edges.config import TrackerConfig
@@ -117,8 +112,7 @@ class NoseNavigator:
         self._lens = replace(lens, distortion=np.zeros(5))
         self._kappa = intrinsic_matrix(lens)
         guess = RunwayGuess(width_m=runway.width_m, length_m=runway.length_m)
-        # what edges may be wrong by for good is counted once, with the corners
-        self._tracker_config = TrackerConfig(guess=guess, edge_sigma_m=0.0, edge_sigma_px=0.0)
+        self._tracker_config = TrackerConfig(guess=guess)
         self._tracker = EdgeTracker(self._kappa, lens.image_size_px, self._tracker_config)
         self._inside = self._alone = self._confirmed = False
         self._used = 0
@@ -130,7 +124,9 @@ class NoseNavigator:
     def _begin(self) -> None:
         """Make the filters new; the next pose starts them."""
         self._filter = InertialFilter(self._config.inertial, self._mount)
-        self._lasting = LastingErrors(self._config.inertial, self._mount, LASTING_COUNT + 2 * EDGE_MODES)
+        self._edge_modes = edge_mode_count(self._config.corners)
+        count = mode_count(self._config.corners) + 2 * self._edge_modes
+        self._lasting = LastingErrors(self._config.inertial, self._mount, count)
         self._used = self._refused = 0
         self._confirmed = False
         self._scatter = 1.0
@@ -292,7 +288,7 @@ class NoseNavigator:
 
         A constant error of an edge may cancel in the state; one that is there for some seconds does not.
         """
-        config, edges = self._config, lasting_px[:, :EDGE_MODES]
+        config, edges = self._config, lasting_px[:, : self._edge_modes]
         angle = 2.0 * np.pi * t_s / config.changing_s
         waves = [config.changing_share * float(wave) * edges for wave in (np.cos(angle), np.sin(angle))]
         return np.hstack([lasting_px, *waves])

@@ -24,8 +24,11 @@ _FLOOR_PX = 14.0
 _INSIDE = np.linspace(-0.85, 0.85, 18)
 _BESIDE = np.linspace(1.35, 2.2, 9)
 _COLUMNS = np.concatenate([-_BESIDE[::-1], _INSIDE, _BESIDE])
-# the difference just outside, of that just inside: more is a change of pavement, not its end
-_MOST_LEFT = 0.45
+# the difference outside, just there and as far as the end was looked for, of what the pavement farther inside differs
+# by (or of that just inside, if that is less): more is a bar's end or a change of pavement, not the pavement's end
+_MOST_LEFT = 0.3
+# rows farther inside that show what the pavement looks like, and how far on at most, of the runway's height
+_PAVEMENT_PX, _PAVEMENT_SHARE = 14.0, 0.3
 # of the strongest end, what another must have to be preferred for lying farther out
 _LEAST_SHARE = 0.3
 # rise over its noise, of both sides together and of each
@@ -62,7 +65,9 @@ def seen_threshold(
     """
     margin = reach_px + max(window_px, _FLOOR_PX)
     # outward: down the picture for the near threshold, up for the far one
-    outward = np.arange(-reach_px - window_px, margin + 0.5 * _STEP_PX, _STEP_PX)
+    height = abs(float(corners_px[[0, 3], 1].mean() - corners_px[[1, 2], 1].mean()))
+    inward = reach_px + window_px + min(_PAVEMENT_PX, _PAVEMENT_SHARE * height)
+    outward = np.arange(-inward, margin + 0.5 * _STEP_PX, _STEP_PX)
     shifts = -outward if far else outward
     sides = _differences(image, corners_px, shifts, far)
     usable = np.asarray(np.isfinite(sides).all(axis=0))
@@ -74,7 +79,7 @@ def seen_threshold(
     both = sides.sum(axis=0)
     floor = both[outward > reach_px] if (outward > reach_px).sum() >= 6 else both[-max(count, 6) :]
     level, noise = float(np.median(floor)), _spread(floor)
-    k = _end(both, outward, count, reach_px, level, noise)
+    k = _end(both, outward, count, reach_px, level)
     if k is None:
         return None
     rise = float(np.median(both[k - count : k])) - level
@@ -95,14 +100,17 @@ def seen_threshold(
     )
 
 
-def _end(both: FloatArray, outward: FloatArray, count: int, reach: float, level: float, noise: float) -> int | None:
+def _end(both: FloatArray, outward: FloatArray, count: int, reach: float, level: float) -> int | None:
     """Return the number of the row where the difference ends, None where it ends nowhere or only changes."""
     drops = np.zeros(len(both))
     rows = [k for k in range(count, len(both) - count) if abs(outward[k]) <= reach]
+    last = int(np.searchsorted(outward, reach))
     for k in rows:
         inside, outside = float(np.median(both[k - count : k])), float(np.median(both[k + 1 : k + 1 + count]))
+        pavement = float(np.median(both[: k - count])) if k >= 2 * count else inside
+        beyond = float(np.median(both[k + 1 : max(last, k + 1 + count)]))
         # beyond the end nothing is left
-        if outside - level <= max(_MOST_LEFT * (inside - level), 2.0 * noise):
+        if max(outside, beyond) - level <= _MOST_LEFT * (min(inside, pavement) - level):
             drops[k] = inside - outside
     if drops.max() <= 0.0:
         return None

@@ -83,12 +83,14 @@ def follow(
     update = _update(lookout, predicted, look, found)
     if update.nis > config.gate:
         return _missed(config, look, predicted, EdgeMiss.GATED, update.nis)
-    crossings, covariance = _in_picture(config, predicted, look, found, update)
+    crossings, anew = _in_picture(config, predicted, look, found, update)
+    lasting = _lasting(config, look, predicted, found)
     edges = Edges(
         state=update.state,
         rows_px=look.rows,
         crossings_px=crossings,
-        covariance_px2=covariance,
+        covariance_px2=anew + lasting,
+        lasting_px2=lasting,
         predicted_px=look.predicted,
         measured_px=found.crossings_px,
         nis=update.nis,
@@ -230,6 +232,8 @@ def _in_picture(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the edges in this picture, where the pose's error moves prediction and truth apart alike.
 
+    Without what lasts.
+
     The prior of the crossings is H P Hᵀ + pose noise; the picture says the rest. With the paper's measurement it
     is the projection of the updated state.
     """
@@ -239,18 +243,25 @@ def _in_picture(
     prior = look.h @ predicted.covariance @ look.h.T + pose_noise(config, look)
     crossings, covariance = np.empty(4), np.empty((4, 4))
     between(look.predicted, prior, found.crossings_px, found.covariance_px2, crossings, covariance)
-    return crossings, covariance + edge_noise(config, look.predicted, look.rows, predicted.mean, found)
+    return crossings, covariance
+
+
+def _lasting(config: TrackerConfig, look: Look, predicted: LineState, found: FoundEdges | None) -> FloatArray:
+    """Return what more pictures do not average out, (4, 4) px²; the paper's measurement knows of none."""
+    if config.measurement is Measurement.LINES and found is not None:
+        return np.zeros((4, 4))
+    return edge_noise(config, look.predicted, look.rows, predicted.mean, found)
 
 
 def _missed(config: TrackerConfig, look: Look, predicted: LineState, miss: EdgeMiss, nis: float) -> Followed:
     """Return the prediction, with its own covariance."""
+    lasting = _lasting(config, look, predicted, None)
     edges = Edges(
         state=predicted,
         rows_px=look.rows,
         crossings_px=look.predicted,
-        covariance_px2=look.h @ predicted.covariance @ look.h.T
-        + pose_noise(config, look)
-        + edge_noise(config, look.predicted, look.rows, predicted.mean),
+        covariance_px2=look.h @ predicted.covariance @ look.h.T + pose_noise(config, look) + lasting,
+        lasting_px2=lasting,
         predicted_px=look.predicted,
         measured_px=None,
         nis=nis,

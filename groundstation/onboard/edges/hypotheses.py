@@ -313,11 +313,13 @@ def _started(
         look = look_between(lookout, pose, state, rows)
     noise = found.covariance_px2 + pose_noise(config, look)
     update = update_crossings(state, look.predicted, look.h, found.crossings_px, noise)
+    lasting = edge_noise(config, found.crossings_px, rows, update.state.mean, found)
     edges = Edges(
         state=update.state,
         rows_px=rows,
         crossings_px=found.crossings_px,
-        covariance_px2=found.covariance_px2 + edge_noise(config, found.crossings_px, rows, update.state.mean, found),
+        covariance_px2=found.covariance_px2 + lasting,
+        lasting_px2=lasting,
         predicted_px=detected,
         measured_px=found.crossings_px,
         nis=math.nan,

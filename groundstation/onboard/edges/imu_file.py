@@ -10,6 +10,7 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.onboard.edges.camera_file import NoseCamera
 from groundstation.onboard.edges.pose import Attitude, CameraPose, nose_pose, threshold_position
+from groundstation.text_file import absence
 from groundstation.toml_table import shown
 
 _ATTITUDE = ("roll_deg", "pitch_deg", "yaw_deg")
@@ -96,11 +97,13 @@ def load_imu(path: Path, camera: NoseCamera) -> PoseLog:
 def _read(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Return the header and the numbered rows."""
     if not path.is_file():
-        raise ImuFileError(str(path), got="no such file", wanted="a CSV table")
+        raise ImuFileError(str(path), got=absence(path), wanted="a CSV table")
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as fault:
+    except UnicodeDecodeError as fault:
+        raise ImuFileError(str(path), got="bytes that are no text in UTF-8", wanted="a CSV table") from fault
+    except (OSError, csv.Error) as fault:
         raise ImuFileError(str(path), got=shown(str(fault)), wanted="a CSV table") from fault
     if not lines:
         raise ImuFileError(str(path), got="an empty file", wanted="a CSV table")

@@ -195,7 +195,7 @@ def _rivals(
     apart = np.diag(np.maximum(config.apart_m * scale, config.least_step_px) ** 2)
     alike = np.asarray(np.linalg.inv(apart + config.outwards_m**2 * np.outer(scale, scale) * _SAME_ROW), np.float64)
     layouts = [layout_at(places, config) for places in (marks.places, *others)]
-    own, *fits = fitted(profiles, layouts, None, config.wide, config.alike)
+    own, *fits = fitted(profiles, layouts, None, config.wide, config.values_as_one)
     loose = np.diag(1.0 / (config.stray_steps * np.tile(profiles.steps, 2)) ** 2)
     stray = likeliest(own, np.zeros(4), loose)
     held = _worth(own, layouts[0], likelihood_at(own, moved_px), moved_px, config)

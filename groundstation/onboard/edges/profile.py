@@ -33,8 +33,9 @@ from groundstation.onboard.edges.profile_fit import (
 )
 from groundstation.onboard.edges.profile_kernel import moments
 
-# usual colour of a dark picture, 0 to 1: there lamps are looked for from the first
-_DARK = 0.37
+# usual colour about the edges, 0 to 1, below which lamps are taken to be lit until layouts have been compared: as in
+# `paint` 95 of 255 grey levels, well above night (60 to 80) and below day (from 125 on); dusk lies on either side
+_DARK_COLOUR = 0.37
 # lamps that are seen where they stand
 _ON_GROUND = Raised()
 
@@ -67,7 +68,7 @@ def edges_by_profile(
     offset = OUTWARDS * (predicted_px - guess_px)
     wide = _profiles(image, guess_px, rows_px, px_per_m, raised, (2.0, config.wide), config)
     if marks is None:
-        dark = float(np.median(wide.total.sum(axis=3) / np.maximum(3.0 * wide.weight, 1e-9))) < _DARK
+        dark = float(np.median(wide.total.sum(axis=3) / np.maximum(3.0 * wide.weight, 1e-9))) < _DARK_COLOUR
         marks = first_marks(config, dark=dark)
     fit = _fitted(wide, marks, config.wide, config)
     moved, change = likeliest(fit, offset, weight).moved_px, Change.NONE
@@ -85,7 +86,7 @@ def edges_by_profile(
 
 
 def _fitted(profiles: Straightened, marks: Marks, reach: int, config: ProfileConfig) -> Fit:
-    return fitted(profiles, [layout_at(marks.places, config)], usual(marks, config), reach, config.alike)[0]
+    return fitted(profiles, [layout_at(marks.places, config)], usual(marks, config), reach, config.values_as_one)[0]
 
 
 def _result(

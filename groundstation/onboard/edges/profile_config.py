@@ -31,7 +31,9 @@ class ProfileConfig:
     blur_px : sigma of the picture across a line.
     mark_sigma, mark_frames : what the excess (0 to 1) of paint and lamps may differ by from what is usual, and over
         how many frames that is taken.
-    alike : neighbouring bins and colours that err alike.
+    values_as_one : so many of a profile's values (bins in steps of the fine size, three colours) err as one, and count
+        as one in its likelihood: a pixel's noise is in two bins of half a pixel, and of three colours that share light
+        and texture the errors are between one and three; two times two.
     floor_px : sigma that no end goes below.
     """
 
@@ -61,5 +63,5 @@ class ProfileConfig:
     blur_px: float = 0.8
     mark_sigma: float = 0.04
     mark_frames: int = 10
-    alike: float = 4.0
+    values_as_one: float = 4.0
     floor_px: float = 0.4

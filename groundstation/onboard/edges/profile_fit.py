@@ -112,10 +112,12 @@ def straightened(
     )
 
 
-def fitted(profiles: Straightened, layouts: list[Layout], usual: Usual | None, reach: int, alike: float) -> list[Fit]:
+def fitted(
+    profiles: Straightened, layouts: list[Layout], usual: Usual | None, reach: int, values_as_one: float
+) -> list[Fit]:
     """Return of each layout the likelihood of displacements of ``reach`` bins to either side.
 
-    So many values ``alike`` err as one. What is ``usual`` is that of the first layout; None: any paint and light.
+    So many values err as one. What is ``usual`` is that of the first layout; None: any paint and light.
     """
     blocks, trials, count = profiles.weight.shape[1], 2 * reach + 1, len(layouts)
     sides_m = np.array([[_sides(layout, profiles.raised, line) for layout in layouts] for line in range(2)])
@@ -133,7 +135,7 @@ def fitted(profiles: Straightened, layouts: list[Layout], usual: Usual | None, r
             misfit[line], levels[line],
         )  # fmt: skip
         least = misfit[line].min(axis=2)
-        power = 0.5 * profiles.coarse * freedom[line] / alike
+        power = 0.5 * profiles.coarse * freedom[line] / values_as_one
         curves = (least[:, :, None] / misfit[line]) ** power[:, None]
         for k in range(count):
             line_likelihood(curves[k], profiles.steps, _OUTLIER, grids[k, line])

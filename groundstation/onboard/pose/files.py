@@ -16,6 +16,7 @@ from groundstation.errors import InputError
 from groundstation.onboard.pose.runway import Runway, runway_from_geodetic
 from groundstation.onboard.pose.solve import RunwayPose
 from groundstation.session.tables import CsvTable
+from groundstation.text_file import absence
 from groundstation.toml_table import quoted, shown
 
 POSE_COLUMNS = (
@@ -74,12 +75,17 @@ class Runways:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._made: dict[tuple[str, str], Runway] = {}
+        if not path.is_file():
+            raise PoseError(str(path), got=absence(path), wanted="a JSON file of runways")
         try:
             if path.stat().st_size > _MOST_BYTES:
                 raise PoseError(str(path), got="more than 50 MB", wanted="a table of runways")
             self._table = json.loads(path.read_text(encoding="utf-8"))
         except OSError as error:
             raise PoseError(str(path), got=str(error.strerror), wanted="a JSON file of runways") from error
+        except json.JSONDecodeError as error:
+            got = f"no JSON ({shown(error.msg)})"
+            raise PoseError(f"{path}: line {error.lineno}", got=got, wanted="a JSON file of runways") from error
         except (ValueError, RecursionError) as error:
             raise PoseError(str(path), got="no JSON", wanted="a JSON file of runways") from error
         if not isinstance(self._table, dict):

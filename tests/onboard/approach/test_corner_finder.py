@@ -8,15 +8,14 @@ import pytest
 
 from groundstation.geometry.rotation import rotation_from_vector
 from groundstation.onboard.approach.config import ApproachConfig, CornerMethod
-from groundstation.onboard.approach.corner_finder import (
-    LASTING_COUNT,
-    FoundCorners,
-    NoCorners,
-    find_corners,
+from groundstation.onboard.approach.corner_errors import (
+    edge_mode_count,
     lasting_modes,
     lasting_sigmas,
-    start_corners,
+    mode_count,
+    tracked_modes,
 )
+from groundstation.onboard.approach.corner_finder import FoundCorners, NoCorners, find_corners, start_corners
 from groundstation.onboard.approach.sensitivity import pixels_by_pose, pose_by_pixels
 from groundstation.onboard.approach.threshold import seen_threshold
 from groundstation.onboard.edges.kalman import LineState
@@ -30,6 +29,8 @@ from groundstation.onboard.scenes.sequences import NOSE_LENS
 KAPPA = intrinsic_matrix(NOSE_LENS)
 RUNWAY = rectangle(400.0, 20.0)
 POSE = nose_pose(np.array([2.0, 160.0, 22.0]), Attitude(roll_rad=0.03, pitch_rad=-0.05, yaw_rad=0.02))
+# left and right edge, upper and lower row: half a pixel in all, and what is alike at both ends
+LASTING_PX2 = 0.25 * np.eye(4) + np.kron(np.diag([1.0, 2.0]), np.outer([0.3, 1.0], [0.3, 1.0]))
 CORNERS = pixels_from_points(POSE, KAPPA, RUNWAY.corners_m)
 
 
@@ -41,7 +42,8 @@ def edges(pose: CameraPose = POSE) -> Edges:
         state=LineState(mean=mean, covariance=1e-4 * np.eye(7)),
         rows_px=rows,
         crossings_px=crossings,
-        covariance_px2=0.04 * np.eye(4),
+        covariance_px2=0.04 * np.eye(4) + LASTING_PX2,
+        lasting_px2=LASTING_PX2,
         predicted_px=crossings,
         measured_px=crossings,
         nis=1.0,
@@ -134,6 +136,26 @@ def test_neither_bars_nor_slab_nor_road_is_the_threshold(
     assert seen >= 12
 
 
+def test_a_slab_on_faint_pavement_is_not_its_far_end(rng: np.random.Generator) -> None:
+    """Expected: a slab that ends before the far end, on pavement hardly other than the ground, is taken for no end.
+
+    By dusk such ends were confirmed in the place of the far threshold, 7 to 11 px below it, picture after picture.
+    """
+    scale = 4
+    big = np.full((480 * scale, 640 * scale, 3), (60, 90, 80), np.uint8)
+    for y0, y1, colour in ((0.0, -400.0, (70, 90, 85)), (-170.0, -215.0, (120, 110, 110))):
+        ground = np.array([[-10.0, y0, 0.0], [10.0, y0, 0.0], [10.0, y1, 0.0], [-10.0, y1, 0.0]])
+        pixels = (pixels_from_points(POSE, KAPPA, ground) + 0.5) * scale
+        cv2.fillPoly(big, [np.round(pixels).astype(np.int32)], colour)
+    small = cv2.GaussianBlur(cv2.resize(big, (640, 480), interpolation=cv2.INTER_AREA), (0, 0), 0.7)
+    wrong = 0
+    for _ in range(20):
+        image = np.clip(small + 2.0 * rng.standard_normal(small.shape), 0, 255).astype(np.uint8)
+        found = seen_threshold(image, CORNERS, 12.0, 2.0, far=True)
+        wrong += found is not None and abs(float(found.shift_px.mean())) > 3.0
+    assert wrong <= 1
+
+
 def test_grass_without_a_runway_confirms_next_to_nothing(rng: np.random.Generator) -> None:
     """Expected: at most one of ten places in blotched grass has one by chance; the filter's gate is for these."""
     confirmed = 0
@@ -223,7 +245,7 @@ def test_a_pose_follows_its_pixels_as_said() -> None:
 
 def test_what_lasts_moves_corners_along_their_own_lines() -> None:
     modes = lasting_modes(CORNERS, RUNWAY, ApproachConfig())
-    assert modes.shape == (8, LASTING_COUNT)
+    assert modes.shape == (8, mode_count(CornerMethod.SIDES))
     config = ApproachConfig()
     left = modes[:, 0].reshape(4, 2)
     np.testing.assert_allclose(left[2:], 0.0)
@@ -234,3 +256,30 @@ def test_what_lasts_moves_corners_along_their_own_lines() -> None:
     shift = lasting_modes(CORNERS, RUNWAY, replace(config, end_sigma_px=0.0))[:, 6].reshape(4, 2)
     deeper = pixels_from_points(POSE, KAPPA, RUNWAY.corners_m - [0, config.near_sigma_m, 0])
     np.testing.assert_allclose(shift[0], deeper[0] - CORNERS[0], rtol=0.1, atol=0.02)
+
+
+def test_what_lasts_of_tracked_edges_is_what_the_tracker_says() -> None:
+    """Expected: where corners lie in the rows of the crossings their covariance across is the tracker's; no more."""
+    seen = edges()
+    upper, lower = seen.rows_px
+    left_upper, left_lower, right_upper, right_lower = seen.crossings_px
+    corners = np.array([[left_lower, lower], [left_upper, upper], [right_upper, upper], [right_lower, lower]])
+    modes = tracked_modes(corners, seen, RUNWAY, ApproachConfig())
+    assert modes.shape == (8, mode_count(CornerMethod.EDGES))
+    own = modes[[2, 0, 4, 6], : edge_mode_count(CornerMethod.EDGES)]
+    np.testing.assert_allclose(own @ own.T, LASTING_PX2, atol=1e-9)
+    assert not modes[1::2, : edge_mode_count(CornerMethod.EDGES)].any()
+    # a little later what lasts has grown a little: each column is the same error still
+    later = tracked_modes(corners, replace(seen, lasting_px2=1.1 * LASTING_PX2), RUNWAY, ApproachConfig())
+    np.testing.assert_allclose(later[:, :4], np.sqrt(1.1) * modes[:, :4], atol=1e-9)
+
+
+def test_what_lasts_of_edges_is_counted_once(rng: np.random.Generator) -> None:
+    """Expected: each picture's own part of a corner does not grow with what the tracker says to last."""
+    image = picture(rng)
+    surer = replace(edges(), covariance_px2=0.04 * np.eye(4), lasting_px2=np.zeros((4, 4)))
+    one, other = (find_corners(image, seen, POSE, RUNWAY, KAPPA, ApproachConfig()) for seen in (edges(), surer))
+    assert isinstance(one, FoundCorners)
+    assert isinstance(other, FoundCorners)
+    np.testing.assert_allclose(one.covariance_px2, other.covariance_px2, rtol=1e-9)
+    assert (np.linalg.norm(one.lasting_px, axis=1)[0::2] > np.linalg.norm(other.lasting_px, axis=1)[0::2]).all()

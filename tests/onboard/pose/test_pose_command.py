@@ -110,6 +110,7 @@ def test_corners_are_put_in_order(permutation: list[int], seed: int) -> None:
     ("file", "text", "said"),
     [
         ("runways", "{", "no JSON"),
+        ("runways", '{"A": {},\n"B" 1}', "runways.json: line 2: got no JSON (Expecting ':' delimiter)"),
         ("runways", "[]", "no table"),
         (
             "runways",
@@ -142,6 +143,16 @@ def test_a_file_at_fault_is_one_clear_line(
     assert said in error
     assert error.count("\n") == 1
     assert not work["out"].exists()
+
+
+@pytest.mark.parametrize("file", ["corners", "runways", "camera"])
+def test_a_folder_and_a_missing_file_are_told_apart(
+    work: dict[str, Path], file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "folder").mkdir()
+    for name, said in (("folder", "folder: got a folder; wanted"), ("none", "none: got no such file; wanted")):
+        assert run({**work, file: tmp_path / name}) == 1
+        assert said in capsys.readouterr().err
 
 
 def test_an_older_table_stays_where_a_row_cannot_be_made(work: dict[str, Path]) -> None:
