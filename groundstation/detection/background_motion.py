@@ -182,7 +182,7 @@ def _significance(grey: ImageArray, laid: ImageArray, slope: ImageArray, misplac
     return _in_sigmas(grey, laid, slope, np.asarray(drift, np.float32), np.asarray(common, np.float32), misplaced_px)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _block_means(grey: ImageArray, laid: ImageArray, drift: Float32Array, absolute: bool) -> Float32Array:
     """Return the mean of the difference, or of its size without the drift, in blocks; 0 where nothing is known."""
     rows, columns = -(-grey.shape[0] // _BLOCK_PX), -(-grey.shape[1] // _BLOCK_PX)
@@ -198,7 +198,7 @@ def _block_means(grey: ImageArray, laid: ImageArray, drift: Float32Array, absolu
     return np.divide(total, np.maximum(count, np.float32(1))).astype(np.float32)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _in_sigmas(
     grey: ImageArray,
     laid: ImageArray,
@@ -229,7 +229,7 @@ def _in_sigmas(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _agreed(first: Float32Array, seen_first: ImageArray, second: Float32Array, seen_second: ImageArray) -> Float32Array:
     """Return the smaller of two significances of one sign, else 0; what one does not see, the other decides."""
     out = np.empty_like(first)

@@ -9,13 +9,15 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 
-# px over contrast: many rows of the outline say where the point lies across the picture, few ends where along it
-_ACROSS_PX_SIGMAS, _ALONG_PX_SIGMAS = 2.2, 4.5
+# px over contrast, for u and v of the picture: many rows of the outline say where across it, few ends where down it
+_U_PX_SIGMAS, _V_PX_SIGMAS = 2.2, 4.5
 _READ_SHARE = 0.08  # of the attitude's part, where the outline tells the attitude
 
 
 def new_in_each_frame(steady: float, attitude: FloatArray, contrast: float, legible: float) -> FloatArray:
     """Return the noise (2, 2), px² of u and v, in a covariance of ``steady`` · 1 + ``attitude`` + more.
+
+    The picture's own part is of the picture's columns and rows: it is not turned with the aircraft's bank.
 
     Parameters
     ----------
@@ -24,5 +26,5 @@ def new_in_each_frame(steady: float, attitude: FloatArray, contrast: float, legi
     contrast : of the silhouette, in sigmas.
     legible : 0 to 1, how far the outline tells the attitude.
     """
-    across, along = (min((k / max(contrast, 1.0)) ** 2, steady) for k in (_ACROSS_PX_SIGMAS, _ALONG_PX_SIGMAS))
-    return np.diag([across, along]) + _READ_SHARE * legible * attitude
+    u, v = (min((k / max(contrast, 1.0)) ** 2, steady) for k in (_U_PX_SIGMAS, _V_PX_SIGMAS))
+    return np.diag([u, v]) + _READ_SHARE * legible * attitude
