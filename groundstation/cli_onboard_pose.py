@@ -26,7 +26,7 @@ to nothing), residual (a pose that does not fit the corners' noise), no_pose or
 no_corners (empty cells)
 
 --rerun poses.rrd also draws them: the runway, and picture by picture the camera,
-its range and how well it fits (rerun poses.rrd opens it)
+its range and how well it fits; rerun --bind 127.0.0.1 poses.rrd opens it
 
 exit code: 0 done; 1 a file is at fault; 2 wrong usage"""
 
