@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from groundstation.errors import InputError
+from groundstation.errors import InputError, UsageError
 
 _POSE = """Where the camera was when each picture was taken, from the four corners of the runway
 in it, by unit dual quaternion; no first guess is needed. The frame: origin in the
@@ -25,6 +25,9 @@ the quaternion is runway_from_camera; status is ok, uncertain (the corners say n
 to nothing), residual (a pose that does not fit the corners' noise), no_pose or
 no_corners (empty cells)
 
+--rerun poses.rrd also draws them: the runway, and picture by picture the camera,
+its range and how well it fits; rerun --bind 127.0.0.1 poses.rrd opens it
+
 exit code: 0 done; 1 a file is at fault; 2 wrong usage"""
 
 
@@ -41,6 +44,7 @@ def add_pose(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     pose.add_argument("--runways", type=Path, required=True, metavar="FILE", help="the runways, JSON")
     pose.add_argument("--camera", type=Path, required=True, metavar="FILE", help="the camera's lens, TOML")
     pose.add_argument("--out", type=Path, required=True, metavar="FILE", help="the table to write, CSV")
+    pose.add_argument("--rerun", type=Path, metavar="FILE.rrd", help="also draw the poses: a Rerun recording to write")
     pose.add_argument(
         "--sigma-px",
         type=_sigma,
@@ -63,32 +67,53 @@ def _sigma(text: str) -> float:
 
 
 def run_pose(options: argparse.Namespace) -> int:
-    """Solve every picture, write the table, print how many of each status; returns the exit code."""
+    """Solve every picture, write the table, draw it if asked, print how many of each status; returns the exit code."""
     # imported here: --help and a wrong option answer at once
     from calibration.lens_files import read_lens
     from groundstation.onboard.edges.camera_file import is_camera_file, load_nose_camera
     from groundstation.onboard.pose.files import Runways, read_corners, write_poses
     from groundstation.onboard.pose.label import solve_corners
+    from groundstation.onboard.pose.runway import Runway
     from groundstation.onboard.pose.solve import RunwayPose
     from groundstation.overwriting import refuse_overwriting
 
-    refuse_overwriting((options.corners, options.runways, options.camera), [options.out])
+    read = (options.corners, options.runways, options.camera)
+    refuse_overwriting(read, [options.out])
     if options.out.is_dir():
         raise InputError(str(options.out), got="a folder", wanted="--out with a file's name")
+    if options.rerun is not None:
+        if options.rerun.suffix != ".rrd":
+            wanted = "a name that ends in .rrd, which the viewer opens"
+            raise UsageError("--rerun", got=str(options.rerun), wanted=wanted)
+        refuse_overwriting(read, [options.rerun], "--rerun")
+        if options.rerun.resolve() == options.out.resolve():
+            raise InputError(str(options.rerun), got="the table's name", wanted="another --rerun")
+        if options.rerun.is_dir():
+            raise InputError(str(options.rerun), got="a folder", wanted="--rerun with a file's name")
     whole = is_camera_file(options.camera)
     lens = load_nose_camera(options.camera).lens if whole else read_lens(options.camera).lens
     runways = Runways(options.runways)
+    solved: list[tuple[str, Runway | None, RunwayPose | None, str]] = []
 
     def rows() -> Iterator[tuple[str, RunwayPose | None, str]]:
         for row in read_corners(options.corners):
-            if row.pixels is None:
-                yield row.filename, None, "no_corners"
-                continue
-            found = solve_corners(runways.find(row.airport, row.runway, row.where), row.pixels, lens, options.sigma_px)
-            yield row.filename, found.pose, found.status.value
+            runway, pose, status = None, None, "no_corners"
+            if row.pixels is not None:
+                runway = runways.find(row.airport, row.runway, row.where)
+                found = solve_corners(runway, row.pixels, lens, options.sigma_px)
+                pose, status = found.pose, found.status.value
+            if options.rerun is not None:
+                solved.append((row.filename, runway, pose, status))
+            yield row.filename, pose, status
 
     counts = write_poses(options.out, rows())
     total = sum(counts.values())
     print(f"{total} pictures: " + (", ".join(f"{n} {status}" for status, n in sorted(counts.items())) or "none"))
     print(f"wrote {options.out}")
+    if options.rerun is not None:
+        from groundstation.onboard_pose_sinks import DrawnPose, draw_poses
+
+        drawn = (DrawnPose(filename=name, runway=on, pose=pose, status=word) for name, on, pose, word in solved)
+        draw_poses(options.rerun, lens, drawn)
+        print(f"wrote {options.rerun}")
     return 0

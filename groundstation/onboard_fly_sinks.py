@@ -15,7 +15,7 @@ from groundstation.onboard.edges.edges_file import corner_pixels
 from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.pose.agreement import PositionSeries
 from groundstation.onboard.pose.runway import CORNERS
-from groundstation.onboard_sinks import draw_edges
+from groundstation.onboard_sinks import draw_edges, log_outline
 
 _CORNER_BGR = (60, 60, 255)
 _CORNER_RGB = [255, 60, 60]
@@ -79,8 +79,7 @@ class FlyRecording:
                 collapse_panels=True,
             )
         )
-        outline = np.vstack([runway_m, runway_m[:1]])
-        self._stream.log("threshold/runway", rr.LineStrips3D([outline], colors=[[200, 200, 200]]), static=True)
+        log_outline(self._stream, runway_m, static=True)
         if ground is not None:
             track = rr.LineStrips3D([ground.position_m], colors=[[90, 160, 255]])
             self._stream.log("threshold/ground_track", track, static=True)

@@ -43,6 +43,12 @@ def draw_edges(
     return picture
 
 
+def log_outline(stream: rr.RecordingStream, runway_m: FloatArray, *, static: bool = False) -> None:
+    """Draw a runway's outline through its corners (4, 3), near-threshold frame, for good or from now on."""
+    outline = np.vstack([runway_m, runway_m[:1]])
+    stream.log("threshold/runway", rr.LineStrips3D([outline], colors=[[200, 200, 200]]), static=static)
+
+
 class EdgesRecording:
     """Writes pictures, edges and the camera's path to a Rerun recording."""
 

@@ -42,7 +42,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("groundstation.experiments",),
     ("groundstation.recorded_run",),
     ("groundstation.onboard_video", "groundstation.onboard_fly", "groundstation.onboard_render"),
-    ("groundstation.onboard_fly_sinks",),
+    ("groundstation.onboard_fly_sinks", "groundstation.onboard_pose_sinks"),
     ("groundstation.onboard_sinks",),
     ("groundstation.run", "groundstation.planning", "groundstation.live", "groundstation.reference_knowledge"),
     ("groundstation.onboard",),

@@ -258,6 +258,44 @@ def test_what_lasts_moves_corners_along_their_own_lines() -> None:
     np.testing.assert_allclose(shift[0], deeper[0] - CORNERS[0], rtol=0.1, atol=0.02)
 
 
+@pytest.mark.parametrize(("column", "left", "right"), [(7, 0, 3), (9, 1, 2)])
+def test_a_turned_threshold_moves_its_corners_as_on_the_ground(column: int, left: int, right: int) -> None:
+    """Expected: a threshold turned on the ground by a small angle, its picture by differences, is the column's ends.
+
+    In rows each end moves by the threshold's blur, to opposite sides; the other threshold stands.
+    """
+    # no two of the configured sigmas are alike, so that none can stand in for another
+    config = replace(ApproachConfig(), end_sigma_px=0.8, far_end_sigma_px=1.7, near_sigma_m=4.0)
+    sigma = config.end_sigma_px if column == 7 else config.far_end_sigma_px
+    turned = RUNWAY.corners_m.copy()
+    step_m = 1e-3
+    # the near threshold's left end goes away from the aircraft, the far one's comes nearer
+    towards = -1.0 if column == 7 else 1.0
+    turned[[left, right], 1] += step_m * towards * np.array([1.0, -1.0])
+    moved = (pixels_from_points(POSE, KAPPA, turned) - CORNERS) / step_m
+    mode = lasting_modes(CORNERS, RUNWAY, config)[:, column].reshape(4, 2)
+    for k in (left, right):
+        # the same direction in the picture, and the blur's rows
+        np.testing.assert_allclose(mode[k], sigma * moved[k] / abs(moved[k, 1]), rtol=1e-3, atol=1e-3)
+    # one angle does for both ends, but for the roll of 2° in which their rows are read
+    angles = np.linalg.norm(mode[[left, right]], axis=1) / np.linalg.norm(moved[[left, right]], axis=1)
+    assert angles[0] == pytest.approx(angles[1], rel=0.05)
+    rest = [k for k in range(4) if k not in (left, right)]
+    np.testing.assert_array_equal(mode[rest], 0.0)
+
+
+def test_the_far_threshold_is_shifted_by_its_own_blur() -> None:
+    """Expected: `far_end_sigma_px` rows at both of its ends, along the sides, whatever is said of the near one."""
+    config = replace(ApproachConfig(), far_end_sigma_px=1.7)
+    shift = lasting_modes(CORNERS, RUNWAY, config)[:, 8].reshape(4, 2)
+    np.testing.assert_allclose(shift[[1, 2], 1], 1.7)
+    sides = CORNERS[[0, 3]] - CORNERS[[1, 2]]
+    np.testing.assert_allclose(shift[[1, 2], 0], 1.7 * sides[:, 0] / sides[:, 1])
+    np.testing.assert_array_equal(shift[[0, 3]], 0.0)
+    other = replace(config, end_sigma_px=3.0, near_sigma_m=9.0)
+    np.testing.assert_array_equal(lasting_modes(CORNERS, RUNWAY, other)[:, 8].reshape(4, 2), shift)
+
+
 def test_what_lasts_of_tracked_edges_is_what_the_tracker_says() -> None:
     """Expected: where corners lie in the rows of the crossings their covariance across is the tracker's; no more."""
     seen = edges()
