@@ -14,7 +14,7 @@ Places = tuple[NDArray[np.int32], NDArray[np.int32], Float32Array]
 def places_between(size: int, count: int, cells_per_px: float) -> Places:
     """Return for each of ``size`` pixels the two of ``count`` cells beside it, and how far it is from the first, 0–1.
 
-    Before the first cell's middle and beyond the last one's both are that cell.
+    All three are (size,). Before the first cell's middle and beyond the last one's both are that cell.
     """
     gain, half = np.float32(cells_per_px), np.float32(0.5)
     first, second, share = np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size, np.float32)
@@ -28,8 +28,19 @@ def places_between(size: int, count: int, cells_per_px: float) -> Places:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def widen(row: Float32Array, across: Places, out: Float32Array) -> None:
-    """Write a row of cells as wide as the picture is."""
+    """Write a row of cells (n,) as wide as the picture is, (w,)."""
     first, second, share = across
     one = np.float32(1)
     for j in range(out.size):
         out[j] = (one - share[j]) * row[first[j]] + share[j] * row[second[j]]
+
+
+@njit(cache=True, nogil=True)
+def widened(cells: Float32Array, w: int) -> Float32Array:
+    """Return cells (rows, columns) that lie over all of a picture with rows as wide as that is, (rows, w)."""
+    rows, columns = cells.shape
+    across = places_between(w, columns, columns / w)
+    wide = np.empty((rows, w), np.float32)
+    for a in range(rows):
+        widen(cells[a], across, wide[a])
+    return wide

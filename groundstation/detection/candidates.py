@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.detection.bilinear import places_between, widen
+from groundstation.detection.bilinear import places_between, widened
 from groundstation.detection.connected import connected_runs
 
 Float32Array = NDArray[np.float32]
@@ -89,15 +89,11 @@ def contrast_map(grey: ImageArray) -> Contrast:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _residual(grey: ImageArray, coarse: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Return a picture (h, w) less its coarse background, and the mean deviation from that in blocks."""
-    (h, w), (rows, columns) = grey.shape, coarse.shape
+    """Return a picture (h, w) less its coarse background (rows, columns), and the mean deviation from it in blocks."""
+    (h, w), rows = grey.shape, coarse.shape[0]
     out = np.empty((h, w), np.float32)
     blocks = np.zeros((max(h // _SPREAD_BLOCK, 1), max(w // _SPREAD_BLOCK, 1)), np.float32)
-    across = places_between(w, columns, columns / w)
-    above, below, share = places_between(h, rows, rows / h)
-    wide = np.empty((rows, w), np.float32)
-    for a in range(rows):
-        widen(coarse[a], across, wide[a])
+    wide, (above, below, share) = widened(coarse, w), places_between(h, rows, rows / h)
     for a in range(blocks.shape[0]):
         total = np.zeros(w, np.float32)
         top, end = a * h // blocks.shape[0], (a + 1) * h // blocks.shape[0]
@@ -116,13 +112,9 @@ def _residual(grey: ImageArray, coarse: Float32Array) -> tuple[Float32Array, Flo
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _divide(residual: Float32Array, sigma: Float32Array) -> None:
-    """Divide a residual (h, w) by a coarse sigma, taken between its blocks' middles."""
-    (h, w), (rows, columns) = residual.shape, sigma.shape
-    across = places_between(w, columns, columns / w)
-    above, below, share = places_between(h, rows, rows / h)
-    wide = np.empty((rows, w), np.float32)
-    for a in range(rows):
-        widen(sigma[a], across, wide[a])
+    """Divide a residual (h, w) in place by a coarse sigma (rows, columns), taken between its blocks' middles."""
+    (h, w), rows = residual.shape, sigma.shape[0]
+    wide, (above, below, share) = widened(sigma, w), places_between(h, rows, rows / h)
     for i in range(h):
         upper, lower, to = wide[above[i]], wide[below[i]], residual[i]
         down, up = share[i], np.float32(1) - share[i]

@@ -27,7 +27,7 @@ class Memory:
     misses: int = 0
 
     def mass_at(self, span_px: float) -> float:
-        """Return the mass to expect of a silhouette of another span."""
+        """Return the mass to expect at a span, in px as large as that span's: a reduced picture's gives a reduced mass."""
         return self.mass * (span_px / self.span_px) ** 2
 
 
@@ -54,7 +54,7 @@ def choose(regions: Regions, look: Look, memory: Memory | None, config: Detectio
         return _unlikeness(group, regions, look, memory)
 
     # what weighs more than the target did is no likelier for that: it may be a bird beside it, or both together
-    most = math.inf if memory is None or look.span is None else memory.mass_at(span * look.scale) / look.scale**2
+    most = math.inf if memory is None or look.span is None else memory.mass_at(span)
     scored = [(_score(g, look, min(g.mass, most) / heaviest, unlike, config), g) for g in groups]
     scored.sort(key=lambda s: -s[0])
     best_score, best = scored[0]

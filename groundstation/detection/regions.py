@@ -12,9 +12,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
-from groundstation.detection.connected import connected_runs
+from groundstation.detection.connected import LabelArray, connected_runs
 
-LabelArray = NDArray[np.int32]
 _MAX_REGIONS = 400
 _MAX_SEEDS = 8
 _LEAST_SHARE = 0.01
