@@ -27,7 +27,7 @@ class Memory:
     misses: int = 0
 
     def mass_at(self, span_px: float) -> float:
-        """Return the mass to expect at a span, in px as large as that span's: a reduced picture's gives a reduced mass."""
+        """Return the mass to expect at a span, in px as large as that span's, reduced or not."""
         return self.mass * (span_px / self.span_px) ** 2
 
 
