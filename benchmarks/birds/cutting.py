@@ -158,10 +158,15 @@ def cut_out(image: ImageArray, box: Box, before: tuple[float, float] | None = No
     return Cut(sprite=sprite, middle=(float(centres[k][0]) + x0, float(centres[k][1]) + y0))
 
 
-def read_flocks(folder: Path) -> list[Flock]:
-    """Return every run of frames, 6 or more, in which a clip shows a bird that can be cut out."""
+def read_flocks(folder: Path, only: str = "") -> list[Flock]:
+    """Return every run of frames, 6 or more, in which a clip shows a bird that can be cut out.
+
+    Only of clips whose names hold ``only``.
+    """
     flocks: list[Flock] = []
     for clip, boxes in sorted(read_boxes(folder).items()):
+        if only not in clip:
+            continue
         video = cv2.VideoCapture(str(folder / f"{clip}.mp4"))
         run: list[Sprite] = []
         last: Cut | None = None

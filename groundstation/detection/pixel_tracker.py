@@ -16,7 +16,7 @@ from groundstation.detection.pixel_target import PixelTarget
 from groundstation.detection.pixel_track import PixelTrack, in_full
 from groundstation.detection.pixel_tracker_config import PixelTrackerConfig
 from groundstation.detection.target_search import Found, TargetSearch, overlaps
-from groundstation.detection.target_view import TargetView, in_place, is_aside, on_path
+from groundstation.detection.target_view import TargetView, in_place, is_aside, is_beside, on_path
 from groundstation.detection.working_picture import WorkingPicture
 from groundstation.messages import Detection, Miss, MissReason, Roi, TrackStatus
 
@@ -228,7 +228,7 @@ class PixelTracker:
         if identity.doubt_s is None:
             return look
         other = self._view.on_its_path(target, image)
-        if isinstance(other[1], Detection):
+        if isinstance(other[1], Detection) and not is_beside(target, seen, other[1]):
             self._saw(target, other[1], t_s)
             identity.confirm(target.motion, t_s)
             return other

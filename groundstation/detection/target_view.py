@@ -205,6 +205,16 @@ def is_aside(target: PixelTarget, seen: Detection) -> bool:
     return off > max(_ASIDE_SIGMAS * target.motion.sigma_px, 0.5 * target.length_px, _LEAST_SURPRISE_PX)
 
 
+def is_beside(target: PixelTarget, seen: Detection | Miss, other: Detection) -> bool:
+    """Return whether ``other`` is a second thing, away from the target's place, which what was ``seen`` first is in.
+
+    Light and blur of a bird close by change what the target looks like; the bird is no more the target for that.
+    """
+    if isinstance(seen, Miss) or in_place(target, other) or overlaps(seen.box, other.box):
+        return False
+    return in_place(target, seen)
+
+
 def _shows(look: Look, sight: Sight) -> bool:
     """Return whether a look has seen what stands out there."""
     return isinstance(look[1], Detection) and overlaps(look[1].box, sight.box)

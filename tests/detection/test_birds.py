@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 from bird_composites import plan, read_clip, run
-from birds.cutting import read_boxes
+from birds.cutting import read_boxes, read_flocks
+from birds.flights import Flight
 from birds.scoring import Score
 
 from groundstation.arrays import ImageArray
@@ -63,3 +64,34 @@ def test_real_birds_over_real_aircraft(shared_data: Path) -> None:
             assert not score.captured
             assert score.back_after_s is not None
             assert score.back_after_s <= 0.5
+
+
+def test_a_bird_beside_the_aircraft_is_not_the_aircraft(shared_data: Path) -> None:
+    """A bird of the same length that passes within its own length of an aircraft of 9 px, in one frame from aside.
+
+    Expected: no capture. There the light around the bird leaves 3 px of the aircraft to be seen, which look unlike it,
+    and the bird, 13 px away, looks more like it.
+    """
+    clip, first, crossing, last = "V_AIRPLANE_028", 25, 71, 120
+    boxes = read_boxes(shared_data / "aircraft-clips")[clip]
+    frames = read_clip(shared_data / "aircraft-clips" / f"{clip}.mp4", set(range(first, last + 1)))
+    steps = np.arange(last - first + 1)[:, None] - (crossing - first)
+    flight = Flight(
+        clip=clip,
+        first=first,
+        crossing=crossing,
+        last=last,
+        places=np.array([284.679, 253.233]) + steps * np.array([-7.65279, 13.27534]),
+        speed_px=15.32318,
+        miss_px=15.87571,
+        size_ratio=0.971712,
+        with_camera=False,
+        flock=read_flocks(shared_data / "bird-clips", "BIRD_035")[0],
+        first_sprite=9,
+        mirrored=True,
+        darker=1.554462,
+    )
+    score = run(flight, frames, boxes, set()).score
+    assert not score.captured
+    assert score.back_after_s is not None
+    assert score.back_after_s <= 0.5
