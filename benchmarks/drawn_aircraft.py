@@ -7,7 +7,8 @@ clouds and scenery; the attitude follows the path's mean over a time that is dra
 that are there already are taken as they are), replayed, and every look judged against the truth. Crab, incidence and
 shape last as long as a flight, so that flights are what is drawn, not frames: the bounds are the 95 % of chi-squared
 for two degrees of freedom of each flight, one across and one along the picture's height. What is stated as new in each
-frame is judged by itself, with bounds for frames.
+frame is judged by itself, with bounds for frames, and flight by flight, since how even an outline is differs from one
+aircraft to the next.
 """
 
 import argparse
@@ -20,6 +21,7 @@ import cv2
 import numpy as np
 from detector_on_rendered import flown
 from scipy.stats import chi2
+from scipy.stats import t as t_of
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.stated_parts import noise_chi_square
@@ -42,6 +44,7 @@ _PAINTS = ((205.0, 208.0, 210.0), (170.0, 172.0, 175.0), (60.0, 190.0, 235.0), (
 _TRIMS = ((44.0, 36.0, 150.0), (150.0, 60.0, 30.0), (40.0, 40.0, 42.0), (60.0, 140.0, 230.0))
 _AIRBORNE_M = 1.5
 _LEAST_FRAMES = 4
+_FAR_PX, _LEAST_DIFFERENCES = 100, 20
 
 
 class _Held:
@@ -167,6 +170,27 @@ def table(flights: Mapping[int, Sequence[Outcome]]) -> list[str]:
     return rows
 
 
+def noises(flights: Mapping[int, Sequence[Outcome]]) -> list[str]:
+    """Return how the noise of each flight compares with what was stated for it, and what one flight more may show."""
+    own: list[float] = []
+    for seen in flights.values():
+        far = [o for o in seen if o.found and not o.wrong and o.width_px < _FAR_PX]
+        noise = noise_chi_square(stated_errors(far)) if far else None
+        if noise is not None and noise.mean.count >= _LEAST_DIFFERENCES:
+            own.append(noise.mean.mean)
+    if len(own) < 2:
+        return []
+    logs = np.log(own)
+    # of one flight more than these: Student's t, since mean and spread are known from so few only
+    away = float(t_of.ppf(0.975, len(own) - 1) * logs.std(ddof=1) * math.sqrt(1.0 + 1.0 / len(own)))
+    low, high = (math.exp(float(logs.mean()) + sign * away) for sign in (-1.0, 1.0))
+    each = " ".join(f"{v:.2f}" for v in sorted(own))
+    return [
+        "",
+        f"New in each frame below {_FAR_PX} px, flights' own: {each}; 95 % of one more: {low:.2f} to {high:.2f}",
+    ]
+
+
 def main() -> None:
     """Film what is not there yet, replay all, print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -184,7 +208,7 @@ def main() -> None:
             film(folder, seed, options.rate, math.radians(options.crab))
         flights[seed] = flown(folder)
         print(f"flight {seed}: {len(flights[seed])} looks", flush=True)
-    print("\n".join(table(flights)))
+    print("\n".join([*table(flights), *noises(flights)]))
 
 
 if __name__ == "__main__":

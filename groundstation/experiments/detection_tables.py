@@ -268,6 +268,9 @@ def flown_table(outcomes: Sequence[Outcome]) -> Table:
             group = [o for o in of_phase(outcomes, phase) if low <= o.width_px < high]
             if group:
                 rows.append([phase, f"{low}–{high} px" if high < _WIDEST_PX else f"from {low} px", *_flown(group)])
+    elsewhere = [o for o in outcomes if o.background != "sky" or o.width_px >= _AIMED_PX[0][1]]
+    if elsewhere:
+        rows.append(["elsewhere", f"all but sky below {_AIMED_PX[0][1]} px", *_flown(elsewhere)])
     rows.append(["all", "", *_flown(outcomes)])
     return Table(
         name="flown",

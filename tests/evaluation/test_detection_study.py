@@ -144,7 +144,9 @@ def test_a_replay_is_told_by_background_and_width() -> None:
     table = findings.flown_table([*far, missed, near])
     rows = {(row[0], row[1]): row[2:] for row in table.rows}
     sky = ("30–60 px", "15–100 px", "0–80 px")
-    assert set(rows) == {*(("sky", name) for name in sky), ("ground", "120–200 px"), ("all", "")}
+    elsewhere = ("elsewhere", "all but sky below 100 px")
+    assert set(rows) == {*(("sky", name) for name in sky), ("ground", "120–200 px"), elsewhere, ("all", "")}
+    assert rows[elsewhere][:6] == rows["ground", "120–200 px"][:6]
     for name in sky:
         assert rows["sky", name][:7] == pytest.approx([4, 75.0, 1.0, 2.0, 2.0, 4.0, 0.55])
         assert rows["sky", name][-2:] == pytest.approx([100.0, 75.0])
