@@ -148,6 +148,24 @@ def _lay_under(
     return left
 
 
+@njit(cache=True, nogil=True)
+def _known(misfit: Float32Array, residual: Float32Array, edge: Float32Array) -> NDArray[np.bool_]:
+    """Return where some frame shows the background (h, w), and write zeros into the difference elsewhere."""
+    known = np.empty(misfit.shape, np.bool_)
+    for i in range(misfit.shape[0]):
+        own, unlike, unknown = known[i], misfit[i], 0
+        for j in range(own.size):
+            own[j] = unlike[j] < np.float32(_UNKNOWN)
+            unknown += not own[j]
+        if unknown == 0:
+            continue
+        grey, blue_red, magenta, steepness = residual[0, i], residual[1, i], residual[2, i], edge[i]
+        for j in range(own.size):
+            if not own[j]:
+                grey[j] = blue_red[j] = magenta[j] = steepness[j] = 0.0
+    return known
+
+
 @dataclass(frozen=True, eq=False)
 class _Seen:
     """A part (h, w, 3) of an earlier frame, with its corner in it, px; before the sky nobody needs more than that."""
@@ -226,10 +244,7 @@ class BackgroundMemory:
                 x, y = hole[0] - offset[0], hole[1] - offset[1]
                 ends = (math.ceil(x), math.ceil(y), math.ceil(hole[2] - offset[0]), math.ceil(hole[3] - offset[1]))
                 within = _union(near, ends, size)
-        known = misfit < _UNKNOWN
-        if not known.all():
-            residual[:, ~known], edge[~known] = 0.0, 0.0
-        return Difference(residual=residual, edge=edge, known=known)
+        return Difference(residual=residual, edge=edge, known=_known(misfit, residual, edge))
 
     def _laid_under(self, k: int, corner: tuple[int, int]) -> tuple[_Seen, Box, tuple[float, float]]:
         """Return a kept part, what the target hides of it, and the shift to it from a part at ``corner``."""

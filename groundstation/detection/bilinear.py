@@ -32,7 +32,8 @@ def widen(row: Float32Array, across: Places, out: Float32Array) -> None:
     first, second, share = across
     one = np.float32(1)
     for j in range(out.size):
-        out[j] = (one - share[j]) * row[first[j]] + share[j] * row[second[j]]
+        # a place that might be below zero would be looked at first
+        out[j] = (one - share[j]) * row[np.uint32(first[j])] + share[j] * row[np.uint32(second[j])]
 
 
 @njit(cache=True, nogil=True)

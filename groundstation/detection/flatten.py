@@ -19,6 +19,9 @@ from groundstation.detection.bilinear import places_between, widen
 Float32Array = NDArray[np.float32]
 Plane = NDArray[np.uint8] | NDArray[np.float32]
 Planes = tuple[Plane, Plane, Plane]
+Row = NDArray[np.generic]
+IntRow = NDArray[np.int32]
+Float32Row = NDArray[np.float32]
 
 _BLOCKS = 5  # across the median's window
 _ALIKE = 12  # squared grey levels over three channels: not worth looking at the neighbours
@@ -84,10 +87,12 @@ def _less_median(colour: Planes, median: ImageArray, step: int, out: Float32Arra
     half, one = np.float32(0.5), np.float32(1)
     # each row of blocks as wide as the image
     across = places_between(w, columns, 1.0 / step)
-    wide = np.empty((3, rows, w), np.float32)
+    wide, cells = np.empty((3, rows, w), np.float32), np.empty(columns, np.float32)
     for c in range(3):
         for a in range(rows):
-            widen(median[a, :, c].astype(np.float32), across, wide[c, a])
+            for b in range(columns):
+                cells[b] = median[a, b, c]
+            widen(cells, across, wide[c, a])
     above, below, share = places_between(h, rows, 1.0 / step)
     for i in range(h):
         upper, lower, down = above[i], below[i], share[i]
@@ -106,26 +111,51 @@ def _less_median(colour: Planes, median: ImageArray, step: int, out: Float32Arra
 
 
 @njit(cache=True, nogil=True)
-def _keep_edges(image: ImageArray, median: ImageArray, edges: NDArray[np.bool_], step: int, out: Float32Array) -> None:
+def _keep_edges(colour: Planes, median: ImageArray, edges: NDArray[np.bool_], step: int, out: Float32Array) -> None:
     """Where a block has an edge in its neighbourhood, take for each pixel the block that it resembles most."""
-    near = np.empty((9, 3), np.int32)
+    h, w = colour[0].shape
+    near, pixels = np.empty((9, 3), np.float32), np.empty((3, step * step), np.float32)
+    least, best = np.empty(step * step, np.float32), np.empty(step * step, np.int32)
+    # what the pixels of a row of blocks have been found to resemble
+    resembled = np.empty((step, w), np.int32)
     for a in range(edges.shape[0]):
+        top, bottom = a * step, min((a + 1) * step, h)
         for b in range(edges.shape[1]):
-            if edges[a, b]:
-                count = _neighbours(median, a, b, near)
-                for i in range(a * step, min((a + 1) * step, image.shape[0])):
-                    for j in range(b * step, min((b + 1) * step, image.shape[1])):
-                        _nearest(image, near, count, i, j, out)
+            if not edges[a, b]:
+                continue
+            count, left, right = _neighbours(median, a, b, near), b * step, min((b + 1) * step, w)
+            n, wide = (bottom - top) * (right - left), right - left
+            for c in range(3):
+                for i in range(top, bottom):
+                    line, own = colour[c][i, left:right], pixels[c, (i - top) * wide : (i - top + 1) * wide]
+                    for j in range(wide):
+                        own[j] = line[j]
+            _resemble(pixels[0, :n], pixels[1, :n], pixels[2, :n], near[:count], least[:n], best[:n])
+            for i in range(bottom - top):
+                resembled[i, left:right] = best[i * wide : (i + 1) * wide]
+        # row by row, as long as blocks with edges follow each other
+        for i in range(top, bottom):
+            b = 0
+            while b < edges.shape[1]:
+                first = b
+                while b < edges.shape[1] and edges[a, b]:
+                    b += 1
+                if b > first:
+                    part = slice(first * step, min(b * step, w))
+                    blue, green, red = colour[0][i, part], colour[1][i, part], colour[2][i, part]
+                    like = resembled[i - top, part]
+                    _less_resembled(blue, green, red, like, out[0, i, part], out[1, i, part], out[2, i, part])
+                b += 1
 
 
 @njit(cache=True, nogil=True)
-def _neighbours(median: ImageArray, a: int, b: int, near: NDArray[np.int32]) -> int:
+def _neighbours(median: ImageArray, a: int, b: int, near: Float32Array) -> int:
     """Fill in the colours of a block and of those around it, its own first and none twice; return their count."""
     count = 0
     for k in range(9):
         p, q = a + (k + 4) % 9 // 3 - 1, b + (k + 4) % 9 % 3 - 1
         if 0 <= p < median.shape[0] and 0 <= q < median.shape[1]:
-            blue, green, red = np.int32(median[p, q, 0]), np.int32(median[p, q, 1]), np.int32(median[p, q, 2])
+            blue, green, red = np.float32(median[p, q, 0]), np.float32(median[p, q, 1]), np.float32(median[p, q, 2])
             known = False
             for m in range(count):
                 known |= near[m, 0] == blue and near[m, 1] == green and near[m, 2] == red
@@ -135,23 +165,47 @@ def _neighbours(median: ImageArray, a: int, b: int, near: NDArray[np.int32]) -> 
     return count
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _nearest(image: ImageArray, near: NDArray[np.int32], count: int, i: int, j: int, out: Float32Array) -> None:
-    """Write one pixel's difference from the one of the colours that it resembles most."""
-    # whole numbers without a sign would wrap
-    blue, green, red = np.int32(image[i, j, 0]), np.int32(image[i, j, 1]), np.int32(image[i, j, 2])
-    least, best = np.int32(2**30), 0
-    for k in range(count):
-        b, g, r = blue - near[k, 0], green - near[k, 1], red - near[k, 2]
-        misfit = np.int32(b * b + g * g + r * r)
-        if misfit < least:
-            least, best = misfit, k
-        if least <= _ALIKE:
-            break
-    b, g, r = blue - near[best, 0], green - near[best, 1], red - near[best, 2]
-    out[0, i, j] = 0.114 * b + 0.587 * g + 0.299 * r
-    out[1, i, j] = 0.5 * (b - r)
-    out[2, i, j] = 0.5 * g - 0.25 * (b + r)
+@njit(cache=True, nogil=True, fastmath=True)
+def _resemble(
+    blue: Float32Row, green: Float32Row, red: Float32Row, near: Float32Array, least: Float32Row, best: IntRow
+) -> None:
+    """Write for each of some pixels (n,) the colour of those ``near`` (k, 3) that it resembles most, as one number.
+
+    The first that is hardly any different is taken. ``least`` (n,) is room for the squared differences. All are whole
+    numbers, which single precision holds and multiplies faster than integers are.
+    """
+    alike = np.float32(_ALIKE)
+    least[:] = np.float32(1e9)
+    for k in range(near.shape[0]):
+        b0, g0, r0 = near[k, 0], near[k, 1], near[k, 2]
+        packed = np.int32(b0 + np.float32(256) * g0 + np.float32(65536) * r0)
+        for m in range(blue.size):
+            b, g, r = blue[m] - b0, green[m] - g0, red[m] - r0
+            misfit = b * b + g * g + r * r
+            better = (misfit < least[m]) & (least[m] > alike)
+            least[m] = misfit if better else least[m]
+            best[m] = packed if better else best[m]
+
+
+@njit(cache=True, nogil=True)
+def _less_resembled(
+    blue: Row, green: Row, red: Row, resembled: IntRow, grey: Float32Row, blue_red: Float32Row, magenta: Float32Row
+) -> None:
+    """Write the opponents (n,) of a row's colours less the colours, each one number, that they resemble."""
+    # one plane at a time: of more arrays than these the compiler does not see that none overlaps another
+    for j in range(resembled.size):
+        b = np.int32(blue[j]) - (resembled[j] & 255)
+        g = np.int32(green[j]) - ((resembled[j] >> 8) & 255)
+        r = np.int32(red[j]) - (resembled[j] >> 16)
+        grey[j] = 0.114 * b + 0.587 * g + 0.299 * r
+    for j in range(resembled.size):
+        b, r = np.int32(blue[j]) - (resembled[j] & 255), np.int32(red[j]) - (resembled[j] >> 16)
+        blue_red[j] = 0.5 * (b - r)
+    for j in range(resembled.size):
+        b = np.int32(blue[j]) - (resembled[j] & 255)
+        g = np.int32(green[j]) - ((resembled[j] >> 8) & 255)
+        r = np.int32(red[j]) - (resembled[j] >> 16)
+        magenta[j] = 0.5 * g - 0.25 * (b + r)
 
 
 def planes(image: NDArray[np.generic]) -> Planes:
@@ -182,5 +236,5 @@ def flatten(image: ImageArray, window: float) -> Float32Array:
     _less_median(colour, median, step, out)
     edges = np.empty(median.shape[:2], np.bool_)
     if _edges(median, edges):
-        _keep_edges(image, median, edges, step, out)
+        _keep_edges(colour, median, edges, step, out)
     return out

@@ -5,8 +5,6 @@ what the noise of the picture does to the outline: it moves the point itself, an
 which crab and pitch are read. Seen in 16 drawn flights (docs/results.md, "In a replay").
 """
 
-import numpy as np
-
 from groundstation.arrays import FloatArray
 
 # px over contrast, for u and v of the picture: many rows of the outline say where across it, few ends where down it
@@ -26,5 +24,7 @@ def new_in_each_frame(steady: float, attitude: FloatArray, contrast: float, legi
     contrast : of the silhouette, in sigmas.
     legible : 0 to 1, how far the outline tells the attitude.
     """
-    u, v = (min((k / max(contrast, 1.0)) ** 2, steady) for k in (_U_PX_SIGMAS, _V_PX_SIGMAS))
-    return np.diag([u, v]) + _READ_SHARE * legible * attitude
+    noise = _READ_SHARE * legible * attitude
+    for axis, sigmas in enumerate((_U_PX_SIGMAS, _V_PX_SIGMAS)):
+        noise[axis, axis] += min((sigmas / max(contrast, 1.0)) ** 2, steady)
+    return noise

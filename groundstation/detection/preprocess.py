@@ -155,11 +155,13 @@ def _distance(residual: Float32Array, inverse: FloatArray, out: Float32Array) ->
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _magnitude(values: Float32Array, gain: float, out: Float32Array) -> None:
-    scale = np.float32(gain)
+def _magnitude(values: Float32Array, gain: float) -> Float32Array:
+    """Return the absolute values (h, w) times a gain."""
+    scale, out = np.float32(gain), np.empty_like(values)
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = scale * abs(values[i, j])
+    return out
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -171,12 +173,9 @@ def _scale(contrast: Float32Array, reference: float, out: Float32Array) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _grey_contrast(plane: Float32Array, keep_out: Box) -> Float32Array:
-    """Return one plane (h, w) in sigmas of what is outside the box."""
-    contrast = np.empty_like(plane)
-    sigma = math.hypot(math.sqrt(_clutter_variance(plane, keep_out, _CLUTTER_CLIP)), _NOISE_FLOOR)
-    _magnitude(plane, 1.0 / sigma, contrast)
-    return contrast
+def _grey_gain(plane: Float32Array, keep_out: Box) -> float:
+    """Return how many sigmas of what is outside the box one level of a plane (h, w) is."""
+    return 1.0 / math.hypot(math.sqrt(_clutter_variance(plane, keep_out, _CLUTTER_CLIP)), _NOISE_FLOOR)
 
 
 @njit(cache=True, nogil=True)
@@ -197,10 +196,12 @@ def _scaled(contrast: Float32Array, reference: float) -> Float32Array:
 
 
 @njit(cache=True, nogil=True)
-def _upper(count: NDArray[np.int64], share: float) -> float:
+def _upper(count: NDArray[np.int32], share: float) -> float:
     """Return the value that this share of a histogram over the roots exceeds."""
     left = share * count.sum()
     for k in range(count.size - 1, -1, -1):
+        if count[k] == 0:
+            continue
         if count[k] > left:
             root = (k + 1.0 - left / count[k]) / _BINS_PER_ROOT
             return root * root
@@ -209,34 +210,38 @@ def _upper(count: NDArray[np.int64], share: float) -> float:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _place(value: np.float32) -> np.int32:
+def _place(value: np.float32) -> np.uint32:
     """Return the place of a contrast in the histogram over its root."""
     root = np.float32(_BINS_PER_ROOT) * np.sqrt(value)
-    return np.int32(min(root, np.float32(_BINS_PER_ROOT * _MAX_ROOT - 1)))
+    return np.uint32(np.int32(min(root, np.float32(_BINS_PER_ROOT * _MAX_ROOT - 1))))
 
 
 @njit(cache=True, nogil=True)
 def _levels(
-    contrast: Float32Array, box: Box, columns: Float32Array, rows: Float32Array, area_px: float
+    contrast: Float32Array, box: Box, columns: Float32Array, rows: Float32Array, area_px: float, gain: float = 1.0
 ) -> tuple[float, float]:
-    """Return the level that ``area_px`` pixels exceed near the prediction, and what their share exceeds elsewhere."""
+    """Return the level that ``area_px`` pixels exceed near the prediction, and what their share exceeds elsewhere.
+
+    The levels are of ``contrast`` (h, w), its sign aside, times a gain.
+    """
     x0, y0, x1, y1 = box
+    scale = np.float32(gain)
     last = _BINS_PER_ROOT * _MAX_ROOT - 1
-    near, far = np.zeros(last + 1, np.int64), np.zeros(last + 1, np.int64)
-    places = np.empty(contrast.shape[1], np.int32)
+    near, far = np.zeros(last + 1, np.int32), np.zeros(last + 1, np.int32)
+    places = np.empty(contrast.shape[1], np.uint32)
     # a share of many pixels is known well enough from every second row of them
     for i in range(y0, y1, 1 if (x1 - x0) * (y1 - y0) < _MANY_PX else 2):
         row, likely = contrast[i], rows[i - y0]
         # all of a row's places first, which the compiler does many at a time
         for k in range(x1 - x0):
-            places[k] = _place(row[x0 + k] * columns[k] * likely)
+            places[k] = _place(scale * abs(row[x0 + k]) * columns[k] * likely)
         for k in range(x1 - x0):
             near[places[k]] += 1
     left, right = (x0 + 1) // 2, (x1 + 1) // 2  # of every second column, those inside
     for i in range(0, contrast.shape[0], 2):
         row, beside = contrast[i], y0 <= i < y1
         for k in range((row.size + 1) // 2):
-            places[k] = _place(row[2 * k])
+            places[k] = _place(scale * abs(row[2 * k]))
         for k in range(left if beside else 0):
             far[places[k]] += 1
         for k in range(max(right, left) if beside else 0, (row.size + 1) // 2):
@@ -266,9 +271,10 @@ def prepare(
     window = median_window(expected.thick_px)
     area = 0.03 * (span_px if span_px is not None else 25.0) ** 2
     options: list[tuple[Channel, Float32Array, float, float]] = []
+    grey_gain = 1.0
 
-    def offer(channel: Channel, contrast: Float32Array) -> None:
-        level, far = _levels(contrast, target_box, expected.columns, expected.rows, area)
+    def offer(channel: Channel, contrast: Float32Array, gain: float = 1.0) -> None:
+        level, far = _levels(contrast, target_box, expected.columns, expected.rows, area, gain)
         options.append((channel, contrast, level, far))
 
     wanted = config.channel
@@ -277,7 +283,9 @@ def prepare(
     else:
         residual = flatten(image, window)
         if wanted in (Channel.AUTO, Channel.GREY):
-            offer(Channel.GREY, _grey_contrast(residual[0], target_box))
+            # its levels tell whether it is chosen: before that nobody needs its contrast
+            grey_gain = _grey_gain(residual[0], target_box)
+            offer(Channel.GREY, residual[0], grey_gain)
         if wanted is not Channel.GREY:
             colour, sigmas = _colour_contrast(residual, target_box)
             discount_common_colours(residual, sigmas, target_box, colour)
@@ -287,6 +295,8 @@ def prepare(
     # the learnt background does not take for a target what stands still: of about equal contrasts, its own counts
     trust = {Channel.BACKGROUND: _LEARNT_TRUST}
     channel, contrast, level, far = max(options, key=lambda o: trust.get(o[0], 1.0) * o[2] / o[3])
+    if channel is Channel.GREY:
+        contrast = _magnitude(contrast, grey_gain)
     # a strong target need not be cut at half its height: nearer the noise, its pale parts stay with it
     reference = max(min(level, _REFERENCE * math.sqrt(level * far)), config.min_contrast_to_noise)
     return Prepared(

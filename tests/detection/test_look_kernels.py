@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from groundstation.detection.appearance import features_of_regions
+from groundstation.detection.flatten import _edges, _keep_edges, planes
 from groundstation.detection.palette import discount_common_colours
 from groundstation.detection.preprocess import _levels
 from groundstation.detection.regions import soft_silhouette
@@ -82,3 +83,29 @@ def test_levels_are_quantiles_near_the_prediction_and_elsewhere(rng: np.random.G
     outside[y0:y1, x0:x1] = False
     assert near == pytest.approx(np.quantile(likely, 1.0 - share), rel=0.02)
     assert far == pytest.approx(np.quantile(contrast[::2, ::2][outside[::2, ::2]], 1.0 - share), rel=0.02)
+
+
+@pytest.mark.parametrize("step", [1, 3, 5, 16])
+def test_at_an_edge_a_pixel_goes_by_the_block_that_it_resembles_most(step: int, rng: np.random.Generator) -> None:
+    """The first of the block's own and its neighbours' colours that is hardly any different, or else the nearest."""
+    rows, columns = -(-28 // step), -(-44 // step)
+    # few colours, so that many blocks are alike, and pixels a little off them
+    colours = np.array([[60, 90, 70], [62, 91, 70], [64, 88, 72], [180, 190, 200]])
+    median = colours[rng.integers(0, 4, (rows, columns))].astype(np.uint8)
+    median[:, columns // 2 :], median[0, 0] = colours[0], colours[3]
+    image = colours[rng.integers(0, 4, (28, 44))] + rng.integers(-6, 7, (28, 44, 3))
+    edges, out = np.empty((rows, columns), bool), np.full((3, 28, 44), -1.0, np.float32)
+    assert _edges(median, edges)
+    _keep_edges(planes(image.astype(np.uint8)), median, edges, step, out)
+    order = [(0, 0), (0, 1), (1, -1), (1, 0), (1, 1), (-1, -1), (-1, 0), (-1, 1), (0, -1)]
+    for i, j in np.ndindex(28, 44):
+        a, b = i // step, j // step
+        if not edges[a, b]:
+            assert np.all(out[:, i, j] == -1.0)
+            continue
+        near = [median[a + p, b + q] for p, q in order if 0 <= a + p < rows and 0 <= b + q < columns]
+        away = image[i, j] - np.array(near, int)
+        misfit = (away**2).sum(axis=1)
+        blue, green, red = away[np.argmax(misfit <= 12) if (misfit <= 12).any() else np.argmin(misfit)]
+        wanted = [0.114 * blue + 0.587 * green + 0.299 * red, 0.5 * (blue - red), 0.5 * green - 0.25 * (blue + red)]
+        np.testing.assert_allclose(out[:, i, j], wanted, atol=1e-4)
