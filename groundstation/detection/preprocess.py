@@ -304,7 +304,7 @@ def prepare(
     )
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _soften(
     contrast: Float32Array,
     edge: Float32Array,
@@ -315,9 +315,11 @@ def _soften(
     """Divide by what misplacement may cause; where the background is not known, take the spatial contrast."""
     gain = np.float32(1.0 / variance)
     for i in range(contrast.shape[0]):
-        for j in range(contrast.shape[1]):
-            softer = contrast[i, j] / np.sqrt(np.float32(1) + gain * edge[i, j] * edge[i, j])
-            contrast[i, j] = softer if known[i, j] else spatial[i, j]
+        own, steep, certain, other = contrast[i], edge[i], known[i], spatial[i]
+        for j in range(own.size):
+            # a division that may fail keeps the compiler from working on many at a time, and so does a choice of loads
+            softer, instead = own[j] / np.sqrt(np.float32(1) + gain * steep[j] * steep[j]), other[j]
+            own[j] = softer if certain[j] else instead
 
 
 def _learnt_contrast(difference: Difference, spatial: Float32Array, target_box: Box) -> Float32Array:

@@ -7,7 +7,7 @@ import pytest
 from groundstation.detection.appearance import features_of_regions
 from groundstation.detection.flatten import _edges, _keep_edges, planes
 from groundstation.detection.palette import discount_common_colours
-from groundstation.detection.preprocess import _levels
+from groundstation.detection.preprocess import _levels, _soften
 from groundstation.detection.regions import soft_silhouette
 
 BOX = (6, 3, 31, 22)
@@ -109,3 +109,13 @@ def test_at_an_edge_a_pixel_goes_by_the_block_that_it_resembles_most(step: int, 
         blue, green, red = away[np.argmax(misfit <= 12) if (misfit <= 12).any() else np.argmin(misfit)]
         wanted = [0.114 * blue + 0.587 * green + 0.299 * red, 0.5 * (blue - red), 0.5 * green - 0.25 * (blue + red)]
         np.testing.assert_allclose(out[:, i, j], wanted, atol=1e-4)
+
+
+def test_contrast_is_less_where_misplacement_may_cause_it_and_spatial_where_nothing_is_known(
+    rng: np.random.Generator,
+) -> None:
+    contrast, edge, spatial = rng.gamma(2.0, 3.0, (3, 28, 44)).astype(np.float32)
+    known = rng.random((28, 44)) < 0.8
+    wanted = np.where(known, contrast / np.sqrt(1.0 + edge.astype(float) ** 2 / 2.5), spatial)
+    _soften(contrast, edge, 2.5, known, spatial)
+    np.testing.assert_allclose(contrast, wanted, rtol=1e-6)
