@@ -84,7 +84,7 @@ class StationWindow:
                 np.array([s.jacobian_px_per_m for s in (sight, *others)]),
                 np.array([s.residual_px for s in (sight, *others)]),
             )
-            noise = 0.5 * float(np.trace(sight.noise_px2))
+            noise = 0.5 * float(sight.noise_px2[0, 0] + sight.noise_px2[1, 1])
             constant = self._constant_px2 + sight.constant_px2
             square = explained(A, g)
             share = min(1.0, (_MOST_OF_ONE * (1.0 + constant / noise) / max(square, 1e-12)) ** 0.5)

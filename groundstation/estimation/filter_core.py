@@ -276,6 +276,8 @@ class FilterCore:
         needed to take it away (`RecordedEkf` does).
         """
         dt = t_s - (self.time_s if self.time_s is not None else t_s)
+        if dt == 0.0:
+            return self.kinematics_of(self.state, self.covariance)
         F, Q = self.motion_over(dt, self._bank.weights_after(abs(dt)))
         return self.kinematics_of(F @ self.state, F @ self.covariance @ F.T + Q)
 
