@@ -116,11 +116,10 @@ class FrameUpdate:
         self._width_taught_s: dict[str, float] = {}
         self._contributed: dict[str, float] = {}
         self._config = config
-        self._span = span
+        self._span, self._learns_span = span, span.span_m is None
         # the filter carries the span's error against this one
         self._assumed_span_m = config.initiation.usual_span_m if span.span_m is None else span.span_m
-        self._stopwatch = stopwatch
-        self._keep_images = keep_images
+        self._stopwatch, self._keep_images = stopwatch, keep_images
 
     def take(self, ready: ReadyFrame) -> CameraReport:
         """Look at one camera's frame and update the filter, which stands at its time, with what was seen."""
@@ -138,8 +137,8 @@ class FrameUpdate:
         if not self._ekf.has_target:
             partial = searches and isinstance(record, Frame) and not as_picture(record.image).has_all
             reason = MissReason.NOT_RECORDED if partial else MissReason.NOT_ACQUIRED
-            missed = _missed(reason, f"{len(found)} candidates")
-            return self._report(record, angles, missed, self._stopwatch() - started)
+            seen = _missed(reason, f"{len(found)} candidates")
+            return self._report(record, angles, seen, self._stopwatch() - started)
         prediction = self._ekf.predict_pixel(record.station)
         if prediction is None:
             return self._report(record, angles, _missed(MissReason.OUT_OF_VIEW, "behind the camera"))
@@ -280,7 +279,8 @@ class FrameUpdate:
                 if not found.cut:
                     camera.accepted(found)
                     self._use_width(camera, found, record.t_s)
-                    self._learn_span(camera, found)
+                    if self._learns_span:
+                        self._learn_span(camera, found)
             self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))
         view = View(
             station=camera.geometry,

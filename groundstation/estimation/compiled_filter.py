@@ -18,11 +18,19 @@ from groundstation.arrays import FloatArray
 BoolArray = NDArray[np.bool_]
 
 
-@njit(cache=True)
 def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatArray:
     """Return S = H P Hᵀ + R, (m, m)."""
+    S = np.empty_like(R)
+    write_innovation_covariance(P, H, R, S)
+    return S
+
+
+# results are handed in, not returned: a compiled function takes longer to return an array than to fill it
+@njit(cache=True)
+def write_innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray, S: FloatArray) -> None:
+    """Write S = H P Hᵀ + R, (m, m)."""
     m, n = H.shape
-    S = R.copy()
+    S[:] = R
     for a in range(m):
         for i in range(n):
             if H[a, i] != 0.0:
@@ -31,7 +39,6 @@ def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatA
                     for j in range(n):
                         total += P[i, j] * H[b, j]
                     S[a, b] += H[a, i] * total
-    return S
 
 
 @njit(cache=True)
@@ -96,22 +103,29 @@ def solve_small(A: FloatArray, B: FloatArray) -> None:
             B[c, j] *= inverse
 
 
-@njit(cache=True)
 def trial_state(
     x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray
 ) -> FloatArray:
     """Return the state (n,) that one update would lead to: where to linearise once more."""
+    moved = x.copy()
+    _move_to_trial(P, H, R, residual, estimated, moved)
+    return moved
+
+
+@njit(cache=True)
+def _move_to_trial(
+    P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray, moved: FloatArray
+) -> None:
+    """Add to a state (n,) what one update would."""
     m, n = H.shape
     HP, S = np.empty((m, n)), np.empty((m, m))
     project_into(P, H, R, HP, S)
     weighted = residual.copy().reshape((m, 1))
     solve_small(S, weighted)
-    moved = x.copy()
     for i in range(n):
         if estimated[i]:
             for a in range(m):
                 moved[i] += HP[a, i] * weighted[a, 0]
-    return moved
 
 
 @njit(cache=True)

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, squared_sigmas, trial_state
+from groundstation.estimation.compiled_filter import (
+    BoolArray,
+    innovation_covariance,
+    squared_sigmas,
+    trial_state,
+    write_innovation_covariance,
+)
 from groundstation.estimation.measurement import PixelModel, PixelPrediction
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import CLOCKS, clock_places
@@ -218,4 +224,6 @@ def _add_speed_noise(
             by_state[row, rates + k] = H[row, angles + k]
         for k in range(3 if flies else 0):
             by_state[row, velocity + k] = H[row, position + k]
-    noise += share * innovation_covariance(P, by_state, np.zeros((2, 2)))
+    spread = np.empty((2, 2))
+    write_innovation_covariance(P, by_state, np.zeros((2, 2)), spread)
+    noise += share * spread
