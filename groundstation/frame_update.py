@@ -188,7 +188,7 @@ class FrameUpdate:
         if isinstance(angles, AnglesAt) and not self._encoders.is_doubtful(record.station):
             sigma = self._encoders.noise_rad(record.station) * angles.variance_share**0.5
             off = max(abs(wrap_rad(angles.pan_rad - pan)), abs(wrap_rad(angles.tilt_rad - tilt)))
-            if off <= self._config.estimation.encoder_gate_sigma * float(np.hypot(sigma, doubt)):
+            if off <= self._config.estimation.encoder_gate_sigma * math.hypot(sigma, doubt):
                 return _Angles(pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad, sigma_rad=sigma)
         if isinstance(angles, AnglesAt):
             # a reading beside the exposure is one that the filter has refused
