@@ -156,18 +156,17 @@ def correct_into(
     for a in range(m):
         for i in range(n):
             Kt[a, i] = Kt[a, i] * share if estimated[i] else 0.0
-    new_x[:] = x
-    for a in range(m):
-        for i in range(n):
-            new_x[i] += Kt[a, i] * residual[a]
+    # numbers are addressed in place: a row taken out as an array of its own costs as much as what is done to it
     for i in range(n):
-        old, row = P[i], new_P[i]
-        row[:] = old
+        new_x[i] = x[i]
+        for j in range(n):
+            new_P[i, j] = P[i, j]
         for a in range(m):
-            gain, line = Kt[a, i], HP[a]
+            gain = Kt[a, i]
+            new_x[i] += gain * residual[a]
             if gain != 0.0:
                 for j in range(n):
-                    row[j] -= gain * line[j]
+                    new_P[i, j] -= gain * HP[a, j]
     # what is left of the right-hand factor: −((I − K H) P Hᵀ) Kᵀ + K R Kᵀ
     columns = np.empty(n, np.int64)
     rest = np.zeros((m, n))
@@ -184,12 +183,11 @@ def correct_into(
             for b in range(m):
                 total += Kt[b, i] * R[b, a]
             rest[a, i] = total
-    for i in range(n):
-        row = new_P[i]
-        for a in range(m):
-            gain, line = rest[a, i], Kt[a]
+    for a in range(m):
+        for i in range(n):
+            gain = rest[a, i]
             for j in range(n):
-                row[j] += gain * line[j]
+                new_P[i, j] += gain * Kt[a, j]
     for i in range(n):
         for j in range(i):
             new_P[i, j] = new_P[j, i] = 0.5 * (new_P[i, j] + new_P[j, i])
