@@ -36,10 +36,11 @@ class FlightDirection:
         ``velocity_m_s`` (3,) is the filter's at ``t_s``, runway frame, ``covariance`` (3, 3) that of it, m²/s²;
         ``height_m`` is the nose's above the runway. Asked for a time before the last one, it learns nothing.
         """
-        speed, sigma = float(np.linalg.norm(velocity_m_s)), math.sqrt(max(float(np.trace(covariance)), 0.0))
+        speed = math.sqrt(velocity_m_s.dot(velocity_m_s))
+        sigma = math.sqrt(max(float(covariance[0, 0] + covariance[1, 1] + covariance[2, 2]), 0.0))
         if speed > max(_SURE_SPEED_M_S, _MIN_SPEED_M_S + _SIGMAS * sigma):
             self._learn(t_s, velocity_m_s / speed, sigma / speed, height_m)
-        length = float(np.linalg.norm(self._sum))
+        length = math.sqrt(self._sum.dot(self._sum))
         if length > 0.0:
             # one that comes to a halt still points where it was going
             return self._sum / length

@@ -6,7 +6,8 @@ camera is no special case.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,9 +29,11 @@ from groundstation.messages import (
     Detection,
     DetectionStatus,
     Frame,
+    Innovation,
     Miss,
     MissReason,
     PixelMeasurement,
+    Roi,
 )
 from groundstation.picture import as_picture
 from groundstation.station_health import StationHealth
@@ -43,8 +46,6 @@ _MISS_STATUS = {
     MissReason.CUT: DetectionStatus.CUT,
     MissReason.OUT_OF_VIEW: DetectionStatus.OUT_OF_VIEW,
 }
-
-
 # while two cameras see the target, its width teaches the span this often
 _WIDTH_EVERY_S = 0.25
 _NOTHING_THERE = (MissReason.LOW_CONTRAST, MissReason.NO_REGION)
@@ -62,6 +63,22 @@ class _Angles:
     pan_rad: float
     tilt_rad: float
     sigma_rad: float
+
+
+class _Seen(NamedTuple):
+    """What came of a frame before the filter takes it; fields as in `CameraReport`."""
+
+    status: DetectionStatus
+    result: Detection | Miss
+    predicted_px: FloatArray | None = None
+    covariance_px2: FloatArray | None = None
+    roi: Roi | None = None
+    channel_contrast: Mapping[str, float] | None = None
+
+
+def _missed(reason: MissReason, detail: str) -> _Seen:
+    """Return what came of a frame in which nothing was looked for."""
+    return _Seen(_MISS_STATUS.get(reason, DetectionStatus.MISS), Miss(reason=reason, detail=detail))
 
 
 class FrameUpdate:
@@ -99,36 +116,20 @@ class FrameUpdate:
         self._width_taught_s: dict[str, float] = {}
         self._contributed: dict[str, float] = {}
         self._config = config
-        self._span = span
+        self._span, self._learns_span = span, span.span_m is None
         # the filter carries the span's error against this one
         self._assumed_span_m = config.initiation.usual_span_m if span.span_m is None else span.span_m
-        self._stopwatch = stopwatch
-        self._keep_images = keep_images
+        self._stopwatch, self._keep_images = stopwatch, keep_images
 
     def take(self, ready: ReadyFrame) -> CameraReport:
         """Look at one camera's frame and update the filter, which stands at its time, with what was seen."""
         record = ready.record
-        angles = None if ready.late else self._angles(ready)
-        report = CameraReport(
-            t_s=record.t_s,
-            station=record.station,
-            epoch=record.epoch,
-            status=DetectionStatus.MISS,
-            result=Miss(reason=MissReason.LATE, detail="older than what was already used"),
-            roi=None,
-            predicted_px=None,
-            predicted_covariance_px2=None,
-            pan_rad=None if angles is None else angles.pan_rad,
-            tilt_rad=None if angles is None else angles.tilt_rad,
-            innovation=None,
-            elapsed_s=0.0,
-            image=record.image if self._keep_images and isinstance(record, Frame) else None,
-        )
         if ready.late:
-            return report
+            return self._report(record, None, _missed(MissReason.LATE, "older than what was already used"))
+        angles = self._angles(ready)
         if angles is None:
             fault = ready.angles.value if isinstance(ready.angles, AngleFault) else "PTU readings do not change"
-            return replace(report, result=Miss(reason=MissReason.NO_PTU_ANGLE, detail=fault))
+            return self._report(record, None, _missed(MissReason.NO_PTU_ANGLE, fault))
         started = self._stopwatch()
         searches = self._keeper.searches(record.t_s) and not ready.revisited
         found = self._search(record, angles) if searches else []
@@ -136,14 +137,43 @@ class FrameUpdate:
         if not self._ekf.has_target:
             partial = searches and isinstance(record, Frame) and not as_picture(record.image).has_all
             reason = MissReason.NOT_RECORDED if partial else MissReason.NOT_ACQUIRED
-            miss = Miss(reason=reason, detail=f"{len(found)} candidates")
-            return replace(report, result=miss, elapsed_s=self._stopwatch() - started)
+            seen = _missed(reason, f"{len(found)} candidates")
+            return self._report(record, angles, seen, self._stopwatch() - started)
         prediction = self._ekf.predict_pixel(record.station)
         if prediction is None:
-            miss = Miss(reason=MissReason.OUT_OF_VIEW, detail="behind the camera")
-            return replace(report, status=DetectionStatus.OUT_OF_VIEW, result=miss)
-        report = self._look(record, report, prediction, started)
-        return self._judge(record, report, angles) if isinstance(report.result, Detection) else report
+            return self._report(record, angles, _missed(MissReason.OUT_OF_VIEW, "behind the camera"))
+        seen = self._look(record, prediction)
+        elapsed_s = self._stopwatch() - started
+        if not isinstance(seen.result, Detection):
+            return self._report(record, angles, seen, elapsed_s)
+        return self._report(record, angles, seen, elapsed_s, *self._judge(record, seen.result, seen, angles))
+
+    def _report(
+        self,
+        record: Frame | PixelMeasurement,
+        angles: _Angles | None,
+        seen: _Seen,
+        elapsed_s: float = 0.0,
+        status: DetectionStatus | None = None,
+        innovation: Innovation | None = None,
+    ) -> CameraReport:
+        """Say what became of a frame; written once, since a report is too large to be copied with changes."""
+        return CameraReport(
+            t_s=record.t_s,
+            station=record.station,
+            epoch=record.epoch,
+            status=seen.status if status is None else status,
+            result=seen.result,
+            roi=seen.roi,
+            predicted_px=seen.predicted_px,
+            predicted_covariance_px2=seen.covariance_px2,
+            pan_rad=None if angles is None else angles.pan_rad,
+            tilt_rad=None if angles is None else angles.tilt_rad,
+            innovation=innovation,
+            elapsed_s=elapsed_s,
+            channel_contrast=seen.channel_contrast,
+            image=record.image if self._keep_images and isinstance(record, Frame) else None,
+        )
 
     def _angles(self, ready: ReadyFrame) -> _Angles | None:
         """Return the angles at the exposure: interpolated, or the filter's if only the reading after it is missing."""
@@ -158,7 +188,7 @@ class FrameUpdate:
         if isinstance(angles, AnglesAt) and not self._encoders.is_doubtful(record.station):
             sigma = self._encoders.noise_rad(record.station) * angles.variance_share**0.5
             off = max(abs(wrap_rad(angles.pan_rad - pan)), abs(wrap_rad(angles.tilt_rad - tilt)))
-            if off <= self._config.estimation.encoder_gate_sigma * float(np.hypot(sigma, doubt)):
+            if off <= self._config.estimation.encoder_gate_sigma * math.hypot(sigma, doubt):
                 return _Angles(pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad, sigma_rad=sigma)
         if isinstance(angles, AnglesAt):
             # a reading beside the exposure is one that the filter has refused
@@ -191,24 +221,12 @@ class FrameUpdate:
         """Return one sigma of where the camera looks: rays of an uncertain rig may pass each other by so much."""
         return float(np.hypot(angles.sigma_rad, self._ekf.pointing_sigma_rad(record.station)))
 
-    def _look(
-        self,
-        record: Frame | PixelMeasurement,
-        report: CameraReport,
-        prediction: PixelPrediction,
-        started_s: float,
-    ) -> CameraReport:
+    def _look(self, record: Frame | PixelMeasurement, prediction: PixelPrediction) -> _Seen:
         """A target is known: look where it is predicted; the answer is a detection or a named miss."""
         camera, ekf = self._cameras[record.station], self._ekf
         spread = ekf.pixel_covariance(prediction)
         if isinstance(record, PixelMeasurement):
-            return replace(
-                report,
-                result=self._labelled(record),
-                predicted_px=prediction.pixel,
-                predicted_covariance_px2=spread,
-                elapsed_s=self._stopwatch() - started_s,
-            )
+            return _Seen(DetectionStatus.MISS, self._labelled(record), prediction.pixel, spread)
         visible = probability_in_view(prediction.pixel, spread, camera.geometry.image_size_px)
         look = None
         if visible >= self._config.estimation.min_view_probability:
@@ -225,41 +243,23 @@ class FrameUpdate:
             look = camera.look(record, self._roi_centre(record, prediction), spread, hint)
         if look is None:
             miss = Miss(reason=MissReason.OUT_OF_VIEW, detail=f"in view with probability {visible:.2g}")
-            return replace(
-                report,
-                status=DetectionStatus.OUT_OF_VIEW,
-                result=miss,
-                predicted_px=prediction.pixel,
-                predicted_covariance_px2=spread,
-                elapsed_s=self._stopwatch() - started_s,
-            )
-        status = report.status
+            return _Seen(DetectionStatus.OUT_OF_VIEW, miss, prediction.pixel, spread)
+        status = DetectionStatus.MISS
         if isinstance(look.result, Miss):
             self._in_vain(record, look.result)
             status = _MISS_STATUS.get(look.result.reason, DetectionStatus.MISS)
-        return replace(
-            report,
-            status=status,
-            roi=look.roi,
-            result=look.result,
-            channel_contrast=look.channel_contrast,
-            predicted_px=prediction.pixel,
-            predicted_covariance_px2=spread,
-            elapsed_s=self._stopwatch() - started_s,
-        )
+        return _Seen(status, look.result, prediction.pixel, spread, look.roi, look.channel_contrast)
 
-    def _judge(self, record: Frame | PixelMeasurement, report: CameraReport, angles: _Angles) -> CameraReport:
+    def _judge(
+        self, record: Frame | PixelMeasurement, found: Detection, seen: _Seen, angles: _Angles
+    ) -> tuple[DetectionStatus, Innovation | None]:
         """Fuse a found pixel if the gate lets it pass, and keep it for the baseline."""
-        found = report.result
-        if not isinstance(found, Detection):
-            return report
         camera = self._cameras[record.station]
         pixel = np.array([found.u_px, found.v_px])
-        rows = camera.geometry.image_size_px[1]
-        row_dt = ((found.v_px + 0.5) / rows - 0.5) * camera.station.readout_s
-        if found.cut and not self._likely_in_view(report):
+        row_dt = ((found.v_px + 0.5) / camera.geometry.image_size_px[1] - 0.5) * camera.station.readout_s
+        if found.cut and not self._likely_in_view(record.station, seen):
             # the border hides the nose: what is seen is another part of the aircraft
-            return replace(report, status=DetectionStatus.CUT)
+            return DetectionStatus.CUT, None
         trusted = self._health.uses(record.station)
         innovation, status = None, DetectionStatus.EXCLUDED
         if trusted:
@@ -279,7 +279,8 @@ class FrameUpdate:
                 if not found.cut:
                     camera.accepted(found)
                     self._use_width(camera, found, record.t_s)
-                    self._learn_span(camera, found)
+                    if self._learns_span:
+                        self._learn_span(camera, found)
             self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))
         view = View(
             station=camera.geometry,
@@ -300,14 +301,14 @@ class FrameUpdate:
                 trusted=trusted,
             )
         )
-        return replace(report, status=status, innovation=innovation)
+        return status, innovation
 
-    def _likely_in_view(self, report: CameraReport) -> bool:
+    def _likely_in_view(self, station: str, seen: _Seen) -> bool:
         """Return whether the predicted target point is more likely inside the image than not."""
-        if report.predicted_px is None or report.predicted_covariance_px2 is None:
+        if seen.predicted_px is None or seen.covariance_px2 is None:
             return True
-        size = self._cameras[report.station].geometry.image_size_px
-        return probability_in_view(report.predicted_px, report.predicted_covariance_px2, size) >= 0.5
+        size = self._cameras[station].geometry.image_size_px
+        return probability_in_view(seen.predicted_px, seen.covariance_px2, size) >= 0.5
 
     def _in_vain(self, record: Frame, miss: Miss) -> None:
         """Take a look that found nothing as evidence; where something was found, but not what, it is none."""

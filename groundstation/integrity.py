@@ -23,7 +23,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.solution_separation import Separation, Sight, StationWindow
+from groundstation.solution_separation import Separation, Sight, SightStack, StationWindow
 
 # jumps within one epoch are simultaneous
 _TOGETHER_S = 0.02
@@ -125,15 +125,20 @@ class IntegrityWatch:
         """Take the pixels of one epoch and return which verdicts they change."""
         if not self._config.enabled:
             return []
-        used = [s for s in sights if self._verdicts[s.station] is not Verdict.EXCLUDED]
-        for sight in sights:
+        used = [self._verdicts[s.station] is not Verdict.EXCLUDED for s in sights]
+        together = SightStack.of(sights, used)
+        for k, sight in enumerate(sights):
             # a station that is left out is held against those that are not
-            self._windows[sight.station].add(t_s, sight, used if sight in used else [*used, sight])
+            self._windows[sight.station].add(t_s, sight.constant_px2, k, together)
         if t_s < self._judged_s + _JUDGED_EVERY_S:
             return []
         self._judged_s = t_s
         found = self._readmit(t_s, [s.station for s in sights])
-        return found if found else self._accuse(t_s, [s.station for s in used])
+        return (
+            found
+            if found
+            else self._accuse(t_s, [s.station for s, is_used in zip(sights, used, strict=True) if is_used])
+        )
 
     def separation(self, station: str) -> Separation:
         """Return the window's leave-one-out test of one station."""

@@ -42,6 +42,9 @@ from groundstation.station_health import StationHealth
 from groundstation.synchronise import LateReading, LateReference, Ready, ReadyFrame, Synchroniser
 from groundstation.target_keeper import TargetKeeper
 
+# of most events nothing comes at once: frames wait for their angles
+_NOTHING_YET = StepReport()
+
 
 class Pipeline:
     """One target, N stations, events in and reports out.
@@ -231,10 +234,11 @@ class Pipeline:
                 self._out_cameras.append(self._frame(item))
         if last:
             self._readings_said.finish()
+        events = self._keeper.take_events()
+        if not (self._out_cameras or self._out_estimates or events):
+            return _NOTHING_YET
         report = StepReport(
-            cameras=tuple(self._out_cameras),
-            estimates=tuple(self._out_estimates),
-            events=tuple(self._keeper.take_events()),
+            cameras=tuple(self._out_cameras), estimates=tuple(self._out_estimates), events=tuple(events)
         )
         self._out_cameras.clear()
         self._out_estimates.clear()

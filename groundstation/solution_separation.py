@@ -7,11 +7,13 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.leave_one_out import PART_SIZE, explained, leave_out, summed_up, whitened
+from groundstation.estimation.compiled_filter import BoolArray
+from groundstation.leave_one_out import PART_SIZE, summed_up, whiten, write_part
 
 # an epoch's own T counts at most so much: a single gross outlier is not a fault
 _MOST_OF_ONE = 36.0
@@ -34,6 +36,28 @@ class Sight:
     jacobian_px_per_m: FloatArray
     noise_px2: FloatArray
     constant_px2: float = 0.0
+
+
+class SightStack(NamedTuple):
+    """The k sights of one epoch in arrays, as `groundstation.leave_one_out` takes them; whose pixels count is ``used``.
+
+    ``noises`` (k, 2, 2) px², ``jacobians`` (k, 2, 3) px per m, ``residuals`` (k, 2) px, ``used`` (k,).
+    """
+
+    noises: FloatArray
+    jacobians: FloatArray
+    residuals: FloatArray
+    used: BoolArray
+
+    @classmethod
+    def of(cls, sights: Sequence[Sight], used: Sequence[bool]) -> "SightStack":
+        """Return the sights in this order."""
+        return cls(
+            np.array([s.noise_px2 for s in sights]),
+            np.array([s.jacobian_px_per_m for s in sights]),
+            np.array([s.residual_px for s in sights]),
+            np.array(used),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,35 +98,29 @@ class StationWindow:
         self._epochs.clear()
         self._innovations.clear()
 
-    def add(self, t_s: float, sight: Sight, among: Sequence[Sight]) -> None:
-        """Take the station's pixel of one epoch, to be held against the others ``among`` whom it is."""
-        own = self._epochs
-        if len(among) >= 2:
-            others = [s for s in among if s is not sight]
-            A, g = leave_out(
-                np.array([s.noise_px2 for s in (sight, *others)]),
-                np.array([s.jacobian_px_per_m for s in (sight, *others)]),
-                np.array([s.residual_px for s in (sight, *others)]),
-            )
-            noise = 0.5 * float(np.trace(sight.noise_px2))
-            constant = self._constant_px2 + sight.constant_px2
-            square = explained(A, g)
-            share = min(1.0, (_MOST_OF_ONE * (1.0 + constant / noise) / max(square, 1e-12)) ** 0.5)
-            self._keep(t_s, (A[0, 0], A[0, 1], A[1, 1], g[0] * share, g[1] * share, noise, constant))
-        old = 0
-        while own and own[0] < t_s - self._length_s:
-            own.popleft()
+    def add(self, t_s: float, own_constant_px2: float, own: int, among: SightStack) -> None:
+        """Take the station's pixel of one epoch, the one at ``own``, to be held against the others that are used.
+
+        ``own_constant_px2`` is its `Sight.constant_px2`. It alone says nothing.
+        """
+        if np.count_nonzero(among.used) + (not among.used[own]) >= 2:
+            constant = self._constant_px2 + own_constant_px2
+            write_part(own, *among, constant, _MOST_OF_ONE, self._room())
+            self._epochs.append(t_s)
+        own_epochs, old = self._epochs, 0
+        while own_epochs and own_epochs[0] < t_s - self._length_s:
+            own_epochs.popleft()
             old += 1
         if old:
-            self._parts[: len(own)] = self._parts[old : old + len(own)]
+            left = len(own_epochs)
+            self._parts[:left] = self._parts[old : old + left]
 
-    def _keep(self, t_s: float, part: tuple[float, ...]) -> None:
-        """Put an epoch behind the others."""
+    def _room(self) -> FloatArray:
+        """Return where an epoch behind the others goes, (7,)."""
         count = len(self._epochs)
         if count == len(self._parts):
             self._parts = np.concatenate([self._parts, np.empty_like(self._parts)])
-        self._parts[count] = part
-        self._epochs.append(t_s)
+        return self._parts[count]
 
     def separation(self) -> Separation:
         """Return the window's leave-one-out test."""
@@ -115,10 +133,9 @@ class StationWindow:
 
     def judged(self, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray) -> None:
         """Take an innovation of the filter, accepted or not."""
-        white = whitened(residual_px, covariance_px2)
-        length = math.hypot(float(white[0]), float(white[1]))
-        own = self._innovations
-        own.append((t_s, white * min(1.0, _MOST_OF_ONE**0.5 / max(length, 1e-12))))
+        white, own = np.empty(2), self._innovations
+        whiten(residual_px, covariance_px2, _MOST_OF_ONE**0.5, white)
+        own.append((t_s, white))
         while own[0][0] < t_s - 2.0 * self._length_s:
             own.popleft()
 

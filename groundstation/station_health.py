@@ -5,8 +5,6 @@ Puts an epoch's pixels into the terms of `groundstation.integrity` and turns its
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from groundstation.epoch import EpochPage, EpochView
 from groundstation.estimation.ekf import StationEkf
 from groundstation.geometry.station import StationGeometry
@@ -96,7 +94,7 @@ class StationHealth:
         return Sight(
             station=seen.station,
             residual_px=residual,
-            jacobian_px_per_m=np.ascontiguousarray(projection.jacobian[:, :3]),
+            jacobian_px_per_m=projection.jacobian[:, :3],
             noise_px2=noise,
             constant_px2=0.5 * spread,
         )

@@ -131,6 +131,8 @@ class Synchroniser:
         self._history: dict[str, deque[PtuSample]] = {name: deque() for name in turning}
         self._streams = {("ptu", name): float("-inf") for name in turning}
         self._streams.update({("camera", name): float("-inf") for name in cameras})
+        # how far the slowest of them has come
+        self._all_reached_s = min(self._streams.values(), default=float("inf"))
         self._queue: list[_Queued] = []
         self._number = 0
         self._newest_s = float("-inf")
@@ -147,6 +149,7 @@ class Synchroniser:
             stream = ("ptu" if reading else "camera", event.station)
             reached = event.t_s if reading else event.t_s + self._config.camera_gap_s
             self._streams[stream] = max(self._streams.get(stream, reached), reached)
+            self._all_reached_s = min(self._streams.values())
         if event.t_s < self._passed_s and not isinstance(event, Epoch):
             return self._answer_late(event)
         self._enqueue(event)
@@ -222,9 +225,7 @@ class Synchroniser:
 
     def _may_pass(self, t_s: float) -> bool:
         """Return whether nothing earlier than ``t_s`` is to be expected, or has been waited for long enough."""
-        if self._newest_s >= t_s + self._config.hold_s:
-            return True
-        return min(self._streams.values(), default=t_s) >= t_s
+        return self._newest_s >= t_s + self._config.hold_s or self._all_reached_s >= t_s
 
     def _ready_frame(self, frame: Frame | PixelMeasurement) -> ReadyFrame:
         following = self.claim_following(frame)

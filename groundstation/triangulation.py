@@ -14,7 +14,7 @@ from numba import njit
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry import kernels
-from groundstation.geometry.station import LensError, Ray, StationGeometry
+from groundstation.geometry.station import Ray, StationGeometry
 from groundstation.messages import Triangulation
 
 _STEPS = 8
@@ -71,16 +71,8 @@ def _meet(origins: FloatArray, directions: FloatArray, point: FloatArray) -> flo
 
 def triangulate(views: Sequence[View]) -> Triangulation | None:
     """Return the point that two or more views agree on best, or None where their rays don't meet ahead."""
-    try:
-        rays = [v.station.ray(v.pixel[0], v.pixel[1], v.pan_rad, v.tilt_rad) for v in views]
-    except LensError:
-        return None
-    start = midpoint(rays)
-    if start is None:
-        return None
-    point, gap = start
-    best, covariance = np.empty(3), np.empty((3, 3))
-    chi2 = _refine(
+    point, best, covariance = np.empty(3), np.empty(3), np.empty((3, 3))
+    gap, chi2 = _triangulate(
         np.array([v.station.packed for v in views]),
         np.array([v.pixel for v in views]),
         np.array([v.covariance_px2 for v in views]),
@@ -89,7 +81,7 @@ def triangulate(views: Sequence[View]) -> Triangulation | None:
         best,
         covariance,
     )
-    if chi2 < 0.0:
+    if gap < 0.0 or chi2 < 0.0:
         return None
     return Triangulation(
         midpoint_runway_m=point,
@@ -98,6 +90,31 @@ def triangulate(views: Sequence[View]) -> Triangulation | None:
         gap_m=gap,
         residual_sigma=math.sqrt(chi2),
     )
+
+
+@njit(cache=True)
+def _triangulate(
+    stations: FloatArray,
+    pixels: FloatArray,
+    covariances: FloatArray,
+    angles: FloatArray,
+    middle: FloatArray,
+    point: FloatArray,
+    covariance: FloatArray,
+) -> tuple[float, float]:
+    """Write the midpoint (3,) and what `_refine` makes of it; return the rays' gap and χ², −1 where there is none.
+
+    The views' arrays are those of `_refine`.
+    """
+    origins, directions = np.empty((len(pixels), 3)), np.empty((len(pixels), 3))
+    for n in range(len(pixels)):
+        u, v = pixels[n]
+        if not kernels.ray(stations[n], u, v, angles[n, 0], angles[n, 1], origins[n], directions[n]):
+            return -1.0, -1.0
+    gap = _meet(origins, directions, middle)
+    if gap < 0.0:
+        return -1.0, -1.0
+    return gap, _refine(stations, pixels, covariances, angles, middle, point, covariance)
 
 
 @njit(cache=True)

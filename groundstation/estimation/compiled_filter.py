@@ -18,11 +18,19 @@ from groundstation.arrays import FloatArray
 BoolArray = NDArray[np.bool_]
 
 
-@njit(cache=True)
 def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatArray:
     """Return S = H P Hᵀ + R, (m, m)."""
+    S = np.empty_like(R)
+    write_innovation_covariance(P, H, R, S)
+    return S
+
+
+# results are handed in, not returned: a compiled function takes longer to return an array than to fill it
+@njit(cache=True)
+def write_innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray, S: FloatArray) -> None:
+    """Write S = H P Hᵀ + R, (m, m)."""
     m, n = H.shape
-    S = R.copy()
+    S[:] = R
     for a in range(m):
         for i in range(n):
             if H[a, i] != 0.0:
@@ -31,7 +39,6 @@ def innovation_covariance(P: FloatArray, H: FloatArray, R: FloatArray) -> FloatA
                     for j in range(n):
                         total += P[i, j] * H[b, j]
                     S[a, b] += H[a, i] * total
-    return S
 
 
 @njit(cache=True)
@@ -96,22 +103,29 @@ def solve_small(A: FloatArray, B: FloatArray) -> None:
             B[c, j] *= inverse
 
 
-@njit(cache=True)
 def trial_state(
     x: FloatArray, P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray
 ) -> FloatArray:
     """Return the state (n,) that one update would lead to: where to linearise once more."""
+    moved = x.copy()
+    _move_to_trial(P, H, R, residual, estimated, moved)
+    return moved
+
+
+@njit(cache=True)
+def _move_to_trial(
+    P: FloatArray, H: FloatArray, R: FloatArray, residual: FloatArray, estimated: BoolArray, moved: FloatArray
+) -> None:
+    """Add to a state (n,) what one update would."""
     m, n = H.shape
     HP, S = np.empty((m, n)), np.empty((m, m))
     project_into(P, H, R, HP, S)
     weighted = residual.copy().reshape((m, 1))
     solve_small(S, weighted)
-    moved = x.copy()
     for i in range(n):
         if estimated[i]:
             for a in range(m):
                 moved[i] += HP[a, i] * weighted[a, 0]
-    return moved
 
 
 @njit(cache=True)
@@ -142,18 +156,17 @@ def correct_into(
     for a in range(m):
         for i in range(n):
             Kt[a, i] = Kt[a, i] * share if estimated[i] else 0.0
-    new_x[:] = x
-    for a in range(m):
-        for i in range(n):
-            new_x[i] += Kt[a, i] * residual[a]
+    # numbers are addressed in place: a row taken out as an array of its own costs as much as what is done to it
     for i in range(n):
-        old, row = P[i], new_P[i]
-        row[:] = old
+        new_x[i] = x[i]
+        for j in range(n):
+            new_P[i, j] = P[i, j]
         for a in range(m):
-            gain, line = Kt[a, i], HP[a]
+            gain = Kt[a, i]
+            new_x[i] += gain * residual[a]
             if gain != 0.0:
                 for j in range(n):
-                    row[j] -= gain * line[j]
+                    new_P[i, j] -= gain * HP[a, j]
     # what is left of the right-hand factor: −((I − K H) P Hᵀ) Kᵀ + K R Kᵀ
     columns = np.empty(n, np.int64)
     rest = np.zeros((m, n))
@@ -170,12 +183,11 @@ def correct_into(
             for b in range(m):
                 total += Kt[b, i] * R[b, a]
             rest[a, i] = total
-    for i in range(n):
-        row = new_P[i]
-        for a in range(m):
-            gain, line = rest[a, i], Kt[a]
+    for a in range(m):
+        for i in range(n):
+            gain = rest[a, i]
             for j in range(n):
-                row[j] += gain * line[j]
+                new_P[i, j] += gain * Kt[a, j]
     for i in range(n):
         for j in range(i):
             new_P[i, j] = new_P[j, i] = 0.5 * (new_P[i, j] + new_P[j, i])

@@ -15,7 +15,7 @@ from groundstation.estimation.linearisation import PixelLinearisation
 from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
 from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.motion import MotionModel
-from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior, time_places
+from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior, pointing_places, time_places
 from groundstation.estimation.second_view import SecondView
 from groundstation.estimation.silhouette import WidthModel
 from groundstation.estimation.state import EkfState, Remembered, StateLayout, state_layout
@@ -77,6 +77,7 @@ class FilterCore:
         self._reference = ReferenceModel(self.layout)
         self._bends = PixelLinearisation(self.layout, self._pixels)
         self._second = SecondView(self.layout, self._pixels)
+        self._pointing = {name: pointing_places(self.layout.parameters, name) for name in stations}
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
@@ -194,8 +195,8 @@ class FilterCore:
         where = self.layout.angles.get(station)
         if where is None:
             return 0.0, 0.0
-        pan, tilt = self.state[where]
-        return float(pan), float(tilt)
+        pan, tilt = self.state[where].tolist()
+        return pan, tilt
 
     def start_target(
         self,
@@ -254,12 +255,10 @@ class FilterCore:
 
         The larger of pan and tilt; zero where the rig counts as exact.
         """
-        sums = []
-        for axis in ("x", "z"):
-            names = (f"{station}.{part}.{axis}" for part in ("runway_from_base", "head_from_camera"))
-            places = [self.layout.parameters[name] for name in names if name in self.layout.parameters]
-            sums.append(sum(float(self.covariance[a, b]) for a in places for b in places))
-        return math.sqrt(max(*sums, 0.0))
+        P, variance = self.covariance, 0.0
+        for places in self._pointing[station]:
+            variance = max(variance, sum(float(P[a, b]) for a in places for b in places))
+        return math.sqrt(variance)
 
     def drop_target(self) -> None:
         """Forget the target; the PTUs' angles and what was learnt of the rig stay."""
@@ -276,6 +275,8 @@ class FilterCore:
         needed to take it away (`RecordedEkf` does).
         """
         dt = t_s - (self.time_s if self.time_s is not None else t_s)
+        if dt == 0.0:
+            return self.kinematics_of(self.state, self.covariance)
         F, Q = self.motion_over(dt, self._bank.weights_after(abs(dt)))
         return self.kinematics_of(F @ self.state, F @ self.covariance @ F.T + Q)
 

@@ -93,8 +93,7 @@ class TrackInitiator:
     def step(self, t_s: float, sightings: Sequence[Sighting]) -> Kinematics | None:
         """Take one epoch's sightings; return the target at ``t_s`` once one is confirmed."""
         fixes = self.fixes(sightings)
-        for track in self._tracks:
-            self._predict(track, t_s)
+        self._predict(t_s)
         self._link(fixes, t_s)
         self._tracks = [t for t in self._tracks if t.misses <= self._config.max_misses]
         brightest = max((t.score / t.hits for t in self._tracks if t.hits >= 3), default=0.0)
@@ -236,17 +235,26 @@ class TrackInitiator:
         return (partial or low <= slack * min(widths_m)) and max(widths_m) <= slack * high
 
     # ------------------------------------------------------------------------------------------ time
-    def _predict(self, track: _Tentative, t_s: float) -> None:
-        dt = t_s - track.t_s
-        if dt <= 0.0:
-            return
+    def _predict(self, t_s: float) -> None:
+        """Carry all tracks to ``t_s``; they stand at the same time, but for one that has been begun ahead of it."""
+        motions: dict[float, tuple[FloatArray, FloatArray]] = {}
+        for track in self._tracks:
+            dt = t_s - track.t_s
+            if dt <= 0.0:
+                continue
+            if dt not in motions:
+                motions[dt] = self._motion_over(dt)
+            F, Q = motions[dt]
+            track.x = F @ track.x
+            track.P = F @ track.P @ F.T + Q
+            track.t_s = t_s
+
+    def _motion_over(self, dt: float) -> tuple[FloatArray, FloatArray]:
+        """Return F and Q, (6, 6) each, over ``dt`` seconds."""
         F = np.eye(6)
         F[:3, 3:] = dt * np.eye(3)
         q = self._config.acceleration_psd_m2_s3
-        Q = np.kron(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), np.eye(3)) * q
-        track.x = F @ track.x
-        track.P = F @ track.P @ F.T + Q
-        track.t_s = t_s
+        return F, np.kron(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), np.eye(3)) * q
 
     def _link(self, fixes: list[Fix], t_s: float) -> None:
         """Give each track its nearest fix, oldest tracks first; what is left begins new tracks."""

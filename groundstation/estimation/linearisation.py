@@ -5,6 +5,7 @@ triangulated start has of the rig's errors in it.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -12,7 +13,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, squared_sigmas, trial_state
+from groundstation.estimation.compiled_filter import (
+    BoolArray,
+    innovation_covariance,
+    squared_sigmas,
+    trial_state,
+    write_innovation_covariance,
+)
 from groundstation.estimation.measurement import PixelModel, PixelPrediction
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import CLOCKS, clock_places
@@ -34,14 +41,27 @@ class Linearised:
     residual: FloatArray
 
 
+class _Clock(NamedTuple):
+    """Where the errors of one clock stand in the state, (m,), and which of them are offsets; the others are drifts."""
+
+    places: NDArray[np.int64]
+    is_offset: BoolArray
+
+
 class PixelLinearisation:
     """The pixel models of all stations, and how far they are straight."""
 
     def __init__(self, layout: StateLayout, pixels: Mapping[str, PixelModel]) -> None:
         self._layout = layout
         self._pixels = pixels
-        self._clocks = {name: clock_places(layout.parameters, name) for name in pixels}
-        self._is_offset = {place: name.endswith(".offset") for name, place in layout.parameters.items()}
+        is_offset = {place: name.endswith(".offset") for name, place in layout.parameters.items()}
+        self._clocks = {
+            name: {
+                clock: _Clock(np.array(places, np.int64), np.array([is_offset[k] for k in places], np.bool_))
+                for clock, places in clock_places(layout.parameters, name).items()
+            }
+            for name in pixels
+        }
 
     def iterated(
         self,
@@ -146,10 +166,9 @@ class PixelLinearisation:
         angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
         angle, rate = (-1, -1) if angles is None or rates is None else (angles.start, rates.start)
         position, velocity = self._layout.position.start, self._layout.velocity.start
-        for clock, places in self._clocks[station].items():
-            lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
-            flies, at = clock == "camera_clock", np.array(places, np.int64)
-            _add_speed_noise(P, H, angle, rate, position, velocity, flies, at, lateness, noise)
+        for name, clock in self._clocks[station].items():
+            flies = name == "camera_clock"
+            _add_speed_noise(P, H, angle, rate, position, velocity, flies, *clock, age_s, noise)
         return noise
 
     def passage_noise(
@@ -161,8 +180,8 @@ class PixelLinearisation:
         """
         x, P = state
         away = {clock: np.zeros(2) for clock in CLOCKS}
-        for clock, places in self._clocks[station].items():
-            lateness = np.array([1.0 if self._is_offset[k] else age_s for k in places])
+        for clock, (places, is_offset) in self._clocks[station].items():
+            lateness = np.where(is_offset, 1.0, age_s)
             away[clock] += lateness @ x[places], lateness @ P[np.ix_(places, places)] @ lateness
         camera, ptu = (away[clock] for clock in CLOCKS)
         noise = np.zeros((2, 2))
@@ -204,18 +223,22 @@ def _add_speed_noise(
     velocity: int,
     flies: bool,
     places: NDArray[np.int64],
-    lateness: FloatArray,
+    is_offset: BoolArray,
+    age_s: float,
     noise: FloatArray,
 ) -> None:
     """Add the spread of one clock's error times that of the pixel's speed; −1 stands for a station that is fixed."""
     share = 0.0
     for a in range(places.size):
         for b in range(places.size):
-            share += lateness[a] * P[places[a], places[b]] * lateness[b]
+            late_a, late_b = 1.0 if is_offset[a] else age_s, 1.0 if is_offset[b] else age_s
+            share += late_a * P[places[a], places[b]] * late_b
     by_state = np.zeros_like(H)
     for row in range(2):
         for k in range(2 if rates >= 0 else 0):
             by_state[row, rates + k] = H[row, angles + k]
         for k in range(3 if flies else 0):
             by_state[row, velocity + k] = H[row, position + k]
-    noise += share * innovation_covariance(P, by_state, np.zeros((2, 2)))
+    spread = np.empty((2, 2))
+    write_innovation_covariance(P, by_state, np.zeros((2, 2)), spread)
+    noise += share * spread

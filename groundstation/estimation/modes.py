@@ -99,11 +99,11 @@ class ModeBank:
 
     def doubt(self, part: slice, variances: FloatArray) -> None:
         """Add to the variances (k,) of some states."""
-        self._changed()
+        states, covariances = self.modes()
+        covariances = covariances.copy()
         diagonal = np.arange(part.start, part.stop)
-        for each in self._filters:
-            each.P = each.P.copy()
-            each.P[diagonal, diagonal] += variances
+        covariances[:, diagonal, diagonal] += variances
+        self.restore([self.weights, states, covariances])
 
     def predict(self, F: FloatArray, noises: Sequence[FloatArray] | FloatArray, dt_s: float) -> None:
         """Carry every mode forward by ``F`` and its own process noise over ``dt_s`` seconds."""

@@ -161,6 +161,15 @@ def time_places(parameters: Mapping[str, int], station: str) -> list[int]:
     return found if shutter is None else [*found, shutter]
 
 
+def pointing_places(parameters: Mapping[str, int], station: str) -> list[list[int]]:
+    """Return the places of what turns a camera up and down, and of what turns it left and right; none if exact."""
+    found = []
+    for axis in ("x", "z"):
+        names = (f"{station}.{part}.{axis}" for part in ("runway_from_base", "head_from_camera"))
+        found.append([parameters[name] for name in names if name in parameters])
+    return [places for places in found if places]
+
+
 def clock_places(parameters: Mapping[str, int], station: str) -> dict[str, list[int]]:
     """Return the places of a station's clock errors, by clock; clocks that are not carried are left out."""
     found = {clock: [k for name, k in parameters.items() if name.startswith(f"{station}.{clock}.")] for clock in CLOCKS}

@@ -192,7 +192,7 @@ class ReplayWindow:
         """Return the index of the first frame of the station after which this reading is the next."""
         near_s = sample.t_s - self._max_gap_s
         previous_s = near_s
-        frames = []
+        frames: list[int] = []
         for k in range(len(self._entries) - 1, -1, -1):
             entry = self._entries[k]
             # a frame as far back again may hold the reading before this one
@@ -200,6 +200,9 @@ class ReplayWindow:
                 break
             if entry.station != sample.station:
                 continue
+            if not frames and entry.rank is _Rank.READING and entry.t_s <= sample.t_s:
+                # as nearly always: no frame since the reading before
+                return None
             if entry.rank is _Rank.FRAME and entry.t_s < sample.t_s:
                 frames.append(k)
             for step in entry.steps:

@@ -73,9 +73,8 @@ class SecondView:
         """
         noise = math.sqrt((seen.covariance_px2[0, 0] + seen.covariance_px2[1, 1]) / 2.0)
         own = self._pixels[seen.station].predict(x, 0.0, age_s)
-        sigma, axis = _longest_axis(P[self._layout.position, self._layout.position])
         off = np.zeros_like(x)
-        off[self._layout.position] = sigma * axis
+        sigma = _longest_axis(P[self._layout.position, self._layout.position], off[self._layout.position])
         long = own is not None and sigma > _LONG_SHARE * own.depth_m
         if not long and self._bend(seen.station, own, x, off, age_s) <= _BENT_SIGMA * noise:
             return None
@@ -140,10 +139,12 @@ class SecondView:
 
 
 @njit(cache=True)
-def _longest_axis(P: FloatArray) -> tuple[float, FloatArray]:
-    """Return one sigma along a covariance's (3, 3) longest axis, and that axis (3,)."""
+def _longest_axis(P: FloatArray, axis: FloatArray) -> float:
+    """Write one sigma along a covariance's (3, 3) longest axis (3,); return its length."""
     values, axes = np.linalg.eigh(P)
-    return math.sqrt(max(values[-1], 0.0)), axes[:, -1].copy()
+    sigma = math.sqrt(max(values[-1], 0.0))
+    axis[:] = sigma * axes[:, -1]
+    return sigma
 
 
 class _Meeting:

@@ -1,6 +1,7 @@
 """Two ways of flying in one filter: weights follow the flight, one mode alone is the plain filter."""
 
 import numpy as np
+import pytest
 from scipy.stats import chi2
 
 from groundstation.estimation.compiled_filter import CompiledKalmanFilter
@@ -93,3 +94,20 @@ def test_a_snapshot_brings_everything_back(rng: np.random.Generator) -> None:
     bank.restore(saved)
     for a, b in zip(before, (bank.x, bank.P, bank.weights), strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("stay_s", [(5.0,), (10.0, 2.0)])
+def test_doubt_adds_to_variances_and_leaves_a_snapshot_alone(
+    rng: np.random.Generator, stay_s: tuple[float, ...]
+) -> None:
+    bank, modes = started(stay_s), [noise(0.02), noise(20.0)][: len(stay_s)]
+    fly(bank, modes, rng.normal(0, 0.1, (10, 2)), rng)
+    saved, x, P = bank.snapshot(), bank.x.copy(), bank.P.copy()
+    bank.doubt(slice(1, 2), np.array([3.0]))
+    np.testing.assert_allclose(bank.x, x)
+    np.testing.assert_allclose(bank.P, P + np.diag([0.0, 3.0]))
+    # and it is what the next step starts from
+    bank.predict(np.eye(2), [np.zeros((2, 2))] * len(stay_s), 1e-9)
+    np.testing.assert_allclose(bank.P, P + np.diag([0.0, 3.0]), rtol=1e-6)
+    bank.restore(saved)
+    np.testing.assert_array_equal(bank.P, P)

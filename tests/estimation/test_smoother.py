@@ -129,6 +129,19 @@ def test_a_time_that_the_filter_has_passed_is_answered_by_the_same_formula() -> 
     assert np.all(np.diag(ekf.kinematics_at(between).covariance) < np.diag(super_at(ekf, between).covariance))
 
 
+def test_the_answer_at_the_filters_own_time_is_the_motion_models_over_no_time() -> None:
+    ekf = position_filter()
+    drive(ekf, np.random.default_rng(3))
+    assert ekf.time_s is not None
+    F, Q = ekf.motion_over(0.0, np.ones(1))
+    now = ekf.kinematics_at(ekf.time_s)
+    position, velocity = (F @ ekf.state)[ekf.layout.position], (F @ ekf.state)[ekf.layout.velocity]
+    np.testing.assert_array_equal(now.position_runway_m, position)
+    np.testing.assert_array_equal(now.velocity_runway_m_s, velocity)
+    target = ekf.layout.target
+    np.testing.assert_array_equal(now.covariance, (F @ ekf.covariance @ F.T + Q)[target, target])
+
+
 def super_at(ekf: RecordedEkf, t_s: float) -> Kinematics:
     return super(RecordedEkf, ekf).kinematics_at(t_s)
 
