@@ -134,11 +134,9 @@ class IntegrityWatch:
             return []
         self._judged_s = t_s
         found = self._readmit(t_s, [s.station for s in sights])
-        return (
-            found
-            if found
-            else self._accuse(t_s, [s.station for s, is_used in zip(sights, used, strict=True) if is_used])
-        )
+        if found:
+            return found
+        return self._accuse(t_s, [s.station for s, is_used in zip(sights, used, strict=True) if is_used])
 
     def separation(self, station: str) -> Separation:
         """Return the window's leave-one-out test of one station."""
