@@ -99,20 +99,20 @@ class StationWindow:
         self._innovations.clear()
 
     def add(self, t_s: float, own_constant_px2: float, own: int, among: SightStack) -> None:
-        """Take the station's pixel of one epoch, the one at ``own``, to be held against the others that are used.
+        """Take the station's pixel of one epoch, number ``own`` of those ``among``, to be held against the used ones.
 
-        ``own_constant_px2`` is its `Sight.constant_px2`. It alone says nothing.
+        ``own_constant_px2`` is its `Sight.constant_px2`. With no other station used, there is nothing to take.
         """
         if np.count_nonzero(among.used) + (not among.used[own]) >= 2:
             constant = self._constant_px2 + own_constant_px2
             write_part(own, *among, constant, _MOST_OF_ONE, self._room())
             self._epochs.append(t_s)
-        own_epochs, old = self._epochs, 0
-        while own_epochs and own_epochs[0] < t_s - self._length_s:
-            own_epochs.popleft()
+        epochs, old = self._epochs, 0
+        while epochs and epochs[0] < t_s - self._length_s:
+            epochs.popleft()
             old += 1
         if old:
-            left = len(own_epochs)
+            left = len(epochs)
             self._parts[:left] = self._parts[old : old + left]
 
     def _room(self) -> FloatArray:
