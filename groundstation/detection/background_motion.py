@@ -185,17 +185,28 @@ def _significance(grey: ImageArray, laid: ImageArray, slope: ImageArray, misplac
 @njit(cache=True, nogil=True)
 def _block_means(grey: ImageArray, laid: ImageArray, drift: Float32Array, absolute: bool) -> Float32Array:
     """Return the mean of the difference, or of its size without the drift, in blocks; 0 where nothing is known."""
-    rows, columns = -(-grey.shape[0] // _BLOCK_PX), -(-grey.shape[1] // _BLOCK_PX)
-    total = np.zeros((rows, columns), np.float32)
-    count = np.zeros((rows, columns), np.float32)
-    for i in range(0, grey.shape[0], 2):
-        for j in range(0, grey.shape[1], 2):
-            if laid[i, j] > 0:
-                y, x = i // _BLOCK_PX, j // _BLOCK_PX
-                d = np.float32(grey[i, j]) - np.float32(laid[i, j])
-                total[y, x] += abs(d - drift[y, x]) if absolute else d
-                count[y, x] += 1
-    return np.divide(total, np.maximum(count, np.float32(1))).astype(np.float32)
+    h, w = grey.shape
+    rows, columns = -(-h // _BLOCK_PX), -(-w // _BLOCK_PX)
+    means = np.empty((rows, columns), np.float32)
+    # every second pixel of every second row is enough; column by column, so that the compiler works on many at once
+    total, seen = np.empty((w + 1) // 2, np.float32), np.empty((w + 1) // 2, np.int32)
+    away, nothing = np.zeros(total.size, np.float32), np.float32(0)
+    half = _BLOCK_PX // 2
+    for y in range(rows):
+        total[:], seen[:] = 0, 0
+        for x in range(columns if absolute else 0):
+            away[x * half : (x + 1) * half] = drift[y, x]
+        for i in range(y * _BLOCK_PX, min((y + 1) * _BLOCK_PX, h), 2):
+            new, old = grey[i], laid[i]
+            for k in range(total.size):
+                d = np.float32(new[2 * k]) - np.float32(old[2 * k]) - away[k]
+                known = old[2 * k] > 0
+                total[k] += (abs(d) if absolute else d) if known else nothing
+                seen[k] += known
+        for x in range(columns):
+            part = slice(x * half, (x + 1) * half)
+            means[y, x] = total[part].sum() / np.float32(max(seen[part].sum(), 1))
+    return means
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

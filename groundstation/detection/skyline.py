@@ -38,7 +38,9 @@ def sky_cells(grey: ImageArray, texture: NDArray[np.float32], up: FloatArray | N
         y = (np.arange(size[1]) + 0.5) * (h / size[1]) - 0.5
         above = np.asarray(up[0] * x[None, :] + up[1] * y[:, None] + up[2] > 0.0, np.bool_)
         smooth &= above
-    sky = _regions(smooth, lambda found, area: _touching_top(found) & (area >= _MIN_SHARE * found.size))
+    top = np.zeros_like(smooth)
+    top[0] = True
+    sky = _regions(smooth, lambda found, area: _touching(found, area.size, top) & (area >= _MIN_SHARE * found.size))
     sky = np.asarray(
         cv2.dilate(sky.astype(np.uint8), np.ones((3, 3), np.uint8)), np.bool_
     )  # the gradient widens borders
@@ -47,7 +49,9 @@ def sky_cells(grey: ImageArray, texture: NDArray[np.float32], up: FloatArray | N
     ground[-1] = True
     if above is not None:
         ground |= ~above
-    rest = _regions(~sky | ground, lambda found, area: ~_touching(found, ground) & (area <= _MAX_HOLE * found.size))
+    rest = _regions(
+        ~sky | ground, lambda found, area: ~_touching(found, area.size, ground) & (area <= _MAX_HOLE * found.size)
+    )
     return np.asarray((sky | rest) & (True if above is None else above), np.bool_)
 
 
@@ -60,12 +64,11 @@ def _regions(mask: MaskArray, wanted: Callable[[NDArray[np.int32], NDArray[np.in
     return np.asarray(chosen[labels], np.bool_)
 
 
-def _touching_top(labels: NDArray[np.int32]) -> MaskArray:
-    return np.isin(np.arange(labels.max() + 1), labels[0])
-
-
-def _touching(labels: NDArray[np.int32], where: MaskArray) -> MaskArray:
-    return np.isin(np.arange(labels.max() + 1), labels[where])
+def _touching(labels: NDArray[np.int32], count: int, where: MaskArray) -> MaskArray:
+    """Return which of ``count`` labels occur where a mask is set."""
+    touching = np.zeros(count, np.bool_)
+    touching[labels[where]] = True
+    return touching
 
 
 @njit(cache=True)
