@@ -21,6 +21,7 @@ from groundstation.cli_simulate import add_simulate, run_simulate
 from groundstation.cli_span import add_span
 from groundstation.cli_view import add_view, run_view
 from groundstation.errors import GroundstationError, UsageError
+from groundstation.numbers_as_values import take_negative_numbers
 from groundstation.progress import ProgressLine
 from groundstation.spoken import say
 
@@ -160,6 +161,8 @@ def _add_track(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         epilog=_TRACK_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    # a box may begin beyond the left border: "-5,20,40,30"
+    take_negative_numbers(track)
     track.add_argument("video", type=Path, metavar="VIDEO", help="any video file that OpenCV reads")
     track.add_argument("--out", type=Path, required=True, metavar="FILE", help="the table to write, CSV")
     track.add_argument(
@@ -225,6 +228,8 @@ def _track(options: argparse.Namespace) -> int:
         print(f"wrote {path}")
     if result.start_confirmed is False:
         print("groundstation: nothing was found in the box of --init: the whole picture was searched", file=sys.stderr)
+    if result.damage is not None:
+        print(f"groundstation: {result.damage}", file=sys.stderr)
     if result.fault is not None:
         print(f"groundstation: fault in the video: {result.fault}", file=sys.stderr)
     return 0 if result.fault is None else 1

@@ -3,11 +3,11 @@
 import argparse
 import datetime
 import math
-import re
 import sys
 from pathlib import Path
 
 from groundstation.errors import InputError
+from groundstation.numbers_as_values import take_negative_numbers
 from groundstation.progress import ProgressLine
 
 _IMPORT = """Make a session folder of what a flight left: a video from each station, the table of
@@ -40,8 +40,8 @@ def add_import(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         epilog=_IMPORT_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    # a place in the south, an antenna behind the nose: "-35.36,149.17,584" is a value and no option
-    add._negative_number_matcher = re.compile(r"-[\d.][\d.,eE+-]*$")
+    # a place in the south, an antenna behind the nose: "-35.36,149.17,584"
+    take_negative_numbers(add)
     add.add_argument(
         "videos", type=Path, nargs="+", metavar="VIDEO", help="left and right (or in the order of the rig's stations)"
     )

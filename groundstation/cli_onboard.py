@@ -66,6 +66,8 @@ def _run_edges(options: argparse.Namespace) -> int:
     print(format_edges_summary(result))
     for path in result.files:
         print(f"wrote {path}")
+    if result.damage is not None:
+        print(f"groundstation: {result.damage}", file=sys.stderr)
     if result.fault is not None:
         print(f"groundstation: fault in the video: {result.fault}", file=sys.stderr)
     return 0 if result.fault is None else 1

@@ -158,6 +158,8 @@ def run_fly(options: argparse.Namespace) -> int:
     print(format_fly_summary(result))
     for path in result.files:
         print(f"wrote {path}")
+    if result.damage is not None:
+        print(f"groundstation: {result.damage}", file=sys.stderr)
     if result.fault is not None:
         print(f"groundstation: fault in the video: {result.fault}", file=sys.stderr)
     if result.unused:

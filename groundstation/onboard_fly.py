@@ -60,7 +60,8 @@ class FlyResult:
     """What came of it: pictures by outcome, epochs by the filter's status, agreement, files, a fault.
 
     ``agrees`` is True where there is no ground track to disagree with; ``agreement`` says it in words. ``unused`` says
-    why no picture's pose was used; empty where one was.
+    why no picture's pose was used; empty where one was. ``damage`` says in words which pictures could not be decoded,
+    None where all could.
     """
 
     outcomes: dict[str, int]
@@ -70,6 +71,7 @@ class FlyResult:
     unused: str
     files: tuple[Path, ...]
     fault: InputError | None
+    damage: str | None
 
 
 def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] = lambda done, total: None) -> FlyResult:
@@ -199,6 +201,7 @@ class _Flight:
             unused=why_unused(outcomes, self._navigator.runway.length_m, self._navigator.runway.width_m),
             files=(*tables.files, *files),
             fault=fault,
+            damage=self._video.lost_line(),
         )
 
     def _reports(self, samples: Sequence[ImuSample]) -> Iterator[tuple[VideoFrame, NoseReport]]:

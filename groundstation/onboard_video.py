@@ -35,12 +35,16 @@ class EdgesRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgesResult:
-    """What came of it: frames by status, frames without a measurement by reason, files, and a fault on the way."""
+    """What came of it: frames by status, frames without a measurement by reason, files, and a fault on the way.
+
+    ``damage`` says in words which frames could not be decoded, None where all could; they have no row.
+    """
 
     statuses: dict[str, int]
     misses: dict[str, int]
     files: tuple[Path, ...]
     fault: InputError | None
+    damage: str | None
 
 
 def track_edges(
@@ -131,7 +135,13 @@ def _run(
                 progress(tally.frames, video.count)
         except InputError as error:
             fault = error
-    return EdgesResult(statuses=dict(tally.statuses), misses=dict(tally.misses), files=tuple(files), fault=fault)
+    return EdgesResult(
+        statuses=dict(tally.statuses),
+        misses=dict(tally.misses),
+        files=tuple(files),
+        fault=fault,
+        damage=video.lost_line(),
+    )
 
 
 def format_edges_summary(result: EdgesResult) -> str:

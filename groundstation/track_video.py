@@ -11,7 +11,7 @@ from pathlib import Path
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.detection.pixel_tracker import PixelTracker
 from groundstation.errors import InputError
-from groundstation.messages import TrackStatus
+from groundstation.messages import Miss, MissReason, TrackStatus
 from groundstation.sinks.overlay_video import OverlayVideo, draw_track
 from groundstation.sinks.pixel_track_file import PixelTrackFile
 from groundstation.sources.video_file import VideoFile, VideoFrame
@@ -46,7 +46,8 @@ class TrackRequest:
 class TrackResult:
     """What came of it; a gap is a run of frames without the target after it was first seen.
 
-    ``start_confirmed`` says whether the target was in the box given; None where none was.
+    ``start_confirmed`` says whether the target was in the box given; None where none was. ``damage`` says in words
+    which frames could not be decoded, None where all could; they are frames without the target.
     """
 
     frames: int
@@ -58,6 +59,7 @@ class TrackResult:
     files: tuple[Path, ...]
     fault: InputError | None
     start_confirmed: bool | None
+    damage: str | None
 
 
 def track_video(
@@ -75,24 +77,28 @@ def track_video(
     tally = _Tally()
     fault: InputError | None = None
     with ExitStack() as opened:
-        sinks = _open_sinks(request, video, environment, opened)
+        table, sinks = _open_sinks(request, video, environment, opened)
+        rows = _Rows(table, tally, video)
         warm_up()
         tracker = PixelTracker(video.size_px)
+        begun = False
         try:
             for frame in video.frames(request.from_frame, request.to_frame):
-                if tally.frames == 0 and request.init is not None:
+                if not begun and request.init is not None:
                     track = tracker.start(frame.image, frame.t_s, request.init)
                 else:
                     track = tracker.step(frame.image, frame.t_s)
+                begun = True
+                rows.write(frame.index, track)
                 for write in sinks:
                     write(frame, track)
-                tally.add(frame, track)
                 progress(tally.frames, total)
+            rows.write_damaged()
         except InputError as error:
             fault = error
     files = [request.out] if request.save_video is None else [request.out, request.save_video]
-    given = request.init is not None and tally.frames > 0
-    return tally.result(tuple(files), fault, tracker.start_confirmed if given else None)
+    confirmed = tracker.start_confirmed if request.init is not None and begun else None
+    return tally.result(tuple(files), fault, confirmed, video.lost_line())
 
 
 def format_track_summary(result: TrackResult) -> str:
@@ -118,20 +124,22 @@ class _Tally:
     gap_from_s: float = 0.0
     longest: tuple[int, float] = field(default=(0, 0.0))
 
-    def add(self, frame: VideoFrame, track: PixelTrack) -> None:
+    def add(self, index: int, track: PixelTrack) -> None:
         """Count one frame."""
         self.frames += 1
         if track.status is TrackStatus.TRACKING:
             self.tracked += 1
             self.gap = 0
-            self.gap_from_s = frame.t_s
+            self.gap_from_s = track.t_s
             if self.first_seen is None:
-                self.first_seen = (frame.index, frame.t_s)
+                self.first_seen = (index, track.t_s)
         elif self.first_seen is not None:
             self.gap += 1
-            self.longest = max(self.longest, (self.gap, frame.t_s - self.gap_from_s))
+            self.longest = max(self.longest, (self.gap, track.t_s - self.gap_from_s))
 
-    def result(self, files: tuple[Path, ...], fault: InputError | None, start_confirmed: bool | None) -> TrackResult:
+    def result(
+        self, files: tuple[Path, ...], fault: InputError | None, start_confirmed: bool | None, damage: str | None
+    ) -> TrackResult:
         """Return the counts."""
         return TrackResult(
             frames=self.frames,
@@ -143,7 +151,40 @@ class _Tally:
             files=files,
             fault=fault,
             start_confirmed=start_confirmed,
+            damage=damage,
         )
+
+
+class _Rows:
+    """The table's rows and their count: one for each frame, for the damaged ones, too, which nobody could look at."""
+
+    def __init__(self, table: PixelTrackFile, tally: _Tally, video: VideoFile) -> None:
+        self._table, self._tally, self._video = table, tally, video
+        self._damaged = 0
+        self._newest: tuple[int, float, TrackStatus] | None = None
+
+    def write(self, index: int, track: PixelTrack) -> None:
+        """Write a frame's row, and before it those of the damaged frames that came before."""
+        self.write_damaged()
+        self._write(index, track)
+
+    def write_damaged(self) -> None:
+        """Write the rows of the frames that have turned out to be damaged since the last row."""
+        period_s = 1.0 / self._video.rate_hz
+        for index in self._video.lost[self._damaged :]:
+            t_s, status = index * period_s, TrackStatus.SEARCHING
+            if self._newest is not None:
+                before, before_s, status = self._newest
+                t_s = before_s + (index - before) * period_s
+                status = TrackStatus.COASTING if status is TrackStatus.TRACKING else status
+            self._damaged += 1
+            miss = Miss(reason=MissReason.NOT_RECORDED, detail="the frame cannot be decoded")
+            self._write(index, PixelTrack(t_s=t_s, status=status, result=miss, roi=None, predicted_px=None))
+
+    def _write(self, index: int, track: PixelTrack) -> None:
+        self._table.write(index, track)
+        self._tally.add(index, track)
+        self._newest = (index, track.t_s, track.status)
 
 
 def _checked(request: TrackRequest, video: VideoFile) -> int | None:
@@ -178,8 +219,8 @@ def _checked(request: TrackRequest, video: VideoFile) -> int | None:
 
 def _open_sinks(
     request: TrackRequest, video: VideoFile, environment: Mapping[str, str] | None, opened: ExitStack
-) -> list[Callable[[VideoFrame, PixelTrack], None]]:
-    """Open everything that is written; each sink takes a frame and its track."""
+) -> tuple[PixelTrackFile, list[Callable[[VideoFrame, PixelTrack], None]]]:
+    """Open everything that is written: the table, and sinks of which each takes a frame and its track."""
     sinks: list[Callable[[VideoFrame, PixelTrack], None]] = []
     if request.view:
         # imported here: nobody else has to wait for Rerun
@@ -190,8 +231,7 @@ def _open_sinks(
         view = opened.enter_context(LiveTrackView(stream, request.video.name))
         sinks.append(lambda frame, track: view.write(frame.image, track))
     table = opened.enter_context(PixelTrackFile(request.out))
-    sinks.append(lambda frame, track: table.write(frame.index, track))
     if request.save_video is not None:
         overlay = opened.enter_context(OverlayVideo(request.save_video, video.size_px, video.rate_hz))
         sinks.append(lambda frame, track: overlay.write(draw_track(frame.image, frame.index, track)))
-    return sinks
+    return table, sinks

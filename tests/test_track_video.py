@@ -99,6 +99,15 @@ def test_it_searches_without_a_start(video: Path) -> None:
     assert set(words) <= {s.value for s in TrackStatus}
 
 
+def test_a_box_may_begin_beyond_the_left_border(film: Film, video: Path) -> None:
+    """Expected: its minus sign makes no option of it."""
+    x, y, w, h = film.box(0)
+    assert x > 0
+    box = f"{-10.0 - x:.1f},{y:.1f},{w + 2.0 * (10.0 + x):.1f},{h:.1f}"
+    rows = track(video, "--init", box, "--to-frame", "3")
+    assert len(rows) == 4
+
+
 def test_a_box_that_holds_nothing(film: Film, video: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Expected: plain sky is never tracked; a line says so, and the aircraft is found by searching."""
     rows = track(video, "--init", "30,20,40,24", "--to-frame", "19")
@@ -227,6 +236,46 @@ def test_a_video_cut_short_is_tracked_up_to_its_end(
     last = [line for line in capsys.readouterr().err.replace("\r", "\n").splitlines() if "fault" in line]
     assert len(last) == 1
     assert f"frame {len(rows)}: got the end of the video after {len(rows)} frames of the {FRAMES}" in last[0]
+
+
+def damage(video: Path, frames: range) -> None:
+    """Overwrite some frames of an AVI file."""
+    content = bytearray(video.read_bytes())
+    at = content.index(b"movi")
+    for k in range(FRAMES):
+        at = content.index(b"00dc", at) + 8
+        length = int.from_bytes(content[at - 4 : at], "little")
+        if k in frames:
+            content[at : at + length] = bytes(length)
+        at += length
+    video.write_bytes(content)
+
+
+def test_damaged_frames_are_rows_without_a_target(film: Film, video: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: the video goes on after them with the right numbers and times, a line says how many, exit code 0."""
+    damage(video, range(10, 13))
+    rows = track(video, "--init", init(film))
+    assert [int(r["frame"]) for r in rows] == list(range(FRAMES))
+    assert [float(r["t_s"]) for r in rows] == pytest.approx([k / RATE_HZ for k in range(FRAMES)], abs=1e-3)
+    for row in rows[10:13]:
+        assert row["status"] == "coasting"
+        assert row["u_px"] == row["x_px"] == ""
+    for k in (9, 14, 15, 16):
+        assert np.hypot(*(np.array([float(rows[k]["u_px"]), float(rows[k]["v_px"])]) - film.place(k))) < 12.0
+    said = capsys.readouterr()
+    assert f"{FRAMES} frames, target seen in 2" in said.out
+    assert f"3 damaged frames are left out of {video}, the first number 10" in said.err
+
+
+@pytest.mark.parametrize("frames", [range(2), range(8, 11), range(14, 16)])
+def test_damage_at_the_first_and_last_frame_that_is_asked_for(film: Film, video: Path, frames: range) -> None:
+    """Expected: one row for each frame asked for, wherever the damage is."""
+    damage(video, frames)
+    rows = track(video, "--from-frame", "0" if 0 in frames else "10", "--to-frame", "15")
+    assert [int(r["frame"]) for r in rows] == list(range(0 if 0 in frames else 10, 16))
+    times = [float(r["t_s"]) for r in rows]
+    assert times == pytest.approx([int(r["frame"]) / RATE_HZ for r in rows], abs=1e-3)
+    assert all(rows[k - int(rows[0]["frame"])]["status"] != "tracking" for k in frames if k >= int(rows[0]["frame"]))
 
 
 def test_an_interrupt_keeps_what_was_done(

@@ -17,6 +17,8 @@ _SEEK_BEYOND = 200  # forward decoding of so few frames is as quick as a seek
 _UNKNOWN_RATE = 30.0  # a container that tells neither stamps nor a rate
 _MAX_RATE = 10_000.0
 _MISSING_SHARE = 0.02  # where a header's number is only estimated it may be off by so much
+_FIRST_TRIED = 30  # the first frames may be damaged
+_MOST_LOST = 300  # damaged frames in a row after which nothing more is expected
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,6 +40,7 @@ class VideoFile:
     size_px : (w, h) of every frame.
     rate_hz : frames per second; 30 where the header does not tell.
     count : how many frames the header announces, None if it does not.
+    lost : the numbers of the damaged frames that `frames` has passed over.
     """
 
     def __init__(self, path: Path) -> None:
@@ -47,7 +50,7 @@ class VideoFile:
             raise InputError(str(path), got=got, wanted="a video file")
         capture = open_video(path)
         try:
-            if not capture.isOpened() or not capture.grab():
+            if not capture.isOpened() or not any(capture.grab() for _ in range(_FIRST_TRIED)):
                 raise InputError(str(path), got="no video that OpenCV can open", wanted="a complete video file")
             width, height = (int(capture.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
             rate, count = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
@@ -56,20 +59,29 @@ class VideoFile:
         self.size_px = (width, height)
         self.rate_hz = float(rate) if 0.0 < rate <= _MAX_RATE else _UNKNOWN_RATE
         self.count = int(count) if math.isfinite(count) and 0 < count < 1e9 else None
+        self.lost: list[int] = []
 
     def frames(self, first: int = 0, last: int | None = None) -> Iterator[VideoFrame]:
         """Yield frames number ``first`` to ``last``, both included, one at a time; to the end if None.
 
-        A frame's time is its stamp in the container, or number / rate where the stamps do not grow.
-        Raises `InputError` where the video ends before the number of frames that its header announces.
+        A frame's time is its stamp in the container, or number / rate where the stamps do not grow. Damaged frames
+        are left out: their numbers are missing, and in ``lost``. Raises `InputError` where the video ends before the
+        number of frames that its header announces.
         """
         capture, place = self._opened_at(first)
-        newest_s = -math.inf
+        self.lost = []
+        newest_s, failed = -math.inf, 0
         try:
-            while last is None or place <= last:
+            while last is None or place + failed <= last:
                 if not capture.grab():
-                    self._ended(place, first)
-                    return
+                    # each frame that is damaged fails once, and after the last one all do
+                    failed += 1
+                    if failed >= _MOST_LOST or (self.count is not None and place + failed >= self.count):
+                        self._ended(place, first)
+                        return
+                    continue
+                self._pass_over(place, failed, first)
+                place, failed = place + failed, 0
                 stamp_ms = capture.get(cv2.CAP_PROP_POS_MSEC)
                 if place >= first:
                     good, decoded = capture.retrieve()
@@ -80,8 +92,20 @@ class VideoFile:
                     newest_s = self._time(place, stamp_ms, newest_s)
                     yield VideoFrame(index=place, t_s=newest_s, image=np.asarray(decoded, np.uint8))
                 place += 1
+            self._pass_over(place, failed, first)
         finally:
             capture.release()
+
+    def _pass_over(self, place: int, count: int, first: int) -> None:
+        """Note so many damaged frames from ``place`` on, as far as they were asked for."""
+        self.lost += range(max(place, first), place + count)
+
+    def lost_line(self) -> str | None:
+        """Return one line for a person about the damaged frames, None where there are none."""
+        if not self.lost:
+            return None
+        many = f"{len(self.lost)} damaged frames are" if len(self.lost) > 1 else "a damaged frame is"
+        return f"{many} left out of {self.path}, {'the first ' if len(self.lost) > 1 else ''}number {self.lost[0]}"
 
     def _opened_at(self, first: int) -> tuple[cv2.VideoCapture, int]:
         """Return the opened video and the number of the frame that it gives next, at most ``first``."""

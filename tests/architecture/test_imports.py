@@ -30,7 +30,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
         "groundstation.cli_view",
         "groundstation.cli_evaluate",
     ),
-    ("groundstation.cli_span",),
+    ("groundstation.cli_span", "groundstation.numbers_as_values"),
     ("calibration",),
     ("groundstation.view", "groundstation.compare"),
     ("groundstation.compared_runs",),
