@@ -166,12 +166,20 @@ def _known(misfit: Float32Array, residual: Float32Array, edge: Float32Array) -> 
     return known
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Seen:
-    """A part (h, w, 3) of an earlier frame, with its corner in it, px; before the sky nobody needs more than that."""
+    """A part (h, w, 3) of an earlier frame, with its corner in it, px.
+
+    It stays in its frame until somebody needs it, which before the sky nobody does.
+    """
 
     image: ImageArray
     corner: tuple[int, int]
+
+    def own(self) -> None:
+        """Copy it, unless that was done, and let the frame go."""
+        if self.image.base is not None:
+            self.image = self.image.copy()
 
     @cached_property
     def colour(self) -> Planes:
@@ -264,6 +272,7 @@ class BackgroundMemory:
             return False
         newest = self._order[0]
         kept, hidden, shift = self._laid_under(newest, corner)
+        kept.own()
         reference = kept.grey
         start = (shift[0] + float(self._motion[0]), shift[1] + float(self._motion[1]))
         sx, sy, sigma = refine(rows, reference, hidden, *start)
@@ -286,10 +295,12 @@ class BackgroundMemory:
             moved = np.array([target[0] - old[0], target[1] - old[1]]) + self._shifts[newest]
             if float(np.hypot(*moved)) < _MOVED_PER_SPAN * span_px and self._age < _MAX_AGE:
                 return
+            # at most one whole frame is held
+            self._frames[newest].own()
         free = [k for k in range(_KEPT) if k not in self._order]
         slot = free[0] if free else self._order.pop()
         image, corner = picture.window(picture.available(grown(around, KEPT_MARGIN_PX)) or around)
-        self._frames[slot] = _Seen(image.copy(), corner)
+        self._frames[slot] = _Seen(image, corner)
         self._hidden[slot] = target
         self._shifts[slot] = 0.0
         self._order.insert(0, slot)

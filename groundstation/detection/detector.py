@@ -62,7 +62,7 @@ class Detector:
         self._memory, self._last, self._background = memory, last, background
 
     def detect(self, image: ImageArray | Picture, roi: Roi, hint: DetectionHint) -> Detection | Miss:
-        """Look for the target inside ``roi`` of a picture, or a full image (h, w, 3) BGR."""
+        """Look for the target inside ``roi`` of a picture, or a full image (h, w, 3) BGR; neither may change later."""
         picture = as_picture(image)
         limits = (self._config.min_span_px, self._config.max_working_span_px)
         look = start_look(picture, roi, hint, self._expected_size(hint), limits)

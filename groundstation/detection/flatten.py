@@ -208,10 +208,21 @@ def _less_resembled(
         magenta[j] = 0.5 * g - 0.25 * (b + r)
 
 
+@njit(cache=True, nogil=True)
+def _less_background(colour: Planes, median: ImageArray, step: int, out: Float32Array) -> None:
+    """Write the opponents of a colour less its background, interpolated and, where there are edges, resembled."""
+    _less_median(colour, median, step, out)
+    edges = np.empty(median.shape[:2], np.bool_)
+    if _edges(median, edges):
+        _keep_edges(colour, median, edges, step, out)
+
+
 def planes(image: NDArray[np.generic]) -> Planes:
     """Return blue, green and red of an image (h, w, 3), each (h, w) and contiguous."""
-    # OpenCV takes a window of a larger image apart in four times the time that copying it first takes
-    blue, green, red = cv2.split(np.ascontiguousarray(image))
+    parts = np.empty((3, *image.shape[:2]), image.dtype)
+    # OpenCV takes a window of a larger image apart in four times the time that copying it first takes, and arrays of
+    # its own cost it more than the taking apart
+    blue, green, red = cv2.split(np.ascontiguousarray(image), list(parts))
     return cast(Planes, (blue, green, red))
 
 
@@ -233,8 +244,5 @@ def flatten(image: ImageArray, window: float) -> Float32Array:
     colour = planes(image)
     median = np.asarray(cv2.medianBlur(_block_means(colour, step), _BLOCKS), np.uint8)
     out = np.empty((3, *image.shape[:2]), np.float32)
-    _less_median(colour, median, step, out)
-    edges = np.empty(median.shape[:2], np.bool_)
-    if _edges(median, edges):
-        _keep_edges(colour, median, edges, step, out)
+    _less_background(colour, median, step, out)
     return out

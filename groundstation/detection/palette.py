@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from groundstation.arrays import FloatArray
 
 Float32Array = NDArray[np.float32]
+Bins = NDArray[np.uint16]
 
 # the palette of the surroundings: bins of the residual's grey, blue-red and green, and the shares of the
 # surroundings from which a colour is taken for background, and below which it is not
@@ -29,35 +30,40 @@ def _bin(value: np.float32, per_level: np.float32, bins: int) -> np.int32:
 
 
 @njit(cache=True, nogil=True)
-def _palette(
-    residual: Float32Array, per_level: NDArray[np.float32], keep_out: tuple[int, int, int, int]
-) -> Float32Array:
-    """Return the smoothed share of each colour bin among the residuals outside the box."""
+def _bins_of(residual: Float32Array, per_level: NDArray[np.float32]) -> Bins:
+    """Return the palette bin, as one number, of each pixel of a residual (3, h, w)."""
+    bins = np.empty((residual.shape[1], residual.shape[2]), np.uint16)
+    for i in range(bins.shape[0]):
+        row, grey, blue_red, magenta = bins[i], residual[0, i], residual[1, i], residual[2, i]
+        for j in range(row.size):
+            a, b = _bin(grey[j], per_level[0], _BINS[0]), _bin(blue_red[j], per_level[1], _BINS[1])
+            row[j] = (a * _BINS[1] + b) * _BINS[2] + _bin(magenta[j], per_level[2], _BINS[2])
+    return bins
+
+
+@njit(cache=True, nogil=True)
+def _palette(bins: Bins, keep_out: tuple[int, int, int, int]) -> Float32Array:
+    """Return the smoothed share of each colour bin among the pixels (h, w) outside the box."""
     x0, y0, x1, y1 = keep_out
     shape = (_BINS[0], _BINS[1], _BINS[2])
     count = np.zeros(shape[0] * shape[1] * shape[2], np.int32)
     used = np.empty(count.size, np.int32)
-    places = np.empty((residual.shape[2] + 1) // 2, np.int32)
-    n, bins = 0, 0
-    for i in range(0, residual.shape[1], 2):
-        grey, blue_red, magenta = residual[0, i], residual[1, i], residual[2, i]
-        # all of a row's places first, which the compiler does many at a time
-        for k in range(places.size):
-            a = _bin(grey[2 * k], per_level[0], shape[0])
-            b = _bin(blue_red[2 * k], per_level[1], shape[1])
-            places[k] = (a * shape[1] + b) * shape[2] + _bin(magenta[2 * k], per_level[2], shape[2])
-        beside = y0 <= i < y1
-        for k in range(places.size):
-            if beside and x0 <= 2 * k < x1:
-                continue
-            place = places[k]
-            if count[place] == 0:
-                used[bins] = place
-                bins += 1
-            count[place] += 1
-            n += 1
+    n, different = 0, 0
+    for i in range(0, bins.shape[0], 2):
+        row, beside = bins[i], y0 <= i < y1
+        for part in range(2):
+            first, last = (0, x0) if part == 0 else ((x1 + 1) // 2 * 2, row.size)
+            if not beside:
+                first, last = (0, row.size) if part == 0 else (0, 0)
+            for j in range(first, last, 2):
+                place = row[np.uint32(j)]
+                if count[place] == 0:
+                    used[different] = place
+                    different += 1
+                count[place] += 1
+                n += 1
     share = np.zeros(shape, np.float32)
-    for k in range(bins):
+    for k in range(different):
         a, b, c = used[k] // (shape[1] * shape[2]), used[k] // shape[2] % shape[1], used[k] % shape[2]
         value = np.float32(count[used[k]] / n)
         for p in range(max(a - 1, 0), min(a + 2, shape[0])):
@@ -68,25 +74,26 @@ def _palette(
 
 
 @njit(cache=True, nogil=True)
-def _discount(
-    residual: Float32Array, per_level: NDArray[np.float32], share: Float32Array, contrast: Float32Array
-) -> None:
-    """Scale the contrast of each pixel down where its colour is common in the surroundings."""
+def _discount(bins: Bins, share: Float32Array, contrast: Float32Array) -> None:
+    """Scale the contrast of each pixel (h, w) down where its colour is common in the surroundings."""
     low, high = math.log(_COMMON), math.log(_RARE)
     # of a bin only when a pixel asks for it, and once: few of all are asked for
     factor = np.full(share.size, np.float32(-1))
-    shares = share.ravel()
+    shares, strong = share.ravel(), np.empty(contrast.shape[1], np.uint32)
     for i in range(contrast.shape[0]):
-        row, grey, blue_red, magenta = contrast[i], residual[0, i], residual[1, i], residual[2, i]
+        row, own = contrast[i], bins[i]
+        # which pixels count is found without a branch, which would be guessed wrong time and again
+        n = 0
         for j in range(row.size):
-            if row[j] > _NOISE:
-                a = _bin(grey[j], per_level[0], share.shape[0])
-                b = _bin(blue_red[j], per_level[1], share.shape[1])
-                k = (a * share.shape[1] + b) * share.shape[2] + _bin(magenta[j], per_level[2], share.shape[2])
-                if factor[k] < 0:
-                    common = shares[k] > _RARE
-                    factor[k] = max(0.0, (math.log(shares[k]) - low) / (high - low)) if common else 1.0
-                row[j] *= factor[k]
+            strong[n] = j
+            n += row[j] > np.float32(_NOISE)
+        for m in range(n):
+            j = strong[m]
+            k = own[j]
+            if factor[k] < 0:
+                common = shares[k] > _RARE
+                factor[k] = max(0.0, (math.log(shares[k]) - low) / (high - low)) if common else 1.0
+            row[j] *= factor[k]
 
 
 @njit(cache=True, nogil=True)
@@ -99,4 +106,5 @@ def discount_common_colours(
     x0, y0, x1, y1 the place of the target.
     """
     per_level = (1.0 / (_BIN_SIGMAS * sigmas)).astype(np.float32)
-    _discount(residual, per_level, _palette(residual, per_level, keep_out), contrast)
+    bins = _bins_of(residual, per_level)
+    _discount(bins, _palette(bins, keep_out), contrast)

@@ -172,19 +172,24 @@ def _scale(contrast: Float32Array, reference: float, out: Float32Array) -> None:
             out[i, j] = min(contrast[i, j] * gain, np.float32(1))
 
 
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _soften(
+    contrast: Float32Array, edge: Float32Array, variance: float, known: NDArray[np.bool_], spatial: Float32Array
+) -> None:
+    """Divide by what misplacement may cause; where the background is not known, take the spatial contrast."""
+    gain = np.float32(1.0 / variance)
+    for i in range(contrast.shape[0]):
+        own, steep, certain, other = contrast[i], edge[i], known[i], spatial[i]
+        for j in range(own.size):
+            # a division that may fail keeps the compiler from working on many at a time, and so does a choice of loads
+            softer, instead = own[j] / np.sqrt(np.float32(1) + gain * steep[j] * steep[j]), other[j]
+            own[j] = softer if certain[j] else instead
+
+
 @njit(cache=True, nogil=True)
 def _grey_gain(plane: Float32Array, keep_out: Box) -> float:
     """Return how many sigmas of what is outside the box one level of a plane (h, w) is."""
     return 1.0 / math.hypot(math.sqrt(_clutter_variance(plane, keep_out, _CLUTTER_CLIP)), _NOISE_FLOOR)
-
-
-@njit(cache=True, nogil=True)
-def _colour_contrast(residual: Float32Array, keep_out: Box) -> tuple[Float32Array, FloatArray]:
-    """Return the Mahalanobis length of a residual (3, h, w) in sigmas of what is outside the box, and these (3,)."""
-    contrast = np.empty(residual.shape[1:], np.float32)
-    inverse, sigmas = _with_noise(_clutter_moments(residual, keep_out, _COLOUR_CLIP, None))
-    _distance(residual, inverse, contrast)
-    return contrast, sigmas
 
 
 @njit(cache=True, nogil=True)
@@ -250,6 +255,46 @@ def _levels(
     return _upper(near, share), max(_upper(far, share), _TAIL) if far.sum() > _ENOUGH_PX else _TAIL
 
 
+@njit(cache=True, nogil=True)
+def _grey_levels(
+    residual: Float32Array, box: Box, columns: Float32Array, rows: Float32Array, area_px: float
+) -> tuple[float, float, float]:
+    """Return the grey residual's gain to sigmas, and its levels."""
+    gain = _grey_gain(residual[0], box)
+    level, far = _levels(residual[0], box, columns, rows, area_px, gain)
+    return gain, level, far
+
+
+@njit(cache=True, nogil=True)
+def _colour_levels(
+    residual: Float32Array, box: Box, columns: Float32Array, rows: Float32Array, area_px: float, contrast: Float32Array
+) -> tuple[float, float]:
+    """Write the contrast (h, w) of a residual (3, h, w), less where its colour is common, and return its levels."""
+    inverse, sigmas = _with_noise(_clutter_moments(residual, box, _COLOUR_CLIP, None))
+    _distance(residual, inverse, contrast)
+    discount_common_colours(residual, sigmas, box, contrast)
+    return _levels(contrast, box, columns, rows, area_px)
+
+
+@njit(cache=True, nogil=True)
+def _learnt_levels(
+    residual: Float32Array,
+    edge: Float32Array,
+    known: NDArray[np.bool_],
+    spatial: Float32Array,
+    box: Box,
+    columns: Float32Array,
+    rows: Float32Array,
+    area_px: float,
+    contrast: Float32Array,
+) -> tuple[float, float]:
+    """Write the distance from the learnt background in its sigmas, completed as `_soften` says; return its levels."""
+    inverse, sigmas = _with_noise(_clutter_moments(residual, box, _LEARNT_CLIP, known))
+    _distance(residual, inverse, contrast)
+    _soften(contrast, edge, sigmas[0] ** 2, known, spatial)
+    return _levels(contrast, box, columns, rows, area_px)
+
+
 def median_window(size_px: float | None) -> int:
     """Return the odd width of the background median for a silhouette whose thick parts have this size."""
     size = WINDOW_PER_SPAN * _UNKNOWN_SPAN_PX if size_px is None else size_px
@@ -270,28 +315,26 @@ def prepare(
     span_px, target_box = expected.span_px, expected.box
     window = median_window(expected.thick_px)
     area = 0.03 * (span_px if span_px is not None else 25.0) ** 2
+    expectation = (target_box, expected.columns, expected.rows, area)
     options: list[tuple[Channel, Float32Array, float, float]] = []
     grey_gain = 1.0
-
-    def offer(channel: Channel, contrast: Float32Array, gain: float = 1.0) -> None:
-        level, far = _levels(contrast, target_box, expected.columns, expected.rows, area, gain)
-        options.append((channel, contrast, level, far))
-
     wanted = config.channel
     if wanted is Channel.SATURATION:
-        offer(wanted, saturation_contrast(image, window, target_box, equalise=config.equalise))
+        contrast = saturation_contrast(image, window, target_box, equalise=config.equalise)
+        options.append((wanted, contrast, *_levels(contrast, *expectation)))
     else:
         residual = flatten(image, window)
         if wanted in (Channel.AUTO, Channel.GREY):
             # its levels tell whether it is chosen: before that nobody needs its contrast
-            grey_gain = _grey_gain(residual[0], target_box)
-            offer(Channel.GREY, residual[0], grey_gain)
+            grey_gain, level, far = _grey_levels(residual, *expectation)
+            options.append((Channel.GREY, residual[0], level, far))
         if wanted is not Channel.GREY:
-            colour, sigmas = _colour_contrast(residual, target_box)
-            discount_common_colours(residual, sigmas, target_box, colour)
-            offer(Channel.COLOUR, colour)
+            colour = np.empty(image.shape[:2], np.float32)
+            options.append((Channel.COLOUR, colour, *_colour_levels(residual, *expectation, colour)))
             if difference is not None:
-                offer(Channel.BACKGROUND, _learnt_contrast(difference, colour, target_box))
+                learnt, d = np.empty_like(colour), difference
+                levels = _learnt_levels(d.residual, d.edge, d.known, colour, *expectation, learnt)
+                options.append((Channel.BACKGROUND, learnt, *levels))
     # the learnt background does not take for a target what stands still: of about equal contrasts, its own counts
     trust = {Channel.BACKGROUND: _LEARNT_TRUST}
     channel, contrast, level, far = max(options, key=lambda o: trust.get(o[0], 1.0) * o[2] / o[3])
@@ -302,41 +345,6 @@ def prepare(
     return Prepared(
         u=_scaled(contrast, reference), contrast=contrast, reference=reference, level=level, channel=channel
     )
-
-
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _soften(
-    contrast: Float32Array,
-    edge: Float32Array,
-    variance: float,
-    known: NDArray[np.bool_],
-    spatial: Float32Array,
-) -> None:
-    """Divide by what misplacement may cause; where the background is not known, take the spatial contrast."""
-    gain = np.float32(1.0 / variance)
-    for i in range(contrast.shape[0]):
-        own, steep, certain, other = contrast[i], edge[i], known[i], spatial[i]
-        for j in range(own.size):
-            # a division that may fail keeps the compiler from working on many at a time, and so does a choice of loads
-            softer, instead = own[j] / np.sqrt(np.float32(1) + gain * steep[j] * steep[j]), other[j]
-            own[j] = softer if certain[j] else instead
-
-
-def _learnt_contrast(difference: Difference, spatial: Float32Array, target_box: Box) -> Float32Array:
-    """Return the distance from the learnt background in its sigmas, the spatial contrast where it is not known."""
-    return _softened(difference.residual, difference.edge, difference.known, spatial, target_box)
-
-
-@njit(cache=True, nogil=True)
-def _softened(
-    residual: Float32Array, edge: Float32Array, known: NDArray[np.bool_], spatial: Float32Array, keep_out: Box
-) -> Float32Array:
-    """Return the Mahalanobis length of a residual (3, h, w), softened and completed as `_soften` says."""
-    inverse, sigmas = _with_noise(_clutter_moments(residual, keep_out, _LEARNT_CLIP, known))
-    contrast = np.empty_like(spatial)
-    _distance(residual, inverse, contrast)
-    _soften(contrast, edge, sigmas[0] ** 2, known, spatial)
-    return contrast
 
 
 def saturation_contrast(image: ImageArray, window: int, target_box: Box, *, equalise: bool) -> Float32Array:

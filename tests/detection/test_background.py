@@ -1,6 +1,7 @@
 """The learnt background: what earlier frames, shifted into place, say of a window, pixel by pixel."""
 
 import math
+import weakref
 
 import cv2
 import numpy as np
@@ -132,6 +133,19 @@ def test_a_sky_without_texture_is_left_to_the_spatial_background() -> None:
     memory = bg.BackgroundMemory()
     memory.remember(BgrPicture(sky), (30, 20, 190, 130), TARGET, 30.0)
     assert memory.subtract(BgrPicture(sky), (30, 20), (160, 110), TARGET) is None
+
+
+def test_of_all_frames_kept_in_part_at_most_the_newest_is_held_whole(rng: np.random.Generator) -> None:
+    scene, memory, held = texture(rng), bg.BackgroundMemory(), []
+    for k in range(3):
+        frame = scene.copy()
+        held.append(weakref.ref(frame))
+        hidden = (TARGET[0] - 45 * (3 - k), TARGET[1], TARGET[2] - 45 * (3 - k), TARGET[3])
+        memory.remember(BgrPicture(frame), (30, 20, 190, 130), hidden, 30.0)
+        del frame
+    assert [frame() is None for frame in held] == [True, True, False]
+    assert memory.subtract(BgrPicture(scene), (30, 20), (160, 110), TARGET) is not None
+    assert held[2]() is None
 
 
 @pytest.mark.parametrize("shift", [(3.4, -2.3), (-30.0, 12.0)])
