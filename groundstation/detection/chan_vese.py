@@ -223,6 +223,22 @@ def evolve(
 
 
 @njit(cache=True, nogil=True)
+def divide(
+    u: NDArray[np.float32],
+    inside: NDArray[np.bool_],
+    weights: tuple[float, float, float, float],
+    numerics: tuple[float, float],
+    iterations: int,
+    stop: tuple[float, int],
+    visits_per_px: float,
+) -> NDArray[np.float32]:
+    """Return φ evolved from the contour of ``inside``; ``numerics`` are ε and the time step."""
+    phi = start(u, inside)
+    evolve(u, phi, weights, numerics[0], numerics[1], iterations, stop[0], stop[1], visits_per_px)
+    return phi
+
+
+@njit(cache=True, nogil=True)
 def energy(
     u: NDArray[np.float32], phi: NDArray[np.float32], weights: tuple[float, float, float, float], eps: float
 ) -> float:

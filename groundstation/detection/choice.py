@@ -13,6 +13,8 @@ from groundstation.detection.look import UNKNOWN_SPAN_PX, Look
 from groundstation.detection.regions import Group, Regions, groups_around
 from groundstation.messages import Miss, MissReason
 
+Place = tuple[float, float, float, float, float]  # the predicted u and v, working px, their variances and covariance
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Memory:
@@ -33,13 +35,12 @@ class Memory:
 
 def choose(regions: Regions, look: Look, memory: Memory | None, config: DetectionConfig) -> Group | Miss:
     """Pick the group that is the target, or say why none is."""
-    uu, vv, uv = float(look.covariance[0, 0]), float(look.covariance[1, 1]), float(look.covariance[0, 1])
+    (x, y), ((uu, uv), (_, vv)) = look.predicted.tolist(), look.covariance.tolist()
     sigma = math.sqrt(0.5 * (uu + vv) + math.hypot(0.5 * (uu - vv), uv))
     span = look.span if look.span is not None else UNKNOWN_SPAN_PX
-    x, y = look.predicted
     groups = groups_around(
         regions,
-        (float(x), float(y)),
+        (x, y),
         config.gate_sigmas * sigma + 0.5 * span + 2.0,
         None if look.span is None else look.span * math.exp(min(look.span_sigma, 0.7)),
         0.4 if look.forward is None else 0.35 + 0.35 * float(np.hypot(*look.forward)),
@@ -55,20 +56,22 @@ def choose(regions: Regions, look: Look, memory: Memory | None, config: Detectio
 
     # what weighs more than the target did is no likelier for that: it may be a bird beside it, or both together
     most = math.inf if memory is None or look.span is None else memory.mass_at(span)
-    scored = [(_score(g, look, min(g.mass, most) / heaviest, unlike, config), g) for g in groups]
+    place = (x, y, uu, vv, uv)
+    scored = [(_score(g, place, look, min(g.mass, most) / heaviest, unlike, config), g) for g in groups]
     scored.sort(key=lambda s: -s[0])
     best_score, best = scored[0]
     if best.contrast < config.min_contrast_to_noise:
         return Miss(reason=MissReason.LOW_CONTRAST, detail=f"contrast {best.contrast:.1f} sigma")
     if best_score == -math.inf:
         nearest = min(groups, key=lambda g: float(np.hypot(*(g.centre - look.predicted))))
-        if _distance(nearest, look) > config.gate_sigmas**2:
+        if _distance(nearest, place) > config.gate_sigmas**2:
             return Miss(reason=MissReason.NO_REGION, detail="the nearest region is too far from the prediction")
         if unlike(nearest) > config.appearance_gate:
             return Miss(reason=MissReason.NO_REGION, detail="the nearest region looks unlike the target")
         return Miss(reason=MissReason.WRONG_SIZE, detail=f"{nearest.width} px wide, {span:.0f} px expected")
     for score, other in scored[1:]:
-        if not set(other.labels) & set(best.labels) and score - best_score > math.log(config.ambiguity_ratio):
+        as_likely = score - best_score > math.log(config.ambiguity_ratio)
+        if as_likely and not (other.belongs & best.belongs).any():
             return Miss(reason=MissReason.AMBIGUOUS, detail="two regions fit the prediction about equally")
     return best
 
@@ -82,13 +85,18 @@ def _unlikeness(group: Group, regions: Regions, look: Look, memory: Memory | Non
 
 
 def _score(
-    group: Group, look: Look, share: float, unlikeness: Callable[[Group], float], config: DetectionConfig
+    group: Group,
+    place: Place,
+    look: Look,
+    share: float,
+    unlikeness: Callable[[Group], float],
+    config: DetectionConfig,
 ) -> float:
     """Return the log-likelihood of a group that weighs a ``share`` of the heaviest, −inf where a gate excludes it.
 
     Its looks are asked for last.
     """
-    distance = _distance(group, look)
+    distance = _distance(group, place)
     if distance > config.gate_sigmas**2 or group.width * look.scale < config.min_span_px:
         return -math.inf
     score = -0.5 * distance + math.log(share)
@@ -104,20 +112,20 @@ def _score(
     return -math.inf if unlike > config.appearance_gate else score - 0.5 * unlike**2
 
 
-def _distance(group: Group, look: Look) -> float:
+def _distance(group: Group, place: Place) -> float:
     """Return the squared distance of a group from the prediction in sigmas; its nose may be off its centre."""
+    predicted_x, predicted_y, uu, vv, c = place
+    centre_x, centre_y = group.centre.tolist()
     off_centre = 1.0 + (0.15 * group.width) ** 2
-    a, b = float(look.covariance[0, 0]) + off_centre, float(look.covariance[1, 1]) + off_centre
-    c = float(look.covariance[0, 1])
-    x, y = float(group.centre[0] - look.predicted[0]), float(group.centre[1] - look.predicted[1])
+    a, b = uu + off_centre, vv + off_centre
+    x, y = centre_x - predicted_x, centre_y - predicted_y
     return (b * x * x - 2.0 * c * x * y + a * y * y) / (a * b - c * c)
 
 
 def features_of(group: Group, regions: Regions, look: Look) -> FloatArray:
     """Return what a group looks like, in full-image px; of each group it is measured once."""
-    seen = regions.looks.get(group.labels)
+    seen = regions.looks.get(group)
     if seen is None:
-        members = np.array(group.labels, np.int64)
-        seen = features_of_regions(look.image, regions.labels, members, group.box, group.area)
-        regions.looks[group.labels] = seen
+        seen = features_of_regions(look.image, regions.labels, group.members, group.box, group.area)
+        regions.looks[group] = seen
     return seen

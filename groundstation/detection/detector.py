@@ -151,18 +151,20 @@ class Detector:
         margin = max(4, math.ceil(0.08 * group.width))
         x0, y0 = max(group.box[0] - margin, 0), max(group.box[1] - margin, 0)
         x1, y1 = min(group.box[2] + margin, w), min(group.box[3] + margin, h)
-        members = np.array(group.labels, np.int64)
-        member, soft = soft_silhouette(regions.labels, members, (x0, y0, x1, y1), prepared.u)
+        member, soft = soft_silhouette(regions.labels, group.members, (x0, y0, x1, y1), prepared.u)
         corner = np.array([x0, y0], np.float64)
         width = float(group.width)
         forward = None if look.forward is None else look.forward * width
         up = None if look.up is None else look.up * width
         expected = None if look.span is None else (look.span, look.span_sigma)
         nose = find_nose(soft, width, group.contrast, forward, up, expected, look.height_per_span, look.scale)
-        point = look.full(nose.point + corner)
+        # rows of one array: each small operation costs as much as all of them together
+        places = np.array((nose.point + corner, corner, group.centre, look.predicted, (group.box[0], group.box[1])))
+        places[4] -= 0.5
+        point, origin, centroid, predicted, (left, top) = look.full(places)
         covariance = nose.covariance * look.scale**2
         if self._config.target_point is TargetPoint.CENTROID:
-            point = look.full(group.centre)
+            point = centroid
         cut = look.cuts(group.box)
         if cut:
             if look.border_distance(point) < 0.1 * width * look.scale or look.half_wing_gone(group.box):
@@ -172,22 +174,21 @@ class Detector:
         if doubt > _MOST_DOUBT_PER_SPAN * width * look.scale + _MOST_DOUBT_PX:
             return Miss(reason=MissReason.NO_REGION, detail=f"the target point is uncertain by {doubt:.0f} px")
         # a bird over the aircraft makes one silhouette with it, in about the right place, but not its nose
-        away = point - look.full(look.predicted)
-        if _squared_sigmas(away, covariance + look.covariance * look.scale**2) > self._config.gate_sigmas**2:
+        spread = covariance + look.covariance * look.scale**2
+        if _squared_sigmas(point - predicted, spread) > self._config.gate_sigmas**2:
             return Miss(reason=MissReason.NO_REGION, detail="the target point is too far from the prediction")
         size = look.scale
-        working = (point - look.full(corner)) / size
+        working = (point - origin) / size
         self._last = Silhouette(mask=member, point=working, width=width, scale=float(size))
-        left, top = look.full(np.array(group.box[:2]) - 0.5)
         return Detection(
             u_px=float(point[0]),
             v_px=float(point[1]),
             covariance_px2=covariance,
             noise_px2=nose.noise * look.scale**2,
-            centroid_px=look.full(group.centre),
+            centroid_px=centroid,
             box=(float(left), float(top), float(group.width * size), float(group.height * size)),
             area_px=group.area * size**2,
-            contour_px=_outline(member, look, corner),
+            contour_px=_outline(member, look.scale, origin),
             contrast_to_noise=group.contrast,
             channel=prepared.channel.value,
             cut=cut,
@@ -209,20 +210,23 @@ def _place_of(detection: Detection) -> tuple[int, int, int, int]:
     return int(cx - half_w), int(cy - half_h), int(cx + half_w) + 1, int(cy + half_h) + 1
 
 
-def _outline(member: NDArray[np.uint8], look: Look, corner: FloatArray) -> NDArray[np.float32]:
-    """Return the outline in full-image pixels, pieces separated by a row of NaN."""
-    if look.scale > 1:
+def _outline(member: NDArray[np.uint8], scale: int, corner_px: FloatArray) -> NDArray[np.float32]:
+    """Return the outline in full-image pixels, pieces separated by a row of NaN.
+
+    ``member`` (h, w) of 0 and 1 has its first pixel at ``corner_px`` (2,), and each of its pixels stands for ``scale``.
+    """
+    if scale > 1:
         # round the pixels that those of a reduced image stand for: through their middles it would lose half of each
-        size = (member.shape[1] * look.scale, member.shape[0] * look.scale)
+        size = (member.shape[1] * scale, member.shape[0] * scale)
         member = np.asarray(cv2.resize(member, size, interpolation=cv2.INTER_NEAREST), np.uint8)
     contours, _ = cv2.findContours(member, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not contours:
         return np.empty((0, 2), np.float32)
     # one array of all pieces, with a row between them
     points = np.empty((sum(map(len, contours)) + len(contours) - 1, 2), np.float32)
-    n, origin = 0, look.full(corner) - 0.5 * (look.scale - 1)
+    n, origin = 0, corner_px - 0.5 * (scale - 1)
     for contour in contours:
-        points[n : n + len(contour)] = contour.reshape(-1, 2) + origin
+        points[n : n + len(contour)] = contour[:, 0] + origin
         points[n + len(contour) : n + len(contour) + 1] = np.nan
         n += len(contour) + 1
     return points

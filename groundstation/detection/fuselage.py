@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from groundstation.arrays import FloatArray
 
 Float32Array = NDArray[np.float32]
+IndexArray = NDArray[np.int64]
 
 # half widths and heights above and below the nose's centre, at distances behind it, all in spans
 _BEHIND = np.array([0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7])
@@ -150,23 +151,28 @@ def _end(
 
 
 @njit(cache=True, nogil=True)
-def _row_extent(
-    t: float,
-    forward_s: float,
-    forward_t: float,
-    span: float,
-    sections: FloatArray,
-    widths: FloatArray,
-    above: FloatArray,
-    below: FloatArray,
-) -> tuple[float, float]:
-    """Return middle and width, relative to the nose, of the sections that a row ``t`` below the nose cuts."""
-    left, right = 1e9, -1e9
+def _cut_by(
+    t: float, forward_t: float, span: float, sections: FloatArray, above: FloatArray, below: FloatArray, cut: IndexArray
+) -> int:
+    """Write which sections a row ``t`` below the nose cuts; returns how many."""
+    n = 0
     for k in range(sections.size):
         centre = -sections[k] * forward_t
         if centre - above[k] * span <= t <= centre + below[k] * span:
-            left = min(left, -sections[k] * forward_s - widths[k] * span)
-            right = max(right, -sections[k] * forward_s + widths[k] * span)
+            cut[n] = k
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _row_extent(
+    cut: IndexArray, forward_s: float, span: float, sections: FloatArray, widths: FloatArray
+) -> tuple[float, float]:
+    """Return middle and width, relative to the nose, of the sections that a row cuts."""
+    left, right = 1e9, -1e9
+    for k in cut:
+        left = min(left, -sections[k] * forward_s - widths[k] * span)
+        right = max(right, -sections[k] * forward_s + widths[k] * span)
     return 0.5 * (left + right), right - left
 
 
@@ -186,6 +192,7 @@ def _weigh(
     span, edge = scale
     count = _GRID * _GRID
     noses, variances, chi = np.empty((count, 2)), np.empty((count, 2)), np.empty(count)
+    cut, cuts = np.empty((rows.shape[0], sections.size), np.int64), np.empty(rows.shape[0], np.int64)
     for a in range(_GRID):
         z_t = _GRID_SIGMAS * (2.0 * a / (_GRID - 1) - 1.0)
         forward_t = forward[1] + z_t * sigma[1]
@@ -202,6 +209,9 @@ def _weigh(
         var_t = 1.0 / total_t
         chi_t = (from_top - nose_t) ** 2 / v_top + (from_bottom - nose_t) ** 2 / v_bottom
         chi_t += (from_thickest - nose_t) ** 2 / v_thickest + z_t * z_t
+        # the same for every turn to the side
+        for k in range(rows.shape[0]):
+            cuts[k] = _cut_by(rows[k, 0] - nose_t, forward_t, span, sections, above, below, cut[k])
         for b in range(_GRID):
             z_s = _GRID_SIGMAS * (2.0 * b / (_GRID - 1) - 1.0)
             forward_s = forward[0] + z_s * sigma[0]
@@ -211,9 +221,7 @@ def _weigh(
             square = weight * (wing[0] + _WING_BEHIND * forward_s) ** 2
             widths_chi = 0.0
             for k in range(rows.shape[0]):
-                shift, width = _row_extent(
-                    rows[k, 0] - nose_t, forward_s, forward_t, span, sections, widths, above, below
-                )
+                shift, width = _row_extent(cut[k, : cuts[k]], forward_s, span, sections, widths)
                 if width > 0.0:
                     value = rows[k, 1] - shift
                     off = (rows[k, 2] - width) / span

@@ -26,18 +26,28 @@ _AREA, _MASS, _MASS_X, _MASS_Y, _X0, _Y0, _X1, _Y1, _PEAK, _RIM = range(10)
 class Group:
     """Regions taken for one object; pixel positions are those of the working image.
 
-    ``labels`` are the members' labels, ``box`` x0, y0, x1, y1 (exclusive), ``area`` px, ``mass`` the sum of
-    contrast, ``centre`` (2,) the contrast-weighted centre, ``contrast`` the mean contrast in sigmas, ``rim``
-    whether a member touches the working image's edge.
+    ``belongs`` (count,) says of each label whether it is a member's, ``box`` x0, y0, x1, y1 (exclusive), ``area`` px,
+    ``mass`` the sum of contrast, ``centre`` (2,) the contrast-weighted centre, ``contrast`` the mean contrast in
+    sigmas, ``rim`` whether a member touches the working image's edge.
     """
 
-    labels: tuple[int, ...]
+    belongs: NDArray[np.bool_]
     box: tuple[int, int, int, int]
     area: float
     mass: float
     centre: FloatArray
     contrast: float
     rim: bool
+
+    @property
+    def members(self) -> NDArray[np.int64]:
+        """The members' labels (n,), in ascending order."""
+        return np.flatnonzero(self.belongs)
+
+    @property
+    def labels(self) -> tuple[int, ...]:
+        """The members' labels."""
+        return tuple(self.members.tolist())
 
     @property
     def width(self) -> int:
@@ -112,12 +122,12 @@ def soft_silhouette(
 class Regions:
     """All connected regions of one level set: ``labels`` (h, w) int32, ``table`` one row per label.
 
-    ``looks`` keeps what groups of them, by their labels, were found to look like.
+    ``looks`` keeps what groups of them were found to look like.
     """
 
     labels: LabelArray
     table: FloatArray
-    looks: dict[tuple[int, ...], FloatArray] = field(default_factory=dict)
+    looks: dict[Group, FloatArray] = field(default_factory=dict)
 
 
 def find_regions(phi: NDArray[np.float32], contrast: NDArray[np.float32]) -> Regions:
@@ -273,7 +283,7 @@ def _group(members: NDArray[np.bool_], sums: list[float]) -> Group:
     mass, area = sums[_MASS], sums[_AREA]
     heavy = max(mass, 1e-9)
     return Group(
-        labels=tuple(np.flatnonzero(members).tolist()),
+        belongs=members,
         box=(int(sums[_X0]), int(sums[_Y0]), int(sums[_X1]), int(sums[_Y1])),
         area=area,
         mass=mass,

@@ -39,6 +39,6 @@ def _chan_vese(u: Float32Array, inside: NDArray[np.bool_], config: LevelSetConfi
         local = (config.local_share, config.local_sigma_px)
         evolve_local(u, phi, weights, local, config.eps, config.time_step, config.iterations, *stop)
     else:
-        phi = chan_vese.start(u, inside)
-        chan_vese.evolve(u, phi, weights, config.eps, config.time_step, config.iterations, *stop, config.visits_per_px)
+        numerics = (config.eps, config.time_step)
+        phi = chan_vese.divide(u, inside, weights, numerics, config.iterations, stop, config.visits_per_px)
     return phi

@@ -40,8 +40,7 @@ def thickest_place(membership: Float32Array, radius: float) -> FloatArray:
     membership : (h, w) of the silhouette, in [0, 1].
     radius : of the disc, px.
     """
-    response = filled_share(membership, disc_kernel(round(radius / _RADIUS_STEP_PX)))
-    return _summit(response, membership, _FLANK_RADII * radius)
+    return _fullest(membership, disc_kernel(round(radius / _RADIUS_STEP_PX)), _FLANK_RADII * radius)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -168,3 +167,9 @@ def _summit(response: Float32Array, membership: Float32Array, aside: float) -> F
                 x += above * above * j
                 y += above * above * i
     return np.array([x / total, y / total])
+
+
+@njit(cache=True, nogil=True)
+def _fullest(membership: Float32Array, disc: Float32Array, aside: float) -> FloatArray:
+    """Return where ``disc`` is filled best and its flanks, ``aside`` along the wing, are not, (2,)."""
+    return _summit(filled_share(membership, disc), membership, aside)
