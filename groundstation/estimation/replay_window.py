@@ -83,6 +83,7 @@ class ReplayWindow:
         self._encoders = encoders
         self._stations = stations
         self._horizon_s = horizon_s
+        self._kept_s = max(horizon_s, _LEAST_KEPT_S)
         self._max_entries = max_entries
         self._max_gap_s = max_gap_s
         self._say = say
@@ -299,7 +300,7 @@ class ReplayWindow:
         now_s = self._ekf.time_s
         if now_s is None:
             return
-        oldest_s = now_s - max(self._horizon_s, _LEAST_KEPT_S)
+        oldest_s = now_s - self._kept_s
         drop = max(0, len(self._entries) - self._max_entries)
         while drop + 1 < len(self._entries) and self._entries[drop + 1].t_s < oldest_s:
             drop += 1

@@ -21,12 +21,13 @@ from groundstation.arrays import FloatArray
 _RELATIVE_FLOOR = 1e-13
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+# five for each pair of frames: not frozen, which would take making one twice as long
+@dataclass(slots=True, kw_only=True, eq=False)
 class Transition:
     """A step of the filter without a measurement, from ``t_s`` to ``next_s``.
 
     ``x`` (n,) and ``P`` (n, n) before it, all measurements until then included; ``F`` (n, n); ``x_next`` and ``P_next``
-    right after it. ``weights`` (r,) are those of the modes in a prediction.
+    right after it. ``weights`` (r,) are those of the modes in a prediction. Not to be written to.
     """
 
     t_s: float

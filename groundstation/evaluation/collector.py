@@ -5,7 +5,7 @@ One stereo epoch takes about 150 bytes and one camera's look 60: a session of on
 """
 
 from array import array
-from collections import Counter
+from collections import Counter, defaultdict
 from typing import Any
 
 import numpy as np
@@ -78,8 +78,10 @@ class ResultCollector:
         self._stations: dict[str, int] = {}
         self.events: list[tuple[float, str, str]] = []
         self.events_dropped = 0
-        self._contrast: dict[str, dict[str, array[float]]] = {}
-        self._channels: dict[str, Counter[str]] = {}
+        self._contrast: defaultdict[str, defaultdict[str, array[float]]] = defaultdict(
+            lambda: defaultdict(lambda: array("f"))
+        )
+        self._channels: defaultdict[str, Counter[str]] = defaultdict(Counter)
 
     @property
     def stations(self) -> tuple[str, ...]:
@@ -151,9 +153,9 @@ class ResultCollector:
         reason = MISS_REASONS.index(c.result.reason) if isinstance(c.result, Miss) else NO_REASON
         judged = c.innovation
         if found is not None:
-            self._channels.setdefault(c.station, Counter())[found.channel] += 1
+            self._channels[c.station][found.channel] += 1
         for channel, contrast in (c.channel_contrast or {}).items():
-            self._contrast.setdefault(c.station, {}).setdefault(channel, array("f")).append(contrast)
+            self._contrast[c.station][channel].append(contrast)
         self._cameras.append(
             c.epoch,
             c.t_s,

@@ -3,8 +3,7 @@
 import csv
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TextIO
+from typing import NamedTuple, TextIO
 
 from groundstation.errors import SessionError
 from groundstation.text_file import TextFile, absence
@@ -16,8 +15,7 @@ MAX_MAGNITUDE = 1e12
 MAX_LINE_CHARACTERS = 65_536
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class Row(NamedTuple):
     """One row: ``line`` as an editor counts it, ``text`` the cells by column."""
 
     line: int

@@ -69,9 +69,10 @@ class TrackFilesSink:
         for camera in report.cameras:
             self._detections.write(_line(_detection_cells(camera)))
         for estimate in report.estimates:
-            self._track.write(_line(_track_cells(estimate)))
+            cells = _track_cells(estimate)
+            self._track.write(_line(cells))
             self._triangulation.write(_line(_triangulation_cells(estimate)))
-            if (pose := _tum_line(estimate)) is not None:
+            if (pose := _tum_line(cells)) is not None:
                 self._tum.write(pose)
             self._flush(estimate.t_s)
 
@@ -112,11 +113,16 @@ def _number(value: float, form: str) -> str:
     return format(value, form) if math.isfinite(value) else ""
 
 
+def _numbers(values: Iterable[float], form: str) -> list[str]:
+    """Format some numbers, each as `_number` does."""
+    return [format(value, form) if math.isfinite(value) else "" for value in values]
+
+
 def _point(position_m: FloatArray | None) -> list[str]:
     """Format x, y, z to 0.1 µm, or three empty cells."""
     if position_m is None:
         return [""] * 3
-    return [_number(float(v), ".7f") for v in position_m]
+    return _numbers(position_m.tolist(), ".7f")
 
 
 def _track_cells(estimate: TrackEstimate) -> list[str]:
@@ -127,8 +133,9 @@ def _track_cells(estimate: TrackEstimate) -> list[str]:
         cells += [""] * 12
     else:
         cells += _point(k.position_runway_m)
-        cells += [_number(float(v), ".6f") for v in k.velocity_runway_m_s]
-        cells += [_number(float(k.covariance[i, j]), ".9g") for i, j in _UPPER_TRIANGLE]
+        cells += _numbers(k.velocity_runway_m_s.tolist(), ".6f")
+        covariance = k.covariance.tolist()
+        cells += _numbers([covariance[i][j] for i, j in _UPPER_TRIANGLE], ".9g")
     return [*cells, estimate.status.value]
 
 
@@ -145,7 +152,7 @@ def _detection_cells(camera: CameraReport) -> list[str]:
     if isinstance(camera.result, Detection):
         found = camera.result
         sigma_u, sigma_v = (math.sqrt(max(0.0, float(found.covariance_px2[i, i]))) for i in (0, 1))
-        cells += [_number(v, ".4f") for v in (found.u_px, found.v_px, sigma_u, sigma_v)]
+        cells += _numbers((found.u_px, found.v_px, sigma_u, sigma_v), ".4f")
     else:
         cells += [""] * 4
     roi = camera.roi
@@ -153,11 +160,7 @@ def _detection_cells(camera: CameraReport) -> list[str]:
     return [*cells, camera.status.value, _number(1e3 * camera.elapsed_s, ".3f")]
 
 
-def _tum_line(estimate: TrackEstimate) -> str | None:
-    """Return one line of track.tum (identity attitude), or None where there is no estimate."""
-    if estimate.kinematics is None:
-        return None
-    point = _point(estimate.kinematics.position_runway_m)
-    if "" in point:
-        return None
-    return " ".join([_number(estimate.t_s, ".6f"), *point, "0", "0", "0", "1"]) + "\n"
+def _tum_line(track_cells: list[str]) -> str | None:
+    """Return one line of track.tum (identity attitude) from a row of track.csv, or None where that has no place."""
+    time, *point = track_cells[:4]
+    return None if "" in point else " ".join([time, *point, "0", "0", "0", "1"]) + "\n"

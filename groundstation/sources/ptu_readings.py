@@ -72,15 +72,15 @@ class PtuReadings:
             for row in table:
                 before = table.advance(row, "t_s", before)
                 times = {name: clock.session_from_device(before) for name, clock in self._clocks.items()}
-                self._read_s = (min(self._read_s[0], *times.values()), max(self._read_s[1], *times.values()))
+                # stations' clocks may differ; no reading of a later row can be earlier than the earliest of this one
+                settled = min(times.values())
+                self._read_s = (min(self._read_s[0], settled), max(self._read_s[1], *times.values()))
                 # the whole row first: of a row at fault nothing is used
                 samples = [_reading(table, row, name, t_s, *cells[name]) for name, t_s in times.items()]
                 for sample in samples:
                     if sample is not None and sample.t_s >= from_s:
                         number += 1
                         heapq.heappush(waiting, (sample.t_s, number, sample))
-                # stations' clocks may differ; no reading of a later row can be earlier than this
-                settled = min(times.values())
                 while waiting and waiting[0][0] <= settled:
                     yield heapq.heappop(waiting)[2]
         except SessionError as fault:
