@@ -57,13 +57,20 @@ def replayed(session: Path, *, rerun: bool) -> tuple[dict[str, float], list[floa
     Besides them when each pair was answered, s, and which was the first that was tracked.
     """
     moments: list[float] = []
+
+    def answered(pairs: int, _total: int | None) -> None:
+        # several pairs may be answered at once
+        moments.extend([time.perf_counter()] * (pairs - len(moments)))
+
     with tempfile.TemporaryDirectory() as folder:
         request = ReplayRequest(session=session, out=Path(folder), rerun=rerun)
-        result = replay(request, lambda done, total: moments.append(time.perf_counter()))
+        result = replay(request, answered)
         with (Path(folder) / "track.csv").open(newline="") as file:
             status = [row["status"] for row in csv.DictReader(file)]
     speed: dict[str, float] = result.evaluation.summary["speed"]
     latency = {f"latency {k}": v for k, v in result.evaluation.summary["latency_ms"].items()}
+    if TrackStatus.TRACKING not in status:
+        raise SystemExit(f"{session}: nothing is tracked, wanted a session with a target in it")
     return {**speed, **latency}, moments, status.index(TrackStatus.TRACKING)
 
 

@@ -65,7 +65,7 @@ class _Angles:
     sigma_rad: float
 
 
-class _Seen(NamedTuple):
+class _Outcome(NamedTuple):
     """What came of a frame before the filter takes it; fields as in `CameraReport`."""
 
     status: DetectionStatus
@@ -76,9 +76,9 @@ class _Seen(NamedTuple):
     channel_contrast: Mapping[str, float] | None = None
 
 
-def _missed(reason: MissReason, detail: str) -> _Seen:
+def _missed(reason: MissReason, detail: str) -> _Outcome:
     """Return what came of a frame in which nothing was looked for."""
-    return _Seen(_MISS_STATUS.get(reason, DetectionStatus.MISS), Miss(reason=reason, detail=detail))
+    return _Outcome(_MISS_STATUS.get(reason, DetectionStatus.MISS), Miss(reason=reason, detail=detail))
 
 
 class FrameUpdate:
@@ -152,7 +152,7 @@ class FrameUpdate:
         self,
         record: Frame | PixelMeasurement,
         angles: _Angles | None,
-        seen: _Seen,
+        seen: _Outcome,
         elapsed_s: float = 0.0,
         status: DetectionStatus | None = None,
         innovation: Innovation | None = None,
@@ -221,12 +221,12 @@ class FrameUpdate:
         """Return one sigma of where the camera looks: rays of an uncertain rig may pass each other by so much."""
         return float(np.hypot(angles.sigma_rad, self._ekf.pointing_sigma_rad(record.station)))
 
-    def _look(self, record: Frame | PixelMeasurement, prediction: PixelPrediction) -> _Seen:
+    def _look(self, record: Frame | PixelMeasurement, prediction: PixelPrediction) -> _Outcome:
         """A target is known: look where it is predicted; the answer is a detection or a named miss."""
         camera, ekf = self._cameras[record.station], self._ekf
         spread = ekf.pixel_covariance(prediction)
         if isinstance(record, PixelMeasurement):
-            return _Seen(DetectionStatus.MISS, self._labelled(record), prediction.pixel, spread)
+            return _Outcome(DetectionStatus.MISS, self._labelled(record), prediction.pixel, spread)
         visible = probability_in_view(prediction.pixel, spread, camera.geometry.image_size_px)
         look = None
         if visible >= self._config.estimation.min_view_probability:
@@ -243,15 +243,15 @@ class FrameUpdate:
             look = camera.look(record, self._roi_centre(record, prediction), spread, hint)
         if look is None:
             miss = Miss(reason=MissReason.OUT_OF_VIEW, detail=f"in view with probability {visible:.2g}")
-            return _Seen(DetectionStatus.OUT_OF_VIEW, miss, prediction.pixel, spread)
+            return _Outcome(DetectionStatus.OUT_OF_VIEW, miss, prediction.pixel, spread)
         status = DetectionStatus.MISS
         if isinstance(look.result, Miss):
             self._in_vain(record, look.result)
             status = _MISS_STATUS.get(look.result.reason, DetectionStatus.MISS)
-        return _Seen(status, look.result, prediction.pixel, spread, look.roi, look.channel_contrast)
+        return _Outcome(status, look.result, prediction.pixel, spread, look.roi, look.channel_contrast)
 
     def _judge(
-        self, record: Frame | PixelMeasurement, found: Detection, seen: _Seen, angles: _Angles
+        self, record: Frame | PixelMeasurement, found: Detection, seen: _Outcome, angles: _Angles
     ) -> tuple[DetectionStatus, Innovation | None]:
         """Fuse a found pixel if the gate lets it pass, and keep it for the baseline."""
         camera = self._cameras[record.station]
@@ -303,7 +303,7 @@ class FrameUpdate:
         )
         return status, innovation
 
-    def _likely_in_view(self, station: str, seen: _Seen) -> bool:
+    def _likely_in_view(self, station: str, seen: _Outcome) -> bool:
         """Return whether the predicted target point is more likely inside the image than not."""
         if seen.predicted_px is None or seen.covariance_px2 is None:
             return True

@@ -71,21 +71,21 @@ def _meet(origins: FloatArray, directions: FloatArray, point: FloatArray) -> flo
 
 def triangulate(views: Sequence[View]) -> Triangulation | None:
     """Return the point that two or more views agree on best, or None where their rays don't meet ahead."""
-    point, best, covariance = np.empty(3), np.empty(3), np.empty((3, 3))
+    middle, point, covariance = np.empty(3), np.empty(3), np.empty((3, 3))
     gap, chi2 = _triangulate(
         np.array([v.station.packed for v in views]),
         np.array([v.pixel for v in views]),
         np.array([v.covariance_px2 for v in views]),
         np.array([(v.pan_rad, v.tilt_rad, v.angle_sigma_rad) for v in views]),
+        middle,
         point,
-        best,
         covariance,
     )
     if gap < 0.0 or chi2 < 0.0:
         return None
     return Triangulation(
-        midpoint_runway_m=point,
-        point_runway_m=best,
+        midpoint_runway_m=middle,
+        point_runway_m=point,
         covariance_m2=covariance,
         gap_m=gap,
         residual_sigma=math.sqrt(chi2),

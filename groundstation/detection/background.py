@@ -149,8 +149,8 @@ def _lay_under(
 
 
 @njit(cache=True, nogil=True)
-def _known(misfit: Float32Array, residual: Float32Array, edge: Float32Array) -> NDArray[np.bool_]:
-    """Return where some frame shows the background (h, w), and write zeros into the difference elsewhere."""
+def _clear_unknown(misfit: Float32Array, residual: Float32Array, edge: Float32Array) -> NDArray[np.bool_]:
+    """Write zeros into the difference where no frame shows the background; return where one does (h, w)."""
     known = np.empty(misfit.shape, np.bool_)
     for i in range(misfit.shape[0]):
         own, unlike, unknown = known[i], misfit[i], 0
@@ -252,7 +252,7 @@ class BackgroundMemory:
                 x, y = hole[0] - offset[0], hole[1] - offset[1]
                 ends = (math.ceil(x), math.ceil(y), math.ceil(hole[2] - offset[0]), math.ceil(hole[3] - offset[1]))
                 within = _union(near, ends, size)
-        return Difference(residual=residual, edge=edge, known=_known(misfit, residual, edge))
+        return Difference(residual=residual, edge=edge, known=_clear_unknown(misfit, residual, edge))
 
     def _laid_under(self, k: int, corner: tuple[int, int]) -> tuple[_Seen, Box, tuple[float, float]]:
         """Return a kept part, what the target hides of it, and the shift to it from a part at ``corner``."""

@@ -32,7 +32,7 @@ def widen(row: Float32Array, across: Places, out: Float32Array) -> None:
     first, second, share = across
     one = np.float32(1)
     for j in range(out.size):
-        # a place that might be below zero would be looked at first
+        # unsigned: of an index that may be below zero the compiler tests each
         out[j] = (one - share[j]) * row[np.uint32(first[j])] + share[j] * row[np.uint32(second[j])]
 
 

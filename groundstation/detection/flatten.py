@@ -112,40 +112,65 @@ def _less_median(colour: Planes, median: ImageArray, step: int, out: Float32Arra
 
 @njit(cache=True, nogil=True)
 def _keep_edges(colour: Planes, median: ImageArray, edges: NDArray[np.bool_], step: int, out: Float32Array) -> None:
-    """Where a block has an edge in its neighbourhood, take for each pixel the block that it resembles most."""
+    """Where a block has an edge in its neighbourhood, take for each pixel the block that it resembles most.
+
+    Each row of blocks is gone through twice: block by block for the colours that its pixels resemble, which are the
+    block's own choice, then pixel row by pixel row for what is left of them, which is one run over many blocks.
+    """
     h, w = colour[0].shape
-    near, pixels = np.empty((9, 3), np.float32), np.empty((3, step * step), np.float32)
-    least, best = np.empty(step * step, np.float32), np.empty(step * step, np.int32)
-    # what the pixels of a row of blocks have been found to resemble
-    resembled = np.empty((step, w), np.int32)
-    for a in range(edges.shape[0]):
-        top, bottom = a * step, min((a + 1) * step, h)
-        for b in range(edges.shape[1]):
-            if not edges[a, b]:
-                continue
-            count, left, right = _neighbours(median, a, b, near), b * step, min((b + 1) * step, w)
-            n, wide = (bottom - top) * (right - left), right - left
-            for c in range(3):
-                for i in range(top, bottom):
-                    line, own = colour[c][i, left:right], pixels[c, (i - top) * wide : (i - top + 1) * wide]
-                    for j in range(wide):
-                        own[j] = line[j]
-            _resemble(pixels[0, :n], pixels[1, :n], pixels[2, :n], near[:count], least[:n], best[:n])
-            for i in range(bottom - top):
-                resembled[i, left:right] = best[i * wide : (i + 1) * wide]
-        # row by row, as long as blocks with edges follow each other
+    room = np.empty((3, step * step), np.float32), np.empty(step * step, np.float32), np.empty(step * step, np.int32)
+    near, resembled = np.empty((9, 3), np.float32), np.empty((step, w), np.int32)
+    for row in range(edges.shape[0]):
+        top, bottom = row * step, min((row + 1) * step, h)
+        for column in range(edges.shape[1]):
+            if edges[row, column]:
+                count = _neighbours(median, row, column, near)
+                left, right = column * step, min((column + 1) * step, w)
+                _resemble_block(colour, (left, top, right, bottom), near[:count], room, resembled)
+        first = 0
+        while first < edges.shape[1]:
+            last = first
+            while last < edges.shape[1] and edges[row, last]:
+                last += 1
+            if last > first:
+                _less_run(colour, resembled, top, bottom, slice(first * step, min(last * step, w)), out)
+            first = last + 1
+
+
+@njit(cache=True, nogil=True)
+def _resemble_block(
+    colour: Planes,
+    block: tuple[int, int, int, int],
+    near: Float32Array,
+    room: tuple[Float32Array, Float32Row, IntRow],
+    resembled: NDArray[np.int32],
+) -> None:
+    """Write for each pixel of a block x0, y0, x1, y1 the colour of those ``near`` that it resembles most.
+
+    They go into the block's columns of ``resembled`` (rows of the block, w); ``room`` is for its pixels one by one.
+    """
+    left, top, right, bottom = block
+    wide = right - left
+    n = (bottom - top) * wide
+    pixels, least, best = room[0], room[1][:n], room[2][:n]
+    for c in range(3):
         for i in range(top, bottom):
-            b = 0
-            while b < edges.shape[1]:
-                first = b
-                while b < edges.shape[1] and edges[a, b]:
-                    b += 1
-                if b > first:
-                    part = slice(first * step, min(b * step, w))
-                    blue, green, red = colour[0][i, part], colour[1][i, part], colour[2][i, part]
-                    like = resembled[i - top, part]
-                    _less_resembled(blue, green, red, like, out[0, i, part], out[1, i, part], out[2, i, part])
-                b += 1
+            line, own = colour[c][i, left:right], pixels[c, (i - top) * wide : (i - top + 1) * wide]
+            for j in range(wide):
+                own[j] = line[j]
+    _resemble(pixels[0, :n], pixels[1, :n], pixels[2, :n], near, least, best)
+    for i in range(bottom - top):
+        resembled[i, left:right] = best[i * wide : (i + 1) * wide]
+
+
+@njit(cache=True, nogil=True)
+def _less_run(
+    colour: Planes, resembled: NDArray[np.int32], top: int, bottom: int, part: slice, out: Float32Array
+) -> None:
+    """Write the opponents of some columns of the rows from top to bottom, less the colours that they resemble."""
+    for i in range(top, bottom):
+        blue, green, red = colour[0][i, part], colour[1][i, part], colour[2][i, part]
+        _less_resembled(blue, green, red, resembled[i - top, part], out[0, i, part], out[1, i, part], out[2, i, part])
 
 
 @njit(cache=True, nogil=True)

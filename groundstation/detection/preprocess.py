@@ -316,30 +316,29 @@ def prepare(
     window = median_window(expected.thick_px)
     area = 0.03 * (span_px if span_px is not None else 25.0) ** 2
     expectation = (target_box, expected.columns, expected.rows, area)
-    options: list[tuple[Channel, Float32Array, float, float]] = []
-    grey_gain = 1.0
+    # of each channel its contrast, the gain that it still wants, and its levels
+    options: list[tuple[Channel, Float32Array, float, float, float]] = []
     wanted = config.channel
     if wanted is Channel.SATURATION:
         contrast = saturation_contrast(image, window, target_box, equalise=config.equalise)
-        options.append((wanted, contrast, *_levels(contrast, *expectation)))
+        options.append((wanted, contrast, 1.0, *_levels(contrast, *expectation)))
     else:
         residual = flatten(image, window)
         if wanted in (Channel.AUTO, Channel.GREY):
             # its levels tell whether it is chosen: before that nobody needs its contrast
-            grey_gain, level, far = _grey_levels(residual, *expectation)
-            options.append((Channel.GREY, residual[0], level, far))
+            options.append((Channel.GREY, residual[0], *_grey_levels(residual, *expectation)))
         if wanted is not Channel.GREY:
             colour = np.empty(image.shape[:2], np.float32)
-            options.append((Channel.COLOUR, colour, *_colour_levels(residual, *expectation, colour)))
+            options.append((Channel.COLOUR, colour, 1.0, *_colour_levels(residual, *expectation, colour)))
             if difference is not None:
                 learnt, d = np.empty_like(colour), difference
                 levels = _learnt_levels(d.residual, d.edge, d.known, colour, *expectation, learnt)
-                options.append((Channel.BACKGROUND, learnt, *levels))
+                options.append((Channel.BACKGROUND, learnt, 1.0, *levels))
     # the learnt background does not take for a target what stands still: of about equal contrasts, its own counts
     trust = {Channel.BACKGROUND: _LEARNT_TRUST}
-    channel, contrast, level, far = max(options, key=lambda o: trust.get(o[0], 1.0) * o[2] / o[3])
+    channel, contrast, gain, level, far = max(options, key=lambda o: trust.get(o[0], 1.0) * o[3] / o[4])
     if channel is Channel.GREY:
-        contrast = _magnitude(contrast, grey_gain)
+        contrast = _magnitude(contrast, gain)
     # a strong target need not be cut at half its height: nearer the noise, its pale parts stay with it
     reference = max(min(level, _REFERENCE * math.sqrt(level * far)), config.min_contrast_to_noise)
     return Prepared(

@@ -43,7 +43,6 @@ _PITCH_SIGMA = math.radians(2.5)
 _CRAB_FROM_PX, _CRAB_SURE_PX = 60.0, 110.0  # spans between which crab becomes legible
 _SMALL_FLYING = 0.5  # measured variance over that of the parts
 _NOISE_PX_SIGMAS = 3.0  # px, over contrast
-_ONE = np.eye(2)
 _EDGE_PX, _EDGE_PX_SIGMAS = 0.2, 3.0  # sigma of an edge's place: best, and as noise over contrast
 
 
@@ -81,7 +80,7 @@ def find_nose(
     """
     thickest = thickest_place(membership, max(_RADIUS_PER_SPAN * span, 1.2))
     noise = (0.15 + _NOISE_PX_SIGMAS / max(contrast, 1.0)) ** 2
-    covariance = (noise + (_SHAPE_PER_SPAN * span) ** 2) * _ONE
+    covariance = (noise + (_SHAPE_PER_SPAN * span) ** 2) * np.eye(2)
     if forward_per_span is None:
         # the nose may lie anywhere within the lead of an aircraft seen some 15° off its axis
         unknown = (_UNKNOWN_HEADING * _LEAD_PER_SPAN * span) ** 2 * np.eye(2)

@@ -210,9 +210,9 @@ def is_beside(target: PixelTarget, seen: Detection | Miss, other: Detection) -> 
 
     Light and blur of a bird close by change what the target looks like; the bird is no more the target for that.
     """
-    if isinstance(seen, Miss) or in_place(target, other) or overlaps(seen.box, other.box):
+    if isinstance(seen, Miss):
         return False
-    return in_place(target, seen)
+    return in_place(target, seen) and not in_place(target, other) and not overlaps(seen.box, other.box)
 
 
 def _shows(look: Look, sight: Sight) -> bool:

@@ -22,7 +22,7 @@ _TARGET: Colour = (60, 60, 255)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _TEXT: Colour = (255, 255, 255)
 _PLATE: Colour = (0, 0, 0)
-_CROSS_PX = 9
+_CROSS_OPEN_PX, _CROSS_PX = 4, 9
 _BOX_MARGIN_PX = 3  # the box is drawn around the silhouette, not over its rim
 _SHIFT = 4  # cv2 draws lines to 1/16 px
 # 4 characters of 8 bits, as OpenCV packs them
@@ -47,9 +47,16 @@ def draw_track(image: ImageArray, index: int, track: PixelTrack) -> ImageArray:
             ),
         )
         cv2.rectangle(picture, corner, opposite, _BOX, 1)
-        cv2.drawMarker(picture, (round(found.u_px), round(found.v_px)), _TARGET, cv2.MARKER_CROSS, _CROSS_PX, 1)
+        _mark(picture, round(found.u_px), round(found.v_px))
     _write(picture, f"{index}  {track.t_s:.2f} s  {track.status.value}")
     return picture
+
+
+def _mark(picture: ImageArray, u: int, v: int) -> None:
+    """Draw a cross about a pixel, open in its middle: an aircraft of a few pixels stays in sight."""
+    for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        start, end = _CROSS_OPEN_PX, _CROSS_PX
+        cv2.line(picture, (u + start * x, v + start * y), (u + end * x, v + end * y), _TARGET, 1)
 
 
 def _pieces(contour_px: NDArray[np.float32]) -> list[NDArray[np.int32]]:

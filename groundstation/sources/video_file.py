@@ -46,7 +46,7 @@ class VideoFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         if not path.is_file():
-            got = "a folder" if path.is_dir() else "no such file"
+            got = "a folder" if path.is_dir() else "no file" if path.exists() else "no such file"
             raise InputError(str(path), got=got, wanted="a video file")
         capture = open_video(path)
         try:
