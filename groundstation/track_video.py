@@ -93,7 +93,8 @@ def track_video(
                 for write in sinks:
                     write(frame, track)
                 progress(tally.frames, total)
-            rows.write_damaged()
+            rows.finish()
+            progress(tally.frames, total)
         except InputError as error:
             fault = error
     files = [request.out] if request.save_video is None else [request.out, request.save_video]
@@ -165,19 +166,28 @@ class _Rows:
 
     def write(self, index: int, track: PixelTrack) -> None:
         """Write a frame's row, and before it those of the damaged frames that came before."""
-        self.write_damaged()
+        self._write_damaged((index, track.t_s))
         self._write(index, track)
 
-    def write_damaged(self) -> None:
-        """Write the rows of the frames that have turned out to be damaged since the last row."""
+    def finish(self) -> None:
+        """Write the rows of the damaged frames after the last one that could be decoded."""
+        self._write_damaged(None)
+
+    def _write_damaged(self, coming: tuple[int, float] | None) -> None:
+        """Write the rows of the frames that have turned out to be damaged, evenly between their neighbours' times."""
         period_s = 1.0 / self._video.rate_hz
         for index in self._video.lost[self._damaged :]:
-            t_s, status = index * period_s, TrackStatus.SEARCHING
+            status = TrackStatus.SEARCHING
             if self._newest is not None:
-                before, before_s, status = self._newest
-                t_s = before_s + (index - before) * period_s
-                status = TrackStatus.COASTING if status is TrackStatus.TRACKING else status
+                before, t_s, status = self._newest
+                if coming is not None:
+                    period_s = (coming[1] - t_s) / (coming[0] - before)
+                t_s += (index - before) * period_s
+            else:
+                number, t_s = coming or (0, 0.0)
+                t_s += (index - number) * period_s
             self._damaged += 1
+            status = TrackStatus.COASTING if status is TrackStatus.TRACKING else status
             miss = Miss(reason=MissReason.NOT_RECORDED, detail="the frame cannot be decoded")
             self._write(index, PixelTrack(t_s=t_s, status=status, result=miss, roi=None, predicted_px=None))
 

@@ -1,6 +1,7 @@
 """`groundstation track` as a user meets it: the table, the overlay, the summary, and what it says to bad input."""
 
 import csv
+import itertools
 import json
 import subprocess
 import sys
@@ -19,8 +20,10 @@ from groundstation.sinks.pixel_track_file import PIXEL_TRACK_COLUMNS
 from groundstation.sources import video_file
 from groundstation.sources.video_file import VideoFile
 from groundstation.track_video import TrackRequest, track_video
+from tests.damaged_video import damage
 from tests.detection.flying import SIZE, Film, panorama
 
+RECORDING = Path(__file__).resolve().parent.parent / "recordings" / "landing-1"
 FRAMES = 30
 RATE_HZ = 25.0
 HIDDEN = range(20, 23)
@@ -238,19 +241,6 @@ def test_a_video_cut_short_is_tracked_up_to_its_end(
     assert f"frame {len(rows)}: got the end of the video after {len(rows)} frames of the {FRAMES}" in last[0]
 
 
-def damage(video: Path, frames: range) -> None:
-    """Overwrite some frames of an AVI file."""
-    content = bytearray(video.read_bytes())
-    at = content.index(b"movi")
-    for k in range(FRAMES):
-        at = content.index(b"00dc", at) + 8
-        length = int.from_bytes(content[at - 4 : at], "little")
-        if k in frames:
-            content[at : at + length] = bytes(length)
-        at += length
-    video.write_bytes(content)
-
-
 def test_damaged_frames_are_rows_without_a_target(film: Film, video: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Expected: the video goes on after them with the right numbers and times, a line says how many, exit code 0."""
     damage(video, range(10, 13))
@@ -264,7 +254,59 @@ def test_damaged_frames_are_rows_without_a_target(film: Film, video: Path, capsy
         assert np.hypot(*(np.array([float(rows[k]["u_px"]), float(rows[k]["v_px"])]) - film.place(k))) < 12.0
     said = capsys.readouterr()
     assert f"{FRAMES} frames, target seen in 2" in said.out
-    assert f"3 damaged frames are left out of {video}, the first number 10" in said.err
+    assert f"3 damaged frames in {video}, the first number 10" in said.err
+
+
+@pytest.mark.parametrize("frames", [range(FRAMES - 1, FRAMES), range(FRAMES - 9, FRAMES), range(24)])
+@pytest.mark.parametrize("options", [(), ("--to-frame", str(FRAMES - 1)), ("--from-frame", str(FRAMES - 3))])
+def test_damage_up_to_the_end_or_from_the_beginning(
+    video: Path, frames: range, options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: the frames are in the file, so they have rows, and nothing is said to be missing."""
+    damage(video, frames)
+    rows = track(video, *options)
+    first = FRAMES - 3 if "--from-frame" in options else 0
+    assert [int(r["frame"]) for r in rows] == list(range(first, FRAMES))
+    times = [float(r["t_s"]) for r in rows]
+    assert times == pytest.approx([k / RATE_HZ for k in range(first, FRAMES)], abs=1e-3)
+    asked = [k for k in frames if k >= first]
+    said = capsys.readouterr().err
+    assert ("damaged frame" in said) == bool(asked)
+    if asked:
+        assert f"number {asked[0]}" in said
+
+
+def test_a_video_cut_short_is_at_fault_wherever_it_is_to_end(video: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: frames that are not in the file are missing, not damaged."""
+    whole = video.read_bytes()
+    video.write_bytes(whole[: len(whole) // 2])
+    rows = track(video, "--from-frame", "5", "--to-frame", "25", code=1)
+    assert 5 <= len(rows) <= 16
+    said = capsys.readouterr().err
+    assert f"got the end of the video after {5 + len(rows)} frames of the {FRAMES}" in said
+    assert "damaged" not in said
+
+
+def test_frames_shown_in_another_order_than_coded_keep_their_numbers(tmp_path: Path) -> None:
+    """Expected: by the stamps, each decoded frame has the number that it has in the undamaged file.
+
+    The recording's videos have frames that are coded after later ones.
+    """
+    content = bytearray((RECORDING / "left.mp4").read_bytes())
+    undamaged = {round(f.t_s, 6): f.index for f in VideoFile(RECORDING / "left.mp4").frames()}
+    start = content.index(b"mdat") + 4
+    length = len(content) - start
+    at = start + int(0.35 * length)
+    content[at : at + 30_000] = bytes(30_000)
+    path = tmp_path / "damaged.mp4"
+    path.write_bytes(content)
+    video = VideoFile(path)
+    numbers = []
+    for frame in video.frames():
+        assert undamaged[round(frame.t_s, 6)] == frame.index
+        numbers.append(frame.index)
+    assert video.lost
+    assert sorted(numbers + video.lost) == list(range(len(undamaged)))
 
 
 @pytest.mark.parametrize("frames", [range(2), range(8, 11), range(14, 16)])
@@ -275,6 +317,7 @@ def test_damage_at_the_first_and_last_frame_that_is_asked_for(film: Film, video:
     assert [int(r["frame"]) for r in rows] == list(range(0 if 0 in frames else 10, 16))
     times = [float(r["t_s"]) for r in rows]
     assert times == pytest.approx([int(r["frame"]) / RATE_HZ for r in rows], abs=1e-3)
+    assert all(a < b for a, b in itertools.pairwise(times))
     assert all(rows[k - int(rows[0]["frame"])]["status"] != "tracking" for k in frames if k >= int(rows[0]["frame"]))
 
 

@@ -55,8 +55,8 @@ def draw_track(image: ImageArray, index: int, track: PixelTrack) -> ImageArray:
 def _mark(picture: ImageArray, u: int, v: int) -> None:
     """Draw a cross about a pixel, open in its middle: an aircraft of a few pixels stays in sight."""
     for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        start, end = _CROSS_OPEN_PX, _CROSS_PX
-        cv2.line(picture, (u + start * x, v + start * y), (u + end * x, v + end * y), _TARGET, 1)
+        inner, outer = (u + _CROSS_OPEN_PX * x, v + _CROSS_OPEN_PX * y), (u + _CROSS_PX * x, v + _CROSS_PX * y)
+        cv2.line(picture, inner, outer, _TARGET, 1)
 
 
 def _pieces(contour_px: NDArray[np.float32]) -> list[NDArray[np.int32]]:

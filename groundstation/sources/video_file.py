@@ -17,7 +17,6 @@ _SEEK_BEYOND = 200  # forward decoding of so few frames is as quick as a seek
 _UNKNOWN_RATE = 30.0  # a container that tells neither stamps nor a rate
 _MAX_RATE = 10_000.0
 _MISSING_SHARE = 0.02  # where a header's number is only estimated it may be off by so much
-_FIRST_TRIED = 30  # the first frames may be damaged
 _MOST_LOST = 300  # damaged frames in a row after which nothing more is expected
 
 
@@ -46,11 +45,11 @@ class VideoFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         if not path.is_file():
-            got = "a folder" if path.is_dir() else "no file" if path.exists() else "no such file"
+            got = "a folder" if path.is_dir() else "no regular file" if path.exists() else "no such file"
             raise InputError(str(path), got=got, wanted="a video file")
         capture = open_video(path)
         try:
-            if not capture.isOpened() or not any(capture.grab() for _ in range(_FIRST_TRIED)):
+            if not capture.isOpened() or not any(capture.grab() for _ in range(_MOST_LOST)):
                 raise InputError(str(path), got="no video that OpenCV can open", wanted="a complete video file")
             width, height = (int(capture.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
             rate, count = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
@@ -70,19 +69,20 @@ class VideoFile:
         """
         capture, place = self._opened_at(first)
         self.lost = []
-        newest_s, failed = -math.inf, 0
+        newest_s, numbers = -math.inf, _Numbers(self.path, place, self.rate_hz)
         try:
-            while last is None or place + failed <= last:
+            while last is None or numbers.next <= last:
                 if not capture.grab():
-                    # each frame that is damaged fails once, and after the last one all do
-                    failed += 1
-                    if failed >= _MOST_LOST or (self.count is not None and place + failed >= self.count):
-                        self._ended(place, first)
-                        return
-                    continue
-                self._pass_over(place, failed, first)
-                place, failed = place + failed, 0
+                    if numbers.fail():
+                        continue
+                    self._pass_over(numbers.next, numbers.held, first, last)
+                    self._ended(numbers.held, first)
+                    return
                 stamp_ms = capture.get(cv2.CAP_PROP_POS_MSEC)
+                due, place = numbers.next, numbers.take(stamp_ms)
+                self._pass_over(due, place, first, last)
+                if last is not None and place > last:
+                    return
                 if place >= first:
                     good, decoded = capture.retrieve()
                     if not good:
@@ -91,21 +91,20 @@ class VideoFile:
                         )
                     newest_s = self._time(place, stamp_ms, newest_s)
                     yield VideoFrame(index=place, t_s=newest_s, image=np.asarray(decoded, np.uint8))
-                place += 1
-            self._pass_over(place, failed, first)
         finally:
             capture.release()
 
-    def _pass_over(self, place: int, count: int, first: int) -> None:
-        """Note so many damaged frames from ``place`` on, as far as they were asked for."""
-        self.lost += range(max(place, first), place + count)
+    def _pass_over(self, due: int, until: int, first: int, last: int | None) -> None:
+        """Note the damaged frames from number ``due`` to before ``until``, as far as they were asked for."""
+        self.lost += range(max(due, first), until if last is None else min(until, last + 1))
 
     def lost_line(self) -> str | None:
         """Return one line for a person about the damaged frames, None where there are none."""
         if not self.lost:
             return None
-        many = f"{len(self.lost)} damaged frames are" if len(self.lost) > 1 else "a damaged frame is"
-        return f"{many} left out of {self.path}, {'the first ' if len(self.lost) > 1 else ''}number {self.lost[0]}"
+        if len(self.lost) == 1:
+            return f"a damaged frame in {self.path}, number {self.lost[0]}"
+        return f"{len(self.lost)} damaged frames in {self.path}, the first number {self.lost[0]}"
 
     def _opened_at(self, first: int) -> tuple[cv2.VideoCapture, int]:
         """Return the opened video and the number of the frame that it gives next, at most ``first``."""
@@ -131,6 +130,62 @@ class VideoFile:
         if self.count is not None and place < self.count - max(1, _MISSING_SHARE * self.count):
             got = f"the end of the video after {place} frames of the {self.count} that its header announces"
             raise InputError(f"{self.path}: frame {place}", got=got, wanted="a complete video file")
+
+
+class _Numbers:
+    """Which number a decoded frame has where others of the file cannot be decoded.
+
+    A damaged frame fails once, more or less: when it is its turn in the order of coding, which is not that of showing.
+    Even stamps tell exactly which are missing; without them the frames that failed are taken to be those just before.
+
+    Attributes
+    ----------
+    next : the number that is due.
+    held : how many frames are in the file, damaged ones counted; known once one has failed.
+    """
+
+    def __init__(self, path: Path, place: int, rate_hz: float) -> None:
+        self._path, self._rate = path, rate_hz
+        self.next = place
+        self.held = 0
+        self._failed, self._even, self._damaged = 0, True, False
+        self._last_ms: float | None = None
+
+    def fail(self) -> bool:
+        """Note that no frame came; False where none is left that could come."""
+        if not self._damaged:
+            self.held = _coded_frames(self._path)
+            self._damaged = True
+        self.held = max(self.held, self.next)
+        self._failed += 1
+        return self.next + self._failed <= self.held
+
+    def take(self, stamp_ms: float) -> int:
+        """Return the number of the frame that came."""
+        grown = self._last_ms is not None and math.isfinite(stamp_ms) and stamp_ms > self._last_ms
+        steps = round((stamp_ms - (self._last_ms or 0.0)) * 1e-3 * self._rate) if grown else 0
+        by_stamp = self._damaged and self._even and steps > 0
+        missing = steps - 1 if by_stamp else self._failed
+        if not self._damaged and self._last_ms is not None:
+            self._even = self._even and steps == 1
+        number = self.next + missing
+        self.next, self._failed, self._last_ms = number + 1, max(self._failed - missing, 0), stamp_ms
+        return number
+
+
+def _coded_frames(path: Path) -> int:
+    """Return how many coded frames a video file holds, without decoding them; those at its end may be missing."""
+    packets = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+    count, failed = 0, 0
+    try:
+        while failed < _MOST_LOST and packets.isOpened():
+            if packets.grab():
+                count, failed = count + failed + 1, 0
+            else:
+                failed += 1
+    finally:
+        packets.release()
+    return count
 
 
 def refuse_other_times(path: Path, span_s: tuple[float, float], video: VideoFile) -> None:

@@ -16,6 +16,7 @@ from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import ImuFileError, load_imu
 from groundstation.onboard.scenes.sequences import SEQUENCES, Renderer
 from tests.complaints import complaint
+from tests.damaged_video import damage
 
 LENS = """image_size_px = [640, 480]
 focal_px = [620.0, 620.0]
@@ -214,3 +215,15 @@ def test_a_bent_lens_is_straightened_and_its_pixels_go_back(tmp_path: Path) -> N
     v, u = (float(axis.mean()) for axis in np.nonzero(straight[:, :, 0] > 100))
     assert np.hypot(u - 91.5, v - 101.5) > 5.0
     np.testing.assert_allclose(flat.original(np.array([[u, v]]))[0], [91.5, 101.5], atol=0.6)
+
+
+def test_damaged_frames_are_left_out_and_said(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(flight, tmp_path / "flight")
+    damage(tmp_path / "flight" / "nose.avi", range(2, 4))
+    assert run(tmp_path / "flight", tmp_path / "out", "--imu", str(flight / "imu.csv"), "--no-rerun") == 0
+    with (tmp_path / "out" / "edges.csv").open() as file:
+        assert [int(row["frame"]) for row in csv.DictReader(file)] == [0, 1, *range(4, FRAMES)]
+    said = capsys.readouterr()
+    assert f"{FRAMES - 2} frames: " in said.out
+    assert "groundstation: 2 damaged frames in " in said.err
+    assert "the first number 2" in said.err

@@ -6,6 +6,7 @@ import shutil
 from collections import Counter
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -22,7 +23,9 @@ from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import load_imu
 from groundstation.onboard.pose.inertial import NavigationStatus, Outcome
 from groundstation.simulation import flight_model
+from groundstation.sources.video_file import VideoFile
 from tests.complaints import complaint
+from tests.damaged_video import damage
 
 FRAMES = 14
 
@@ -318,3 +321,21 @@ def test_the_same_seed_gives_the_same_flight(tmp_path: Path) -> None:
         assert main([*call, "--motion", "jsbsim"]) == 0
     for name in ("imu.csv", "truth.csv", "nose.avi"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_damaged_pictures_are_left_out_and_said(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: the pictures after them are used as before, and a line tells how many are missing."""
+    shutil.copytree(flight, tmp_path / "flight")
+    nose = tmp_path / "flight" / "nose.avi"
+    source = VideoFile(flight / "nose.avi")
+    writer = cv2.VideoWriter(str(nose), cv2.VideoWriter.fourcc(*"MJPG"), source.rate_hz, source.size_px)
+    for frame in source.frames():
+        writer.write(frame.image)
+    writer.release()
+    damage(nose, range(3, 5))
+    assert run(tmp_path / "flight", tmp_path / "out", "--no-rerun") == 0
+    numbers = [int(row["frame"]) for row in rows(tmp_path / "out" / "pictures.csv")]
+    assert numbers == [0, 1, 2, *range(5, FRAMES)]
+    assert "groundstation: 2 damaged frames in " in capsys.readouterr().err
