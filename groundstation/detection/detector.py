@@ -158,9 +158,9 @@ class Detector:
         up = None if look.up is None else look.up * width
         expected = None if look.span is None else (look.span, look.span_sigma)
         nose = find_nose(soft, width, group.contrast, forward, up, expected, look.height_per_span, look.scale)
-        # rows of one array: each small operation costs as much as all of them together
-        places = np.array((nose.point + corner, corner, group.centre, look.predicted, (group.box[0], group.box[1])))
-        places[4] -= 0.5
+        # five places in one array: to map one costs as much as to map them all
+        upper_left = (group.box[0] - 0.5, group.box[1] - 0.5)
+        places = np.array((nose.point + corner, corner, group.centre, look.predicted, upper_left))
         point, origin, centroid, predicted, (left, top) = look.full(places)
         covariance = nose.covariance * look.scale**2
         if self._config.target_point is TargetPoint.CENTROID:

@@ -69,7 +69,7 @@ class Look:
     height_per_span: float | None
 
     def full(self, point: FloatArray) -> FloatArray:
-        """Map a working pixel (2,) to the full image."""
+        """Map working pixels (..., 2) to the full image."""
         return np.asarray(point * self.scale + self.offset, np.float64)
 
     def open_edges(self) -> tuple[bool, bool, bool, bool]:

@@ -43,7 +43,7 @@ def _bins_of(residual: Float32Array, per_level: NDArray[np.float32]) -> Bins:
 
 @njit(cache=True, nogil=True)
 def _palette(bins: Bins, keep_out: tuple[int, int, int, int]) -> Float32Array:
-    """Return the smoothed share of each colour bin among the pixels (h, w) outside the box."""
+    """Return the smoothed share of each colour bin among the pixels (h, w) outside a box that lies inside them."""
     x0, y0, x1, y1 = keep_out
     shape = (_BINS[0], _BINS[1], _BINS[2])
     count = np.zeros(shape[0] * shape[1] * shape[2], np.int32)

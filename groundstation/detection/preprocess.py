@@ -331,8 +331,9 @@ def prepare(
             colour = np.empty(image.shape[:2], np.float32)
             options.append((Channel.COLOUR, colour, 1.0, *_colour_levels(residual, *expectation, colour)))
             if difference is not None:
-                learnt, d = np.empty_like(colour), difference
-                levels = _learnt_levels(d.residual, d.edge, d.known, colour, *expectation, learnt)
+                learnt = np.empty_like(colour)
+                residual, edge, known = difference.residual, difference.edge, difference.known
+                levels = _learnt_levels(residual, edge, known, colour, *expectation, learnt)
                 options.append((Channel.BACKGROUND, learnt, 1.0, *levels))
     # the learnt background does not take for a target what stands still: of about equal contrasts, its own counts
     trust = {Channel.BACKGROUND: _LEARNT_TRUST}

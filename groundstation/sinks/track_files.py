@@ -115,7 +115,7 @@ def _number(value: float, form: str) -> str:
 
 def _numbers(values: Iterable[float], form: str) -> list[str]:
     """Format some numbers, each as `_number` does."""
-    return [format(value, form) if math.isfinite(value) else "" for value in values]
+    return [_number(value, form) for value in values]
 
 
 def _point(position_m: FloatArray | None) -> list[str]:
