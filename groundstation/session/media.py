@@ -79,6 +79,11 @@ def open_video(path: Path) -> cv2.VideoCapture:
     return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
 
 
+def open_packets(path: Path) -> cv2.VideoCapture:
+    """Open a video for its coded frames, in the order of coding, without decoding them."""
+    return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+
+
 def image_files(folder: Path) -> dict[int, Path]:
     """Return the folder's pictures by their number; files with other names are left alone.
 

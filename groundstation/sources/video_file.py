@@ -10,7 +10,7 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.errors import InputError
-from groundstation.session.media import open_video
+from groundstation.session.media import open_packets, open_video
 from groundstation.sources.video_seek import seek
 
 _SEEK_BEYOND = 200  # forward decoding of so few frames is as quick as a seek
@@ -69,7 +69,7 @@ class VideoFile:
         """
         capture, place = self._opened_at(first)
         self.lost = []
-        newest_s, numbers = -math.inf, _Numbers(self.path, place, self.rate_hz)
+        newest_s, numbers = -math.inf, _FrameNumbers(self.path, place, self.rate_hz)
         try:
             while last is None or numbers.next <= last:
                 if not capture.grab():
@@ -132,7 +132,7 @@ class VideoFile:
             raise InputError(f"{self.path}: frame {place}", got=got, wanted="a complete video file")
 
 
-class _Numbers:
+class _FrameNumbers:
     """Which number a decoded frame has where others of the file cannot be decoded.
 
     A damaged frame fails once, more or less: when it is its turn in the order of coding, which is not that of showing.
@@ -175,7 +175,7 @@ class _Numbers:
 
 def _coded_frames(path: Path) -> int:
     """Return how many coded frames a video file holds, without decoding them; those at its end may be missing."""
-    packets = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+    packets = open_packets(path)
     count, failed = 0, 0
     try:
         while failed < _MOST_LOST and packets.isOpened():

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import cv2
 
+from groundstation.session.media import open_packets
+
 # a coded frame may stand this far from its place in the order of showing (H.264 allows 16)
 _REORDERED = 32
 # grabbing forward from the key frame that a seek lands on
@@ -37,7 +39,7 @@ def seek(capture: cv2.VideoCapture, path: Path, index: int) -> bool:
 
 def _stamps(path: Path, count: int) -> list[float]:
     """Return the presentation stamps in ms of the first ``count`` coded frames, sorted."""
-    packets = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+    packets = open_packets(path)
     stamps: list[float] = []
     try:
         while len(stamps) < count and packets.isOpened() and packets.grab():
