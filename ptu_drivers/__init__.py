@@ -3,7 +3,7 @@
 from ptu_drivers.errors import (
     LimitError,
     LineError,
-    MissingExtraError,
+    MissingPackageError,
     NoAnswerError,
     ProtocolError,
     PtuError,
@@ -12,6 +12,7 @@ from ptu_drivers.errors import (
 )
 from ptu_drivers.health import DoubtReason, Health, UnitState
 from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.lease import Lease, LeaseKind
 from ptu_drivers.messages import (
     AngleSample,
     AngleSource,
@@ -35,9 +36,11 @@ __all__ = [
     "Capability",
     "DoubtReason",
     "Health",
+    "Lease",
+    "LeaseKind",
     "LimitError",
     "LineError",
-    "MissingExtraError",
+    "MissingPackageError",
     "NoAnswerError",
     "NoReading",
     "PanTiltUnit",

@@ -4,15 +4,18 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from ptu_drivers.alpaca_codec import angles_of, rates_of
-from ptu_drivers.alpaca_line import LEAST_S, AlpacaTelescope, HttpConnection, HttpLine
+from ptu_drivers.alpaca_line import AlpacaTelescope, HttpLine
 from ptu_drivers.axis_limits import narrowed
 from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
 from ptu_drivers.health import DoubtReason, HealthCounter
+from ptu_drivers.http_connection import LEAST_S, HttpConnection
 from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.lease import MOVES_ONLY, NO_LEASE
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
 from ptu_drivers.own_options import made_of
 from ptu_drivers.polled_unit import PolledUnit
@@ -22,6 +25,8 @@ _ALT_AZ = 0
 _NUMBER = {Axis.PAN: 0, Axis.TILT: 1}
 _QUANTUM_DEG = 1e-4
 _PROBE_S = 10.0
+# a stop that is not answered so soon is followed by the next one
+_PROMPT_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,18 +152,30 @@ class AlpacaUnit(PolledUnit):
         self._goal = {}
         signs = {Axis.PAN: -1, Axis.TILT: 1}
         for axis, rate in rates.items():
-            self._move_axis(axis, signs[axis] * math.degrees(rate))
+            self._move_axis(axis, signs[axis] * math.degrees(rate), self._until_s)
 
     def _send_halt(self) -> None:
         self._goal = {}
         # what stops a slew need not stop a motion by rate: both are stopped
+        stops: list[Callable[[float], None]] = [lambda until_s: self._telescope.put("abortslew", until_s)]
         if Capability.VELOCITY in self._description.capabilities:
-            for axis in Axis:
-                self._move_axis(axis, 0.0)
-        self._telescope.put("abortslew", self._until_s)
+            stops[:0] = [partial(self._move_axis, axis, 0.0) for axis in Axis]
+        # first all of them close together, whether or not they are answered; then each with its share of the time
+        faults: list[Doubtful | PtuError] = []
+        for most_s in (_PROMPT_S, math.inf):
+            faults.clear()
+            for sent, stop in enumerate(stops):
+                left_s = max(0.0, self._until_s - self._line.now())
+                try:
+                    stop(self._line.now() + min(most_s, left_s / (len(stops) - sent)))
+                except (Doubtful, PtuError) as fault:
+                    faults.append(fault)
+            if not faults:
+                return
+        raise faults[0]
 
-    def _move_axis(self, axis: Axis, rate_deg_s: float) -> None:
-        self._telescope.put("moveaxis", self._until_s, Axis=_NUMBER[axis], Rate=f"{rate_deg_s:.6f}")
+    def _move_axis(self, axis: Axis, rate_deg_s: float, until_s: float) -> None:
+        self._telescope.put("moveaxis", until_s, Axis=_NUMBER[axis], Rate=f"{rate_deg_s:.6f}")
 
 
 def connect_alpaca(line: HttpLine, settings: UnitSettings, options: AlpacaOptions, *, watch: bool = True) -> AlpacaUnit:
@@ -263,5 +280,6 @@ def _description(
         capabilities=frozenset(capabilities),
         # a question may end, a command and a halt of three may begin when the time is over
         reply_timeout_s=2 * settings.reply_timeout_s + 5 * LEAST_S,
+        lease=NO_LEASE if Capability.VELOCITY in capabilities else MOVES_ONLY,
         details={"device": str(options.device), "alignment": "alt-az" if alignment == _ALT_AZ else "equatorial"},
     )

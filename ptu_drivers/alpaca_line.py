@@ -1,25 +1,18 @@
-"""ASCOM Alpaca's HTTP requests to one telescope: a connection, and answers that are checked."""
+"""ASCOM Alpaca's requests to one telescope by name, and answers that are checked."""
 
-import http.client
 import itertools
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
-from urllib.parse import urlencode, urlsplit
+from urllib.parse import urlencode
 
 from ptu_drivers.alpaca_codec import decode, finite
 from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.errors import LineError, ProtocolError
 from ptu_drivers.health import DoubtReason
 from ptu_drivers.polled_unit import Line
 
-_DEFAULT_PORT = 11111
-_LONGEST = 1 << 16
 _CLIENT = 4242
 NOT_IMPLEMENTED = 0x400
-# what a command gets that goes out when its call's time is over
-LEAST_S = 0.01
 
 
 class HttpLine(Line, Protocol):
@@ -30,74 +23,8 @@ class HttpLine(Line, Protocol):
 
         Raises
         ------
-        Doubtful : no whole answer until then. LineError : nobody is there.
+        Doubtful : no whole answer until then, or a halt waits. LineError : nobody is there.
         """
-
-
-class HttpConnection:
-    """A connection that is kept open between requests.
-
-    After a request without an answer it is closed: a late answer then has nowhere to arrive, so that none can be taken
-    for the answer to the next request.
-    """
-
-    def __init__(self, url: str, clock: Callable[[], float] = time.monotonic) -> None:
-        try:
-            parts = urlsplit(url)
-            port = parts.port or _DEFAULT_PORT
-        except ValueError as wrong:
-            raise ProtocolError("Alpaca address", got=url, wanted="http://host:port") from wrong
-        if parts.scheme != "http" or not parts.hostname:
-            raise ProtocolError("Alpaca address", got=url, wanted="http://host:port")
-        self.url = url
-        self._host, self._port = parts.hostname, port
-        self._clock = clock
-        self._connection: http.client.HTTPConnection | None = None
-
-    def now(self) -> float:
-        """Return the clock, s."""
-        return self._clock()
-
-    def wait(self, duration_s: float) -> None:
-        """Sleep."""
-        time.sleep(max(0.0, duration_s))
-
-    def reopen(self) -> None:
-        """Forget the old connection; the next request makes a new one."""
-        self.close()
-        self._connection = http.client.HTTPConnection(self._host, self._port)
-
-    def close(self) -> None:
-        """Close."""
-        if self._connection is not None:
-            self._connection.close()
-
-    def transfer(self, method: str, path: str, query: str, until_s: float) -> tuple[int, bytes]:
-        """Send a request and return status and body."""
-        if self._connection is None:
-            raise LineError(self.url, got="a closed line", wanted="an open one")
-        left_s = max(LEAST_S, until_s - self.now())
-        self._connection.timeout = left_s
-        try:
-            if self._connection.sock is not None:
-                self._connection.sock.settimeout(left_s)
-            if method == "GET":
-                self._connection.request(method, f"{path}?{query}")
-            else:
-                form = {"Content-Type": "application/x-www-form-urlencoded"}
-                self._connection.request(method, path, body=query, headers=form)
-            answer = self._connection.getresponse()
-            return answer.status, answer.read(_LONGEST)
-        except TimeoutError as late:
-            self._connection.close()
-            raise Doubtful(DoubtReason.TIMEOUT, f"no answer to {path}") from late
-        except http.client.HTTPException as broken:
-            self._connection.close()
-            # an idle connection that the server closed shows only when it is used
-            raise Doubtful(DoubtReason.TRUNCATED, str(broken) or type(broken).__name__) from broken
-        except OSError as gone:
-            self._connection.close()
-            raise LineError(self.url, got=str(gone) or type(gone).__name__, wanted="an Alpaca server") from gone
 
 
 @dataclass(slots=True)

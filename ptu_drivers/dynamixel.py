@@ -14,9 +14,11 @@ from ptu_drivers.dynamixel_table import OperatingMode
 from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.lease import LEASE_S, Lease, LeaseKind
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
 from ptu_drivers.own_options import made_of
 from ptu_drivers.polled_unit import PolledUnit
+from ptu_drivers.preemption import PreemptibleLine
 from ptu_drivers.settings import UnitSettings, insist_on_baud
 from ptu_drivers.tick_clock import TickClock
 from ptu_drivers.transport import SerialTransport, Transport
@@ -24,7 +26,10 @@ from ptu_drivers.transport import SerialTransport, Transport
 _PROBES = 6
 _TIME_BASED = 0x04
 _ENCODER_BIT = 3
-_LONGEST_WATCHDOG = 127
+# a halt without a question goes to where the servos were last seen, if that is so fresh, s
+_FRESH_S = 0.3
+# a servo that its watchdog stops does so without a ramp; 1 tick of the watchdog, and the rotor
+_STOPPING_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +82,7 @@ class DynamixelUnit(PolledUnit):
 
     def __init__(
         self,
+        line: PreemptibleLine,
         bus: DynamixelBus,
         settings: UnitSettings,
         options: DynamixelOptions,
@@ -85,7 +91,7 @@ class DynamixelUnit(PolledUnit):
         *,
         watch: bool,
     ) -> None:
-        super().__init__(bus.line, settings, description, HealthCounter(), watch=watch)
+        super().__init__(line, settings, description, HealthCounter(), watch=watch)
         self._bus = bus
         self._options = options
         self._servos = servos
@@ -151,8 +157,8 @@ class DynamixelUnit(PolledUnit):
         if self._mode is mode:
             return
         self._mode = None
-        seconds = self._settings.watchdog_s if mode is OperatingMode.VELOCITY else 0.0
-        watchdog = min(max(1, round(seconds / table.WATCHDOG_S)), _LONGEST_WATCHDOG) if seconds > 0 else 0
+        lease_s = self._description.lease.renewed_s if mode is OperatingMode.VELOCITY else 0.0
+        watchdog = math.ceil(lease_s / table.WATCHDOG_S)
         for axis, servo in self._servos.items():
             n = servo.identifier
             errors = table.hardware_errors(self._bus.read(n, table.HARDWARE_ERROR))
@@ -194,6 +200,7 @@ class DynamixelUnit(PolledUnit):
         self._health.exchanges = self._bus.sent
 
     def _send_halt(self) -> None:
+        self._halt_unasked()
         self._bus.drain()
         for servo in self._servos.values():
             n = servo.identifier
@@ -208,6 +215,19 @@ class DynamixelUnit(PolledUnit):
                 self._mode = None
                 self._bus.write(n, table.TORQUE_ENABLE, 0)
 
+    def _halt_unasked(self) -> None:
+        """Stop both without a question, which is heard though no answer comes; each mode heeds one of the orders."""
+        self._bus.tell(table.GOAL_VELOCITY, {servo.identifier: 0 for servo in self._servos.values()})
+        last = self._last
+        if self._mode is not OperatingMode.VELOCITY and last is not None:
+            if self._line.now() - max(last.pan.t_s, last.tilt.t_s) > _FRESH_S:
+                return
+            here = {}
+            for axis, servo in self._servos.items():
+                position = servo.position(self._axis(axis).unit_angle(last.axis(axis).angle_rad))
+                here[servo.identifier] = min(max(position, servo.low), servo.high)
+            self._bus.tell(table.GOAL_POSITION, here)
+
     def _let_go(self) -> None:
         if self._options.torque_off:
             for servo in self._servos.values():
@@ -218,7 +238,8 @@ def connect_dynamixel(
     line: Transport, settings: UnitSettings, options: DynamixelOptions, *, watch: bool = True
 ) -> DynamixelUnit:
     """Probe two servos on a line that is open, and return them ready; arguments as `open_dynamixel`."""
-    bus = DynamixelBus(line, settings.reply_timeout_s)
+    shared = PreemptibleLine(line)
+    bus = DynamixelBus(shared, settings.reply_timeout_s)
     servos = {}
     for axis, identifier in ((Axis.PAN, options.pan_id), (Axis.TILT, options.tilt_id)):
         try:
@@ -234,7 +255,7 @@ def connect_dynamixel(
                 got=f"{fault} from servo {identifier} at {line.baud()} bit/s",
                 wanted=f"the {axis.value} servo, which speaks Dynamixel Protocol 2.0",
             ) from fault
-    unit = DynamixelUnit(bus, settings, options, servos, _description(line, settings, servos), watch=watch)
+    unit = DynamixelUnit(shared, bus, settings, options, servos, _description(line, settings, servos), watch=watch)
     reason = ""
     for _ in range(_PROBES):
         # the first answer of all only starts the servos' clocks
@@ -288,6 +309,7 @@ def _description(line: Transport, settings: UnitSettings, servos: dict[Axis, Ser
         )
         for axis, servo in servos.items()
     }
+    lease_s = min(LEASE_S, settings.watchdog_s or LEASE_S)
     pan, tilt = servos[Axis.PAN], servos[Axis.TILT]
     same = pan.model == tilt.model
     return UnitDescription(
@@ -309,5 +331,6 @@ def _description(line: Transport, settings: UnitSettings, servos: dict[Axis, Ser
         ),
         # an exchange that fails ends a command, so that one timeout is the most; changing the mode takes 14 exchanges
         reply_timeout_s=settings.reply_timeout_s + 14 * (28 * line.character_s() + 0.002),
+        lease=Lease(kind=LeaseKind.UNIT_WATCHDOG, renewed_s=lease_s, stop_s=lease_s + _STOPPING_S),
         details={"identifiers": f"{pan.identifier} and {tilt.identifier}", "baud": str(line.baud())},
     )

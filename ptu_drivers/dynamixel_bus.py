@@ -4,19 +4,22 @@ The SDK believes any status packet of the right servo. Here its length must be w
 have begun before the question was out.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.dynamixel_codec import ServoError
 from ptu_drivers.dynamixel_table import STATE, Register, number
-from ptu_drivers.errors import MissingExtraError, RefusedError
+from ptu_drivers.errors import MissingPackageError, RefusedError
 from ptu_drivers.health import DoubtReason
 from ptu_drivers.transport import Transport
 
 _STATUS_OVERHEAD = 11
 _LENGTH_OF_EMPTY = 4
 _SLICE_S = 0.05
+# so often a line that never falls silent is emptied, before it is asked all the same
+_CHUNKS = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,8 +57,9 @@ class SdkPort:
 
     def clearPort(self) -> None:  # noqa: N802 - the SDK's name
         """Drop what came unasked."""
-        while self.line.read(self.line.now()).data:
-            pass
+        for _ in range(_CHUNKS):
+            if not self.line.read(self.line.now()).data:
+                break
         self._buffer.clear()
         self._arrivals.clear()
         self._taken = 0
@@ -163,6 +167,14 @@ class DynamixelBus:
         self._port.setPacketTimeout(_STATUS_OVERHEAD)
         self._receive(identifier, 0, f"write {register.address}")
 
+    def tell(self, register: Register, values: Mapping[int, int]) -> None:
+        """Set a register of several servos at once, which do not answer to that. Raises Doubtful, LineError."""
+        packed: list[int] = []
+        for identifier, value in values.items():
+            packed += [identifier, *value.to_bytes(register.size, "little", signed=register.signed)]
+        self._send(self._sdk.syncWriteTxOnly, register.address, register.size, packed, len(packed))
+        self._port.is_using = False
+
     def states(self, identifiers: tuple[int, ...]) -> tuple[Status, ...]:
         """Ask several servos at once for tick, velocity and position. Raises Doubtful, LineError."""
         self._send(self._sdk.syncReadTx, STATE.address, STATE.size, list(identifiers), len(identifiers), False)
@@ -222,5 +234,5 @@ def _dynamixel_sdk() -> Any:
     try:
         import dynamixel_sdk
     except ModuleNotFoundError as missing:
-        raise MissingExtraError("the Dynamixel protocol", "dynamixel") from missing
+        raise MissingPackageError("the Dynamixel protocol", "'groundstation[dynamixel]'") from missing
     return dynamixel_sdk

@@ -79,12 +79,11 @@ class UnsupportedError(PtuError):
         super().__init__(f"{unit}: got {got}, which it cannot do")
 
 
-class MissingExtraError(PtuError):
-    """A package that this protocol needs is not installed."""
+class MissingPackageError(PtuError):
+    """A package that this protocol needs is not installed; ``requirement`` is what pip is to be given."""
 
-    def __init__(self, part: str, extra: str) -> None:
-        self.extra = extra
-        super().__init__(f"{part} needs an optional part; install it with: pip install 'groundstation[{extra}]'")
+    def __init__(self, part: str, requirement: str) -> None:
+        super().__init__(f"{part} needs a package that is not installed: pip install {requirement}")
 
 
 _DEG = 57.29577951308232

@@ -12,6 +12,7 @@ from ptu_drivers.flir_poll import Query, best_query
 from ptu_drivers.flir_probe import probe, set_up
 from ptu_drivers.flir_unit import DRAINING_S, FlirUnit
 from ptu_drivers.health import DoubtReason, HealthCounter
+from ptu_drivers.preemption import PreemptibleLine
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import SerialTransport, Transport
 
@@ -38,7 +39,7 @@ def open_flir(
 
     Raises
     ------
-    LineError, ProtocolError, MissingExtraError.
+    LineError, ProtocolError, MissingPackageError.
     """
     if settings.baud and settings.baud not in SETTABLE_BAUDS:
         raise ProtocolError("baud", got=str(settings.baud), wanted=", ".join(map(str, SETTABLE_BAUDS)))
@@ -63,7 +64,8 @@ def connect(
     threaded : run the watchdog in a thread of its own; else it looks only when `read` is called.
     """
     counter = HealthCounter()
-    line = FlirLine(transport, counter, settings.reply_timeout_s)
+    shared = PreemptibleLine(transport)
+    line = FlirLine(shared, counter, settings.reply_timeout_s)
     try:
         _find(line, settings, patience_s)
         set_up(line)
@@ -76,7 +78,7 @@ def connect(
     except PtuError:
         transport.close()
         raise
-    unit = FlirUnit(line, counter, facts, settings, threaded=threaded)
+    unit = FlirUnit(line, shared.lock, counter, facts, settings, threaded=threaded)
     unit.ask_by(best_query(facts) if query == "auto" else Query(query), type_ahead=type_ahead)
     return unit
 

@@ -15,6 +15,8 @@ from ptu_drivers.transport import Transport
 LONGEST_ANSWER_CHARACTERS = 60
 # an echo and a refusal
 _REFUSAL = 40
+# what lies there at the deadline is still taken, since a busy machine looks late: so many chunks, not more
+_LATE_CHUNKS = 4
 _QUIET_S = 0.03
 _DRAIN_S = 0.1
 
@@ -138,6 +140,19 @@ class FlirLine:
                     # half a command stood before it and is spoilt; now it must come back alone
                     self._keep_pace()
                     question = self._send(f"Z{next(self._nonce)}")
+            if self.transport.now() >= deadline_s:
+                raise Doubtful(DoubtReason.TIMEOUT, f"only lines that do not answer {question.command}")
+
+    def halt_unasked(self) -> None:
+        """Send a halt without waiting for anything, behind what spoils half a command; `resynchronise` is due then.
+
+        Raises
+        ------
+        LineError.
+        """
+        for command in ("Z0", "H"):
+            self._keep_pace()
+            self._send(command)
 
     def greet(self, deadline_s: float) -> None:
         """Bring a unit of unknown state to echo: spoil half a command, switch the echo on, and `resynchronise`.
@@ -169,6 +184,14 @@ class FlirLine:
             return True
 
         return answered
+
+    def outwait(self, command: str, timeout_s: float) -> None:
+        """Send a command and wait for its answer, `timeout_s` at most. Raises Doubtful, LineError."""
+        began = self.transport.now()
+        answered = self.begin(command)
+        while not answered(self.transport.now() + self.longest_s()):
+            if self.transport.now() - began > timeout_s:
+                raise Doubtful(DoubtReason.TIMEOUT, "nothing")
 
     def _spell(self, command: str) -> str:
         """Vary the case of the letters; the unit does not care, and its echo repeats it."""
@@ -208,6 +231,8 @@ class FlirLine:
                     if question.command.isalpha():
                         self._length[question.command.upper()] = len(line.data)
                     return self._exchanged(question, parsed, line)
+            if self.transport.now() >= limit:
+                raise Doubtful(DoubtReason.TIMEOUT, f"only lines that do not answer {question.command}")
 
     def _exchanged(self, question: _Question, answer: Answer, line: RawLine) -> Exchanged:
         character = self.transport.character_s()
@@ -229,6 +254,7 @@ class FlirLine:
 
     def _lines(self, until_s: float, asked: str, on_mark: Callable[[], None] | None = None) -> list[RawLine]:
         """Wait for at least one whole line."""
+        late = 0
         while True:
             chunk = self.transport.read(until_s)
             if not chunk.data:
@@ -239,6 +265,9 @@ class FlirLine:
             lines = self._splitter.feed(chunk.data, chunk.t_s, self.transport.character_s())
             if lines:
                 return lines
+            late += self.transport.now() >= until_s
+            if late > _LATE_CHUNKS:
+                raise Doubtful(DoubtReason.TRUNCATED, repr(self._splitter.unfinished)[:60])
             left = self._splitter.unfinished
             if on_mark and b"*" in left:
                 on_mark()

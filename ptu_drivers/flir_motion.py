@@ -29,6 +29,17 @@ class Converter:
         """Return the angle of a position, rad."""
         return self.of(axis).angle(counts * self.facts.axis(axis).quantum_rad)
 
+    def counts(self, axis: Axis, angle_rad: float) -> float:
+        """Return an angle in counts, not rounded."""
+        return self.of(axis).unit_angle(angle_rad) / self.facts.axis(axis).quantum_rad
+
+    def bounds(self, axis: Axis) -> tuple[int, int]:
+        """Return the first and last position inside all limits, counts."""
+        a, facts = self.description.axis(axis), self.facts.axis(axis)
+        low, high = sorted((self.counts(axis, a.low_rad), self.counts(axis, a.high_rad)))
+        # the unit's own ends come back from radians with their last digits changed
+        return max(math.ceil(low - 1e-6), facts.low), min(math.floor(high + 1e-6), facts.high)
+
     def position(self, axis: Axis, angle_rad: float) -> int:
         """Return the position of an angle, counts. Raises LimitError."""
         insist_on_angle(axis, self.description.axis(axis), angle_rad)

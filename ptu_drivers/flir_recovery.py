@@ -25,13 +25,12 @@ class Recovery:
 
     Parameters
     ----------
-    line : the line. counter : its `state` is ours to set.
+    line : the line. counter : its `state` is ours to set; while its `halt_owed` is set, the unit is halted as soon as
+        it answers: motion may go on of which nothing is known.
     setup : commands that bring a restarted unit back to what it was, after echo and terse answers.
     """
 
     def __init__(self, line: FlirLine, counter: HealthCounter, setup: Callable[[], tuple[str, ...]]) -> None:
-        self.halt_pending = False
-        """Halt as soon as the unit answers: motion may go on of which nothing is known."""
         self.restarted = False
         """The unit was found restarted since this was last cleared."""
         self._line = line
@@ -72,7 +71,11 @@ class Recovery:
                 return DoubtReason.STARTING
             self._resynchronise(deadline_s)
         except Doubtful as doubt:
-            self._fail(doubt.reason)
+            if doubt.reason is DoubtReason.PREEMPTED:
+                # says nothing of the line
+                self.doubt(doubt.reason)
+            else:
+                self._fail(doubt.reason)
             return doubt.reason
         except LineError:
             self.doubt(DoubtReason.LINE_LOST)
@@ -88,9 +91,9 @@ class Recovery:
         else:
             line.resynchronise(deadline_s)
         self._look_for_restart(deadline_s)
-        if self.halt_pending and not self._queue:
+        if self._counter.halt_owed and not self._queue:
             line.ask("H", deadline_s=deadline_s)
-            self.halt_pending = False
+            self._counter.halt_owed = False
         self._failed = 0
         if line.transport.baud() != self._baud:
             # it answers at another speed than it was set to
@@ -116,7 +119,7 @@ class Recovery:
         if not self._queue:
             self._counter.restarts += 1
         self.restarted = True
-        self.halt_pending = False
+        self._counter.halt_owed = False
         baud = (f"@({self._baud},0,F)", _RESYNCHRONISE) if self._baud not in (0, self._line.transport.baud()) else ()
         # speeds of zero stop motion by rate, and are refused by a unit that homes or goes to a position
         self._queue = deque(("EE", "FT", "PS0", "TS0", "A", *self._setup(), *baud))

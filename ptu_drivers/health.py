@@ -43,6 +43,8 @@ class DoubtReason(StrEnum):
     """Not where it was expected, and asked again it said something that does not fit."""
     STARTING = "starting"
     """The unit was reset or power-cycled; its angles count from nowhere until it has homed."""
+    PREEMPTED = "preempted"
+    """Given up before its end: another thread asked for a halt, which goes first."""
     LINE_LOST = "line lost"
     CLOSED = "closed"
 
@@ -61,6 +63,8 @@ class Health:
     resyncs, reconnects, restarts : how often the line was resynchronised, opened again, the unit found restarted.
     watchdog_stops : motion halted because commands stopped.
     last_reading_s : instant of the newest believed angle, s, or minus infinity.
+    halt_owed : a halt was due, by the user or after a command in doubt, and is not acknowledged: the unit may move. It
+        holds after `close`, too, which does not raise: only where it is false, the unit is known to have been halted.
     """
 
     state: UnitState
@@ -73,6 +77,7 @@ class Health:
     restarts: int
     watchdog_stops: int
     last_reading_s: float
+    halt_owed: bool = False
 
 
 @dataclass(slots=True, kw_only=True)
@@ -89,6 +94,7 @@ class HealthCounter:
     restarts: int = 0
     watchdog_stops: int = 0
     last_reading_s: float = float("-inf")
+    halt_owed: bool = False
 
     def snapshot(self) -> Health:
         """Return what was counted until now."""
@@ -103,4 +109,5 @@ class HealthCounter:
             restarts=self.restarts,
             watchdog_stops=self.watchdog_stops,
             last_reading_s=self.last_reading_s,
+            halt_owed=self.halt_owed,
         )

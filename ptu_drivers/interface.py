@@ -12,7 +12,8 @@ class PanTiltUnit(ABC):
     """An opened and probed pan-tilt unit; use it as a context manager, which halts it on the way out.
 
     Methods may be called from several threads; one exchange is on the line at a time. No method waits longer than
-    `describe().reply_timeout_s` for the line, except `home` and `close`, which say what they take.
+    `describe().reply_timeout_s` for the line, except `halt`, `home` and `close`, which say what they take; that is the
+    time of the whole call, however slowly an answer comes in.
     """
 
     @abstractmethod
@@ -54,7 +55,8 @@ class PanTiltUnit(ABC):
     def move_at(self, *, pan_rad_s: float, tilt_rad_s: float) -> None:
         """Turn at a rate, rad/s, until the next command; a driver stops at its limits by itself.
 
-        To be repeated within `UnitSettings.watchdog_s`, or the watchdog halts the unit.
+        To be repeated within `UnitSettings.watchdog_s`, or the watchdog halts the unit. Where the host itself falls
+        silent, the unit stops as `describe().lease` says.
 
         Raises
         ------
@@ -66,7 +68,9 @@ class PanTiltUnit(ABC):
     def halt(self) -> None:
         """Stop both axes now, and return when the unit has acknowledged.
 
-        Tried again over line trouble within the time of three exchanges.
+        It goes before every other call: what another thread has on the line is given up (its `read` returns
+        `NoReading`, its move raises `NoAnswerError`), and the halt is sent before anything is asked. Tried again over
+        line trouble within the time of three exchanges.
 
         Raises
         ------
@@ -88,7 +92,10 @@ class PanTiltUnit(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Halt and let go of the line, within the time of three exchanges; never raises; twice does no harm."""
+        """Halt and let go of the line, within the time of three exchanges; never raises; twice does no harm.
+
+        `health().halt_owed` says afterwards whether the halt was left without an acknowledgement.
+        """
 
     def __enter__(self) -> Self:
         return self

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from ptu_drivers.health import DoubtReason, UnitState
+from ptu_drivers.lease import NO_LEASE, Lease
 
 
 class Axis(StrEnum):
@@ -136,6 +137,7 @@ class UnitDescription:
     pan, tilt : the axes.
     capabilities : what it can do.
     reply_timeout_s : longest time that one exchange may take, s.
+    lease : what stops motion by rate when the host falls silent.
     details : whatever else the probe found, for people to read.
     """
 
@@ -148,6 +150,7 @@ class UnitDescription:
     tilt: AxisDescription
     capabilities: frozenset[Capability]
     reply_timeout_s: float
+    lease: Lease = NO_LEASE
     details: Mapping[str, str] = field(default_factory=dict)
 
     def axis(self, axis: Axis) -> AxisDescription:

@@ -265,6 +265,7 @@ def format_description(said: UnitDescription) -> str:
             f"   {math.degrees(a.max_acceleration_rad_s2):.1f} deg/s²"
         )
     rows.append("  can: " + ", ".join(sorted(said.capabilities)))
+    rows.append(f"  without its host: {said.lease}")
     rows += [f"  {key}: {text}" for key, text in said.details.items()]
     return "\n".join(rows)
 

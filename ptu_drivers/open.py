@@ -47,7 +47,7 @@ def open_ptu(
     Raises
     ------
     LineError : the line cannot be opened. ProtocolError : who answers does not speak the protocol, or nobody does;
-    an unknown protocol or option. MissingExtraError : a package is not installed.
+    an unknown protocol or option. MissingPackageError : a package is not installed.
     """
     if protocol not in PROTOCOLS:
         raise ProtocolError("protocol", got=protocol, wanted="one of " + ", ".join(PROTOCOLS))

@@ -11,12 +11,14 @@ from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
+from ptu_drivers.lease import MOVES_ONLY, NO_LEASE
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
 from ptu_drivers.own_options import made_of
 from ptu_drivers.pelco_codec import Opcode, PelcoFraming, PelcoMessage, with_word
 from ptu_drivers.pelco_exchange import Answer, PelcoExchange
 from ptu_drivers.plausibility import Plausibility, Point, Verdict
 from ptu_drivers.polled_unit import PolledUnit
+from ptu_drivers.preemption import PreemptibleLine
 from ptu_drivers.settings import UnitSettings, insist_on_baud
 from ptu_drivers.transport import SerialTransport, Transport
 
@@ -117,6 +119,7 @@ class PelcoUnit(PolledUnit):
 
     def __init__(
         self,
+        line: PreemptibleLine,
         exchange: PelcoExchange,
         settings: UnitSettings,
         options: PelcoOptions,
@@ -125,7 +128,7 @@ class PelcoUnit(PolledUnit):
         watch: bool,
     ) -> None:
         health = HealthCounter(doubts=exchange.doubts)
-        super().__init__(exchange.line, settings, description, health, watch=watch)
+        super().__init__(line, settings, description, health, watch=watch)
         self._exchange = exchange
         self._options = options
         self._gates = {
@@ -263,14 +266,15 @@ def connect_pelco(
     """Probe the unit on a line that is open, and return it ready; arguments as `open_pelco_d`."""
     if options.acknowledges and framing is PelcoFraming.P:
         raise ProtocolError("Pelco option acknowledges", got="it with Pelco-P", wanted="Pelco-D")
+    shared = PreemptibleLine(line)
     exchange = PelcoExchange(
-        line=line,
+        line=shared,
         address=options.address,
         framing=framing,
         reply_timeout_s=settings.reply_timeout_s,
         late_s=options.late_s,
     )
-    unit = PelcoUnit(exchange, settings, options, _description(line, settings, options, framing), watch=watch)
+    unit = PelcoUnit(shared, exchange, settings, options, _description(line, settings, options, framing), watch=watch)
     reasons = []
     for _ in range(_PROBES):
         got = unit.read()
@@ -343,5 +347,6 @@ def _description(
         tilt=axes[Axis.TILT],
         capabilities=frozenset(capabilities),
         reply_timeout_s=settings.reply_timeout_s + line_s,
+        lease=NO_LEASE if table_deg_s else MOVES_ONLY,
         details={"address": str(options.address), "baud": str(line.baud())},
     )

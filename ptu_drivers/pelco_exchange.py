@@ -21,6 +21,9 @@ _ANSWERS = frozenset((Opcode.PAN_IS, Opcode.TILT_IS))
 # silence after an answer, in characters, and at least this long where characters take no time
 _QUIET_CHARACTERS = 2.0
 _QUIET_S = 0.002
+# no more than this is taken while one answer is waited for: a line that never falls silent answers nothing
+_LONGEST = 1024
+_CHUNKS = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,9 +89,9 @@ class PelcoExchange:
         refused: set[int] = set()
         while True:
             chunk = self.line.read(until_s)
-            if not chunk.data:
-                raise Doubtful(self._why_nothing(bytes(received), question))
             received += chunk.data
+            if not chunk.data or len(received) > _LONGEST:
+                raise Doubtful(self._why_nothing(bytes(received[:_LONGEST]), question))
             arrivals.append((len(received), chunk.t_s))
             for at, message in scan(bytes(received), self.framing).found:
                 if at in refused:
@@ -120,9 +123,9 @@ class PelcoExchange:
         until_s = min(until_s, self.line.now() + 2 * len(frame) * self.line.character_s() + self.reply_timeout_s)
         while True:
             chunk = self.line.read(until_s)
-            if not chunk.data:
-                raise Doubtful(DoubtReason.TIMEOUT, "no acknowledgement")
             received += chunk.data
+            if not chunk.data or len(received) > _LONGEST:
+                raise Doubtful(DoubtReason.TIMEOUT, "no acknowledgement")
             rest = bytes(received).removeprefix(frame)
             for at in range(len(rest) - 3):
                 short = acknowledgement_of(rest[at : at + 4], message)
@@ -148,8 +151,9 @@ class PelcoExchange:
 
     def drain(self) -> None:
         """Take what is there and belongs to nobody."""
-        while self.line.read(self.line.now()).data:
-            pass
+        for _ in range(_CHUNKS):
+            if not self.line.read(self.line.now()).data:
+                return
 
     def _answered(self, axis: Axis, sent_s: float) -> None:
         """A unit answers in order: whatever was asked before this cannot be answered any more."""

@@ -4,7 +4,6 @@ Lock, limits, counts, watchdog, halt and reconnection are here. A
 protocol adds how to ask, move, halt and set up. Its angles are the unit's own, before the settings' sign and zero.
 """
 
-import threading
 from abc import abstractmethod
 from typing import Protocol
 
@@ -15,6 +14,7 @@ from ptu_drivers.halting import Watchdog
 from ptu_drivers.health import DoubtReason, Health, HealthCounter, UnitState
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import Axis, Capability, NoReading, Reading, UnitDescription
+from ptu_drivers.preemption import LineLock
 from ptu_drivers.rate_motion import RateMotion
 from ptu_drivers.settings import AxisSettings, UnitSettings
 
@@ -30,6 +30,8 @@ class Line(Protocol):
     """What the common part needs of a line; a `Transport`, or a connection of another kind."""
 
     url: str
+    lock: LineLock
+    """Who uses it; an exchange gives up when a halt waits."""
 
     def now(self) -> float:
         """Return the clock, s."""
@@ -64,9 +66,8 @@ class PolledUnit(PanTiltUnit):
         self._description = description
         self._health = health
         self._health.state = UnitState.READY
-        self._lock = threading.RLock()
+        self._lock = line.lock
         self._closed = False
-        self._halt_owed = False
         self._silences = 0
         self._next_reopen_s = float("-inf")
         self._until_s = float("inf")
@@ -128,7 +129,7 @@ class PolledUnit(PanTiltUnit):
             self._last = reading
             self._health.last_reading_s = max(reading.pan.t_s, reading.tilt.t_s)
             self._stop_at_limits(reading)
-            if self._halt_owed:
+            if self._health.halt_owed:
                 self._try_halt()
             return reading
 
@@ -167,7 +168,7 @@ class PolledUnit(PanTiltUnit):
 
     def halt(self) -> None:
         """Stop both axes now."""
-        with self._lock:
+        with self._lock.for_halt():
             self._begin()
             self._halt()
 
@@ -179,7 +180,7 @@ class PolledUnit(PanTiltUnit):
 
     def close(self) -> None:
         """Halt and let go of the line."""
-        with self._lock:
+        with self._lock.for_halt():
             if self._closed:
                 return
             if self._watchdog is not None:
@@ -188,7 +189,7 @@ class PolledUnit(PanTiltUnit):
             self._try_halt(_HALT_TRIES)
             self._try_again()
             try:
-                if not self._halt_owed:
+                if not self._health.halt_owed:
                     self._let_go()
             except (Doubtful, PtuError) as fault:
                 self._health.doubts[fault.reason if isinstance(fault, Doubtful) else DoubtReason.LINE_LOST] += 1
@@ -222,23 +223,23 @@ class PolledUnit(PanTiltUnit):
         except RefusedError:
             # one axis may have taken it
             self._turning.end()
-            self._halt_owed = True
+            self._health.halt_owed = True
             raise
         except (Doubtful, LineError) as fault:
             self._turning.end()
-            self._halt_owed = True
+            self._health.halt_owed = True
             self._doubt(fault)
             if isinstance(fault, LineError):
                 raise
             raise NoAnswerError(name, waited_s=self._line.now() - began, got=str(fault)) from fault
         # a new command replaces the motion that the halt was owed for
-        self._halt_owed = False
+        self._health.halt_owed = False
         self._health.state = UnitState.READY
         self._silences = 0
 
     def _halt(self, tries: int = _HALT_TRIES) -> None:
         self._turning.end()
-        self._halt_owed = True
+        self._health.halt_owed = True
         began = self._line.now()
         last: Doubtful | LineError | None = None
         for n in range(tries):
@@ -255,7 +256,7 @@ class PolledUnit(PanTiltUnit):
                 if isinstance(fault, LineError):
                     break
             else:
-                self._halt_owed = False
+                self._health.halt_owed = False
                 return
         if isinstance(last, LineError):
             raise last
@@ -288,7 +289,7 @@ class PolledUnit(PanTiltUnit):
     def _lose(self) -> None:
         self._silences = 0
         if self._turning.rates is not None:
-            self._halt_owed = True
+            self._health.halt_owed = True
             self._turning.end()
         self._health.state = UnitState.LINE_LOST
 
@@ -324,7 +325,7 @@ class PolledUnit(PanTiltUnit):
         with self._lock:
             if self._closed:
                 return
-            if self._halt_owed:
+            if self._health.halt_owed:
                 # a halt that was not acknowledged is tried until it is, whether or not anybody reads
                 self._try_again()
                 self._try_halt()

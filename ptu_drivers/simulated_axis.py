@@ -87,6 +87,11 @@ class SimulatedAxis:
         else:
             self._to(t_s, self.high if rate > 0 else self.low, abs(rate))
 
+    def change_rate(self, t_s: float, rate: float) -> None:
+        """Go on to the target at another speed, counts/s; nothing to an axis at rest."""
+        if self.speed(t_s) != 0.0 and self.end_s() > t_s:
+            self._to(t_s, self.stops_at(), abs(rate))
+
     def halt(self, t_s: float) -> None:
         """Brake, and stay."""
         self._cut(t_s)

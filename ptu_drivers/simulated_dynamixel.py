@@ -56,6 +56,7 @@ class SimulatedServo:
             acceleration=model.acceleration_deg_s2 * steps,
         )
         self.powered_s = 0.0
+        self.heard_s = 0.0
         self.registers = bytearray(_SIZE)
         low, high = (2048 + round(end * steps) for end in model.limits_deg)
         for register, value in (
@@ -106,7 +107,8 @@ class SimulatedServo:
         if self.get(table.TORQUE_ENABLE) and touched.start < _KEPT:
             return ServoError.ACCESS
         if self.get(table.BUS_WATCHDOG) < 0 and not _GOALS.isdisjoint(touched):
-            return ServoError.ACCESS
+            # the e-Manual's example of the bus watchdog, step 6: a range error
+            return ServoError.DATA_RANGE
         if (error := self._out_of_range(address, data)) is not ServoError.NONE:
             return error
         before = self.get(table.TORQUE_ENABLE)
@@ -167,7 +169,6 @@ class SimulatedDynamixel(SimulatedPeer):
         self.servos = {i: SimulatedServo(i, model or ServoModel()) for i in identifiers}
         self._by_axis = dict(zip(Axis, identifiers, strict=True))
         self._decoder = PacketDecoder()
-        self._heard_s = 0.0
 
     def servo(self, axis: Axis) -> SimulatedServo:
         """Return the servo of an axis."""
@@ -193,14 +194,16 @@ class SimulatedDynamixel(SimulatedPeer):
         for packet in self._decoder.feed(bytes((byte,))):
             if packet.instruction != Instruction.STATUS:
                 self._watch(t_s)
-                self._heard_s = t_s
+                for servo in self.servos.values():
+                    if packet.identifier in (servo.identifier, BROADCAST):
+                        servo.heard_s = t_s
                 self._obey(packet, t_s)
 
     def _watch(self, t_s: float) -> None:
         for servo in self.servos.values():
             limit = servo.get(table.BUS_WATCHDOG)
-            if limit > 0 and servo.get(table.TORQUE_ENABLE) and t_s - self._heard_s > limit * table.WATCHDOG_S:
-                servo.trip(self._heard_s + limit * table.WATCHDOG_S)
+            if limit > 0 and servo.get(table.TORQUE_ENABLE) and t_s - servo.heard_s > limit * table.WATCHDOG_S:
+                servo.trip(servo.heard_s + limit * table.WATCHDOG_S)
 
     def _obey(self, packet: Packet, t_s: float) -> None:
         p = packet.parameters

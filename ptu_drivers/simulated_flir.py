@@ -210,6 +210,9 @@ class FlirInterpreter:
         self.wanted_rate[word[0]] = value
         if self.velocity:
             axis.move_at(t_s, value)
+        elif not self.slaved:
+            # on the fly, as the D46 manual has it (4.4.2)
+            axis.change_rate(t_s, value)
         return Said(text="*")
 
     def _combined(self, four: tuple[int, ...], t_s: float) -> Said:

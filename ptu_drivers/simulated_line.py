@@ -74,6 +74,8 @@ class VirtualLine:
         """Bytes are lost both ways, nobody notices: a half-open connection, a broken wire."""
         self.gone = False
         """The adapter is unplugged: every use is an error."""
+        self.trickle_s = 0.0
+        """The unit's bytes come no closer together than that, s: an answer without end, though never silence."""
         self.reopened = 0
         self.traffic: list[tuple[float, str, bytes]] = []
         self.record = False
@@ -85,6 +87,7 @@ class VirtualLine:
         self._to_unit: deque[tuple[float, int, int]] = deque()
         self._sent_until_s = start_s
         self._inbox = bytearray()
+        self._trickle: deque[tuple[float, int, int]] = deque()
         self._actions: list[_Action] = []
         self._order = count()
         self._open = True
@@ -201,6 +204,8 @@ class VirtualLine:
         t_s = self.unit.next_s()
         if self._to_unit:
             t_s = min(t_s, self._to_unit[0][0])
+        if self._trickle:
+            t_s = min(t_s, self._trickle[0][0] if self.trickle_s else self._t_s)
         if self._batch_s and t_s < float("inf"):
             t_s = (t_s // self._batch_s + 1) * self._batch_s
         if self._actions:
@@ -220,7 +225,14 @@ class VirtualLine:
             t_s, byte, baud = self._to_unit.popleft()
             if not (self.dead or self.gone):
                 self.unit.receive(t_s, byte, baud)
-        for _, byte, baud in self.unit.send(until_s):
+        for t_s, byte, baud in self.unit.send(until_s):
+            if self._trickle or self.trickle_s:
+                before_s = self._trickle[-1][0] if self._trickle else t_s
+                self._trickle.append((max(t_s, before_s + self.trickle_s), byte, baud))
+            elif not (self.dead or self.gone):
+                self._take(byte, baud)
+        while self._trickle and (self._trickle[0][0] <= until_s or not self.trickle_s):
+            _, byte, baud = self._trickle.popleft()
             if not (self.dead or self.gone):
                 self._take(byte, baud)
         self._t_s = max(self._t_s, until_s)

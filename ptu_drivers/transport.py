@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
-from ptu_drivers.errors import LineError, MissingExtraError, PtuError
+from ptu_drivers.errors import LineError, MissingPackageError, PtuError
 
 _SLICE_S = 0.02
-_WRITE_S = 1.0
+# a port that takes no bytes for so long is lost; a halt waits behind it
+_WRITE_S = 0.25
 _MOST = 4096
 # a USB adapter takes bytes once a millisecond
 _SEND_SIGMA_S = 0.0005
@@ -82,11 +83,15 @@ class SerialTransport:
     url : as pyserial's `serial_for_url` takes it.
     baud : speed, bit/s, 8N1; of no effect on a socket or a pty.
     clock : monotonic, s.
+    exclusive : a serial device that another program has is refused; False only to halt what that one has left turning.
     """
 
-    def __init__(self, url: str, baud: int, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, url: str, baud: int, clock: Callable[[], float] = time.monotonic, *, exclusive: bool = True
+    ) -> None:
         _insist_on_address(url)
         self.url = url
+        self._exclusive = exclusive
         self._baud = baud
         self._clock = clock
         self._is_serial = not url.startswith("socket://")
@@ -211,7 +216,7 @@ class SerialTransport:
                     timeout=_SLICE_S,
                     # pyserial's RFC 2217 port knows none, and says so with an error
                     write_timeout=None if self._is_rfc2217 else _WRITE_S,
-                    exclusive=True,
+                    exclusive=self._exclusive,
                 )
             except ValueError as wrong:
                 wanted = f"a line that is there: /dev/..., socket://HOST:PORT, rfc2217://HOST:PORT, {self._baud} bit/s"
@@ -273,5 +278,5 @@ def _pyserial() -> Any:
     try:
         import serial
     except ModuleNotFoundError as missing:
-        raise MissingExtraError("a serial line", "ptu") from missing
+        raise MissingPackageError("a serial line", "pyserial") from missing
     return serial

@@ -8,8 +8,11 @@ A rig's unit may be simulated in virtual time, on a pty, or real: the tests take
 """
 
 import math
+import threading
+import time
 from abc import abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import pytest
@@ -19,6 +22,7 @@ from ptu_drivers import (
     Axis,
     Capability,
     DoubtReason,
+    LeaseKind,
     LimitError,
     LineError,
     NoReading,
@@ -41,6 +45,11 @@ class ContractRig:
     now, wait : the clock that the unit's instants are on, s.
     truth : axis, instant -> true angle of the unit before sign and zero, rad.
     cut, mend : the line goes dead (bytes are lost both ways), and comes back.
+    unplug, plug : every use of the line is an error, and no more.
+    trickle : the unit's bytes come so far apart from now on, s; 0 is as usual.
+    at : do something at an instant, s, while others wait.
+    lease : what stops motion by rate when the host falls silent.
+    rest_s : how long that takes at 0.3 of the fastest rate, s.
     time_sigma_s : what the stamps are worth here, s (a pty on a busy machine is worth less than virtual time).
     """
 
@@ -50,7 +59,13 @@ class ContractRig:
     truth: Callable[[Axis, float], float]
     cut: Callable[[], None]
     mend: Callable[[], None]
+    unplug: Callable[[], None]
+    plug: Callable[[], None]
+    trickle: Callable[[float], None]
+    at: Callable[[float, Callable[[], None]], None]
     settings: UnitSettings
+    lease: LeaseKind
+    rest_s: float = 1.0
     time_sigma_s: float = 0.003
 
 
@@ -72,6 +87,41 @@ def until_still(rig: ContractRig, unit: PanTiltUnit, timeout_s: float = 30.0) ->
         elif rig.now() - since > 0.3:
             return new
     raise AssertionError(f"still moving after {timeout_s} s")
+
+
+def set_moving(
+    rig: ContractRig, unit: PanTiltUnit, *, fraction: float = 0.3, for_s: float = 0.5, by: str = "rate"
+) -> None:
+    """Turn at a share of the fastest rate, tilt slower, commanded and asked as the live system does; or to an end."""
+    said = unit.describe()
+    if by == "position" or Capability.VELOCITY not in said.capabilities:
+        unit.move_to(pan_rad=said.pan.high_rad, tilt_rad=said.tilt.high_rad)
+        rig.wait(for_s / 2)
+        reading_of(unit)
+        return
+    pan = max(fraction * said.pan.max_rate_rad_s, said.pan.min_rate_rad_s)
+    tilt = max(0.3 * fraction * said.tilt.max_rate_rad_s, said.tilt.min_rate_rad_s)
+    end = rig.now() + for_s
+    while rig.now() < end:
+        unit.move_at(pan_rad_s=pan, tilt_rad_s=tilt)
+        reading_of(unit)
+        rig.wait(0.03)
+
+
+def rest_since_s(rig: ContractRig) -> float:
+    """Return since when both axes stand, s; the present where one turns."""
+    now = rig.now()
+    t = now
+    here = {axis: rig.truth(axis, now) for axis in Axis}
+    while t > now - 30.0 and all(abs(rig.truth(axis, t - 0.005) - here[axis]) < 1e-9 for axis in Axis):
+        t -= 0.005
+    return t
+
+
+def is_preempted(unit: PanTiltUnit) -> bool:
+    """Return whether a halt waits for the line that another call uses."""
+    lock = unit._lock  # type: ignore[attr-defined]
+    return bool(lock.is_preempted)
 
 
 class PanTiltContract:
@@ -237,3 +287,125 @@ class PanTiltContract:
             assert sum(counts.doubts.values()) > 0
             assert set(counts.doubts) <= set(DoubtReason)
             assert counts.readings >= 2
+
+    def test_it_stands_when_its_host_dies(self, rig: ContractRig) -> None:
+        """No call any more, no watchdog of ours: only the unit's time passes. What cannot stop says so."""
+        with rig.open(rig.settings) as unit:
+            said = unit.describe()
+            assert said.lease.kind is rig.lease
+            assert (Capability.VELOCITY in said.capabilities) is (rig.lease is not LeaseKind.NO_RATES)
+            if rig.lease is LeaseKind.NO_RATES:
+                assert said.lease.stop_s == math.inf
+                return
+            for fraction in (0.3, 0.02):
+                set_moving(rig, unit, fraction=fraction)
+                died = rig.now()
+                rig.wait(3.0)
+                rest = rest_since_s(rig) - died
+                if rig.lease is LeaseKind.NONE:
+                    assert said.lease.stop_s == math.inf
+                    assert rest == 3.0
+                else:
+                    assert 0.1 < rest <= min(rig.rest_s, said.lease.stop_s)
+                    # and it obeys again
+                    unit.halt()
+                    until_still(rig, unit)
+
+    def test_a_rate_that_is_renewed_goes_on(self, rig: ContractRig) -> None:
+        """What ends by itself must not end, nor falter, while it is renewed as seldom as is allowed."""
+        with rig.open(rig.settings) as unit:
+            said = unit.describe()
+            if Capability.VELOCITY not in said.capabilities:
+                return
+            rate = 0.1 * said.pan.max_rate_rad_s
+            begun = reached = rig.now()
+            while rig.now() < begun + 3.0:
+                if rig.now() >= reached:
+                    unit.move_at(pan_rad_s=rate, tilt_rad_s=0.0)
+                    reached = rig.now() + 0.15
+                unit.read()
+                rig.wait(0.01)
+            # a unit that takes ten commands a second sets off a second later
+            steps = [begun + 1.5 + 0.1 * k for k in range(15)]
+            rates = [(rig.truth(Axis.PAN, t + 0.1) - rig.truth(Axis.PAN, t)) / 0.1 for t in steps]
+            assert min(map(abs, rates)) > 0.9 * max(map(abs, rates))
+
+    @pytest.mark.parametrize("by", ["rate", "position"])
+    def test_a_trickling_answer_holds_nothing_up(self, rig: ContractRig, by: str) -> None:
+        """A byte every 0.15 s: never silent, never done. Each call ends in its time, and a halt is heard."""
+        with rig.open(rig.settings) as unit:
+            bound = unit.describe().reply_timeout_s
+            set_moving(rig, unit, by=by)
+            rig.trickle(0.15)
+            asked = rig.now()
+            assert isinstance(unit.read(), NoReading)
+            assert rig.now() - asked <= bound + 0.05
+            asked = rig.now()
+            with suppress(PtuError):
+                unit.halt()
+            assert rig.now() - asked <= 3 * bound + 0.1
+            rig.wait(2.0)
+            # out at once: what remains is braking
+            assert rest_since_s(rig) < asked + 1.0
+            for _ in range(5):
+                asked = rig.now()
+                assert isinstance(unit.read(), NoReading)
+                assert rig.now() - asked <= bound + 0.05
+            rig.trickle(0.0)
+            back = rig.now()
+            while not isinstance(unit.read(), Reading):
+                assert rig.now() - back < 3.0
+                rig.wait(0.01)
+
+    @pytest.mark.parametrize("by", ["rate", "position"])
+    def test_a_halt_overtakes_a_read(self, rig: ContractRig, by: str) -> None:
+        """Another thread's halt while an answer is awaited that would take seconds."""
+        told: list[float] = []
+        with rig.open(replace(rig.settings, reply_timeout_s=3.0)) as unit:
+
+            def halt() -> None:
+                with suppress(PtuError):
+                    unit.halt()
+
+            halting = threading.Thread(target=halt)
+
+            def tell() -> None:
+                told.append(rig.now())
+                halting.start()
+                limit = time.monotonic() + 60.0
+                while not is_preempted(unit) and time.monotonic() < limit:
+                    time.sleep(0.001)
+
+            set_moving(rig, unit, by=by)
+            rig.trickle(0.15)
+            rig.at(rig.now() + 0.05, tell)
+            got = unit.read()
+            let_go = rig.now()
+            halting.join(60.0)
+            assert isinstance(got, NoReading)
+            assert got.reason is DoubtReason.PREEMPTED
+            assert let_go - told[0] <= 0.15
+            assert rest_since_s(rig) < told[0] + 1.0
+            rig.trickle(0.0)
+
+    @pytest.mark.parametrize("how", ["unplugged", "silent"])
+    def test_no_motion_by_rate_outlives_a_lost_line(self, rig: ContractRig, how: str) -> None:
+        """The line is lost in motion and comes back: what was commanded before is halted, not gone on with."""
+        with rig.open(replace(rig.settings, watchdog_s=60.0)) as unit:
+            if Capability.VELOCITY not in unit.describe().capabilities:
+                return
+            set_moving(rig, unit, fraction=0.1)
+            (rig.unplug if how == "unplugged" else rig.cut)()
+            lost = rig.now()
+            while unit.health().state is not UnitState.LINE_LOST:
+                assert isinstance(unit.read(), NoReading)
+                assert rig.now() - lost < 5.0
+            (rig.plug if how == "unplugged" else rig.mend)()
+            while not isinstance(unit.read(), Reading):
+                assert rig.now() - lost < 8.0
+            back = rig.now()
+            # asked all the time, which keeps a unit's own watchdog content
+            while rig.now() < back + 2.0:
+                unit.read()
+                rig.wait(0.02)
+            assert rest_since_s(rig) < back + 1.0

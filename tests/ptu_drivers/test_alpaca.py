@@ -116,6 +116,35 @@ def test_an_equatorial_mount_takes_no_rates() -> None:
         unit.move_at(pan_rad_s=0.01, tilt_rad_s=0.0)
 
 
+class Noted(VirtualHttp):
+    """Notes what is set, and answers one question otherwise."""
+
+    def __init__(self, mount: SimulatedMount, name: str = "", value: object = None) -> None:
+        super().__init__(mount)
+        self.put: list[str] = []
+        self._name, self._value = name, value
+
+    def transfer(self, method: str, path: str, query: str, until_s: float) -> tuple[int, bytes]:
+        name = path.split("?")[0].rsplit("/", 1)[-1]
+        if method == "PUT":
+            self.put.append(name)
+        status, body = super().transfer(method, path, query, until_s)
+        return changed(Value=self._value)(status, body) if name == self._name else (status, body)
+
+
+def test_a_mount_that_does_not_slew_by_altitude_is_refused() -> None:
+    line = Noted(SimulatedMount(), "canslewaltazasync", False)
+    with pytest.raises(ProtocolError, match="got a mount without SlewToAltAzAsync; wanted one that slews by altitude"):
+        connect_alpaca(line, UnitSettings(), AlpacaOptions(altitude_low_deg=-10.0), watch=False)
+
+
+@pytest.mark.parametrize(("already", "put"), [(False, ["connected"]), (True, [])])
+def test_a_mount_is_connected_only_if_it_is_not(already: bool, put: list[str]) -> None:
+    line = Noted(SimulatedMount(), "connected", already)
+    connect_alpaca(line, UnitSettings(), AlpacaOptions(altitude_low_deg=-10.0), watch=False)
+    assert [name for name in line.put if name == "connected"] == put
+
+
 def test_what_the_mount_refuses_is_told() -> None:
     line, unit = rig()
     line.spoil = changed(ErrorNumber=1032, ErrorMessage="parked")
@@ -125,7 +154,7 @@ def test_what_the_mount_refuses_is_told() -> None:
 
 @pytest.fixture
 def server() -> Iterator[tuple[str, SimulatedMount]]:
-    """The mount behind a real socket; `dawdle` sleeps longer than anybody waits."""
+    """The mount behind a real socket; `dawdle` sleeps longer than anybody waits, `trickles` a byte at a time."""
     mount = SimulatedMount(MountModel(max_rate_deg_s=100.0, acceleration_deg_s2=2000.0))
 
     class Handler(BaseHTTPRequestHandler):
@@ -138,6 +167,11 @@ def server() -> Iterator[tuple[str, SimulatedMount]]:
             self.send_response(status)
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
+            if server.trickles and self.command == "GET":
+                for byte in body:
+                    self.wfile.write(bytes((byte,)))
+                    time.sleep(0.15)
+                return
             self.wfile.write(body)
 
         def do_GET(self) -> None:
@@ -151,6 +185,7 @@ def server() -> Iterator[tuple[str, SimulatedMount]]:
 
     class Server(ThreadingHTTPServer):
         dawdle = False
+        trickles = False
         daemon_threads = True
 
         def handle_error(self, request: object, client_address: object) -> None:
@@ -197,6 +232,28 @@ def test_a_slow_server_gives_no_angle_and_its_late_answer_is_never_read(server: 
         while not isinstance(got := unit.read(), Reading):
             assert time.monotonic() < end
         assert DoubtReason.ECHO_MISMATCH not in unit.health().doubts
+
+
+def test_a_trickling_answer_holds_up_neither_read_nor_halt(server: tuple[str, SimulatedMount]) -> None:
+    """An angle's answer would take half a minute, while the mount turns."""
+    url, mount = server
+    with open_ptu(url, "alpaca", UnitSettings(reply_timeout_s=10.0, watchdog_s=0.0)) as unit:
+        assert isinstance(unit.read(), Reading)
+        unit.move_at(pan_rad_s=0.3, tilt_rad_s=0.0)
+        mount.server.trickles = True  # type: ignore[attr-defined]
+        answered: list[Reading | NoReading] = []
+        reading = threading.Thread(target=lambda: answered.append(unit.read()))
+        reading.start()
+        time.sleep(0.3)
+        asked = time.monotonic()
+        unit.halt()
+        # one exchange may take 20 s here: it was not waited for
+        assert time.monotonic() - asked < 8.0
+        reading.join(60.0)
+        assert isinstance(answered[0], NoReading)
+        assert answered[0].reason is DoubtReason.PREEMPTED
+        mount.server.trickles = False  # type: ignore[attr-defined]
+    assert mount.axes[Axis.PAN].speed(time.monotonic()) == 0
 
 
 def test_nobody_there_is_named() -> None:

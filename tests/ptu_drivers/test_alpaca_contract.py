@@ -1,9 +1,11 @@
 """A mount behind Alpaca keeps the contract of a pan-tilt unit: simulated, in virtual time."""
 
 import math
+from collections.abc import Callable
 
 import pytest
 
+from ptu_drivers import LeaseKind
 from ptu_drivers.alpaca import AlpacaOptions, connect_alpaca
 from ptu_drivers.messages import Axis
 from ptu_drivers.settings import UnitSettings
@@ -21,8 +23,8 @@ def alpaca_rig(model: MountModel, settings: UnitSettings) -> ContractRig:
             return math.radians(mount.altitude_deg(t_s))
         return -math.remainder(math.radians(mount.azimuth_deg(t_s)), 2 * math.pi)
 
-    def set_dead(dead: bool) -> None:
-        line.dead = dead
+    def sets(name: str, value: float) -> Callable[[], None]:
+        return lambda: setattr(line, name, value)
 
     return ContractRig(
         open=lambda settings: connect_alpaca(
@@ -31,8 +33,13 @@ def alpaca_rig(model: MountModel, settings: UnitSettings) -> ContractRig:
         now=line.now,
         wait=line.wait,
         truth=truth,
-        cut=lambda: set_dead(True),
-        mend=lambda: set_dead(False),
+        cut=sets("dead", True),
+        mend=sets("dead", False),
+        unplug=sets("gone", True),
+        plug=sets("gone", False),
+        trickle=lambda apart_s: setattr(line, "trickle_s", apart_s),
+        at=line.at,
+        lease=LeaseKind.NONE if model.alignment == 0 else LeaseKind.NO_RATES,
         settings=settings,
         time_sigma_s=0.0005,
     )

@@ -56,7 +56,8 @@ def test_jog(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     rows = capsys.readouterr().out.splitlines()
     assert len(rows) == 4
     assert all("reached" in row for row in rows)
-    assert rows[0].startswith("pan     2.99") or rows[0].startswith("pan     3.00")
+    assert rows[0].startswith("pan ")
+    assert float(rows[0].split()[1]) == pytest.approx(3.0, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +73,8 @@ def test_refused_with_the_limits_name(
     url: str, more: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["ptu", "jog", url, *more]) == 1
-    assert capsys.readouterr().err == f"groundstation: {message}\n"
+    # before the first move it is said that nothing is known of the Sun
+    assert capsys.readouterr().err.splitlines()[-1] == f"groundstation: {message}"
 
 
 def test_no_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -94,7 +96,8 @@ def test_without_pyserial_it_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "serial", None)
     assert main(["ptu", "probe", "/dev/ttyUSB0"]) == 1
-    assert "pip install 'groundstation[ptu]'" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert error == "groundstation: a serial line needs a package that is not installed: pip install pyserial\n"
 
 
 @pytest.mark.parametrize(
@@ -108,7 +111,6 @@ def test_without_pyserial_it_says_what_to_install(
         ["simulate", "--link", "x", "--latency-ms=-1,2"],
         ["simulate", "--link", "x", "--backlash-deg", "nan"],
         ["jog", "x", "--pan", "far"],
-        ["probe"],
         [],
     ],
 )

@@ -12,7 +12,7 @@ import pytest
 from ptu_drivers import dynamixel_table as table
 from ptu_drivers import open_ptu
 from ptu_drivers.dynamixel import DynamixelOptions, DynamixelUnit, connect_dynamixel
-from ptu_drivers.errors import LimitError, MissingExtraError, ProtocolError, RefusedError
+from ptu_drivers.errors import LimitError, MissingPackageError, NoAnswerError, ProtocolError, RefusedError
 from ptu_drivers.health import DoubtReason
 from ptu_drivers.messages import AngleSource, Axis, NoReading, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings
@@ -197,6 +197,54 @@ def test_the_servos_stop_by_themselves_when_the_line_dies() -> None:
     assert sim.servo(Axis.PAN).axis.speed(line.now()) < 0
 
 
+@pytest.mark.parametrize(("watchdog_s", "lease_s"), [(0.2, 0.2), (0.5, 0.5), (60.0, 0.5), (0.0, 0.5)])
+def test_the_servos_own_watchdog_has_the_lease_whatever_ours_has(watchdog_s: float, lease_s: float) -> None:
+    """Ours may be off or patient: a dead host is another matter. Questions keep the servo's content."""
+    sim, line = rig()
+    unit = connect(line, UnitSettings(watchdog_s=watchdog_s))
+    assert unit.describe().lease.renewed_s == lease_s
+    unit.move_at(pan_rad_s=0.3, tilt_rad_s=0.0)
+    for axis in Axis:
+        assert sim.servo(axis).get(table.BUS_WATCHDOG) == round(lease_s / 0.02)
+    if watchdog_s != lease_s:
+        for _ in range(20):
+            line.wait(0.1)
+            reading(unit)
+        assert sim.servo(Axis.PAN).axis.speed(line.now()) != 0
+    last_s = sim.servo(Axis.PAN).heard_s
+    line.wait(1.5)
+    pan = sim.servo(Axis.PAN)
+    assert pan.get(table.BUS_WATCHDOG) == -1
+    assert pan.axis.speed(last_s + lease_s - 0.01) != 0
+    assert pan.axis.speed(last_s + lease_s + 0.1) == 0
+    # closed goals are opened again by the next command, and a move to a position has no watchdog
+    unit.move_to(pan_rad=0.0)
+    assert pan.get(table.BUS_WATCHDOG) == 0
+    line.wait(3.0)
+    assert sim.head_rad(Axis.PAN, line.now()) == pytest.approx(0.0, abs=0.002)
+
+
+def test_a_halt_that_gets_no_answer_is_heard_in_both_modes() -> None:
+    for by_rate in (True, False):
+        sim, line = rig()
+        unit = connect(line)
+        reading(unit)
+        if by_rate:
+            unit.move_at(pan_rad_s=0.3, tilt_rad_s=0.2)
+        else:
+            unit.move_to(pan_rad=1.0, tilt_rad=0.5)
+        line.wait(0.2)
+        reading(unit)
+        line.trickle_s = 10.0
+        asked = line.now()
+        with pytest.raises(NoAnswerError):
+            unit.halt()
+        for axis in Axis:
+            # one braking from 60 deg/s, and back to where it was seen last
+            assert sim.servo(axis).axis.speed(asked + 0.4) == 0
+            assert abs(sim.head_rad(axis, line.now()) - sim.head_rad(axis, asked)) < 0.03
+
+
 def test_rates_end_at_the_limit_and_below_the_slowest_are_refused() -> None:
     sim, line = rig()
     unit = connect(line, UnitSettings(pan=AxisSettings(low_rad=-0.4, high_rad=0.4)))
@@ -251,7 +299,7 @@ def test_without_the_sdk_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(builtins, "__import__", without)
     _, line = rig()
-    with pytest.raises(MissingExtraError, match=r"groundstation\[dynamixel\]"):
+    with pytest.raises(MissingPackageError, match=r"groundstation\[dynamixel\]"):
         connect(line)
 
 

@@ -1,7 +1,10 @@
 """Two Dynamixel servos keep the contract of a pan-tilt unit: simulated, in virtual time, behind the maker's SDK."""
 
+from collections.abc import Callable
+
 import pytest
 
+from ptu_drivers import LeaseKind
 from ptu_drivers.dynamixel import DynamixelOptions, connect_dynamixel
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.simulated_dynamixel import SimulatedDynamixel
@@ -15,16 +18,21 @@ peer_module("dynamixel-sdk", "dynamixel_sdk")
 def dynamixel_rig(unit: SimulatedDynamixel) -> ContractRig:
     line = VirtualLine(unit, unit.baud)
 
-    def set_dead(dead: bool) -> None:
-        line.dead = dead
+    def sets(name: str, value: float) -> Callable[[], None]:
+        return lambda: setattr(line, name, value)
 
     return ContractRig(
         open=lambda settings: connect_dynamixel(line, settings, DynamixelOptions(), watch=False),
         now=line.now,
         wait=line.wait,
         truth=unit.head_rad,
-        cut=lambda: set_dead(True),
-        mend=lambda: set_dead(False),
+        cut=sets("dead", True),
+        mend=sets("dead", False),
+        unplug=sets("gone", True),
+        plug=sets("gone", False),
+        trickle=lambda apart_s: setattr(line, "trickle_s", apart_s),
+        at=line.at,
+        lease=LeaseKind.UNIT_WATCHDOG,
         settings=UnitSettings(),
         time_sigma_s=0.0005,
     )

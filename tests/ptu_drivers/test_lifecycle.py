@@ -12,9 +12,11 @@ import pytest
 
 from ptu_drivers import LineError, ProtocolError, Reading, RefusedError, UnitSettings, open_ptu
 from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.health import DoubtReason, HealthCounter
+from ptu_drivers.flir import connect
+from ptu_drivers.health import DoubtReason, HealthCounter, UnitState
 from ptu_drivers.messages import Axis, AxisDescription, Capability, UnitDescription
 from ptu_drivers.polled_unit import PolledUnit
+from ptu_drivers.preemption import LineLock
 from ptu_drivers.simulated_flir import FlirModel, Said
 from ptu_drivers.simulated_line import VirtualLine
 from ptu_drivers.simulated_server import SimulatedServer
@@ -159,6 +161,9 @@ class DeafLine:
 
     url = "deaf"
 
+    def __init__(self) -> None:
+        self.lock = LineLock()
+
     def now(self) -> float:
         return time.monotonic()
 
@@ -204,20 +209,22 @@ class DeafUnit(PolledUnit):
         self.turning = False
 
 
+AXIS = AxisDescription(quantum_rad=1e-4, low_rad=-1.0, high_rad=1.0, max_rate_rad_s=1.0)
+DEAF = UnitDescription(
+    protocol="test",
+    url="deaf",
+    model="",
+    firmware="",
+    serial="",
+    pan=AXIS,
+    tilt=AXIS,
+    capabilities=frozenset({Capability.VELOCITY}),
+    reply_timeout_s=0.05,
+)
+
+
 def test_a_halt_that_was_not_heard_is_tried_until_it_is() -> None:
-    axis = AxisDescription(quantum_rad=1e-4, low_rad=-1.0, high_rad=1.0, max_rate_rad_s=1.0)
-    about = UnitDescription(
-        protocol="test",
-        url="deaf",
-        model="",
-        firmware="",
-        serial="",
-        pan=axis,
-        tilt=axis,
-        capabilities=frozenset({Capability.VELOCITY}),
-        reply_timeout_s=0.05,
-    )
-    unit = DeafUnit(DeafLine(), UnitSettings(watchdog_s=0.2), about, HealthCounter(), watch=True)
+    unit = DeafUnit(DeafLine(), UnitSettings(watchdog_s=0.2), DEAF, HealthCounter(), watch=True)
     unit.move_at(pan_rad_s=0.1, tilt_rad_s=0.0)
     unit.deaf = True
     # nobody reads, nobody commands: the watchdog halts, is not heard, and must not give up
@@ -229,3 +236,27 @@ def test_a_halt_that_was_not_heard_is_tried_until_it_is() -> None:
         time.sleep(0.02)
     assert not unit.turning
     unit.close()
+
+
+@pytest.mark.parametrize("deaf", [True, False])
+def test_a_closed_unit_says_whether_its_halt_was_acknowledged(deaf: bool) -> None:
+    """Expected: `close` never raises; what came of it is in the health."""
+    unit = DeafUnit(DeafLine(), UnitSettings(), DEAF, HealthCounter(), watch=False)
+    unit.move_at(pan_rad_s=0.1, tilt_rad_s=0.0)
+    assert not unit.health().halt_owed
+    unit.deaf = deaf
+    unit.close()
+    assert unit.health().state is UnitState.CLOSED
+    assert unit.health().halt_owed is deaf
+    assert unit.turning is deaf
+
+
+@pytest.mark.parametrize("dead", [True, False])
+def test_a_closed_flir_says_whether_its_halt_was_acknowledged(dead: bool) -> None:
+    virtual = VirtualLine(SimulatedUnit(FlirModel(), LineModel()))
+    unit = connect(virtual, UnitSettings())
+    unit.move_at(pan_rad_s=0.05, tilt_rad_s=0.0)
+    assert not unit.health().halt_owed
+    virtual.dead = dead
+    unit.close()
+    assert unit.health().halt_owed is dead

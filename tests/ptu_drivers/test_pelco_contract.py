@@ -1,7 +1,10 @@
 """Pelco units keep the contract of a pan-tilt unit: simulated, in virtual time."""
 
+from collections.abc import Callable
+
 import pytest
 
+from ptu_drivers import LeaseKind
 from ptu_drivers.pelco import PelcoOptions, connect_pelco
 from ptu_drivers.pelco_codec import PelcoFraming
 from ptu_drivers.settings import UnitSettings
@@ -16,8 +19,8 @@ def pelco_rig(model: PelcoModel, **options: object) -> ContractRig:
     if "speeds_deg_s" in options:
         options["speeds_deg_s"] = unit.speed_table()
 
-    def set_dead(dead: bool) -> None:
-        line.dead = dead
+    def sets(name: str, value: float) -> Callable[[], None]:
+        return lambda: setattr(line, name, value)
 
     return ContractRig(
         open=lambda settings: connect_pelco(
@@ -30,8 +33,13 @@ def pelco_rig(model: PelcoModel, **options: object) -> ContractRig:
         now=line.now,
         wait=line.wait,
         truth=unit.head_rad,
-        cut=lambda: set_dead(True),
-        mend=lambda: set_dead(False),
+        cut=sets("dead", True),
+        mend=sets("dead", False),
+        unplug=sets("gone", True),
+        plug=sets("gone", False),
+        trickle=lambda apart_s: setattr(line, "trickle_s", apart_s),
+        at=line.at,
+        lease=LeaseKind.NONE if "speeds_deg_s" in options else LeaseKind.NO_RATES,
         settings=UnitSettings(),
         time_sigma_s=0.0005,
     )

@@ -3,10 +3,17 @@
 import math
 import random
 
+import pytest
+
+from ptu_drivers import DoubtReason, NoReading, Reading, UnitSettings
+from ptu_drivers.flir import connect
 from ptu_drivers.instants import DeviceClock, Latency, of_query
 from ptu_drivers.messages import AngleSource
 from ptu_drivers.plausibility import Plausibility, Point, Verdict
 from ptu_drivers.simulated_axis import SimulatedAxis
+from ptu_drivers.simulated_flir import FlirModel
+from ptu_drivers.simulated_line import VirtualLine
+from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
 
 
 def at(t_s: float, angle: float) -> Point:
@@ -54,6 +61,65 @@ def test_a_lost_digit_is_impossible_or_unconfirmed() -> None:
             verdict = g.judge(wrong)
             passed = verdict is Verdict.PLAUSIBLE or (verdict is Verdict.CONFIRM and g.confirms(wrong, again))
             assert not passed or abs(int(rest) - true) <= 9, (true, rest)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_what_no_axis_can_turn_is_impossible_however_often_it_is_said(way: int) -> None:
+    """At most 1.1 times the fastest, two steps and what the instants leave open: 456 counts in 0.05 s."""
+    for moved, verdict in ((440, Verdict.CONFIRM), (452, Verdict.CONFIRM), (460, Verdict.IMPOSSIBLE)):
+        g = gate()
+        g.accept(at(0.0, 100))
+        g.accept(at(0.05, 100))
+        assert g.judge(at(0.1, 100 + way * moved)) is verdict, moved
+    # without time between them only the steps and the instants count
+    g = gate()
+    g.accept(at(0.1, 100))
+    assert g.judge(at(0.1, 100 + way * 12)) is not Verdict.IMPOSSIBLE
+    assert g.judge(at(0.1, 100 + way * 14)) is Verdict.IMPOSSIBLE
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_without_a_past_two_angles_must_be_within_reach_of_each_other(way: int) -> None:
+    g = gate()
+    assert g.judge(at(0.0, 0)) is Verdict.CONFIRM
+    assert g.confirms(at(0.0, 0), at(0.05, way * 450))
+    assert not g.confirms(at(0.0, 0), at(0.05, way * 460))
+    g.accept(at(0.0, 0))
+    g.forget()
+    assert g.judge(at(0.01, 0)) is Verdict.CONFIRM
+    assert not g.has_past
+
+
+def test_a_change_of_speed_has_its_bound() -> None:
+    """Confirmed is what the acceleration allows between the middles of both intervals: 8 counts here, and the steps."""
+    for second, fits in ((100 + 20 + 8, True), (100 + 20 + 16, False), (100 + 20 - 16, False)):
+        g = gate()
+        g.accept(at(0.0, 50))
+        g.accept(at(0.05, 50))
+        assert g.confirms(at(0.10, 100), at(0.12, second)) is fits, second
+
+
+@pytest.mark.parametrize("faster", [3.0, 30.0])
+def test_a_unit_that_says_it_turns_faster_than_it_can_is_not_believed(faster: float) -> None:
+    """Consistent lies: each answer fits the one before, at a speed that the unit said it does not have."""
+    sim = SimulatedUnit(FlirModel(combined=False, device_clock=False), LineModel(), seed=3)
+    line = VirtualLine(sim)
+    with connect(line, UnitSettings()) as unit:
+        for _ in range(5):
+            assert isinstance(unit.read(), Reading)
+        pan = sim.flir.axes["P"]
+        pan.max_rate, pan.acceleration = faster * 8000.0, 1e9
+        pan.move_to(line.now(), pan.high, pan.max_rate)
+        arrives = pan.end_s()
+        refused = []
+        while line.now() < arrives - 0.1:
+            refused.append(unit.read())
+        assert refused
+        assert all(isinstance(got, NoReading) for got in refused)
+        assert unit.health().doubts.keys() <= {DoubtReason.TOO_FAST, DoubtReason.UNCONFIRMED}
+        line.wait(1.0)
+        while not isinstance(unit.read(), Reading):
+            assert line.now() < arrives + 5.0
 
 
 def test_instants_stay_within_their_bounds() -> None:

@@ -1,0 +1,209 @@
+"""Halting a unit whose driver is gone or hangs: open its line though another program may hold it, halt, and no more.
+
+Nothing is probed, homed or set. The halt goes out before anything is asked: where a line carries one way only, the unit
+still stops. Then the unit is asked in its own protocol, so that the caller knows whether it was heard.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from ptu_drivers.alpaca import AlpacaOptions
+from ptu_drivers.alpaca_line import AlpacaTelescope
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.dynamixel import DynamixelOptions
+from ptu_drivers.errors import NoAnswerError, ProtocolError, PtuError, RefusedError
+from ptu_drivers.flir import BAUDS
+from ptu_drivers.flir_codec import encode as flir_encode
+from ptu_drivers.flir_line import FlirLine
+from ptu_drivers.health import HealthCounter
+from ptu_drivers.http_connection import HttpConnection
+from ptu_drivers.own_options import made_of
+from ptu_drivers.pelco import PelcoOptions
+from ptu_drivers.pelco_codec import Opcode, PelcoFraming, PelcoMessage
+from ptu_drivers.pelco_exchange import PelcoExchange
+from ptu_drivers.transport import SerialTransport
+
+# an answer is waited for so long; a unit answers within 10 ms, a loaded network within 100
+_REPLY_S = 0.15
+# a D-series unit drops what comes faster than ten commands a second
+_PACE_S = 0.11
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HaltLine:
+    """How one unit is reached by `halt_once`.
+
+    Attributes
+    ----------
+    url, protocol, options : as `open_ptu` takes them.
+    baud : what the driver raises the line to, bit/s; 0 where it keeps the unit's own.
+    """
+
+    url: str
+    protocol: str = "flir"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    baud: int = 0
+
+
+def halt_once(line: HaltLine, attempt: int = 0, clock: Callable[[], float] = time.monotonic) -> None:
+    """Send a halt, and return when the unit has acknowledged it; at most about half a second on a line that is open.
+
+    Parameters
+    ----------
+    line : the unit's. attempt : which try this is, from 0; settings that are not certain alternate.
+    clock : monotonic, s.
+
+    Raises
+    ------
+    PtuError : the line cannot be opened, or no acknowledgement came; then the unit may or may not have heard it.
+    """
+    began_s = clock()
+    try:
+        halt = HALTS[line.protocol]
+    except KeyError:
+        raise ProtocolError("protocol", got=line.protocol, wanted="one of " + ", ".join(HALTS)) from None
+    try:
+        halt(line, attempt, clock)
+    except Doubtful as fault:
+        raise NoAnswerError("halt", waited_s=clock() - began_s, got=str(fault)) from fault
+
+
+def _halt_flir(line: HaltLine, attempt: int, clock: Callable[[], float]) -> None:
+    bauds = tuple(dict.fromkeys((line.baud or BAUDS[0], BAUDS[0])))
+    transport = SerialTransport(line.url, bauds[attempt // 2 % len(bauds)], clock, exclusive=False)
+    try:
+        # twice: half a command of the driver that died may stand before the first and spoil it
+        _heard(transport, "H", clock() + _PACE_S)
+        heard = _heard(transport, "H", clock() + _REPLY_S)
+        transport.wait(_PACE_S)
+        asked = FlirLine(transport, HealthCounter(), _REPLY_S)
+        if not heard:
+            if attempt % 2:
+                # a unit that has lost its settings does not echo
+                asked.greet(clock() + 3 * asked.longest_s())
+            else:
+                asked.resynchronise(clock() + asked.longest_s())
+            _acknowledged(asked, "H")
+        if "velocity" in asked.ask("C").answer.text.lower():
+            # H stops the motion; the rates that are set must not begin again
+            _acknowledged(asked, "PS0")
+            _acknowledged(asked, "TS0")
+    finally:
+        transport.close()
+
+
+def _heard(transport: SerialTransport, command: str, until_s: float) -> bool:
+    """Send a command on a line in any state; return whether an answer came by then. A line that is full says no."""
+    transport.write(flir_encode(command))
+    answer = f"{command} *".encode()
+    received = b""
+    while True:
+        chunk = transport.read(until_s)
+        received += chunk.data
+        if answer in received:
+            return True
+        if not chunk.data:
+            return False
+
+
+def _acknowledged(line: FlirLine, command: str) -> None:
+    answer = line.ask(command).answer
+    if not answer.ok:
+        raise RefusedError(command, said=answer.text)
+
+
+def _halt_pelco(framing: PelcoFraming) -> Callable[[HaltLine, int, Callable[[], float]], None]:
+    def halt(line: HaltLine, _attempt: int, clock: Callable[[], float]) -> None:
+        options = made_of(PelcoOptions, "Pelco", line.options)
+        transport = SerialTransport(line.url, line.baud or options.baud, clock, exclusive=False)
+        exchange = PelcoExchange(
+            line=transport, address=options.address, framing=framing, reply_timeout_s=_REPLY_S, late_s=options.late_s
+        )
+        stop = PelcoMessage(address=options.address, opcode=Opcode.STOP)
+        pause_s = 8 * transport.character_s() + options.gap_s
+        try:
+            # a stop has no answer of its own: it goes before and after a question that has
+            for _ in range(2):
+                exchange.tell(stop)
+                transport.wait(pause_s)
+            try:
+                exchange.ask(exchange.barrier()[0], clock() + _REPLY_S + 16 * transport.character_s())
+            finally:
+                exchange.tell(stop)
+        finally:
+            transport.close()
+
+    return halt
+
+
+def _halt_dynamixel(line: HaltLine, _attempt: int, clock: Callable[[], float]) -> None:
+    # the maker's package is an extra: looked for only where a unit needs it
+    from ptu_drivers import dynamixel_table as table
+    from ptu_drivers.dynamixel_bus import DynamixelBus
+    from ptu_drivers.dynamixel_table import OperatingMode
+
+    options = made_of(DynamixelOptions, "Dynamixel", line.options)
+    transport = SerialTransport(line.url, line.baud or options.baud, clock, exclusive=False)
+    try:
+        bus = DynamixelBus(transport, _REPLY_S)
+        failed: Doubtful | None = None
+        for identifier in (options.pan_id, options.tilt_id):
+            try:
+                bus.drain()
+                try:
+                    bus.write(identifier, table.GOAL_VELOCITY, 0)
+                    if bus.read(identifier, table.OPERATING_MODE) != OperatingMode.VELOCITY:
+                        bus.write(identifier, table.GOAL_POSITION, bus.read(identifier, table.PRESENT_POSITION))
+                except RefusedError:
+                    # its own watchdog has closed its goals; without torque nothing turns it
+                    bus.write(identifier, table.TORQUE_ENABLE, 0)
+            except Doubtful as fault:
+                failed = fault
+        if failed is not None:
+            raise failed
+    finally:
+        transport.close()
+
+
+def _halt_alpaca(line: HaltLine, _attempt: int, clock: Callable[[], float]) -> None:
+    options = made_of(AlpacaOptions, "Alpaca", line.options)
+    connection = HttpConnection(line.url, clock)
+    connection.reopen()
+    telescope = AlpacaTelescope(connection, options.device)
+    refused: RefusedError | None = None
+    failed: Doubtful | PtuError | None = None
+    heard = False
+    try:
+        # what stops a slew need not stop a motion by rate, and a mount may know but one of them
+        for name, parameters in (
+            ("moveaxis", {"Axis": 0, "Rate": "0"}),
+            ("moveaxis", {"Axis": 1, "Rate": "0"}),
+            ("abortslew", {}),
+        ):
+            try:
+                telescope.put(name, clock() + _REPLY_S, **parameters)
+                heard = True
+            except RefusedError as fault:
+                refused = fault
+            except (Doubtful, PtuError) as fault:
+                failed = fault
+    finally:
+        connection.close()
+    if failed is not None:
+        raise failed
+    if refused is not None and not heard:
+        raise refused
+
+
+HALTS: Mapping[str, Callable[[HaltLine, int, Callable[[], float]], None]] = MappingProxyType(
+    {
+        "flir": _halt_flir,
+        "pelco-d": _halt_pelco(PelcoFraming.D),
+        "pelco-p": _halt_pelco(PelcoFraming.P),
+        "dynamixel": _halt_dynamixel,
+        "alpaca": _halt_alpaca,
+    }
+)

@@ -1,0 +1,175 @@
+"""One HTTP connection whose exchanges end when they must: connecting, sending, and all bytes of the answer.
+
+The time-out of a socket is that of one read: a server that sends a byte now and then holds up who waits for the whole
+answer for as long as it likes. Here every read has what is left of the exchange, and looks whether a halt waits.
+"""
+
+import http.client
+import os
+import select
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+from urllib.parse import urlsplit
+
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.errors import LineError, ProtocolError
+from ptu_drivers.health import DoubtReason
+from ptu_drivers.preemption import SLICE_S, LineLock
+
+_DEFAULT_PORT = 11111
+# an answer of Alpaca has some hundred bytes
+_LONGEST = 1 << 16
+# what a command gets that goes out when its call's time is over
+LEAST_S = 0.01
+
+
+class _ExchangeSocket(socket.socket):
+    """A socket that knows when the exchange under way must be over, and how much it may bring."""
+
+    until_s = 0.0
+    left = 0
+    clock: Callable[[], float]
+    lock: LineLock
+
+    def begin(self, until_s: float) -> None:
+        """Begin an exchange."""
+        self.until_s, self.left = until_s, 2 * _LONGEST
+
+    def connect_by(self, address: Any, until_s: float) -> None:
+        """Connect. Raises TimeoutError, OSError; Doubtful when a halt waits."""
+        self.begin(until_s)
+        self.setblocking(False)
+        self.connect_ex(address)
+        while not select.select([], [self], [], self._slice_s())[1]:
+            pass
+        if code := self.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            raise OSError(code, os.strerror(code))
+        self.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def sendall(self, data: Any, flags: int = 0, /) -> None:
+        """Send all of it by the end of the exchange."""
+        self.settimeout(max(LEAST_S, self.until_s - self.clock()))
+        super().sendall(data, flags)
+
+    def recv_into(self, buffer: Any, nbytes: int = 0, flags: int = 0, /) -> int:
+        """Receive what is there, or wait for it until the end of the exchange."""
+        while True:
+            self.settimeout(self._slice_s())
+            try:
+                got = super().recv_into(buffer, nbytes, flags)
+            except TimeoutError:
+                continue
+            self.left -= got
+            if self.left < 0:
+                raise http.client.HTTPException(f"an answer of more than {2 * _LONGEST} bytes")
+            return got
+
+    def _slice_s(self) -> float:
+        """Return how long to wait now, s. Raises TimeoutError at the end of the exchange; Doubtful."""
+        self.lock.insist()
+        left_s = self.until_s - self.clock()
+        if left_s <= 0.0:
+            raise TimeoutError
+        return min(left_s, SLICE_S)
+
+
+class HttpConnection:
+    """A connection that is kept open between requests.
+
+    After a request without an answer it is closed: a late answer then has nowhere to arrive, so that none can be taken
+    for the answer to the next request. A halt that comes while an answer is awaited therefore has a connection of its
+    own. The host's name is resolved once, when the line is opened.
+    """
+
+    def __init__(self, url: str, clock: Callable[[], float] = time.monotonic) -> None:
+        try:
+            parts = urlsplit(url)
+            port = parts.port or _DEFAULT_PORT
+        except ValueError as wrong:
+            raise ProtocolError("Alpaca address", got=url, wanted="http://host:port") from wrong
+        if parts.scheme != "http" or not parts.hostname:
+            raise ProtocolError("Alpaca address", got=url, wanted="http://host:port")
+        self.url = url
+        self.lock = LineLock()
+        self._host, self._port = parts.hostname, port
+        self._clock = clock
+        self._addresses: list[Any] = []
+        self._connection: http.client.HTTPConnection | None = None
+
+    def now(self) -> float:
+        """Return the clock, s."""
+        return self._clock()
+
+    def wait(self, duration_s: float) -> None:
+        """Sleep."""
+        time.sleep(max(0.0, duration_s))
+
+    def reopen(self) -> None:
+        """Forget the old connection; the next request makes a new one."""
+        self.close()
+        if not self._addresses:
+            try:
+                self._addresses = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
+            except OSError as unknown:
+                raise LineError(self.url, got=str(unknown), wanted="a host that has an address") from unknown
+        self._connection = http.client.HTTPConnection(self._host, self._port)
+
+    def close(self) -> None:
+        """Close."""
+        if self._connection is not None:
+            self._connection.close()
+
+    def transfer(self, method: str, path: str, query: str, until_s: float) -> tuple[int, bytes]:
+        """Send a request and return status and body."""
+        if self._connection is None:
+            raise LineError(self.url, got="a closed line", wanted="an open one")
+        until_s = max(until_s, self.now() + LEAST_S)
+        whole = False
+        try:
+            answer = self._request(self._connection, method, path, query, until_s)
+            body = answer.read(_LONGEST)
+            whole = answer.isclosed()
+            return answer.status, body
+        except TimeoutError as late:
+            raise Doubtful(DoubtReason.TIMEOUT, f"no whole answer to {path}") from late
+        except http.client.HTTPException as broken:
+            # an idle connection that the server closed shows only when it is used
+            raise Doubtful(DoubtReason.TRUNCATED, str(broken) or type(broken).__name__) from broken
+        except OSError as gone:
+            raise LineError(self.url, got=str(gone) or type(gone).__name__, wanted="an Alpaca server") from gone
+        finally:
+            if not whole:
+                self._connection.close()
+
+    def _request(
+        self, connection: http.client.HTTPConnection, method: str, path: str, query: str, until_s: float
+    ) -> http.client.HTTPResponse:
+        if isinstance(connection.sock, _ExchangeSocket):
+            connection.sock.begin(until_s)
+        else:
+            connection.sock = self._connect(until_s)
+        if method == "GET":
+            connection.request(method, f"{path}?{query}")
+        else:
+            form = {"Content-Type": "application/x-www-form-urlencoded"}
+            connection.request(method, path, body=query, headers=form)
+        return connection.getresponse()
+
+    def _connect(self, until_s: float) -> _ExchangeSocket:
+        """Connect to the first address that takes it. Raises TimeoutError, OSError, Doubtful."""
+        fault: OSError | None = None
+        for family, kind, number, _, address in self._addresses:
+            sock = _ExchangeSocket(family, kind, number)
+            sock.clock, sock.lock = self._clock, self.lock
+            try:
+                sock.connect_by(address, until_s)
+            except (OSError, Doubtful) as raised:
+                sock.close()
+                if not isinstance(raised, OSError):
+                    raise
+                fault = raised
+            else:
+                return sock
+        raise fault or OSError("no address")

@@ -1,0 +1,211 @@
+"""A process that halts units when the one that drives them stops vouching for them.
+
+A driver's own watchdog dies with its process. This one lives in another: the driving process renews a lease for each
+unit while it is well, in memory that both have; a lease that has run out, or a request, and the unit is halted over a
+connection of its own (`halt_only`). It also says that it is alive itself, so that no unit turns unguarded.
+"""
+
+import contextlib
+import multiprocessing as mp
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+from ptu_drivers.errors import PtuError
+from ptu_drivers.halt_only import HaltLine, halt_once
+
+# A lease's length, and how long a process may be silent before nothing relies on it. A unit then stands within 1 s,
+# half a second of braking included; renewals come every 0.05 s, so that a busy machine has seven chances.
+LEASE_S = 0.35
+_LOOK_S = 0.02
+_AGAIN_S = 0.05
+# a unit that does not acknowledge is told so long that it is to halt
+HALTING_S = 2.0
+# and so long once nobody is left to ask for it again
+_ORPHANED_S = 10.0
+_BEATS = 2
+_NICE = -10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardReport:
+    """What came of halting a unit: whether it acknowledged, when the guard began and ended, s, and why it failed."""
+
+    name: str
+    acknowledged: bool
+    began_s: float
+    ended_s: float
+    why: str = ""
+
+
+class MotionLeases:
+    """Instants in memory that several processes have, s on the machine's monotonic clock.
+
+    It goes to a process when that is made. Each value has one writer; writing eight aligned bytes is atomic.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        self._values: Any = mp.get_context("spawn").RawArray("d", _BEATS + len(self.names))
+
+    @property
+    def guard_beat_s(self) -> float:
+        """When the guard last said that it is alive; 0 before it has."""
+        return float(self._values[0])
+
+    @property
+    def driver_beat_s(self) -> float:
+        """When the driving process last said that it is alive; 0 before it has."""
+        return float(self._values[1])
+
+    def beat_guard(self, now_s: float) -> None:
+        """Say that the guard is alive."""
+        self._values[0] = now_s
+
+    def beat_driver(self, now_s: float) -> None:
+        """Say that the driving process is alive."""
+        self._values[1] = now_s
+
+    def until_s(self, name: str) -> float:
+        """Return when a unit's lease runs out; 0 where it has none."""
+        return float(self._values[_BEATS + self.names.index(name)])
+
+    def renew(self, name: str, until_s: float) -> None:
+        """Vouch for a unit until then."""
+        self._values[_BEATS + self.names.index(name)] = until_s
+
+    def release(self, name: str) -> None:
+        """A unit was halted by who drove it, and needs no guard."""
+        self._values[_BEATS + self.names.index(name)] = 0.0
+
+
+class HaltingThread:
+    """Halts one unit whenever it is asked to, in a thread of its own: a line that hangs holds up no other.
+
+    Parameters
+    ----------
+    report : takes what came of it. attempt : one try, as `halt_once`; raises PtuError.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        line: HaltLine,
+        report: Callable[[GuardReport], None],
+        *,
+        attempt: Callable[[HaltLine, int], None] = halt_once,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._name, self._line, self._report, self._attempt, self._clock = name, line, report, attempt, clock
+        self._asked = threading.Event()
+        self._halting = False
+        self._thread = threading.Thread(target=self._work, name=f"halt-{name}", daemon=True)
+        self._thread.start()
+
+    def request(self) -> None:
+        """Ask for a halt that begins from now on; while one goes on, another follows it."""
+        self._asked.set()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a halt is asked for and has no result yet."""
+        return self._asked.is_set() or self._halting
+
+    def _work(self) -> None:
+        while True:
+            self._asked.wait()
+            self._halting = True
+            self._asked.clear()
+            self._report(self._halt())
+            self._halting = False
+
+    def _halt(self) -> GuardReport:
+        began_s = self._clock()
+        why, attempt = "", 0
+        while attempt == 0 or self._clock() < began_s + HALTING_S:
+            try:
+                self._attempt(self._line, attempt)
+            except PtuError as fault:
+                why = str(fault)
+            except Exception as fault:  # noqa: BLE001 - whatever it is: the next try may reach the unit
+                why = f"{type(fault).__name__}: {fault}"
+            else:
+                return GuardReport(name=self._name, acknowledged=True, began_s=began_s, ended_s=self._clock())
+            attempt += 1
+            time.sleep(_AGAIN_S)
+        return GuardReport(name=self._name, acknowledged=False, began_s=began_s, ended_s=self._clock(), why=why)
+
+
+class Expiry:
+    """Which leases have run out and were not acted on yet.
+
+    A lease counts as run out when two looks in a row find it so: after a moment in which the whole machine stood still,
+    its holder is given the time of one look to renew it.
+    """
+
+    def __init__(self, leases: MotionLeases) -> None:
+        self._leases = leases
+        self._suspected: dict[str, float] = {}
+        self._handled: dict[str, float] = {}
+
+    def look(self, now_s: float) -> tuple[str, ...]:
+        """Return the names of units whose lease has run out since they were last returned."""
+        out = []
+        for name in self._leases.names:
+            until_s = self._leases.until_s(name)
+            if not 0.0 < until_s < now_s or self._handled.get(name) == until_s:
+                self._suspected.pop(name, None)
+            elif self._suspected.get(name) == until_s:
+                self._handled[name] = until_s
+                out.append(name)
+            else:
+                self._suspected[name] = until_s
+        return tuple(out)
+
+    def pending(self) -> bool:
+        """Return whether a lease is in force, or has run out and was not acted on."""
+        values = {name: self._leases.until_s(name) for name in self._leases.names}
+        return any(v > 0.0 and self._handled.get(name) != v for name, v in values.items())
+
+
+def serve_guard(lines: Mapping[str, HaltLine], leases: MotionLeases, pipe: Connection) -> None:
+    """Guard units until told to stop; after the other side is gone, until each is halted or released.
+
+    Words that come in: "halt" for all units, "stop". `GuardReport` go out.
+    """
+    # it sleeps nearly always, and must not wait for a core when it is needed; only some users may ask for that
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, _NICE)
+    sending = threading.Lock()
+
+    def report(what: GuardReport) -> None:
+        with sending, contextlib.suppress(OSError):
+            pipe.send(what)
+
+    halting = {name: HaltingThread(name, line, report) for name, line in lines.items()}
+    expiry = Expiry(leases)
+    orphaned_s: float | None = None
+    while True:
+        now_s = time.monotonic()
+        leases.beat_guard(now_s)
+        for name in expiry.look(now_s):
+            halting[name].request()
+        if orphaned_s is not None:
+            done = not expiry.pending() and not any(h.busy for h in halting.values())
+            if done or now_s > orphaned_s + _ORPHANED_S:
+                return
+            time.sleep(_LOOK_S)
+            continue
+        try:
+            if pipe.poll(_LOOK_S):
+                word = pipe.recv()
+                if word == "stop":
+                    return
+                for each in halting.values():
+                    each.request()
+        except (EOFError, OSError):
+            orphaned_s = now_s

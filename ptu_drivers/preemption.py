@@ -1,0 +1,148 @@
+"""A halt goes first: it takes a unit's line next, and what another thread has under way there is given up."""
+
+import threading
+from types import TracebackType
+from typing import Self
+
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.health import DoubtReason
+from ptu_drivers.transport import Chunk, Transport
+
+# an exchange looks so often whether a halt waits for its line
+SLICE_S = 0.02
+
+
+class LineLock:
+    """Who may use a line; re-entrant, a context manager.
+
+    A halt (`for_halt`) is let in before everything else that waits, and `is_preempted` asks the exchange that is under
+    way to give up. A halt itself is not preempted by another one.
+    """
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._owner = 0
+        self._depth = 0
+        self._owner_halts = False
+        self._halts_waiting = 0
+
+    @property
+    def is_preempted(self) -> bool:
+        """Return whether the exchange under way is to be given up."""
+        return self._halts_waiting > 0 and not self._owner_halts
+
+    def for_halt(self) -> "_Halting":
+        """Return a context manager that takes the line for a halt."""
+        return _Halting(self)
+
+    def insist(self) -> None:
+        """Return if the exchange under way may go on. Raises Doubtful."""
+        if self.is_preempted:
+            raise Doubtful(DoubtReason.PREEMPTED, "a halt from another thread")
+
+    def acquire(self, *, halts: bool = False) -> None:
+        """Wait for the line."""
+        me = threading.get_ident()
+        with self._changed:
+            if self._owner == me:
+                self._depth += 1
+                return
+            if halts:
+                self._halts_waiting += 1
+                try:
+                    self._changed.wait_for(lambda: self._owner == 0)
+                finally:
+                    self._halts_waiting -= 1
+            else:
+                self._changed.wait_for(lambda: self._owner == 0 and self._halts_waiting == 0)
+            self._owner, self._depth, self._owner_halts = me, 1, halts
+
+    def release(self) -> None:
+        """Give it back."""
+        with self._changed:
+            self._depth -= 1
+            if self._depth == 0:
+                self._owner, self._owner_halts = 0, False
+                self._changed.notify_all()
+
+    def __enter__(self) -> Self:
+        self.acquire()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+
+class _Halting:
+    """The lock, taken for a halt."""
+
+    def __init__(self, lock: LineLock) -> None:
+        self._lock = lock
+
+    def __enter__(self) -> None:
+        self._lock.acquire(halts=True)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._lock.release()
+
+
+class PreemptibleLine:
+    """A `Transport` whose reads are given up when a halt waits for the line; everything else is the transport's own.
+
+    Parameters
+    ----------
+    transport : the line itself; owned by this from now on.
+    """
+
+    def __init__(self, transport: Transport) -> None:
+        self.url = transport.url
+        self.lock = LineLock()
+        self._transport = transport
+
+    def read(self, until_s: float) -> Chunk:
+        """Return what is there, or wait for it. Raises LineError; Doubtful when a halt waits."""
+        while True:
+            self.lock.insist()
+            chunk = self._transport.read(min(until_s, self._transport.now() + SLICE_S))
+            if chunk.data or self._transport.now() >= until_s:
+                return chunk
+
+    def now(self) -> float:
+        """Return the clock, s."""
+        return self._transport.now()
+
+    def wait(self, duration_s: float) -> None:
+        """Let time pass."""
+        self._transport.wait(duration_s)
+
+    def character_s(self) -> float:
+        """Return what one character takes on the line, s."""
+        return self._transport.character_s()
+
+    def send_sigma_s(self) -> float:
+        """Return the spread of the delay between `write` and the line, s."""
+        return self._transport.send_sigma_s()
+
+    def set_baud(self, baud: int) -> bool:
+        """Change the speed of our end. Raises LineError."""
+        return self._transport.set_baud(baud)
+
+    def baud(self) -> int:
+        """Return the speed of our end, bit/s."""
+        return self._transport.baud()
+
+    def write(self, data: bytes) -> float:
+        """Send all of it; return when the last byte was handed over, s. Raises LineError."""
+        return self._transport.write(data)
+
+    def reopen(self) -> None:
+        """Close and open again. Raises LineError."""
+        self._transport.reopen()
+
+    def close(self) -> None:
+        """Let go of the line."""
+        self._transport.close()

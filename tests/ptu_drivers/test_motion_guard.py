@@ -1,0 +1,171 @@
+"""Leases that run out, halts that are tried until they are acknowledged, and a guard that outlives who asked for it."""
+
+import multiprocessing as mp
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from ptu_drivers.errors import NoAnswerError
+from ptu_drivers.halt_only import HaltLine
+from ptu_drivers.messages import Axis
+from ptu_drivers.motion_guard import HALTING_S, LEASE_S, Expiry, GuardReport, HaltingThread, MotionLeases, serve_guard
+from ptu_drivers.simulated_line import VirtualLine
+from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
+from ptu_drivers.simulated_server import SimulatedServer
+
+LINE = HaltLine(url="nowhere")
+
+
+def until(condition: Callable[[], bool], seconds: float = 30.0) -> bool:
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def test_a_lease_that_runs_out_is_acted_on_once() -> None:
+    leases = MotionLeases(("left", "right"))
+    expiry = Expiry(leases)
+    assert expiry.look(100.0) == ()
+    leases.renew("left", 10.0)
+    leases.renew("right", 20.0)
+    assert expiry.pending()
+    assert expiry.look(9.99) == expiry.look(10.0) == ()
+    # the second look in a row that finds it so
+    assert expiry.look(10.01) == ()
+    assert expiry.look(10.03) == ("left",)
+    assert expiry.look(10.05) == ()
+    assert expiry.pending()
+    leases.release("right")
+    assert not expiry.pending()
+    assert expiry.look(99.0) == ()
+
+
+def test_a_lease_that_is_renewed_in_between_is_in_force() -> None:
+    leases = MotionLeases(("left",))
+    expiry = Expiry(leases)
+    leases.renew("left", 10.0)
+    assert expiry.look(10.1) == ()
+    leases.renew("left", 10.5)
+    assert expiry.look(10.2) == ()
+    assert expiry.look(10.6) == ()
+    assert expiry.look(10.7) == ("left",)
+    # and each time again
+    leases.renew("left", 11.0)
+    assert [expiry.look(t) for t in (10.9, 11.1, 11.2, 11.3)] == [(), (), ("left",), ()]
+
+
+def test_beats_and_leases_do_not_share_their_places() -> None:
+    leases = MotionLeases(("left", "right"))
+    leases.beat_guard(1.0)
+    leases.beat_driver(2.0)
+    leases.renew("left", 3.0)
+    leases.renew("right", 4.0)
+    values = (leases.guard_beat_s, leases.driver_beat_s, leases.until_s("left"), leases.until_s("right"))
+    assert values == (1.0, 2.0, 3.0, 4.0)
+    leases.release("left")
+    assert (leases.until_s("left"), leases.until_s("right")) == (0.0, 4.0)
+
+
+def test_a_halt_is_tried_until_it_is_acknowledged() -> None:
+    tries: list[int] = []
+    reports: list[GuardReport] = []
+
+    def attempt(line: HaltLine, number: int) -> None:
+        tries.append(number)
+        if number < 2:
+            raise NoAnswerError("halt", waited_s=0.1, got="nothing")
+        if number > 2:
+            raise RuntimeError("tried once too often")
+
+    thread = HaltingThread("left", LINE, reports.append, attempt=attempt)
+    thread.request()
+    assert until(lambda: bool(reports))
+    assert tries == [0, 1, 2]
+    assert reports[0].acknowledged
+    assert until(lambda: not thread.busy)
+
+
+@pytest.mark.parametrize("fault", [NoAnswerError("halt", waited_s=0.1, got="nothing"), RuntimeError("a fault of ours")])
+def test_a_halt_that_nobody_acknowledges_is_reported_as_that(fault: Exception) -> None:
+    """Expected: after the time for it, on a clock that goes on with each try, with the last reason."""
+    reports: list[GuardReport] = []
+    now_s = [0.0]
+
+    def attempt(line: HaltLine, number: int) -> None:
+        now_s[0] += HALTING_S / 4
+        raise fault
+
+    HaltingThread("left", LINE, reports.append, attempt=attempt, clock=lambda: now_s[0]).request()
+    assert until(lambda: bool(reports))
+    assert not reports[0].acknowledged
+    assert str(fault) in reports[0].why
+    assert reports[0].ended_s == HALTING_S
+
+
+def test_a_request_during_a_halt_is_another_halt() -> None:
+    """Expected: what was commanded after the first began is halted, too."""
+    begun, go_on = threading.Event(), threading.Event()
+    reports: list[GuardReport] = []
+
+    def attempt(line: HaltLine, number: int) -> None:
+        begun.set()
+        go_on.wait(10.0)
+
+    thread = HaltingThread("left", LINE, reports.append, attempt=attempt)
+    thread.request()
+    assert begun.wait(10.0)
+    thread.request()
+    go_on.set()
+    assert until(lambda: len(reports) == 2)
+    assert reports[1].began_s >= reports[0].ended_s
+
+
+@pytest.mark.parametrize("orphaned", [False, True])
+def test_a_guard_halts_what_nobody_vouches_for(tmp_path: Path, orphaned: bool) -> None:
+    """Expected: by the lease alone, without a word from anybody; a guard that is alone then ends."""
+    unit = SimulatedPelco(PelcoModel(baud=9600))
+    link = tmp_path / "ptu"
+    with SimulatedServer(VirtualLine(unit, 9600, start_s=time.monotonic()), link) as server:
+
+        def turns() -> bool:
+            with server.lock:
+                return unit.axes[Axis.PAN].speed(time.monotonic()) != 0.0
+
+        with server.lock:
+            unit.axes[Axis.PAN].move_at(time.monotonic(), 300.0)
+        leases = MotionLeases(("left",))
+        context = mp.get_context("spawn")
+        ours, other = context.Pipe()
+        line = HaltLine(url=str(link), protocol="pelco-d", options={"speeds_deg_s": {8: 5.0}})
+        guard = context.Process(target=serve_guard, args=({"left": line}, leases, other), daemon=True)
+        guard.start()
+        other.close()
+        try:
+            assert until(lambda: leases.guard_beat_s > 0.0)
+            for _ in range(10):
+                leases.renew("left", time.monotonic() + 5.0)
+                time.sleep(0.05)
+            assert turns()
+            leases.renew("left", time.monotonic() + LEASE_S)
+            if orphaned:
+                ours.close()
+            assert until(lambda: not turns())
+            if orphaned:
+                guard.join(30.0)
+                assert guard.exitcode == 0
+            else:
+                assert ours.poll(30.0)
+                assert ours.recv().acknowledged
+                ours.send("stop")
+                guard.join(30.0)
+                assert guard.exitcode == 0
+        finally:
+            guard.kill()
+            guard.join()
+            ours.close()
