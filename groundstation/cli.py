@@ -5,7 +5,6 @@ import math
 import os
 import sys
 from collections.abc import Mapping, MutableMapping, Sequence
-from pathlib import Path
 
 from groundstation import __version__
 from groundstation.cli_calibrate import add_calibrate, run_calibrate
@@ -14,6 +13,7 @@ from groundstation.cli_evaluate import add_evaluate, run_evaluate
 from groundstation.cli_import import add_import, run_import
 from groundstation.cli_live import add_live, run_check, run_live
 from groundstation.cli_onboard import add_onboard, run_onboard
+from groundstation.cli_paths import READ, WRITTEN_FILE, WrittenFolder, check_paths
 from groundstation.cli_ptu import add_ptu, run_ptu
 from groundstation.cli_recording import add_convert, add_recover, run_convert, run_recover
 from groundstation.cli_reproduce import add_reproduce, run_reproduce
@@ -23,6 +23,7 @@ from groundstation.cli_view import add_view, run_view
 from groundstation.errors import GroundstationError, UsageError
 from groundstation.numbers_as_values import take_negative_numbers
 from groundstation.progress import ProgressLine
+from groundstation.result_files import REPLAY_FILES
 from groundstation.spoken import say
 
 _REPLAY = """Replay a recorded session: find the aircraft in every camera, track it in 3-D,
@@ -67,6 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     _silence(os.environ, _QUIET)
     try:
+        check_paths(parser, options)
         return _COMMANDS[options.command](options)
     except BrokenPipeError:
         # whoever read our output has gone, as in `… | head`; nothing more can be said there
@@ -114,7 +116,7 @@ def build_parser() -> argparse.ArgumentParser:
     add_evaluate(commands)
     add_reproduce(commands)
     config = commands.add_parser("config", help="print the tuning with its defaults, as TOML", description=_CONFIG)
-    config.add_argument("--config", type=Path, metavar="FILE", help="what differs from the defaults, TOML")
+    config.add_argument("--config", type=READ, metavar="FILE", help="what differs from the defaults, TOML")
     return parser
 
 
@@ -127,13 +129,19 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     replay.add_argument(
-        "session", type=Path, metavar="SESSION", help="session folder (session.toml, rig.toml, videos …) or .mcap"
+        "session", type=READ, metavar="SESSION", help="session folder (session.toml, rig.toml, videos …) or .mcap"
     )
-    replay.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the results go; made if missing")
-    replay.add_argument("--rig", type=Path, metavar="FILE", help="another rig than the session's rig.toml")
+    replay.add_argument(
+        "--out",
+        type=WrittenFolder(REPLAY_FILES),
+        required=True,
+        metavar="DIR",
+        help="where the results go; made if missing",
+    )
+    replay.add_argument("--rig", type=READ, metavar="FILE", help="another rig than the session's rig.toml")
     replay.add_argument(
         "--config",
-        type=Path,
+        type=READ,
         metavar="FILE",
         help="tuning, TOML; what it leaves out keeps its default (all of them: groundstation config)",
     )
@@ -147,7 +155,9 @@ def _add_replay(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     replay.add_argument(
         "--smooth", action="store_true", help="also smooth over the whole flight: smoothed.csv, a row in the accuracy"
     )
-    replay.add_argument("--record", type=Path, metavar="FILE.mcap", help="also record what was consumed and answered")
+    replay.add_argument(
+        "--record", type=WRITTEN_FILE, metavar="FILE.mcap", help="also record what was consumed and answered"
+    )
     recording = replay.add_mutually_exclusive_group()
     recording.add_argument("--view", action="store_true", help="open the Rerun recording when done")
     recording.add_argument("--no-rerun", action="store_true", help="do not write session.rrd")
@@ -163,15 +173,17 @@ def _add_track(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     )
     # a box may begin beyond the left border: "-5,20,40,30"
     take_negative_numbers(track)
-    track.add_argument("video", type=Path, metavar="VIDEO", help="any video file that OpenCV reads")
-    track.add_argument("--out", type=Path, required=True, metavar="FILE", help="the table to write, CSV")
+    track.add_argument("video", type=READ, metavar="VIDEO", help="any video file that OpenCV reads")
+    track.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the table to write, CSV")
     track.add_argument(
         "--init", type=_box, metavar="X,Y,W,H", help="the aircraft is in this box of the first frame, px"
     )
     track.add_argument("--from-frame", type=int, default=0, metavar="N", help="start at this frame, counted from 0")
     track.add_argument("--to-frame", type=int, metavar="M", help="stop after this frame")
     track.add_argument("--view", action="store_true", help="show it live in the Rerun viewer")
-    track.add_argument("--save-video", type=Path, metavar="FILE.mp4", help="write the pictures with what was found")
+    track.add_argument(
+        "--save-video", type=WRITTEN_FILE, metavar="FILE.mp4", help="write the pictures with what was found"
+    )
 
 
 def _add_plan(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -182,8 +194,13 @@ def _add_plan(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -
         epilog=_PLAN_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    plan.add_argument("site", type=Path, metavar="SITE", help="the site, TOML (example: docs/site-example.toml)")
-    plan.add_argument("--out", type=Path, metavar="DIR", help="where table and picture go; made if missing")
+    plan.add_argument("site", type=READ, metavar="SITE", help="the site, TOML (example: docs/site-example.toml)")
+    plan.add_argument(
+        "--out",
+        type=WrittenFolder(("plan.csv", "plan.png", "plan.svg")),
+        metavar="DIR",
+        help="where table and picture go; made if missing",
+    )
 
 
 def _seconds(text: str) -> float:

@@ -4,11 +4,11 @@ import argparse
 import math
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
 from groundstation.cli_calibrate_landmarks import add_landmark_kinds, run_calibrate_check, run_calibrate_survey
 from groundstation.cli_calibrate_mount import add_mount, run_mount
 from groundstation.cli_calibrate_timing import add_timing, run_timing
+from groundstation.cli_paths import READ, REPORT_FOLDER, WRITTEN_FILE
 from groundstation.cli_span import add_span, require_span
 from groundstation.errors import InputError, UsageError
 from groundstation.progress import ProgressLine
@@ -75,7 +75,7 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     intrinsics.add_argument(
-        "images", type=Path, nargs="+", metavar="IMAGES", help="pictures, folders of them, or videos"
+        "images", type=READ, nargs="+", metavar="IMAGES", help="pictures, folders of them, or videos"
     )
     intrinsics.add_argument(
         "--board",
@@ -84,18 +84,20 @@ def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
         help="the board, see below",
     )
     intrinsics.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="the lens: .toml or .yaml; with --rig a rig"
+        "--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the lens: .toml or .yaml; with --rig a rig"
     )
-    intrinsics.add_argument("--rig", type=Path, metavar="RIG", help="write this rig with the lens, not the lens alone")
+    intrinsics.add_argument("--rig", type=READ, metavar="RIG", help="write this rig with the lens, not the lens alone")
     intrinsics.add_argument("--station", metavar="NAME", help="whose lens it is in the rig")
     _add_format(intrinsics)
     intrinsics.add_argument(
         "--hold", type=_held, default=frozenset(), metavar="K", help="coefficients that stay zero: k3, k2, p; as k3,p"
     )
-    intrinsics.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
+    intrinsics.add_argument(
+        "--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there"
+    )
     convert = kinds.add_parser("convert-lens", help="a lens file in, another format out", description=_CONVERT)
-    convert.add_argument("source", type=Path, metavar="IN", help="a lens file, a rig.toml or a camchain")
-    convert.add_argument("out", type=Path, metavar="OUT", help="the lens: .toml or .yaml")
+    convert.add_argument("source", type=READ, metavar="IN", help="a lens file, a rig.toml or a camchain")
+    convert.add_argument("out", type=WRITTEN_FILE, metavar="OUT", help="the lens: .toml or .yaml")
     _add_format(convert)
     convert.add_argument("--name", metavar="NAME", help="which station or camera, where there are several")
     convert.add_argument("--refit", action="store_true", help="put k3 into k1 and k2 where the format has none")
@@ -109,14 +111,14 @@ def _add_flight(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         epilog=_FLIGHT_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    flight.add_argument("session", type=Path, metavar="SESSION", help="session folder with dgps.csv")
-    flight.add_argument("--out", type=Path, required=True, metavar="FILE", help="the rig file to write")
-    flight.add_argument("--rig", type=Path, metavar="FILE", help="another rig than the session's rig.toml")
+    flight.add_argument("session", type=READ, metavar="SESSION", help="session folder with dgps.csv")
+    flight.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the rig file to write")
+    flight.add_argument("--rig", type=READ, metavar="FILE", help="another rig than the session's rig.toml")
     flight.add_argument(
-        "--detections", type=Path, metavar="FILE", help="pixels of an earlier replay: its detections.csv"
+        "--detections", type=READ, metavar="FILE", help="pixels of an earlier replay: its detections.csv"
     )
     add_span(flight)
-    flight.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
+    flight.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
     flight.add_argument("--free", default="", metavar="LIST", help="find these as well")
     flight.add_argument(
         "--hold", action="store_true", help="take surveyed positions as exact, even where the pixels contradict them"

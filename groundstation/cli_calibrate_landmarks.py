@@ -2,8 +2,9 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
+
+from groundstation.cli_paths import READ, REPORT_FOLDER, WRITTEN_FILE
 
 if TYPE_CHECKING:
     from calibration.landmark_jobs import Opinion
@@ -51,21 +52,26 @@ exit code: 0 as calibrated, or corrected; 1 refused, or a table at fault;
 def add_landmark_kinds(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add `survey` and `check`."""
     survey = _add(kinds, "survey", "from surveyed landmarks: positions and orientations", _SURVEY, _SURVEY_MORE)
-    survey.add_argument("--out", type=Path, required=True, metavar="FILE", help="the rig file to write")
+    survey.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the rig file to write")
     survey.add_argument("--free", default="", metavar="LIST", help="find these as well")
-    survey.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
+    survey.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
     check = _add(kinds, "check", "before a session: has a mount moved?", _CHECK, _CHECK_MORE)
-    check.add_argument("--out", type=Path, metavar="FILE", help="write the rig there, corrected where mounts moved")
+    check.add_argument(
+        "--out", type=WRITTEN_FILE, metavar="FILE", help="write the rig there, corrected where mounts moved"
+    )
     check.add_argument(
         "--reference",
-        type=Path,
+        type=READ,
         metavar="FILE",
         help="sightings of the same landmarks when the rig was calibrated (default: beside the rig, .sightings.csv)",
     )
     check.add_argument(
-        "--record", type=Path, metavar="FILE", help="where to add the record (default: beside the rig, .checks.jsonl)"
+        "--record",
+        type=WRITTEN_FILE,
+        metavar="FILE",
+        help="where to add the record (default: beside the rig, .checks.jsonl)",
     )
-    check.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
+    check.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
     check.add_argument(
         "--runway",
         metavar="NAMES",
@@ -91,9 +97,9 @@ def _add(
         epilog=more,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("sightings", type=Path, metavar="SIGHTINGS", help="table of what was seen: sightings.csv")
-    parser.add_argument("--landmarks", type=Path, required=True, metavar="FILE", help="table of the landmarks")
-    parser.add_argument("--rig", type=Path, required=True, metavar="FILE", help="the rig file")
+    parser.add_argument("sightings", type=READ, metavar="SIGHTINGS", help="table of what was seen: sightings.csv")
+    parser.add_argument("--landmarks", type=READ, required=True, metavar="FILE", help="table of the landmarks")
+    parser.add_argument("--rig", type=READ, required=True, metavar="FILE", help="the rig file")
     return parser
 
 

@@ -2,8 +2,8 @@
 
 import argparse
 import sys
-from pathlib import Path
 
+from groundstation.cli_paths import READ, REPORT_FOLDER, WRITTEN_FILE
 from groundstation.errors import InputError
 from groundstation.progress import ProgressLine
 
@@ -40,16 +40,16 @@ def add_mount(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         epilog=_MOUNT_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    mount.add_argument("sightings", type=Path, nargs="?", metavar="SIGHTINGS", help="table of sightings")
-    mount.add_argument("--landmarks", type=Path, metavar="FILE", help="table of the marks' places")
-    mount.add_argument("--pictures", type=Path, metavar="DIR", help="pictures with pictures.csv, in place of SIGHTINGS")
+    mount.add_argument("sightings", type=READ, nargs="?", metavar="SIGHTINGS", help="table of sightings")
+    mount.add_argument("--landmarks", type=READ, metavar="FILE", help="table of the marks' places")
+    mount.add_argument("--pictures", type=READ, metavar="DIR", help="pictures with pictures.csv, in place of SIGHTINGS")
     seen = mount.add_mutually_exclusive_group()
     seen.add_argument("--board", metavar="SPEC", help="the pictures show this board, as in calibrate intrinsics")
     seen.add_argument("--lamp", action="store_true", help="the pictures show one lamp")
-    mount.add_argument("--rig", type=Path, required=True, metavar="RIG", help="rig file with the lenses")
-    mount.add_argument("--out", type=Path, required=True, metavar="FILE", help="the rig file to write")
+    mount.add_argument("--rig", type=READ, required=True, metavar="RIG", help="rig file with the lenses")
+    mount.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the rig file to write")
     mount.add_argument("--free", default="", metavar="LIST", help="find only these")
-    mount.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
+    mount.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
 
 
 def run_mount(options: argparse.Namespace) -> int:

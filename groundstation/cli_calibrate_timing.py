@@ -2,8 +2,8 @@
 
 import argparse
 import sys
-from pathlib import Path
 
+from groundstation.cli_paths import READ, REPORT_FOLDER, WRITTEN_FILE
 from groundstation.cli_span import add_span, require_span
 from groundstation.errors import InputError, UsageError
 from groundstation.progress import ProgressLine
@@ -35,14 +35,14 @@ def add_timing(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> 
         epilog=_TIMING_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    timing.add_argument("session", type=Path, metavar="SESSION", help="session folder with pictures and ptu.csv")
-    timing.add_argument("--rig", type=Path, metavar="RIG", help="another rig than the session's rig.toml")
-    timing.add_argument("--out", type=Path, required=True, metavar="FILE", help="the rig file to write")
-    timing.add_argument("--report", type=Path, metavar="DIR", help="write report.html and its pictures there")
+    timing.add_argument("session", type=READ, metavar="SESSION", help="session folder with pictures and ptu.csv")
+    timing.add_argument("--rig", type=READ, metavar="RIG", help="another rig than the session's rig.toml")
+    timing.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the rig file to write")
+    timing.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
     add_span(timing)
     timing.add_argument("--from-flight", action="store_true", help="by the aircraft's track instead of the pictures")
     timing.add_argument("--pictures", action="store_true", help="with --from-flight: by the pictures too, compared")
-    timing.add_argument("--detections", type=Path, metavar="FILE", help="with --from-flight: a replay's detections.csv")
+    timing.add_argument("--detections", type=READ, metavar="FILE", help="with --from-flight: a replay's detections.csv")
     timing.add_argument(
         "--one-ptu-clock", action="store_true", help="one clock stamps all PTUs: what differs is the cameras'"
     )

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from groundstation.cli_paths import READ_TEXT, WRITTEN_FILE
 from groundstation.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,7 +48,9 @@ def add_cameras(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         epilog=_LIST_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    listing.add_argument("--cti", action="append", default=[], metavar="FILE", help="a GenTL producer; may be repeated")
+    listing.add_argument(
+        "--cti", type=READ_TEXT, action="append", default=[], metavar="FILE", help="a GenTL producer; may be repeated"
+    )
     show = kinds.add_parser(
         "show",
         help="settings, rate, jitter and clock of one",
@@ -55,7 +58,7 @@ def add_cameras(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         epilog=_SHOW_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    show.add_argument("url", metavar="URL", help="which camera, see below")
+    show.add_argument("url", type=READ_TEXT, metavar="URL", help="which camera, see below")
     show.add_argument("--seconds", type=_positive, default=5.0, metavar="S", help="how long to look (default: 5)")
     show.add_argument("--exposure-ms", type=_positive, metavar="MS", help="exposure")
     show.add_argument("--gain", type=_number, metavar="G", help="gain, in the camera's unit")
@@ -66,7 +69,9 @@ def add_cameras(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     show.add_argument(
         "--stamp", choices=("start", "middle", "end"), default="start", help="what the camera's stamp means"
     )
-    show.add_argument("--save", type=Path, metavar="FILE", help="write the last picture there: .png, .jpg, .tif")
+    show.add_argument(
+        "--save", type=WRITTEN_FILE, metavar="FILE", help="write the last picture there: .png, .jpg, .tif"
+    )
 
 
 def run_cameras(options: argparse.Namespace) -> int:

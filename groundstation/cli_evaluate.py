@@ -5,6 +5,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from groundstation.cli_paths import READ, READ_TEXT, WRITTEN_FILE, WrittenFolder
 from groundstation.progress import ProgressLine
 
 _EVALUATE = """Compare runs: many sessions, many tunings, or what was replayed before with what
@@ -32,15 +33,19 @@ def add_evaluate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]"
         epilog=_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    evaluate.add_argument("sources", type=Path, nargs="+", metavar="SOURCE", help="what to compare; see below")
+    evaluate.add_argument("sources", type=READ, nargs="+", metavar="SOURCE", help="what to compare; see below")
     evaluate.add_argument(
-        "--config", type=Path, action="append", default=[], metavar="FILE", help="tuning for what is replayed; repeat"
+        "--config", type=READ, action="append", default=[], metavar="FILE", help="tuning for what is replayed; repeat"
     )
-    evaluate.add_argument("--rig", type=Path, metavar="FILE", help="another rig for what is replayed")
-    evaluate.add_argument("--baseline", metavar="RUN", help="a run's name, or a folder of results (default: the first)")
-    evaluate.add_argument("--out", type=Path, metavar="DIR", help="keep what is replayed there, a folder for each run")
-    evaluate.add_argument("--csv", type=Path, metavar="FILE", help="write every figure as a table")
-    evaluate.add_argument("--json", type=Path, metavar="FILE", help="write every figure as JSON")
+    evaluate.add_argument("--rig", type=READ, metavar="FILE", help="another rig for what is replayed")
+    evaluate.add_argument(
+        "--baseline", type=READ_TEXT, metavar="RUN", help="a run's name, or a folder of results (default: the first)"
+    )
+    evaluate.add_argument(
+        "--out", type=WrittenFolder(), metavar="DIR", help="keep what is replayed there, a folder for each run"
+    )
+    evaluate.add_argument("--csv", type=WRITTEN_FILE, metavar="FILE", help="write every figure as a table")
+    evaluate.add_argument("--json", type=WRITTEN_FILE, metavar="FILE", help="write every figure as JSON")
 
 
 def run_evaluate(options: argparse.Namespace) -> int:

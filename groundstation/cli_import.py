@@ -6,6 +6,7 @@ import math
 import sys
 from pathlib import Path
 
+from groundstation.cli_paths import NEW_FOLDER, READ
 from groundstation.errors import InputError
 from groundstation.numbers_as_values import take_negative_numbers
 from groundstation.progress import ProgressLine
@@ -43,11 +44,11 @@ def add_import(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     # a place in the south, an antenna behind the nose: "-35.36,149.17,584"
     take_negative_numbers(add)
     add.add_argument(
-        "videos", type=Path, nargs="+", metavar="VIDEO", help="left and right (or in the order of the rig's stations)"
+        "videos", type=READ, nargs="+", metavar="VIDEO", help="left and right (or in the order of the rig's stations)"
     )
-    add.add_argument("--rig", type=Path, required=True, metavar="FILE", help="the stations' calibration, rig.toml")
-    add.add_argument("--out", type=Path, required=True, metavar="SESSION", help="the folder to make")
-    add.add_argument("--ptu", type=Path, metavar="TABLE", help="t_s (or utc, unix_s), left_pan_deg, left_tilt_deg, ...")
+    add.add_argument("--rig", type=READ, required=True, metavar="FILE", help="the stations' calibration, rig.toml")
+    add.add_argument("--out", type=NEW_FOLDER, required=True, metavar="SESSION", help="the folder to make")
+    add.add_argument("--ptu", type=READ, metavar="TABLE", help="t_s (or utc, unix_s), left_pan_deg, left_tilt_deg, ...")
     add.add_argument("--link", action="store_true", help="link to the videos instead of copying them")
     add.add_argument("--name", default="", metavar="TEXT", help="the session's name (default: the folder's)")
     _add_times(add)
@@ -62,7 +63,7 @@ def _add_times(add: argparse.ArgumentParser) -> None:
     times.add_argument("--left-start", metavar="TIME", help=f"station left: {when}")
     times.add_argument("--right-start", metavar="TIME", help="the same of station right")
     times.add_argument("--start", action="append", default=[], metavar="STATION=TIME", help="the same of another one")
-    times.add_argument("--frames", type=Path, metavar="TABLE", help="frames.csv, instead of stamps and starts")
+    times.add_argument("--frames", type=READ, metavar="TABLE", help="frames.csv, instead of stamps and starts")
     times.add_argument("--ptu-start", metavar="TIME", help="what zero of the angles' t_s is (default: the epoch)")
     times.add_argument(
         "--epoch", metavar="UTC", help="zero of the session's clock (default: the second before the first frame)"
@@ -71,7 +72,7 @@ def _add_times(add: argparse.ArgumentParser) -> None:
 
 def _add_log(add: argparse.ArgumentParser) -> None:
     log = add.add_argument_group("log of positions")
-    log.add_argument("--dgps", type=Path, metavar="LOG", help="the log")
+    log.add_argument("--dgps", type=READ, metavar="LOG", help="the log")
     log.add_argument(
         "--origin", type=_place, metavar="LAT,LON,H", help="the session's origin: degrees, height above the ellipsoid"
     )

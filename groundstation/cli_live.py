@@ -1,13 +1,16 @@
 """The part of the command line that operates a station: `groundstation live` and `groundstation check`."""
 
 import argparse
+import math
+import os
 import shutil
 import sys
 import textwrap
+import threading
 from collections.abc import Collection
-from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+from groundstation.cli_paths import NEW_FOLDER, READ
 from groundstation.cli_simulate import pairs_per_s, whole_number, wind_m_s
 from groundstation.spoken import say
 from groundstation.stop_asked import StopAsked
@@ -15,11 +18,16 @@ from groundstation.stop_asked import StopAsked
 if TYPE_CHECKING:
     from groundstation.live.board import LiveStatus
     from groundstation.live.command import LiveResult
+    from groundstation.messages import TrackStatus
 
 _RATE_HZ = 30.0
+# where nobody watches: a line so often, and sooner where the track's status is another
+_LINE_EVERY_S, _CHANGE_EVERY_S = 5.0, 0.5
 _LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, live; heads
-follow it, everything is recorded. Ctrl-C parks the heads and ends it, and so does
-a terminal that is closed (unless nohup says otherwise)."""
+follow it, everything is recorded. Ctrl-C parks the heads and ends it within 3 s,
+before it has begun once the step under way is done; parking may take longer
+(park_s in the station file). So does a terminal that is
+closed (unless nohup says otherwise); a second Ctrl-C does not park."""
 _LIVE_MORE = """examples:
   groundstation live field.toml --view
   groundstation live field.toml --for 1800 --web
@@ -35,9 +43,9 @@ camera_clock_step, ptu_silent, and with --dgps dgps_gap and dgps_clock_step; wha
 else befalls a PTU's line is --ptu-fault.
 The station file: docs/live.md
 
-exit code: 0 done; 1 a device or a file is at fault, or nothing at all could be
-recorded; 2 wrong usage; 130 interrupted
-before it had begun"""
+exit code: 0 done; 1 a device or a file is at fault, nothing at all could be
+recorded, or a process that drives the heads was lost, even if it was begun
+again; 2 wrong usage; 130 interrupted before it had begun"""
 _CHECK = """Test each device of a station before the flight: is it there, does it answer,
 how fast, does its clock hold; one line each, and what to do about it."""
 _CHECK_MORE = """example:
@@ -57,11 +65,11 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         epilog=_LIVE_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    live.add_argument("station", type=Path, nargs="?", metavar="STATION", help="station file, TOML")
-    live.add_argument("--out", type=Path, metavar="DIR", help="where it is recorded; new or empty")
+    live.add_argument("station", type=READ, nargs="?", metavar="STATION", help="station file, TOML")
+    live.add_argument("--out", type=NEW_FOLDER, metavar="DIR", help="where it is recorded; new or empty")
     live.add_argument("--for", type=_seconds, dest="seconds", metavar="S", help="end after so many seconds")
     live.add_argument("--simulate", action="store_true", help="with a range that is not there")
-    live.add_argument("--rig", type=Path, metavar="FILE", help="with --simulate: another rig than the built-in one")
+    live.add_argument("--rig", type=READ, metavar="FILE", help="with --simulate: another rig than the built-in one")
     live.add_argument(
         "--rate", type=pairs_per_s, default=_RATE_HZ, metavar="HZ", help="with --simulate: pairs a second (30)"
     )
@@ -83,7 +91,7 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         help="with --simulate: strikes each PTU's line six times a minute once it flies; may be repeated",
     )
     live.add_argument(
-        "--faults", type=Path, metavar="FILE", help="with --simulate: what fails when, TOML as in simulate; see below"
+        "--faults", type=READ, metavar="FILE", help="with --simulate: what fails when, TOML as in simulate; see below"
     )
     live.add_argument("--dgps", action="store_true", help="with --simulate: a reference receiver on the aircraft")
     live.add_argument("--no-record", action="store_true", help="keep the track, not the pictures")
@@ -97,7 +105,7 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         epilog=_CHECK_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    check.add_argument("station", type=Path, metavar="STATION", help="station file, TOML")
+    check.add_argument("station", type=READ, metavar="STATION", help="station file, TOML")
     check.add_argument("--for", type=_seconds, default=3.0, dest="seconds", metavar="S", help="look so long (3)")
     check.add_argument("--move", action="store_true", help="turn each head by half a degree and back")
 
@@ -118,6 +126,7 @@ def run_live(options: argparse.Namespace) -> int:
     from groundstation.live.command import LiveRequest, live
     from groundstation.live.fault_timetable import range_faults
     from groundstation.live.simulated_receiver import ReceiverModel
+    from groundstation.live.status_watch import StatusWatch
     from groundstation.simulation.flights import Aircraft
     from ptu_drivers.simulated_faults import FAULTS
 
@@ -146,13 +155,26 @@ def run_live(options: argparse.Namespace) -> int:
         wind_m_s=options.wind,
         aircraft=Aircraft(options.aircraft),
     )
-    with StopAsked() as stop:
-        block = StatusBlock(sys.stderr)
-        result = live(request, stop, block.show, lambda text: say(f"{text} …", sys.stderr))
+    block = StatusBlock(sys.stderr)
+    with StopAsked() as stop, StatusWatch(block.silent) as watch:
+
+        def tell(status: "LiveStatus") -> None:
+            watch.told()
+            block.show(status)
+
+        result = live(request, stop, tell, lambda text: say(f"{text} …", sys.stderr), give_up=_end_by_force)
         say(_words(result), sys.stdout)
     if result.lost:
         say("groundstation: nothing could be recorded", sys.stderr)
-    return 1 if result.lost else 0
+    for line in result.losses:
+        say(f"groundstation: {line}", sys.stderr)
+    return 1 if result.lost or result.losses else 0
+
+
+def _end_by_force(line: str) -> None:
+    """End this process at once: its end hangs in a thread that nothing can be done about."""
+    say(f"groundstation: {line}", sys.stderr)
+    os._exit(1)
 
 
 def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
@@ -183,23 +205,47 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
 class StatusBlock:
     """The status on a terminal: a line for each device, over and over in the same place.
 
-    Where nobody watches, in one line every five seconds.
+    Where nobody watches, in one line every five seconds, and where the track's status is another, at most one in half a
+    second. Two threads may show something.
     """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
+        self._shown = threading.Lock()
+        self._rows: list[str] = []
         self._lines = 0
+        self._said_s = -math.inf
+        self._said: TrackStatus | None = None
+        self._silent_s = 0.0
 
     def show(self, status: "LiveStatus") -> None:
         """Show it."""
-        if self._stream.isatty():
-            width = max(shutil.get_terminal_size().columns - 1, 20)
-            up = f"\x1b[{self._lines}F\x1b[J" if self._lines else ""
-            rows = [row for line in status.lines for row in textwrap.wrap(line, width, subsequent_indent="    ")]
-            say(up + "\n".join(rows), self._stream)
-            self._lines = len(rows)
-        elif int(2.0 * status.t_s) % 10 == 0:
-            say(f"{status.t_s:7.1f} s  {status.one_line()}", self._stream)
+        with self._shown:
+            self._silent_s = 0.0
+            if self._stream.isatty():
+                width = max(shutil.get_terminal_size().columns - 1, 20)
+                self._rows = [r for line in status.lines for r in textwrap.wrap(line, width, subsequent_indent="    ")]
+                self._draw(self._rows)
+                return
+            since_s = status.t_s - self._said_s
+            if since_s >= _LINE_EVERY_S or (status.track is not self._said and since_s >= _CHANGE_EVERY_S):
+                self._said_s, self._said = status.t_s, status.track
+                say(f"{status.t_s:7.1f} s  {status.one_line()}", self._stream)
+
+    def silent(self, age_s: float) -> None:
+        """Show that no status has come for so long: what is shown is old."""
+        with self._shown:
+            text = f"NO STATUS for {age_s:.0f} s: the last one is old, the aircraft may be anywhere"
+            if self._stream.isatty():
+                self._draw([*self._rows, text])
+            elif age_s >= self._silent_s:
+                self._silent_s = age_s + _LINE_EVERY_S
+                say(text, self._stream)
+
+    def _draw(self, rows: list[str]) -> None:
+        up = f"\x1b[{self._lines}F\x1b[J" if self._lines else ""
+        say(up + "\n".join(rows), self._stream)
+        self._lines = len(rows)
 
 
 def _words(result: "LiveResult") -> str:

@@ -3,10 +3,10 @@
 import argparse
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
 from groundstation.cli_onboard_fly import add_fly
 from groundstation.cli_onboard_pose import add_pose
+from groundstation.cli_paths import READ, WrittenFolder
 from groundstation.progress import ProgressLine
 
 _EDGES = """Find and track the runway's edges in the video of an aircraft's nose camera."""
@@ -38,10 +38,16 @@ def add_onboard(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         epilog=_EDGES_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    edges.add_argument("video", type=Path, metavar="VIDEO", help="any video file that OpenCV reads")
-    edges.add_argument("--camera", type=Path, required=True, metavar="FILE", help="lens, runway and start, TOML")
-    edges.add_argument("--imu", type=Path, metavar="FILE", help="position and attitude over the video's time, CSV")
-    edges.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the results go; made if missing")
+    edges.add_argument("video", type=READ, metavar="VIDEO", help="any video file that OpenCV reads")
+    edges.add_argument("--camera", type=READ, required=True, metavar="FILE", help="lens, runway and start, TOML")
+    edges.add_argument("--imu", type=READ, metavar="FILE", help="position and attitude over the video's time, CSV")
+    edges.add_argument(
+        "--out",
+        type=WrittenFolder(("edges.csv", "edges.mp4", "edges.rrd")),
+        required=True,
+        metavar="DIR",
+        help="where the results go; made if missing",
+    )
     edges.add_argument("--no-rerun", action="store_true", help="do not write edges.rrd")
     edges.set_defaults(run_onboard=_run_edges)
     add_pose(kinds)

@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from groundstation.cli_paths import READ, WrittenFolder
 from groundstation.errors import InputError
 from groundstation.progress import ProgressLine
 
@@ -32,6 +33,7 @@ agreement.csv
 exit code: 0 done; 1 an input is at fault, no picture's pose could be used (why is
 said), or the ground's track and the aircraft's own do not agree; 2 wrong usage;
 130 interrupted"""
+_FILES = ("track.csv", "track.tum", "pictures.csv", "fly.mp4", "fly.rrd", "agreement.csv")
 _RENDER = """Render a nose camera's video of an approach, with the inertial unit's log and the exact
 truth, for `onboard fly` and `onboard edges` to be tried on."""
 _RENDER_MORE = """example:
@@ -54,11 +56,13 @@ def add_fly(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> Non
         epilog=_FLY_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    fly.add_argument("video", type=Path, metavar="VIDEO", help="any video file that OpenCV reads")
-    fly.add_argument("--camera", type=Path, required=True, metavar="FILE", help="lens, runway, start, unit; TOML")
-    fly.add_argument("--imu", type=Path, required=True, metavar="FILE", help="the inertial unit's samples, CSV")
-    fly.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the results go; made if missing")
-    fly.add_argument("--runways", type=Path, metavar="FILE", help="surveyed runways, JSON, as for `onboard pose`")
+    fly.add_argument("video", type=READ, metavar="VIDEO", help="any video file that OpenCV reads")
+    fly.add_argument("--camera", type=READ, required=True, metavar="FILE", help="lens, runway, start, unit; TOML")
+    fly.add_argument("--imu", type=READ, required=True, metavar="FILE", help="the inertial unit's samples, CSV")
+    fly.add_argument(
+        "--out", type=WrittenFolder(_FILES), required=True, metavar="DIR", help="where the results go; made if missing"
+    )
+    fly.add_argument("--runways", type=READ, metavar="FILE", help="surveyed runways, JSON, as for `onboard pose`")
     fly.add_argument("--runway", metavar="AIRPORT_RUNWAY", help="which of them, such as LFRS_03")
     fly.add_argument(
         "--corners",
@@ -66,7 +70,7 @@ def add_fly(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> Non
         default="edges",
         help="how corners are measured: tracked edges with measured thresholds (default), all four sides, or SUSAN",
     )
-    fly.add_argument("--ground-track", type=Path, metavar="FILE", help="the ground station's track, to compare with")
+    fly.add_argument("--ground-track", type=READ, metavar="FILE", help="the ground station's track, to compare with")
     fly.add_argument(
         "--threshold-m",
         type=_place,
@@ -90,7 +94,13 @@ def add_fly(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> Non
         epilog=_RENDER_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    render.add_argument("--out", type=Path, required=True, metavar="DIR", help="where the files go; made if missing")
+    render.add_argument(
+        "--out",
+        type=WrittenFolder(("nose.avi", "nose.toml", "imu.csv", "truth.csv")),
+        required=True,
+        metavar="DIR",
+        help="where the files go; made if missing",
+    )
     render.add_argument("--scene", choices=SCENES, default="day", help="airfield and light (default day)")
     render.add_argument("--seed", type=_seed, default=1, metavar="N", help="of gusts, sensors and noise (default 1)")
     render.add_argument(

@@ -3,8 +3,8 @@
 import argparse
 import math
 from collections.abc import Iterator
-from pathlib import Path
 
+from groundstation.cli_paths import READ, WRITTEN_FILE
 from groundstation.errors import InputError, UsageError
 
 _POSE = """Where the camera was when each picture was taken, from the four corners of the runway
@@ -40,11 +40,13 @@ def add_pose(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
         epilog=_POSE_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    pose.add_argument("--corners", type=Path, required=True, metavar="FILE", help="table of corners, CSV")
-    pose.add_argument("--runways", type=Path, required=True, metavar="FILE", help="the runways, JSON")
-    pose.add_argument("--camera", type=Path, required=True, metavar="FILE", help="the camera's lens, TOML")
-    pose.add_argument("--out", type=Path, required=True, metavar="FILE", help="the table to write, CSV")
-    pose.add_argument("--rerun", type=Path, metavar="FILE.rrd", help="also draw the poses: a Rerun recording to write")
+    pose.add_argument("--corners", type=READ, required=True, metavar="FILE", help="table of corners, CSV")
+    pose.add_argument("--runways", type=READ, required=True, metavar="FILE", help="the runways, JSON")
+    pose.add_argument("--camera", type=READ, required=True, metavar="FILE", help="the camera's lens, TOML")
+    pose.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the table to write, CSV")
+    pose.add_argument(
+        "--rerun", type=WRITTEN_FILE, metavar="FILE.rrd", help="also draw the poses: a Rerun recording to write"
+    )
     pose.add_argument(
         "--sigma-px",
         type=_sigma,
@@ -75,19 +77,13 @@ def run_pose(options: argparse.Namespace) -> int:
     from groundstation.onboard.pose.label import solve_corners
     from groundstation.onboard.pose.runway import Runway
     from groundstation.onboard.pose.solve import RunwayPose
-    from groundstation.overwriting import refuse_overwriting
 
-    read = (options.corners, options.runways, options.camera)
-    refuse_overwriting(read, [options.out])
     if options.out.is_dir():
         raise InputError(str(options.out), got="a folder", wanted="--out with a file's name")
     if options.rerun is not None:
         if options.rerun.suffix != ".rrd":
             wanted = "a name that ends in .rrd, which the viewer opens"
             raise UsageError("--rerun", got=str(options.rerun), wanted=wanted)
-        refuse_overwriting(read, [options.rerun], "--rerun")
-        if options.rerun.resolve() == options.out.resolve():
-            raise InputError(str(options.rerun), got="the table's name", wanted="another --rerun")
         if options.rerun.is_dir():
             raise InputError(str(options.rerun), got="a folder", wanted="--rerun with a file's name")
     whole = is_camera_file(options.camera)

@@ -6,9 +6,10 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 
-from groundstation.errors import GroundstationError, MissingExtraError
+from groundstation.cli_paths import WRITTEN_FILE
+from groundstation.cli_ptu_open import open_unit, warn_unguarded
+from groundstation.errors import GroundstationError
 
 _PROBE = """Ask a pan-tilt unit what it is and how fast it answers: model, range, step, speeds,
 what it can do, a histogram of the round trips, doubts. Nothing moves."""
@@ -22,6 +23,7 @@ _MORE = """examples:
   groundstation ptu probe /tmp/unit
   groundstation ptu monitor socket://192.168.0.20:4000 --seconds 10
   groundstation ptu jog /dev/ttyUSB0 --pan 10 --tilt -5 --rate 2
+  groundstation ptu jog --station field.toml left --pan 10 --rate 2
   groundstation ptu probe /dev/ttyUSB1 --protocol pelco-d --option address=3
   groundstation ptu probe http://mount.local:11111 --protocol alpaca
 
@@ -68,7 +70,13 @@ def _kind(
 def _add_line(parser: argparse.ArgumentParser) -> None:
     from ptu_drivers.open import PROTOCOLS
 
-    parser.add_argument("url", metavar="URL", help="the line, see below")
+    parser.add_argument("url", nargs="?", metavar="URL", help="the line, see below")
+    parser.add_argument(
+        "--station",
+        nargs=2,
+        metavar=("FILE", "NAME"),
+        help="in place of URL: the head of a station file, with its settings, kept from the Sun and closed sectors",
+    )
     parser.add_argument("--protocol", choices=tuple(PROTOCOLS), default="flir", help="what it speaks (flir)")
     parser.add_argument(
         "--baud", type=_baud, default=0, metavar="N", help="speed of the line; FLIR units are raised to it"
@@ -93,7 +101,7 @@ def _add_simulate(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     simulate = _kind(kinds, "simulate", "pretend to be one", _SIMULATE)
     simulate.add_argument("--protocol", choices=("flir", *OTHERS), default="flir", help="what to speak (flir)")
     where = simulate.add_mutually_exclusive_group(required=True)
-    where.add_argument("--link", type=Path, metavar="PATH", help="make a pty, and a link to it here")
+    where.add_argument("--link", type=WRITTEN_FILE, metavar="PATH", help="make a pty, and a link to it here")
     where.add_argument("--tcp", type=int, metavar="PORT", help="listen on this port of 127.0.0.1")
     simulate.add_argument("--series", choices=("e", "d"), help="E series, or D: 10 commands/s (e)")
     simulate.add_argument("--latency-ms", type=_latency, metavar="LOW,HIGH", help="of replies (2,8)")
@@ -118,8 +126,6 @@ def run_ptu(options: argparse.Namespace) -> int:
 
     try:
         return _KINDS[options.ptu](options)
-    except errors.MissingExtraError as missing:
-        raise MissingExtraError("a serial line", missing.extra) from missing
     except errors.PtuError as fault:
         raise GroundstationError(str(fault)) from fault
     except KeyboardInterrupt:
@@ -127,27 +133,11 @@ def run_ptu(options: argparse.Namespace) -> int:
         return 130
 
 
-def _open(options: argparse.Namespace):  # type: ignore[no-untyped-def] # the type would import the drivers for --help
-    from ptu_drivers import AxisSettings, UnitSettings, open_ptu
-
-    def soft(limits: tuple[float, float] | None) -> AxisSettings:
-        if limits is None:
-            return AxisSettings()
-        return AxisSettings(low_rad=math.radians(limits[0]), high_rad=math.radians(limits[1]))
-
-    settings = UnitSettings(pan=soft(options.pan_limits), tilt=soft(options.tilt_limits), baud=options.baud)
-    own = {"patience_s": options.patience} if options.protocol == "flir" else {}
-    unit = open_ptu(options.url, options.protocol, settings, **{**own, **dict(options.option)})
-    if options.baud and unit.describe().details["baud"] != str(options.baud):
-        print(f"groundstation: {options.url}: baud {unit.describe().details['baud']}", file=sys.stderr)
-    return unit
-
-
 def _probe(options: argparse.Namespace) -> int:
     """Print what it is, and how it answers."""
     from ptu_drivers.monitor import format_description, format_watched, watch
 
-    with _open(options) as unit:
+    with open_unit(options) as unit:
         print(format_description(unit.describe()))
         print()
         print(format_watched(watch(unit, options.seconds, time.monotonic, time.sleep), unit.describe()))
@@ -159,7 +149,7 @@ def _monitor(options: argparse.Namespace) -> int:
     from ptu_drivers import NoReading
     from ptu_drivers.monitor import Watching, format_watched
 
-    with _open(options) as unit:
+    with open_unit(options) as unit:
         seen = Watching(unit, time.monotonic)
         shown = time.monotonic()
         try:
@@ -187,9 +177,10 @@ def _jog(options: argparse.Namespace) -> int:
     if not wanted:
         raise GroundstationError("jog: got no angle; wanted --pan, --tilt or both")
     reports: list[Moved] = []
-    with _open(options) as unit:
+    with open_unit(options) as unit:
         said = unit.describe()
         start = first_reading(unit, time.monotonic, time.sleep, options.patience)
+        warn_unguarded(options)
         at = {Axis.PAN: start.pan.angle_rad, Axis.TILT: start.tilt.angle_rad}
         if options.by:
             wanted = {axis: at[axis] + value for axis, value in wanted.items()}
@@ -229,7 +220,7 @@ def _simulate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _simulated_other(options: argparse.Namespace):  # type: ignore[no-untyped-def] # as for _open
+def _simulated_other(options: argparse.Namespace):  # type: ignore[no-untyped-def] # as for open_unit
     from ptu_drivers.simulated_others import simulated_line
 
     for name, value in (
@@ -251,7 +242,7 @@ def _simulated_other(options: argparse.Namespace):  # type: ignore[no-untyped-de
     return options.protocol, line
 
 
-def _simulated_flir(options: argparse.Namespace):  # type: ignore[no-untyped-def] # as for _open
+def _simulated_flir(options: argparse.Namespace):  # type: ignore[no-untyped-def] # as for open_unit
     from ptu_drivers.simulated_flir import D_SERIES, FlirModel
     from ptu_drivers.simulated_line import VirtualLine
     from ptu_drivers.simulated_unit import DEFAULT_BAUD, LineModel, SimulatedUnit

@@ -2,8 +2,8 @@
 
 import argparse
 import sys
-from pathlib import Path
 
+from groundstation.cli_paths import NEW_FOLDER, READ, WRITTEN_FILE
 from groundstation.cli_span import add_span, require_span
 from groundstation.progress import ProgressLine
 
@@ -38,8 +38,8 @@ def add_recover(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         epilog=_RECOVER_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    recover.add_argument("file", type=Path, metavar="FILE", help="the recording, .mcap")
-    recover.add_argument("--out", type=Path, metavar="FILE", help="the new one (default: FILE-recovered.mcap)")
+    recover.add_argument("file", type=READ, metavar="FILE", help="the recording, .mcap")
+    recover.add_argument("--out", type=WRITTEN_FILE, metavar="FILE", help="the new one (default: FILE-recovered.mcap)")
 
 
 def add_convert(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -51,8 +51,10 @@ def add_convert(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         epilog=_CONVERT_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    convert.add_argument("source", type=Path, metavar="IN", help="a session folder, or a recording (.mcap)")
-    convert.add_argument("out", type=Path, metavar="OUT", help="the other: a file ending in .mcap, or a new folder")
+    convert.add_argument("source", type=READ, metavar="IN", help="a session folder, or a recording (.mcap)")
+    convert.add_argument(
+        "out", type=NEW_FOLDER, metavar="OUT", help="the other: a file ending in .mcap, or a new folder"
+    )
     add_span(convert)
 
 

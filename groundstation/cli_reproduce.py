@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from groundstation.cli_paths import READ, WrittenFolder
 from groundstation.cli_span import add_span, require_span
 from groundstation.errors import InputError
 
@@ -32,7 +33,7 @@ def add_reproduce(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
     )
     reproduce.add_argument(
         "--out",
-        type=Path,
+        type=WrittenFolder(("*.html", "*.csv", "*.png")),
         default=Path("out/reproduce"),
         metavar="DIR",
         help="where page, tables and figures go; made if missing (default: out/reproduce)",
@@ -41,13 +42,13 @@ def add_reproduce(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
     reproduce.add_argument("--list", action="store_true", help="say which experiments there are, and do none")
     reproduce.add_argument(
         "--session",
-        type=Path,
+        type=READ,
         metavar="SESSION",
         help="a rendered session with truth.csv and masks.npz (default: the bundled landing)",
     )
     reproduce.add_argument(
         "--take-off",
-        type=Path,
+        type=READ,
         metavar="SESSION",
         help="a rendered take-off of that kind, for `online` (default: its pixels are simulated)",
     )

@@ -3,8 +3,8 @@
 import argparse
 import math
 import sys
-from pathlib import Path
 
+from groundstation.cli_paths import NEW_FOLDER, READ
 from groundstation.progress import ProgressLine
 
 _SIMULATE = """Fly an aircraft past two stations, film it, and write a session folder with exact truth,
@@ -42,7 +42,7 @@ def add_simulate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]"
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     simulate.add_argument(
-        "--out", type=Path, required=True, metavar="SESSION", help="the folder to write; new or empty"
+        "--out", type=NEW_FOLDER, required=True, metavar="SESSION", help="the folder to write; new or empty"
     )
     simulate.add_argument("--flight", choices=_FLIGHTS, default="landing", help="what is flown (default: landing)")
     simulate.add_argument("--seed", type=whole_number, default=0, metavar="N", help="of everything random (default: 0)")
@@ -59,8 +59,8 @@ def add_simulate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]"
         default="waves",
         help="what moves it in the wind: waves, or JSBSim's C172 in Milspec turbulence, an optional extra",
     )
-    simulate.add_argument("--faults", type=Path, metavar="FILE", help="what fails when, TOML; see below")
-    simulate.add_argument("--rig", type=Path, metavar="FILE", help="your own stations, rig.toml")
+    simulate.add_argument("--faults", type=READ, metavar="FILE", help="what fails when, TOML; see below")
+    simulate.add_argument("--rig", type=READ, metavar="FILE", help="your own stations, rig.toml")
     simulate.add_argument(
         "--pictures",
         choices=_FORMS,

@@ -9,6 +9,7 @@ import threading
 import webbrowser
 from pathlib import Path
 
+from groundstation.cli_paths import READ, WRITTEN_FILE, WrittenFolder
 from groundstation.errors import UsageError
 from groundstation.progress import ProgressLine
 
@@ -40,7 +41,7 @@ def add_view(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         epilog=_MORE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    view.add_argument("sources", type=Path, nargs="+", metavar="SOURCE", help="what to look at; see below")
+    view.add_argument("sources", type=READ, nargs="+", metavar="SOURCE", help="what to look at; see below")
     view.add_argument(
         "--align",
         choices=_ALIGN,
@@ -48,14 +49,18 @@ def add_view(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
         "(default: none; start where the runs have no time in common)",
     )
     view.add_argument(
-        "--config", type=Path, action="append", default=[], metavar="FILE", help="tuning for what is replayed; repeat"
+        "--config", type=READ, action="append", default=[], metavar="FILE", help="tuning for what is replayed; repeat"
     )
-    view.add_argument("--rig", type=Path, metavar="FILE", help="another rig for what is replayed")
-    view.add_argument("--out", type=Path, metavar="DIR", help="keep what is replayed there, a folder for each run")
+    view.add_argument("--rig", type=READ, metavar="FILE", help="another rig for what is replayed")
+    view.add_argument(
+        "--out", type=WrittenFolder(), metavar="DIR", help="keep what is replayed there, a folder for each run"
+    )
     where = view.add_mutually_exclusive_group()
     where.add_argument("--view", action="store_true", help="in the desktop viewer (default where there is a display)")
     where.add_argument("--web", action="store_true", help="in a browser, served to this machine alone")
-    view.add_argument("--save", type=Path, metavar="FILE.rrd", help="write it to a file; opens it only with the above")
+    view.add_argument(
+        "--save", type=WRITTEN_FILE, metavar="FILE.rrd", help="write it to a file; opens it only with the above"
+    )
 
 
 def run_view(options: argparse.Namespace) -> int:

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from groundstation.compared_runs import SUMMARY, PlannedRun, SourceKind, planned_runs, results_of
+from groundstation.compared_runs import SUMMARY, PlannedRun, SourceKind, planned_runs, refuse_replaying_onto, results_of
 from groundstation.errors import InputError
 from groundstation.evaluation.comparison_text import ScoredRun, format_comparison, scored
 from groundstation.evaluation.figures_of_run import moved_figures
 from groundstation.evaluation.summary import SUMMARY_FORMAT
+from groundstation.toml_table import quoted, shown
 
 COMPARISON_FORMAT = "groundstation-comparison/1"
 # the same pairs, though their stamps may have been read otherwise: number, first and last time in s
@@ -49,6 +50,7 @@ def compare(
 ) -> CompareResult:
     """Evaluate every run; raises `InputError` for what is no run or was not finished."""
     runs = planned_runs(request.sources, request.configs)
+    refuse_replaying_onto((*request.sources, *request.configs, request.rig), runs, request.work)
     if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
         raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
     before = None
@@ -132,11 +134,11 @@ def load_summary(path: Path) -> dict[str, Any]:
         summary = json.loads(path.read_text(encoding="utf-8"), parse_float=_finite, parse_constant=_finite)
     except OSError as fault:
         raise InputError(str(path), got=str(fault.strerror), wanted=wanted) from fault
-    except ValueError as fault:
-        raise InputError(str(path), got=f"no JSON ({fault})", wanted=wanted) from fault
+    except (ValueError, RecursionError) as fault:
+        raise InputError(str(path), got=f"no JSON ({shown(str(fault))})", wanted=wanted) from fault
     if not isinstance(summary, dict) or summary.get("format") != SUMMARY_FORMAT:
         got = summary.get("format") if isinstance(summary, dict) else type(summary).__name__
-        raise InputError(str(path), got=f"format {got!r}", wanted=f"{SUMMARY_FORMAT!r}")
+        raise InputError(str(path), got=f"format {quoted(got)}", wanted=f"{SUMMARY_FORMAT!r}")
     return summary
 
 

@@ -1,13 +1,16 @@
 """Several runs to set side by side: which there are, what they are called, and replaying those that are not yet."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
 from groundstation.errors import InputError
+from groundstation.output_names import below
+from groundstation.overwriting import Output, refuse_overwriting
 from groundstation.replay import ReplayRequest, replay
+from groundstation.result_files import REPLAY_FILES
 
 RECORDING = "session.rrd"
 SUMMARY = "summary.json"
@@ -84,6 +87,17 @@ def planned_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[
     ]
 
 
+def refuse_replaying_onto(
+    read: Iterable[Path | None], runs: Sequence[PlannedRun], work: Path, more: Sequence[Output] = ()
+) -> None:
+    """Raise `InputError` where what is replayed into ``work``, or ``more`` that is written, would replace what is read.
+
+    Which folders a command makes there is not known before its runs are.
+    """
+    folders = [below(work, run.name) for run in runs if run.kind is SourceKind.SESSION]
+    refuse_overwriting(read, [*(Output(path=folder, names=REPLAY_FILES) for folder in folders), *more])
+
+
 def results_of(
     run: PlannedRun,
     work: Path,
@@ -96,7 +110,7 @@ def results_of(
     """Return the folder of a run's results, replaying a session into ``work``/name, and the fault that cut it short."""
     if run.kind is not SourceKind.SESSION:
         return (run.source if run.source.is_dir() else run.source.parent), None
-    out = work / run.name
+    out = below(work, run.name)
     request = ReplayRequest(session=run.source, out=out, rig=rig, config=run.config, rerun=rerun, smooth=smooth)
     return out, replay(request, progress).fault
 

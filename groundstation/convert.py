@@ -7,6 +7,7 @@ from pathlib import Path
 from groundstation.config import load_config
 from groundstation.errors import InputError
 from groundstation.messages import Epoch, Event
+from groundstation.output_names import below
 from groundstation.session import Session, load_session
 from groundstation.sinks.recorded_session import header_of
 from groundstation.sinks.recorder import PATIENT, Recorder
@@ -63,10 +64,14 @@ def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int
 
 def _unpacked(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> Converted:
     """Write a folder."""
+    files = {} if session.recorded is None else session.recorded.header.files
+    for name in files:
+        # before anything is written, not after
+        below(out, name)
     folder = UnpackedFolder(out, session)
     events, fault = _pass_on(stream, folder.take, progress)
     remark = _partial(folder.done)
-    folder.finish({} if session.recorded is None else session.recorded.header.files, "".join(remark))
+    folder.finish(files, "".join(remark))
     return Converted(out=out, events=events, notes=(*remark, *_notes(folder.done, stream)), fault=fault)
 
 
@@ -104,4 +109,6 @@ def _notes(done: Unpacked, stream: Source) -> list[str]:
         notes.append(f"{done.out_of_order} records came twice or out of order, which a folder cannot say")
     if done.references:
         notes.append(f"{done.references} positions that the filter learnt from are not in the folder, only dgps.csv")
+    if done.heartbeats:
+        notes.append(f"{done.heartbeats} heartbeats are not in the folder, which has no time but that of its records")
     return notes

@@ -9,10 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
 from groundstation.arrays import FloatArray
+from groundstation.detection_messages import Detection as Detection
+from groundstation.detection_messages import DetectionStatus as DetectionStatus
+from groundstation.detection_messages import Miss as Miss
+from groundstation.detection_messages import MissReason as MissReason
+from groundstation.detection_messages import Roi as Roi
 from groundstation.picture import Picture
 
 
@@ -61,6 +63,16 @@ class Epoch:
     t_s: float
     epoch: int
     stations: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heartbeat:
+    """Time has passed: the session's clock shows ``t_s``, whatever the devices have delivered or not.
+
+    The pipeline answers it with one `TrackState`.
+    """
+
+    t_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,93 +129,7 @@ class CarriedError:
 
 
 Arrival = PtuSample | Frame | PixelMeasurement | ReferenceFix | Epoch
-Event = Arrival | BegunAnew
-
-
-# --------------------------------------------------------------------------------------- detection
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Roi:
-    """An axis-parallel window of whole pixels, already clipped to the image; ``w`` and ``h`` > 0."""
-
-    x: int
-    y: int
-    w: int
-    h: int
-
-
-class DetectionStatus(StrEnum):
-    """What became of one camera's look at one frame; the words of ``detections.csv``.
-
-    ``late``: used as if it had been in time, the filter went back for it.
-    """
-
-    OK = "ok"
-    MISS = "miss"
-    OUT_OF_VIEW = "out_of_view"
-    GATED = "gated"
-    AMBIGUOUS = "ambiguous"
-    CUT = "cut"
-    LATE = "late"
-    EXCLUDED = "excluded"
-
-    @property
-    def used(self) -> bool:
-        """Whether the filter took the pixel at its full worth."""
-        return self in (DetectionStatus.OK, DetectionStatus.LATE)
-
-
-class MissReason(StrEnum):
-    """Why a detector gave no target point."""
-
-    LOW_CONTRAST = "low_contrast"
-    NO_REGION = "no_region"
-    WRONG_SIZE = "wrong_size"
-    AMBIGUOUS = "ambiguous"
-    CUT = "cut"
-    OUT_OF_VIEW = "out_of_view"
-    NO_PTU_ANGLE = "no_ptu_angle"
-    NOT_ACQUIRED = "not_acquired"
-    LATE = "late"
-    NOT_RECORDED = "not_recorded"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Detection:
-    """A target found in one image.
-
-    Attributes
-    ----------
-    u_px, v_px : the target point (the aircraft's nose) in full-image pixels.
-    covariance_px2 : (2, 2) covariance of that point, of u and v.
-    noise_px2 : (2, 2) px² of u and v, the part of ``covariance_px2`` that is new in each frame; the rest lasts.
-    centroid_px : (2,) centre of the silhouette.
-    box : (x, y, w, h) px, the silhouette's bounding box in full-image pixels.
-    area_px : the silhouette's area.
-    contour_px : (n, 2) float32, its outline in full-image pixels, pieces separated by a row of NaN.
-    contrast_to_noise : measured contrast of silhouette against background on the channel used.
-    channel : name of that channel.
-    cut : True where the silhouette touches the image border.
-    """
-
-    u_px: float
-    v_px: float
-    covariance_px2: FloatArray
-    noise_px2: FloatArray
-    centroid_px: FloatArray
-    box: tuple[float, float, float, float]
-    area_px: float
-    contour_px: NDArray[np.float32]
-    contrast_to_noise: float
-    channel: str
-    cut: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Miss:
-    """No target point, and why; ``detail`` says it for a person."""
-
-    reason: MissReason
-    detail: str = ""
+Event = Arrival | Heartbeat | BegunAnew
 
 
 # ------------------------------------------------------------------------------------------ reports out
@@ -315,6 +241,15 @@ class TrackEstimate:
     latency_s: float = 0.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrackState:
+    """The answer to a heartbeat: the state of knowledge at ``t_s``, predicted from all that is fused; of no pair."""
+
+    t_s: float
+    status: TrackStatus
+    kinematics: Kinematics | None
+
+
 class Purpose(StrEnum):
     """Why a PTU is turned."""
 
@@ -322,6 +257,7 @@ class Purpose(StrEnum):
     SEARCH = "search"
     HOLD = "hold"
     PARK = "park"
+    KEEP_OUT = "keep out"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -351,8 +287,17 @@ class TrackEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StepReport:
-    """All that one `Pipeline.step` brought forth; often empty, since frames wait for their angles."""
+    """All that one `Pipeline.step` brought forth; often empty, since frames wait for their angles.
+
+    ``states`` answer heartbeats, and are newer than the ``estimates`` beside them.
+    """
 
     cameras: tuple[CameraReport, ...] = ()
     estimates: tuple[TrackEstimate, ...] = ()
     events: tuple[TrackEvent, ...] = field(default=())
+    states: tuple[TrackState, ...] = ()
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing came of the step."""
+        return not (self.cameras or self.estimates or self.events or self.states)

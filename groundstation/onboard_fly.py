@@ -27,7 +27,6 @@ from groundstation.onboard.pose.files import Runways
 from groundstation.onboard.pose.inertial import ImuSample
 from groundstation.onboard.pose.runway import Runway, rectangle
 from groundstation.onboard_fly_sinks import FlyRecording, draw_sight
-from groundstation.overwriting import refuse_overwriting
 from groundstation.sinks.overlay_video import OverlayVideo
 from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other_times
 
@@ -79,7 +78,6 @@ def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] =
 
     Raises `InputError` where nothing can be done at all; a fault met on the way is in the result.
     """
-    _refuse_overwriting(request)
     camera = load_nose_camera(request.camera)
     if request.runway is None and camera.unsaid:
         raise CameraFileError(
@@ -114,19 +112,6 @@ def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] =
         _runway(request, camera), camera.lens, unit.mount, ApproachConfig(inertial=unit.config, corners=request.corners)
     )
     return _Flight(request, video, camera, navigator, log).run(samples, ground, progress)
-
-
-def _refuse_overwriting(request: FlyRequest) -> None:
-    """Raise where what is read would be written over."""
-    names = ["track.csv", "track.tum", "pictures.csv", "fly.mp4"]
-    names += ["fly.rrd"] if request.rerun else []
-    names += [] if request.ground is None else ["agreement.csv"]
-    read = (
-        *(request.video, request.camera, request.imu),
-        None if request.runway is None else request.runway[0],
-        None if request.ground is None else request.ground.path,
-    )
-    refuse_overwriting(read, [request.out / name for name in names])
 
 
 def _runway(request: FlyRequest, camera: NoseCamera) -> Runway:

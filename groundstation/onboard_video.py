@@ -17,7 +17,6 @@ from groundstation.onboard.edges.pose import CameraPose
 from groundstation.onboard.edges.report import EdgeReport
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard_sinks import EdgesRecording, draw_edges
-from groundstation.overwriting import refuse_overwriting
 from groundstation.sinks.overlay_video import OverlayVideo
 from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other_times
 
@@ -54,8 +53,6 @@ def track_edges(
 
     Raises `InputError` where nothing can be done at all; a fault met on the way is in the result.
     """
-    names = ("edges.csv", "edges.mp4", *(["edges.rrd"] if request.rerun else []))
-    refuse_overwriting((request.video, request.camera, request.imu), [request.out / name for name in names])
     camera = load_nose_camera(request.camera)
     poses = None if request.imu is None else load_imu(request.imu, camera)
     if poses is None and camera.start is None:

@@ -9,8 +9,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-import numpy as np
-
 from groundstation.camera_tracker import CameraTracker, SpanModel
 from groundstation.config import Config
 from groundstation.epoch import EpochBook
@@ -28,6 +26,7 @@ from groundstation.messages import (
     Epoch,
     Event,
     Frame,
+    Heartbeat,
     InitialState,
     Kinematics,
     PixelMeasurement,
@@ -36,14 +35,13 @@ from groundstation.messages import (
     StepReport,
     TrackEstimate,
 )
+from groundstation.pending_report import PendingReport
+from groundstation.reference_update import ReferenceUpdate
 from groundstation.rig import Rig
 from groundstation.seldom_said import SeldomSaid
 from groundstation.station_health import StationHealth
 from groundstation.synchronise import LateReading, LateReference, Ready, ReadyFrame, Synchroniser
 from groundstation.target_keeper import TargetKeeper
-
-# of most events nothing comes at once: frames wait for their angles
-_NOTHING_YET = StepReport()
 
 
 class Pipeline:
@@ -117,9 +115,8 @@ class Pipeline:
             stopwatch=self._stopwatch,
             keep_images=self._keep_images,
         )
-        self._refused_references = self._fused_late_references = 0
-        self._out_cameras: list[CameraReport] = []
-        self._out_estimates: list[TrackEstimate] = []
+        self._references = ReferenceUpdate(self._ekf, self._keeper, self._window, self._readings_said.take)
+        self._out = PendingReport()
         self._archive()
 
     @property
@@ -134,7 +131,7 @@ class Pipeline:
             "late_ptu": late.ptu - fused["fused_late_ptu"],
             "late_frames": late.frames - fused["fused_late_frames"],
             "ptu_spikes": self._encoders.spikes,
-            "references_refused": self._refused_references + late.references - self._fused_late_references,
+            "references_refused": self._references.refused + late.references - self._references.fused_late,
             "stations_lost": health.lost,
             "stations_doubted": health.watch.doubts,
             "stations_excluded": health.watch.exclusions,
@@ -198,6 +195,8 @@ class Pipeline:
             self._health.delivered(event.station, event.t_s)
         if isinstance(event, BegunAnew):
             return self._begin_anew(event)
+        if isinstance(event, Heartbeat):
+            return self._pass_time(event.t_s)
         return self._run(self._synchroniser.push(event))
 
     def _begin_anew(self, event: BegunAnew) -> StepReport:
@@ -209,6 +208,23 @@ class Pipeline:
         self._keeper.say(event.t_s, "error", f"the filter has failed ({event.why}); begun anew")
         return self._run(())
 
+    def _pass_time(self, t_s: float) -> StepReport:
+        """Say how the target does at ``t_s``, and decide it if no pair has for long; the filter stays where it is."""
+        self._take(self._synchroniser.pass_time(t_s))
+        if self._keeper.is_quiet(t_s):
+            for line in self._health.silence(t_s):
+                self._keeper.say(line.t_s, line.level, line.text)
+            self._readings_said.pass_time(t_s)
+            if self._keeper.gives_up(t_s):
+                self._drop(t_s)
+        self._out.states.append(self._keeper.state_at(t_s))
+        return self._out.take(self._keeper.take_events())
+
+    def _drop(self, t_s: float) -> None:
+        """Give the target up at ``t_s``, which the filter has not come to."""
+        with self._window.decision():
+            self._keeper.drop(t_s)
+
     def finish(self) -> StepReport:
         """Nothing more will come: return the reports of everything still waiting."""
         return self._run(self._synchroniser.finish(), last=True)
@@ -218,31 +234,27 @@ class Pipeline:
         self._ekf.finish_tape()
 
     def _run(self, ready: Iterable[Ready], *, last: bool = False) -> StepReport:
+        self._take(ready)
+        if last:
+            self._readings_said.finish()
+        return self._out.take(self._keeper.take_events())
+
+    def _take(self, ready: Iterable[Ready]) -> None:
+        """Take in order what is ready."""
         for item in ready:
             if isinstance(item, PtuSample):
                 self._reading(item)
             elif isinstance(item, LateReading):
                 self._late_reading(item.sample)
             elif isinstance(item, ReferenceFix):
-                self._learn(item)
+                self._learn(item, late=False)
             elif isinstance(item, LateReference):
-                self._learn_late(item.fix)
+                self._learn(item.fix, late=True)
             elif isinstance(item, Epoch):
                 with self._window.decision():
                     self._answer(item)
             else:
-                self._out_cameras.append(self._frame(item))
-        if last:
-            self._readings_said.finish()
-        events = self._keeper.take_events()
-        if not (self._out_cameras or self._out_estimates or events):
-            return _NOTHING_YET
-        report = StepReport(
-            cameras=tuple(self._out_cameras), estimates=tuple(self._out_estimates), events=tuple(events)
-        )
-        self._out_cameras.clear()
-        self._out_estimates.clear()
-        return report
+                self._out.cameras.append(self._frame(item))
 
     # ------------------------------------------------------------------------------- time and angles
     def _predict_to(self, t_s: float) -> None:
@@ -254,6 +266,9 @@ class Pipeline:
         """Bring the filter to a frame's time and let the frame update it."""
         if ready.late:
             return self._late_frame(ready)
+        if self._ekf.has_target and self._keeper.life.is_unseen(ready.record.t_s):
+            # where no heartbeat has done so: a source without a clock, that had no picture for long
+            self._drop(ready.record.t_s)
         with self._window.frame(ready.record.t_s, ready.record.station):
             self._predict_to(ready.record.t_s)
             if ready.following is not None:
@@ -294,29 +309,9 @@ class Pipeline:
         self._fused_late["fused_late_frames"] += known
         return replace(report, status=DetectionStatus.LATE) if report.status is DetectionStatus.OK else report
 
-    def _learn(self, fix: ReferenceFix) -> None:
+    def _learn(self, fix: ReferenceFix, *, late: bool) -> None:
         """Let a reference position correct the target and the errors that are carried."""
-        self._ekf.predict_to(fix.t_s)
-        with self._window.decision():
-            self._keeper.start_if_due(fix.t_s)
-            self._fuse(fix, 0.0)
-
-    def _learn_late(self, fix: ReferenceFix) -> None:
-        """Go back to a reference position's time, which a receiver tells only later, and come forward again."""
-        if not self._window.reaches(fix.t_s):
-            return
-        self._fused_late_references += 1
-        with self._window.late_decision(fix.t_s):
-            self._ekf.predict_to(fix.t_s)
-            self._fuse(fix, fix.t_s - (self._ekf.time_s or fix.t_s))
-
-    def _fuse(self, fix: ReferenceFix, ahead_s: float) -> None:
-        """Let a reference position, stamped ``ahead_s`` after the filter's time, correct a target that there is."""
-        if not self._ekf.has_target:
-            return
-        innovation = self._ekf.update_reference(fix.position_runway_m, np.diag(fix.sigma_m**2), ahead_s)
-        self._refused_references += not innovation.accepted
-        if innovation.accepted and self._ekf.learns:
+        if self._references.take_late(fix) if late else self._references.take(fix):
             self.taught_until_s = fix.t_s
 
     # ---------------------------------------------------------------------------------------- epochs
@@ -328,8 +323,9 @@ class Pipeline:
             self._keeper.say(event.t_s, event.level, event.text)
         self._readings_said.pass_time(epoch.t_s)
         fixed = len(page.accepted) >= 2
-        kinematics = self._keeper.answer(epoch, fixed=fixed, proof=fixed and bool(page.views))
-        self._out_estimates.append(
+        newest_s = self._synchroniser.newest_s
+        kinematics = self._keeper.answer(epoch, fixed=fixed, proof=fixed and bool(page.views), newest_s=newest_s)
+        self._out.estimates.append(
             TrackEstimate(
                 t_s=epoch.t_s,
                 epoch=epoch.epoch,

@@ -7,6 +7,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.output_names import below
 from groundstation.planning.forecast import Forecast, forecast, site_map
 from groundstation.planning.picture import draw_plan
 from groundstation.planning.site import Site
@@ -43,7 +44,7 @@ def plan(site_path: Path, out: Path | None) -> PlanResult:
         pictures = draw_plan(site, fine, x_m, y_m, site_map(site, x_m, y_m))
         contents = {".csv": plan_csv(expected).encode(), **pictures}
         out.mkdir(parents=True, exist_ok=True)
-        files = tuple(out / f"plan{suffix}" for suffix in contents)
+        files = tuple(below(out, f"plan{suffix}") for suffix in contents)
         for path, content in zip(files, contents.values(), strict=True):
             path.write_bytes(content)
     return PlanResult(site=site, forecast=expected, files=files)

@@ -11,15 +11,23 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from groundstation.arrays import FloatArray
 from groundstation.geometry.aim import aim_at
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.station import StationGeometry
+from groundstation.keep_out import KeepOut
+from groundstation.keep_out_pilot import KeepOutPilot
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 
 _GAIN_TIMES_LATENCY = 0.3
 # a driver refuses a rate from which the axis could not stop before its limit if the command to stop came so late
 _STOPS_AFTER_S = 0.1
+# a head that is held before a closed zone creeps no slower than that: the Sun moves at 0.004 °/s
+_STANDS_RAD_S = math.radians(0.1)
+# a unit that tells no lease of its own: the default watchdog of the drivers, or the motion guard
+LEASE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,10 +43,11 @@ class AxisLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadLimits:
-    """What the two axes of a head may do."""
+    """What the two axes of a head may do; it holds a rate for ``lease_s`` after the last command, at most."""
 
     pan: AxisLimits
     tilt: AxisLimits
+    lease_s: float = LEASE_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +93,11 @@ class AxisPilot:
         if self._reading is None or t_s > self._reading[0]:
             self._reading = (t_s, angle_rad)
 
+    @property
+    def newest_rad(self) -> float:
+        """The angle of the newest reading; NaN without one."""
+        return math.nan if self._reading is None else self._reading[1]
+
     def age_s(self, now_s: float) -> float:
         """Return how old the newest reading is."""
         return math.inf if self._reading is None else now_s - self._reading[0]
@@ -118,6 +132,16 @@ class AxisPilot:
             step = brakes * min(max(now_s - last_s, 0.0), config.stale_s) if math.isfinite(last_s) else 0.0
             rate = min(max(rate, last - step), last + step)
         return self._tell(now_s, self._kept_inside(angle, rate, brakes))
+
+    def tell_instead(self, rate_rad_s: float, now_s: float, latency_s: float) -> float:
+        """Replace the rate that was told last by another, as far as the axis may turn so; returns that."""
+        angle = self.expected(now_s + latency_s, latency_s)
+        fastest = self._config.rate_share * self._limits.fastest_rad_s
+        brakes = self._config.acceleration_share * self._limits.acceleration_rad_s2
+        rate = min(max(rate_rad_s, -fastest), fastest)
+        rate = 0.0 if angle is None else self._kept_inside(angle, rate, brakes)
+        self._told[-1] = (self._told[-1][0], rate)
+        return rate
 
     def clipped(self, angle_rad: float) -> float:
         """Return an angle that the axis may be told to go to."""
@@ -157,10 +181,16 @@ def _fastest_within(room_rad: float, brakes_rad_s2: float) -> float:
 
 
 class HeadPilot:
-    """One station's head: follows a target, goes to angles, holds."""
+    """One station's head: follows a target, goes to angles, holds; round what its lens is kept out of, if anything.
 
-    def __init__(self, geometry: StationGeometry, limits: HeadLimits, config: PointingConfig) -> None:
+    ``keep_out`` is at session times.
+    """
+
+    def __init__(
+        self, geometry: StationGeometry, limits: HeadLimits, config: PointingConfig, keep_out: KeepOut | None = None
+    ) -> None:
         self.geometry = geometry
+        self.keep_out = None if keep_out is None or keep_out.is_empty else _keep_out_pilot(keep_out, limits, config)
         self.latency_s = config.latency_s
         self._config = config
         self._pan, self._tilt = AxisPilot(limits.pan, config), AxisPilot(limits.tilt, config)
@@ -173,6 +203,13 @@ class HeadPilot:
     def age_s(self, now_s: float) -> float:
         """Return how old the newest reading is."""
         return self._pan.age_s(now_s)
+
+    def may_look_at(self, now_s: float, point_runway_m: FloatArray) -> bool:
+        """Return whether the lens is not kept from a point (3,), runway frame."""
+        if self.keep_out is None or self.keep_out.zones(now_s).is_empty:
+            return True
+        aim = aim_at(self.geometry, point_runway_m)
+        return aim is None or self.keep_out.allows(now_s, (aim.pan_rad, aim.tilt_rad))
 
     def follow(
         self, now_s: float, target: Callable[[float], FloatArray | None], purpose: Purpose = Purpose.TRACK
@@ -197,7 +234,13 @@ class HeadPilot:
         return self._command(now_s, (pan_rad, tilt_rad), (0.0, 0.0), purpose)
 
     def hold(self, now_s: float) -> PointingCommand:
-        """Return the command to stand still where the head is."""
+        """Return the command to stand still where the head is, or to leave what its lens must not see."""
+        keep_out, here = self.keep_out, self._here(now_s)
+        if keep_out is not None and here is not None:
+            angles = (float(here[0]), float(here[1]))
+            if not keep_out.allows(now_s + self.latency_s, angles):
+                return self._command(now_s, angles, (0.0, 0.0), Purpose.KEEP_OUT)
+            keep_out.told(np.zeros(2))
         pan, tilt = (axis.expected(now_s + self.latency_s, self.latency_s) for axis in (self._pan, self._tilt))
         for axis in (self._pan, self._tilt):
             axis.stopped(now_s)
@@ -216,19 +259,67 @@ class HeadPilot:
         pan, tilt = self._pan.expected(now_s, self.latency_s), self._tilt.expected(now_s, self.latency_s)
         return math.inf if pan is None or tilt is None else max(abs(pan - pan_rad), abs(tilt - tilt_rad))
 
+    def _here(self, now_s: float) -> FloatArray | None:
+        """Return where the head (2,) will be when a command takes effect; None without a reading that is new enough."""
+        pan, tilt = (axis.expected(now_s + self.latency_s, self.latency_s) for axis in (self._pan, self._tilt))
+        known = pan is not None and tilt is not None and self.age_s(now_s) <= self._config.stale_s
+        return np.array([pan, tilt]) if known else None
+
     def _command(
         self, now_s: float, angles: tuple[float, float], rates: tuple[float, float], purpose: Purpose
     ) -> PointingCommand:
         pan, tilt = self._pan.clipped(angles[0]), self._tilt.clipped(angles[1])
+        here = None if self.keep_out is None else self._here(now_s)
+        if self.keep_out is not None and here is not None:
+            way = self.keep_out.next(now_s + self.latency_s, here, np.array([pan, tilt]))
+            if not way.reaches:
+                (pan, tilt), rates = (float(a) for a in way.angles_rad), (0.0, 0.0)
         # at a limit there is nothing to follow
         pan_rate = rates[0] if pan == angles[0] else 0.0
         tilt_rate = rates[1] if tilt == angles[1] else 0.0
+        pan_rate = self._pan.rate_to(now_s, pan, pan_rate, self.latency_s)
+        tilt_rate = self._tilt.rate_to(now_s, tilt, tilt_rate, self.latency_s)
+        if self.keep_out is not None and here is not None:
+            pan_rate, tilt_rate = self._kept_out(self.keep_out, now_s, here, (pan_rate, tilt_rate))
+            # a unit that takes positions alone has not turned at the rates that it was told
+            read = np.array([self._pan.newest_rad, self._tilt.newest_rad])
+            step = self.keep_out.step_towards(now_s + self.latency_s, read, np.array([pan, tilt]))
+            pan, tilt = float(step[0]), float(step[1])
+            if self.keep_out.held and max(abs(pan_rate), abs(tilt_rate)) < _STANDS_RAD_S:
+                purpose, pan_rate, tilt_rate = Purpose.HOLD, *self._tell_instead(now_s, np.zeros(2))
         return PointingCommand(
             t_s=now_s,
             station=self.geometry.name,
             pan_rad=pan,
             tilt_rad=tilt,
-            pan_rate_rad_s=self._pan.rate_to(now_s, pan, pan_rate, self.latency_s),
-            tilt_rate_rad_s=self._tilt.rate_to(now_s, tilt, tilt_rate, self.latency_s),
+            pan_rate_rad_s=pan_rate,
+            tilt_rate_rad_s=tilt_rate,
             purpose=purpose,
         )
+
+    def _kept_out(
+        self, keep_out: KeepOutPilot, now_s: float, here: FloatArray, rates: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Return rates that lead near no closed zone, and that the axes can turn at."""
+        act_s = now_s + self.latency_s
+        aside = keep_out.turned_aside(act_s, here, np.array(rates))
+        bounded = self._tell_instead(now_s, aside)
+        slowed = keep_out.slowed(act_s, here, bounded)
+        told = bounded if np.array_equal(slowed, bounded) else self._tell_instead(now_s, slowed)
+        keep_out.told(told)
+        return float(told[0]), float(told[1])
+
+    def _tell_instead(self, now_s: float, rates: FloatArray) -> FloatArray:
+        axes = (self._pan, self._tilt)
+        return np.array([a.tell_instead(float(v), now_s, self.latency_s) for a, v in zip(axes, rates, strict=True)])
+
+
+def _keep_out_pilot(keep_out: KeepOut, limits: HeadLimits, config: PointingConfig) -> KeepOutPilot:
+    axes, margin = (limits.pan, limits.tilt), math.radians(config.margin_deg)
+    return KeepOutPilot(
+        keep_out,
+        np.array([a.low_rad + margin for a in axes]),
+        np.array([a.high_rad - margin for a in axes]),
+        np.array([config.acceleration_share * a.acceleration_rad_s2 for a in axes]),
+        lease_s=limits.lease_s,
+    )

@@ -13,6 +13,8 @@ from groundstation.geometry.calibration import changed_station
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.geometry.station import StationGeometry
+from groundstation.image_header import MAX_PICTURE_PX
+from groundstation.output_names import name_fault
 from groundstation.ptu_axes import IDEAL_AXES, PtuAxes, read_axes
 from groundstation.rig_covariance import READOUT, ParameterCovariance, joined, read_covariance, require_agreement
 from groundstation.rig_reference import RigReference, read_reference
@@ -195,6 +197,9 @@ def load_rig(path: TextFile) -> Rig:
     for name in names:
         if names.count(name) > 1:
             raise top.fail("station", f"two stations named {name!r}", "names that differ")
+        # where upper and lower case are one, so would be their files
+        if sum(name.casefold() == other.casefold() for other in names) > 1:
+            raise top.fail("station", f"two stations named {name!r} but for upper and lower case", "names that differ")
     shared = read_covariance(top.table("covariance"), names)
     require_agreement(top, shared, _own_variances(stations))
     reference = read_reference(top.table("reference")) if "reference" in top else None
@@ -226,6 +231,9 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
         raise table.fail("name", quoted(name), "letters, digits, - and _")
     if len(name) > MAX_NAME_CHARACTERS:
         raise table.fail("name", f"{len(name)} characters", f"at most {MAX_NAME_CHARACTERS}")
+    # videos, folders and pictures are called as their stations are
+    if (fault := name_fault(name)) is not None:
+        raise table.fail("name", fault, "a name that files can have")
     table = Table(row, f"{path}: station {name}", RigError)
     table.refuse_unknown(_STATION_KEYS)
     fixed = table.flag("fixed", False)
@@ -283,8 +291,9 @@ def _unit_quaternion(table: Table, key: str, default: tuple[float, ...] | None) 
 def _lens(table: Table, required: bool) -> Lens:
     """Parse the lens keys."""
     size = table.vector("image_size_px", 2, None if required else (1.0, 1.0), names="[width, height]")
-    if np.any(size < 1) or np.any(size != np.round(size)) or np.any(size > 65536):
-        raise table.fail("image_size_px", str(size.tolist()), "two whole numbers of pixels from 1 to 65536")
+    if np.any(size < 1) or np.any(size != np.round(size)) or np.any(size > 65536) or np.prod(size) > MAX_PICTURE_PX:
+        wanted = f"two whole numbers of pixels from 1 to 65536, at most {MAX_PICTURE_PX // 10**6} million pixels"
+        raise table.fail("image_size_px", str(size.tolist()), wanted)
     focal = table.vector("focal_px", 2, None if required else (1.0, 1.0), names="[fx, fy]")
     if np.any(focal <= 0):
         raise table.fail("focal_px", str(focal.tolist()), "two numbers > 0")

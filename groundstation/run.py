@@ -34,7 +34,7 @@ def run(
 
     def emit(report: StepReport) -> None:
         nonlocal epochs
-        if report.cameras or report.estimates or report.events:
+        if not report.empty:
             for sink in sinks:
                 sink.write(report)
         if report.estimates:

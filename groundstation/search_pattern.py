@@ -5,7 +5,7 @@ target must have gone, swept as wide as it may have strayed; without one, the se
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,9 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Kinematics
+
+# a sweep is looked ahead in so many steps of a quarter of a view's dwell
+_SKIPPED = 120
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +63,14 @@ class SearchPattern:
     def after_loss(self, t_s: float) -> bool:
         """Return whether a target was there so recently that it is searched for where it must have gone."""
         return self._lost is not None and 0.0 <= t_s - self._lost[0] <= self._config.lost_s
+
+    def ahead_s(self, t_s: float, allowed: Callable[[FloatArray], bool]) -> float:
+        """Return how far the sweep has to be ahead so that a point (3,) that may be looked at comes; 0 if none does.
+
+        So what must not be looked at costs no time: all stations go on where it ends.
+        """
+        step_s = 0.25 * self._config.dwell_s
+        return next((k * step_s for k in range(_SKIPPED) if allowed(self.point(t_s + k * step_s))), 0.0)
 
     def point(self, t_s: float) -> FloatArray:
         """Return the point (3,) to look at, runway frame."""

@@ -41,7 +41,7 @@ class StationHealth:
 
     def epoch(self, t_s: float, page: EpochPage) -> list[TrackEvent]:
         """Take what was seen in one epoch, and return what is to be said of the stations."""
-        events = self._silence(t_s)
+        events = self.silence(t_s)
         if not self._ekf.has_target:
             if self._had_target:
                 self.watch.forget()
@@ -53,7 +53,7 @@ class StationHealth:
             events += [_line(t_s, finding) for finding in self.watch.epoch(t_s, sights)]
         return events
 
-    def _silence(self, t_s: float) -> list[TrackEvent]:
+    def silence(self, t_s: float) -> list[TrackEvent]:
         """Say who has fallen silent, and who is back."""
         events = []
         for name, newest_s in self._newest.items():

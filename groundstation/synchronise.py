@@ -9,6 +9,8 @@ Rules, all in the session clock:
   stamp takes no other.
 - A stamp older than what has already been passed on is late. It is passed on as late: the filter can go back for it,
   inside a horizon (`groundstation.estimation.replay_window`); beyond it is counted and not used.
+- Where no record comes at all, what waits is passed on once the session's clock is `IN_FLIGHT_S` and ``hold_s`` past
+  it: until then one may still be on its way.
 - Angles are interpolated linearly between two readings no further apart than ``max_gap_s``; before the
   first, after the last, or inside a longer gap there is no angle.
 """
@@ -45,6 +47,8 @@ class SynchroniseConfig:
             raise ValueError("hold_s and camera_gap_s must be ≥ 0, max_gap_s > 0")
 
 
+# as late as a record may be fused by default (`EstimationConfig.late_horizon_s`): longer under way, it is of little use
+IN_FLIGHT_S = 0.5
 # readings older than this before the newest record passed on are forgotten
 _KEPT_S = 2.0
 
@@ -139,6 +143,11 @@ class Synchroniser:
         self._passed_s = float("-inf")
         self._used: set[int] = set()
 
+    @property
+    def newest_s(self) -> float:
+        """The newest stamp that has been seen, of a reference position none."""
+        return self._newest_s
+
     def push(self, event: Arrival) -> Iterable[Ready]:
         """Take one event and return, in time order, all whose time has come."""
         if not isinstance(event, ReferenceFix):
@@ -154,6 +163,11 @@ class Synchroniser:
             return self._answer_late(event)
         self._enqueue(event)
         return self._drain(final=False) if self._may_pass(self._queue[0].t_s) else ()
+
+    def pass_time(self, t_s: float) -> Iterable[Ready]:
+        """Take note that the session's clock shows ``t_s``, and return, in time order, what has waited long enough."""
+        self._newest_s = max(self._newest_s, t_s - IN_FLIGHT_S)
+        return self._drain(final=False)
 
     def finish(self) -> Iterable[Ready]:
         """Return everything still waiting: nothing more will come."""

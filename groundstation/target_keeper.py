@@ -4,6 +4,7 @@ The pipeline hands in what was sighted and what was fixed; this decides when a t
 on, and what the status is. Whatever is worth a line in the log is kept until `take_events`.
 """
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -14,7 +15,7 @@ from groundstation.config import Config
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.initialise import Sighting, TrackInitiator
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
-from groundstation.messages import Epoch, InitialState, Kinematics, TrackEvent, TrackStatus
+from groundstation.messages import Epoch, InitialState, Kinematics, TrackEvent, TrackState, TrackStatus
 from groundstation.track_life import TrackLife
 
 # candidates of whole frames belong to the epoch that is answered, not to one long past
@@ -41,6 +42,8 @@ class TargetKeeper:
         self._ekf = ekf
         self._cameras = cameras
         self._window_s = config.estimation.fix_window_s
+        self._coast_after_s = config.estimation.coast_after_s
+        self._answered_s = -math.inf
         self._initiator = TrackInitiator({n: c.geometry for n, c in cameras.items()}, config.initiation, span_m)
         self._initial = initial
         self._sightings: list[Sighting] = []
@@ -74,12 +77,14 @@ class TargetKeeper:
         sigmas = np.concatenate([start.sigma_position_m, start.sigma_velocity_m_s])
         self._begin(start.t_s, start.position_runway_m, start.velocity_runway_m_s, np.diag(sigmas**2), "given")
 
-    def answer(self, epoch: Epoch, *, fixed: bool, proof: bool) -> Kinematics | None:
+    def answer(self, epoch: Epoch, *, fixed: bool, proof: bool, newest_s: float) -> Kinematics | None:
         """Bring the target through one epoch and return its estimate at the epoch's stamp, if there is one.
 
-        ``fixed``: two or more cameras' pixels were accepted; ``proof``: and at least one of them is new.
+        ``fixed``: two or more cameras' pixels were accepted; ``proof``: and at least one of them is new. ``newest_s``
+        is the newest stamp that any device has sent: how late it is that the epoch is answered.
         """
         t_s = epoch.t_s
+        self._answered_s = max(self._answered_s, t_s, newest_s)
         if self._ekf.has_target:
             self._live_on(t_s, fixed, proof)
         if self.searches(t_s):
@@ -88,21 +93,54 @@ class TargetKeeper:
             # the search is over: what it gathered is of no use for a later one
             self._sightings.clear()
             self._initiator.reset()
-        if not self._ekf.has_target or self.life.status is TrackStatus.ACQUIRING:
+        if not self._told:
             return None
         kinematics = self._ekf.kinematics_at(t_s)
         self.predictor.add(Knot(t_s=t_s, position_m=kinematics.position_runway_m))
         return kinematics
+
+    @property
+    def _told(self) -> bool:
+        """Whether there is a target, and one that is reported."""
+        return self._ekf.has_target and self.life.status is not TrackStatus.ACQUIRING
+
+    def is_quiet(self, t_s: float) -> bool:
+        """Return whether no pair has been answered for so long that time alone decides how the target does."""
+        return t_s - max(self._answered_s, self.life.started_s) > self._coast_after_s
+
+    def gives_up(self, t_s: float) -> bool:
+        """Bring the target through a time without a pair; return whether it is to be dropped.
+
+        What is asked of an epoch's estimate is asked of the prediction; the filter stays where it is.
+        """
+        if not self._ekf.has_target:
+            if self.life.status is TrackStatus.ACQUIRING:
+                self._change(t_s, TrackStatus.SEARCHING)
+            return False
+        with self._ekf.ahead(t_s):
+            if self.life.is_lost(t_s, self._ekf, self._cameras):
+                return True
+        if self.life.is_overdue(t_s):
+            self.say(t_s, "warning", "what was found has had no pictures to prove itself: dropped")
+            return True
+        self._change(t_s, self.life.follow(False, self._ekf))
+        return False
+
+    def state_at(self, t_s: float) -> TrackState:
+        """Return how the target does at ``t_s``, its estimate predicted to there if there is one."""
+        now_s = t_s if self._ekf.time_s is None else max(t_s, self._ekf.time_s)
+        kinematics = self._ekf.kinematics_at(now_s) if self._told else None
+        return TrackState(t_s=t_s, status=self.life.status, kinematics=kinematics)
 
     def _live_on(self, t_s: float, fixed: bool, proof: bool) -> None:
         """Say how the target is doing, and drop it if it is lost or was none."""
         if proof:
             self.life.fixed(t_s)
         if self.life.is_lost(t_s, self._ekf, self._cameras):
-            self._drop(t_s)
+            self.drop(t_s)
         elif self.life.is_false(t_s, self._ekf):
             self.say(t_s, "warning", "what was found does not move as an aircraft does: dropped")
-            self._drop(t_s)
+            self.drop(t_s)
         else:
             self._change(t_s, self.life.follow(fixed, self._ekf))
 
@@ -138,7 +176,8 @@ class TargetKeeper:
         self.say(t_s, "info", f"target {how} at ({x:.1f}, {y:.1f}, {z:.1f}) m")
         self._change(t_s, TrackStatus.ACQUIRING)
 
-    def _drop(self, t_s: float) -> None:
+    def drop(self, t_s: float) -> None:
+        """Give the target up: it is lost."""
         self._ekf.drop_target()
         self._forget_looks()
         self._change(t_s, TrackStatus.LOST)

@@ -1,6 +1,7 @@
 """Reading typed values out of TOML tables, with errors that name the file and the key."""
 
 import math
+import re
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,16 @@ from groundstation.errors import InputError, printable
 from groundstation.text_file import TextFile, absence
 
 MAX_TOML_BYTES = 4_000_000
+# tomllib keeps every beginning of a key: its room and time grow with the square of a key's parts, and none of our files
+# has more than four
+MAX_KEY_PARTS = 16
+# strings and remarks, whole or cut off by the end: nothing in them is a key
+_QUIET_PARTS = re.compile(
+    r'''"""(?:[^"\\]|\\.|"(?!""))*+(?:"{3,5}|\Z)|\'{3}(?:[^']|'(?!''))*+(?:'{3,5}|\Z)'''
+    r"""|"(?:[^"\\\n]|\\[^\n])*+["\\]?|'[^'\n]*+'?|\#[^\n]*+""",
+    re.DOTALL,
+)
+_BETWEEN_KEYS = re.compile(r"[=,\[\]{}\n]")
 
 
 def shown(text: str, most: int = 60) -> str:
@@ -38,12 +49,22 @@ def load_toml(path: TextFile, error: type[InputError]) -> dict[str, Any]:
             text = file.read(MAX_TOML_BYTES + 1)
         if len(text) > MAX_TOML_BYTES:
             raise error(str(path), got="a larger file", wanted=f"at most {MAX_TOML_BYTES} bytes")
+        parts = _most_key_parts(text)
+        if parts > MAX_KEY_PARTS:
+            raise error(str(path), got=f"a key of {parts} parts", wanted=f"keys of at most {MAX_KEY_PARTS}")
         return tomllib.loads(text)
     except OSError as fault:
         raise error(str(path), got=str(fault.strerror), wanted="a file that can be read") from fault
     except (ValueError, RecursionError) as fault:
         # a whole number of thousands of digits is a plain ValueError
         raise error(str(path), got=f"not TOML ({shown(str(fault), 200)})", wanted="a TOML file") from fault
+
+
+def _most_key_parts(text: str) -> int:
+    """Return the parts of the longest key in a text, `a.b.c` having three; found without taking the text apart."""
+    if text.count(".") < MAX_KEY_PARTS:
+        return 1
+    return 1 + max(piece.count(".") for piece in _BETWEEN_KEYS.split(_QUIET_PARTS.sub("", text)))
 
 
 def finite_number(value: object) -> float | None:

@@ -5,6 +5,9 @@ while it lives without, and *lost* when its covariance says that the cameras cou
 look, when it has not been where it should have been seen (`groundstation.existence`), or at the latest after a stated
 time without any accepted pixel.
 
+All of this is asked at each pair, and where no pair comes at each heartbeat, of the prediction for that time; the track
+is *coasting* then from a stated time after the newest pair on.
+
 Once no camera has had a pixel for a while, one pair of pixels that agree may be chance: on ground, each camera finds
 something near a vague prediction. So the track goes on coasting until as many fixes as were asked for have come.
 
@@ -80,6 +83,17 @@ class TrackLife:
             return False
         return t_s - self._started_s > c.false_target_s
 
+    def is_overdue(self, t_s: float) -> bool:
+        """Return whether a found target has had its time to prove itself, and has not; it takes pictures to do so."""
+        c = self._config
+        if self._found_at is None:
+            return False
+        return t_s - self._started_s > (c.proof_s if self._fixes < c.proof_fixes else c.false_target_s)
+
+    def is_unseen(self, t_s: float) -> bool:
+        """Return whether no pixel has been accepted for so long that the target is lost, however certain it seems."""
+        return t_s - self._newest_pixel_s > self._config.lost_after_s
+
     def _stands(self, t_s: float, ekf: StationEkf) -> bool:
         """Return whether a target that has proved itself has for long got nowhere; never a given one.
 
@@ -133,6 +147,10 @@ class TrackLife:
         doubtful = self.existence.probability < self._config.doubtful_existence
         return doubtful or t_s - self._newest_fix_s > self._config.search_again_s
 
+    def seen_by_two(self, t_s: float) -> bool:
+        """Return whether two cameras or more see the target: a fix of it is at most ``search_again_s`` old."""
+        return self._fixes > 0 and t_s - self._newest_fix_s <= self._config.search_again_s
+
     def change(self, t_s: float, status: TrackStatus) -> TrackEvent | None:
         """Set the status; return an event if it is another."""
         if status is self.status:
@@ -147,7 +165,7 @@ class TrackLife:
         c = self._config
         if self.existence.probability < c.lost_existence:
             return True
-        if t_s - self._newest_pixel_s > c.lost_after_s:
+        if self.is_unseen(t_s):
             return True
         at, P = ekf.layout.position.start, ekf.covariance
         if P[at, at] + P[at + 1, at + 1] + P[at + 2, at + 2] > c.lost_sigma_m**2:

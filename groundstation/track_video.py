@@ -215,11 +215,7 @@ def _checked(request: TrackRequest, video: VideoFile) -> int | None:
     if request.save_video is not None and request.save_video.suffix.lower() != ".mp4":
         raise InputError("--save-video", got=str(request.save_video), wanted="the name of an .mp4 file")
     outputs = [request.out, *([] if request.save_video is None else [request.save_video])]
-    seen = {video.path.resolve()}
     for path in outputs:
-        if path.resolve() in seen:
-            raise InputError(str(path), got="a file that is used already", wanted="a file of its own for each output")
-        seen.add(path.resolve())
         if not path.parent.is_dir():
             raise InputError(str(path), got=f"no folder {path.parent}", wanted="a file in a folder that exists")
     if video.count is None:

@@ -5,8 +5,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from groundstation.compared_runs import RECORDING, PlannedRun, SourceKind, planned_runs, results_of
+from groundstation.compared_runs import (
+    RECORDING,
+    PlannedRun,
+    SourceKind,
+    planned_runs,
+    refuse_replaying_onto,
+    results_of,
+)
 from groundstation.errors import InputError, RigError, SessionError
+from groundstation.output_names import below
+from groundstation.overwriting import Output
 from groundstation.session import load_session
 from groundstation.sinks.rerun_compare import (
     ShownRun,
@@ -62,14 +71,16 @@ def prepare_view(
     Raises `InputError` for what is no run, or cannot be shown beside others.
     """
     runs = planned_runs(request.sources, request.configs)
-    _check_not_onto_itself(request.save, runs)
+    saved = Output(path=request.work / _VIEW) if request.save is None else Output(path=request.save, option="--save")
+    tables = [Output(path=below(request.work, f"{run.name}.rrd")) for run in runs]
+    refuse_replaying_onto((*request.sources, *request.configs, request.rig), runs, request.work, (saved, *tables))
     if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
         raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
     notes: list[str] = []
     recordings: dict[str, Path] = {}
     for run in runs:
         recordings[run.name] = _recording(run, request, progress, notes)
-    made = {name for name, path in recordings.items() if path == request.work / f"{name}.rrd"}
+    made = {name for name, path in recordings.items() if path == below(request.work, f"{name}.rrd")}
     unplayed = {run.name for run in runs if run.name in made and run.kind is SourceKind.SESSION}
     # one made of tables has no layout of its own
     if len(recordings) == 1 and request.align in (None, Align.NONE) and runs[0].name not in made:
@@ -98,14 +109,6 @@ def prepare_view(
     )
 
 
-def _check_not_onto_itself(save: Path | None, runs: Sequence[PlannedRun]) -> None:
-    """Refuse to write onto a recording that is to be read, be it given itself or by its folder."""
-    read = {path.resolve() for run in runs for path in (run.source, run.source / RECORDING)}
-    if save is not None and save.resolve() in read:
-        got = "one of the recordings to show, which cannot be written onto itself"
-        raise InputError(str(save), got=got, wanted="another file")
-
-
 def _recording(
     run: PlannedRun, request: ViewRequest, progress: Callable[[str, int, int], None], notes: list[str]
 ) -> Path:
@@ -127,7 +130,7 @@ def _recording(
         notes.append(f"{run.name}: fault in the recording: {fault}")
     if (folder / RECORDING).is_file():
         return folder / RECORDING
-    made = request.work / f"{run.name}.rrd"
+    made = below(request.work, f"{run.name}.rrd")
     _make_folder(made.parent)
     recording_of_results(folder, made, run.name)
     notes.append(f"{run.name}: replayed without a Rerun recording; its tables are shown")
@@ -136,7 +139,7 @@ def _recording(
 
 def _unplayed(run: PlannedRun, request: ViewRequest, why: InputError, notes: list[str]) -> Path:
     """Return a recording of what a session holds that cannot be replayed; raises ``why`` where that is nothing."""
-    made = request.work / f"{run.name}.rrd"
+    made = below(request.work, f"{run.name}.rrd")
     _make_folder(made.parent)
     shown = recording_of_session(load_session(run.source, request.rig), made)
     if not shown:

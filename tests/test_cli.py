@@ -198,7 +198,7 @@ def test_the_recording_itself_is_never_written_over(session: Path, capsys: pytes
     before = sorted(session.iterdir())
     (session.parent / "link").symlink_to(session)
     for out in (session, session / ".." / session.name, session.parent / "link"):
-        refused(capsys, [str(session), "--out", str(out)], "got the session folder itself; wanted another folder")
+        refused(capsys, [str(session), "--out", str(out)], "got a folder that is read; wanted another --out")
     assert sorted(session.iterdir()) == before
 
 

@@ -18,6 +18,7 @@ def test_numbers_on_the_page() -> None:
     assert f"more than {EstimationConfig().encoder_gate_sigma:g} σ off" in PAGE
     assert f"Beyond {LENS_REACH:g} corner radii, or {FOLD_MARGIN:g} of the radius" in PAGE
     assert f"{EstimationConfig().lost_after_s:g} s have passed without an accepted pixel" in PAGE
+    assert f"`estimation.coast_after_s` ({EstimationConfig().coast_after_s:g} s)" in PAGE
 
 
 @pytest.mark.parametrize("word", list(TrackStatus))

@@ -9,7 +9,7 @@ import pytest
 
 from groundstation.cli import main
 from groundstation.config import Config
-from groundstation.messages import Event, Frame
+from groundstation.messages import Event, Frame, Heartbeat
 from groundstation.session import load_session
 from groundstation.sinks.recorded_session import header_of
 from groundstation.sinks.recorder import PATIENT, Recorder, RecorderConfig
@@ -70,6 +70,19 @@ def test_pixels_that_others_found_go_both_ways(tmp_path: Path) -> None:
     assert main(["convert", str(first), str(packed)]) == 0
     assert main(["convert", str(packed), str(second)]) == 0
     assert streamed(first) == streamed(packed) == streamed(second)
+
+
+def test_heartbeats_are_not_in_a_folder_and_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: they come back from the recording; its folder says how many it does not have, and replays."""
+    path, folder = tmp_path / "flight.mcap", tmp_path / "folder"
+    given = [*events(12, np.random.default_rng(1)), *(Heartbeat(t_s=101.0 + 0.1 * k) for k in range(3))]
+    with Recorder(path, small_rig(), header(), PATIENT) as recorder:
+        for event in recorder.taken(given):
+            recorder.write(looked_at(event))
+    assert [e for e in streamed(path) if isinstance(e, Heartbeat)] == given[-3:]
+    assert main(["convert", str(path), str(folder)]) == 0
+    assert "3 heartbeats are not in the folder, which has no time but that of its records" in capsys.readouterr().out
+    assert not [e for e in streamed(folder) if isinstance(e, Heartbeat)]
 
 
 def test_what_was_not_kept_is_black_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -144,3 +144,12 @@ def test_recorded_readings_are_corrected_where_they_enter(landing_1, tmp_path) -
 
 def test_every_key_is_written() -> None:
     assert set(axes_in_file_units(PtuAxes())) == set(AXES_KEYS)
+
+
+def test_one_pair_of_readings_means_what_many_do_and_goes_back() -> None:
+    axes = PtuAxes(pan_scale=0.004, tilt_scale=-0.003, pan_zero_rad=0.01, tilt_zero_rad=-0.02, pan_backlash_rad=0.002)
+    readings, senses = np.array([[1.3, -0.4]]), np.array([[1.0, -1.0]])
+    one = axes.angles(1.3, -0.4, 1.0, -1.0)
+    np.testing.assert_allclose(one, axes.angles_many(readings, senses)[0], rtol=1e-14)
+    np.testing.assert_allclose(one, [1.3 * 1.004 + 0.01 - 0.001, -0.4 * 0.997 - 0.02], rtol=1e-14)
+    np.testing.assert_allclose(axes.readings(*one, 1.0, -1.0), (1.3, -0.4), rtol=1e-14)

@@ -73,6 +73,20 @@ def test_a_frame_waits_for_the_reading_after_it() -> None:
     assert list(s.push(frame(0.05))) == [reading(0.04)]
 
 
+def test_a_released_reading_is_passed_on_at_its_own_time_after_all() -> None:
+    s = Synchroniser(["left"], SynchroniseConfig())
+    taken, other = reading(0.02, 0.2), reading(0.04)
+    for event in (reading(0.00), frame(0.01)):
+        list(s.push(event))
+    (ready,) = s.push(taken)
+    assert ready.following is taken
+    assert not s.release(other)
+    assert s.release(taken)
+    assert not s.release(taken)
+    list(s.push(other))
+    assert list(s.push(frame(0.05))) == [taken, other]
+
+
 def test_a_frame_does_not_wait_longer_than_the_hold() -> None:
     s = Synchroniser(["left", "right"], SynchroniseConfig(hold_s=0.1))
     drive_before = [reading(0.0), reading(0.0, station="right"), frame(0.01)]

@@ -118,3 +118,33 @@ def test_any_value_gives_a_result_or_one_printable_line(value: Any, key: str) ->
     ):
         with only(RigError):
             read()
+
+
+@pytest.mark.parametrize(
+    ("text", "read"),
+    [
+        ("a.b.c.d.e.f.g.h = 1", True),
+        (".".join("abcdefghijklmnop") + " = 1", True),
+        (".".join("abcdefghijklmnopq") + " = 1", False),
+        ("[" + ".".join("abcdefghijklmnopq") + "]", False),
+        (" . ".join("abcdefghijklmnopq") + " = 1", False),
+        (".".join('"x.y"' for _ in range(9)) + " = 1", True),
+        (".".join(f'"{c}"' for c in "abcdefghijklmnopq") + " = 1", False),
+        ("a = { " + ".".join("abcdefghijklmnopq") + " = 1 }", False),
+        ("a = [" + ", ".join(["1.5"] * 400) + "]", True),
+        ('a = "' + "." * 100 + '" # ' + "." * 100, True),
+        ("a = '" + "." * 100 + "'\nb = 1.5", True),
+        ('a = """\n' + "x.\n" * 100 + '"..""." \\""" ""."""', True),
+        ("a = '''\n" + "x.\n" * 100 + "'.''.'''", True),
+        ('a = "\\"' + "." * 30 + '"', True),
+    ],
+)
+def test_keys_of_many_parts_are_refused_and_dots_elsewhere_are_not(text: str, read: bool, tmp_path: Path) -> None:
+    """Expected: 16 parts, however they are written; points in texts, remarks and numbers are no parts."""
+    path = tmp_path / "x.toml"
+    path.write_text(text + "\n", encoding="utf-8")
+    if read:
+        load_toml(path, ConfigError)
+    else:
+        with pytest.raises(ConfigError, match="a key of 17 parts; wanted keys of at most 16"):
+            load_toml(path, ConfigError)

@@ -153,3 +153,25 @@ def test_pictures_that_come_once_a_second_are_confirmed_by_the_next() -> None:
     told = [seen(life, ekf, float(k), cameras) for k, cameras in enumerate([2, 2, 0, 2, 2, 2, 0, 2, 2])]
     track, coast = TrackStatus.TRACKING, TrackStatus.COASTING
     assert told == [track, track, coast, coast, track, track, coast, coast, track]
+
+
+def test_time_alone_ends_a_find_that_proves_nothing() -> None:
+    """Expected: after ``proof_s`` with too few fixes, after ``false_target_s`` with enough; never a given target."""
+    life, _ = started(found=True)
+    assert not life.is_overdue(1.0)
+    assert life.is_overdue(1.001)
+    for k in range(3):
+        assert life.is_overdue(1.001)
+        life.fixed(0.1 * k)
+    assert not life.is_overdue(4.0)
+    assert life.is_overdue(4.001)
+    given, _ = started(found=False)
+    assert not given.is_overdue(60.0)
+
+
+def test_unseen_is_counted_from_the_newest_pixel() -> None:
+    life, _ = started(found=False)
+    life.saw(2.0)
+    life.saw(1.0)
+    assert not life.is_unseen(10.0)
+    assert life.is_unseen(10.001)

@@ -222,9 +222,13 @@ def test_where_nothing_can_be_written(video: Path, capsys: pytest.CaptureFixture
 
 def test_the_video_itself_is_never_written_over(video: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = video.read_bytes()
-    refused(capsys, [str(video), "--out", str(video)], "got a file that is used already")
+    refused(capsys, [str(video), "--out", str(video)], "got a file that is read; wanted another --out")
     both = str(video.with_name("both.mp4"))
-    refused(capsys, [str(video), "--out", both, "--save-video", both], "wanted a file of its own for each output")
+    refused(
+        capsys,
+        [str(video), "--out", both, "--save-video", both],
+        "got a file that --out names, too; wanted another --save-video",
+    )
     assert video.read_bytes() == before
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.live.recent_rate import OVER_S, RecentRate
-from groundstation.messages import TrackEstimate, TrackStatus
+from groundstation.messages import TrackEstimate, TrackState, TrackStatus
 
 _WORDS = {
     TrackStatus.SEARCHING: "searching the sky",
@@ -18,6 +18,8 @@ _WORDS = {
     TrackStatus.COASTING: "coasting: predicted, not seen by two cameras",
     TrackStatus.LOST: "lost: searching where it must be",
 }
+# a newest pair so old is said to be, and of a state so old that it is not known how it is now
+_OLD_S, _STALE_S = 0.5, 1.0
 # a receiver that has given no position for so long is gone
 GONE_S = 2.0
 # all delays of a day, in bins; the last one holds what is longer
@@ -89,7 +91,8 @@ class Board:
         self._latencies: deque[tuple[float, float]] = deque()
         self._histogram = np.zeros((2, _BINS), np.int64)
         self._counts: dict[str, RecentRate] = {}
-        self._newest: TrackEstimate | None = None
+        self._newest: TrackEstimate | TrackState | None = None
+        self._pair_s: float | None = None
 
     def arrived(self, epoch: int, arrived_s: float) -> None:
         """Note when the first frame of a pair arrived."""
@@ -99,12 +102,16 @@ class Board:
 
     def answered(self, estimate: TrackEstimate, now_s: float) -> None:
         """Note the answer to a pair."""
-        self._newest = estimate
+        self._newest, self._pair_s = estimate, estimate.t_s
         arrived_s = self._arrived.pop(estimate.epoch, None)
         if arrived_s is not None:
             self._latencies.append((now_s, now_s - arrived_s))
             place = min(max(int((now_s - arrived_s) / _BIN_S), 0), _BINS - 1)
             self._histogram[int(estimate.status is TrackStatus.TRACKING), place] += 1
+
+    def passed(self, state: TrackState) -> None:
+        """Note how the target does at a time without a pair."""
+        self._newest = state
 
     def latency_ms(self, percent: float, *, tracking: bool = False) -> float:
         """Return a percentile of the delays from a pair's first frame to its answer, ms; 0 before the first.
@@ -128,7 +135,7 @@ class Board:
             self._latencies.popleft()
         recent = [delay for _, delay in self._latencies]
         p50, p99 = (1e3 * float(np.percentile(recent, q)) if recent else 0.0 for q in (50, 99))
-        lines = [_WORDS[track] + self._where()]
+        lines = [self._track(now_s, track)]
         lines += [device.words() for device in devices]
         if recent:
             lines.append(f"delay {p50:.0f} ms, 99 % within {p99:.0f} ms")
@@ -145,6 +152,14 @@ class Board:
             dropped=dict(dropped),
             lines=tuple(lines),
         )
+
+    def _track(self, now_s: float, track: TrackStatus) -> str:
+        """Return how the track is at ``now_s``: what is not known to be so now is not said as if it were."""
+        newest, pair_s = self._newest, self._pair_s
+        if newest is not None and now_s - newest.t_s > _STALE_S:
+            return f"not known: was {track.value}, and nothing is known of the last {now_s - newest.t_s:.1f} s"
+        quiet = "" if pair_s is None or now_s - pair_s <= _OLD_S else f", no pair for {now_s - pair_s:.1f} s"
+        return _WORDS[track] + self._where() + quiet
 
     def _where(self) -> str:
         """Return where the target is, with one sigma."""

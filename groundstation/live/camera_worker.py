@@ -7,6 +7,8 @@ from groundstation.live.inbox import Inbox, Said, Shot
 from groundstation.sources.cameras.camera import CameraEvent, CameraEventKind
 from groundstation.sources.cameras.live_camera import LiveCamera
 
+# a read waits for a tenth of a second
+_END_S = 0.5
 _GOOD = (CameraEventKind.OPENED, CameraEventKind.REOPENED)
 
 
@@ -40,7 +42,7 @@ class CameraWorker:
         """End; the camera itself is closed by whoever opened it."""
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join(timeout=2.0)
+            self._thread.join(timeout=_END_S)
 
     def _work(self) -> None:
         try:

@@ -15,6 +15,7 @@ from groundstation.live.check_line import CheckLine, well, wrong
 from groundstation.live.check_reference import check_reference
 from groundstation.live.devices import camera_of, check_against_rig
 from groundstation.live.head_device import HeadDevice, open_head
+from groundstation.live.keep_out_set_up import sun_words, with_keep_out
 from groundstation.live.station_file import StationDevices, load_station
 from groundstation.rig import Rig, load_rig
 from groundstation.sources.cameras.camera import CameraError, CameraEvent
@@ -36,11 +37,15 @@ def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckLi
         rig = load_rig(file.rig)
         check_against_rig(file, rig)
         load_config(file.config)
+        file = with_keep_out(file, rig, time.monotonic(), time.time())
     except GroundstationError as fault:
         yield wrong(str(fault))
         return
     yield well(f"station file, rig and tuning: {', '.join(rig.names)}")
     yield _known(rig)
+    if any(s.head is not None for s in file.stations):
+        avoided, words = sun_words(file, rig, time.time())
+        yield CheckLine(good=avoided, text=words)
     if file.reference is not None and file.origin is not None:
         yield check_reference(file.reference, file.origin, seconds)
     raw: dict[str, bool] = {}

@@ -6,10 +6,10 @@ import numpy as np
 
 from groundstation.errors import GroundstationError
 from groundstation.live.check_line import CheckLine, well, wrong
+from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_line import open_reference_line
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace
 from groundstation.live.reference_set_up import gps_time_of
-from groundstation.live.station_file import ReferenceDevice
 from groundstation.logs.fixes import FixQuality, LogFix, LogOptions
 from groundstation.logs.nmea_stream import NmeaStream
 from groundstation.messages import DgpsFix
@@ -27,9 +27,9 @@ def check_reference(device: ReferenceDevice, origin: GeoOrigin, seconds: float) 
     stream = NmeaStream("DGPS", LogOptions(geoid_separation_m=device.geoid_separation_m))
     found: list[tuple[LogFix, DgpsFix, float]] = []
     refused: list[str] = []
-    heard = 0
+    heard, strangers = 0, ""
     try:
-        line = open_reference_line(device.url, device.baud)
+        line = open_reference_line(device)
         try:
             while time.monotonic() - start_s < seconds:
                 data = line.read(_QUIET_S)
@@ -41,11 +41,14 @@ def check_reference(device: ReferenceDevice, origin: GeoOrigin, seconds: float) 
                         found.append((fix, placed.antenna, arrived_s - placed.antenna.t_s))
                     elif placed.refusal is not None:
                         refused.append(placed.refusal.value)
+            if line.refused:
+                strangers = f"; {line.refused} datagrams refused, the last of {line.refused_sender}: see senders"
         finally:
             line.close()
     except GroundstationError as fault:
         return wrong(f"DGPS: {fault}")
-    return _said(found, refused, heard, stream, clock, seconds)
+    said = _said(found, refused, heard, stream, clock, seconds)
+    return CheckLine(good=said.good, text=said.text + strangers)
 
 
 def _said(

@@ -1,16 +1,27 @@
 """Processes of a station in operation: what a terminal tells the whole group, only the first is to hear."""
 
+import multiprocessing as mp
+import os
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
 
-_OF_THE_GROUP = {signal.SIGINT, signal.SIGHUP}
+# Ctrl-C, a closed window, Ctrl-Z and Ctrl-\: a head that turns must not lose its process to a key
+_OF_THE_GROUP = {signal.SIGINT, signal.SIGHUP, signal.SIGTSTP, signal.SIGQUIT}
+_BY_SIGNAL = 128
+# a killed process is gone at once, unless it waits for a device in the kernel
+_KILLED_S = 0.3
 
 
 @contextmanager
 def deaf_to_the_terminal() -> Iterator[None]:
-    """What is begun inside never hears SIGINT or SIGHUP, not even while it starts; whoever began it ends it."""
+    """What is begun inside never hears the terminal's signals, not even while it starts; whoever began it ends it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _OF_THE_GROUP)
     try:
         # the library's own process outlives all others; starting it opens this one's ears again
@@ -19,3 +30,94 @@ def deaf_to_the_terminal() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class Child:
+    """A process of the station with a pipe to it, which it gets as its last argument.
+
+    It is a daemon, hears nothing of the terminal, and sees the pipe's end when this process is gone.
+    """
+
+    def __init__(self, name: str, target: Callable[..., None], *given: Any) -> None:
+        context = mp.get_context("spawn")
+        # a pipe that is closed while another thread sends would be used with no handle
+        self._using = threading.Lock()
+        self.pipe: Connection
+        self.pipe, other = context.Pipe()
+        self._process: BaseProcess = context.Process(
+            target=_named, args=(name, target, *given, other), name=name, daemon=True
+        )
+        with deaf_to_the_terminal():
+            self._process.start()
+        other.close()
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._process.pid or 0
+
+    @property
+    def sentinel(self) -> int:
+        """What `multiprocessing.connection.wait` takes to see it end."""
+        return self._process.sentinel
+
+    def is_alive(self) -> bool:
+        """Return whether it has not ended."""
+        return self._process.is_alive()
+
+    def send(self, what: object) -> bool:
+        """Send something; False where the other side is gone."""
+        with self._using:
+            try:
+                self.pipe.send(what)
+            except OSError:
+                return False
+        return True
+
+    def end(self, ask: object, ask_s: float, terminate_s: float) -> bool:
+        """Ask it to end, then terminate it, then kill it; returns whether it ended by itself before it was killed."""
+        self.send(ask)
+        self._process.join(ask_s)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join(terminate_s)
+        by_itself = not self._process.is_alive()
+        self.kill()
+        return by_itself
+
+    def kill(self, grace_s: float = 0.0) -> None:
+        """Kill it, stopped or not, unless it ends within ``grace_s``, and close the pipe."""
+        self._process.join(grace_s)
+        if self._process.is_alive():
+            self._process.kill()
+        self._process.join(_KILLED_S)
+        # a send that waited has failed by now: nobody reads
+        with self._using:
+            self.pipe.close()
+
+    def how_it_ended(self) -> str:
+        """Return in a few words how it ended: by which signal, or with which exit code."""
+        code = self._process.exitcode
+        if code is None:
+            return "has not ended"
+        # a program that SIGTERM asked to end in order says so with 128 and the signal's number
+        number = -code if code < 0 else code - _BY_SIGNAL
+        try:
+            return f"was ended by {signal.Signals(number).name}"
+        except ValueError:
+            return f"ended with exit code {code}"
+
+
+def _named(name: str, target: Callable[..., None], *given: Any) -> None:
+    """Call ``target`` in a process that ``top`` and ``ps`` show by its name, and end the process when it returns.
+
+    It has let go of all that it had; taking the interpreter apart would only take time, while others wait for its end.
+    """
+    with suppress(OSError):
+        Path("/proc/self/comm").write_text(name, encoding="ascii")
+    code = 0
+    try:
+        target(*given)
+    except SystemExit as ended:
+        code = ended.code if isinstance(ended.code, int) else 1
+    os._exit(code)

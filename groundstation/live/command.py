@@ -1,10 +1,9 @@
 """What `groundstation live` does: open everything, operate until told to stop, and say how it went."""
 
 import math
-import os
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -13,18 +12,20 @@ from pathlib import Path
 from groundstation.config import load_config
 from groundstation.errors import InputError
 from groundstation.live.board import LiveStatus
-from groundstation.live.camera_worker import said
 from groundstation.live.core import in_operation
-from groundstation.live.devices import camera_of, check_against_rig
+from groundstation.live.devices import check_against_rig
+from groundstation.live.ending import Ending
 from groundstation.live.fault_timetable import check_timetable
-from groundstation.live.head_device import DeviceError
-from groundstation.live.head_process import Heads
+from groundstation.live.heads import CLOSE_S, Heads
+from groundstation.live.keep_out_set_up import sun_words, with_keep_out
 from groundstation.live.lent_range import LentRange
 from groundstation.live.memory import settle_memory
+from groundstation.live.opened_cameras import opened_cameras
 from groundstation.live.operation import Operation, OperationResult, StatusSink
 from groundstation.live.out_folder import require_free, taken_back_unless_begun, written_files
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import Reference, reference_tuning
+from groundstation.live.screen import StatusTeller, open_screen
 from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, landings, score, simulated_set_up
 from groundstation.live.simulated_range import RangeConfig, SimulatedRange
 from groundstation.live.simulated_receiver import ReceiverModel
@@ -36,8 +37,6 @@ from groundstation.rig import Rig, load_rig
 from groundstation.simulation.flights import Aircraft
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
-from groundstation.sources.cameras.camera import CameraCare, CameraError, CameraEvent, CameraTiming, StampPoint
-from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.warm_up import warm_up
 
 _BEGIN_AFTER_S = 3.0
@@ -76,7 +75,8 @@ class LiveResult:
 
     ``files`` are those with something in them. ``not_whole`` says in a line each what the disk did not take,
     ``recorded`` how much it took, and how much a second; ``lost`` is that a recording was wanted and nothing of it is
-    there. ``begin_s`` is the simulated flight's time zero, session time.
+    there. ``begin_s`` is the simulated flight's time zero, session time. ``losses`` says in a line each which of the
+    heads' processes were lost, and which head is not known to stand.
     """
 
     operation: OperationResult
@@ -86,6 +86,7 @@ class LiveResult:
     not_whole: tuple[str, ...] = ()
     recorded: str = ""
     lost: bool = False
+    losses: tuple[str, ...] = ()
 
 
 def live(
@@ -94,17 +95,19 @@ def live(
     tell: Callable[[LiveStatus], None],
     say: Callable[[str], None],
     lent: LentRange | None = None,
+    give_up: Callable[[str], None] | None = None,
 ) -> LiveResult:
     """Operate a station. ``tell`` gets the status twice a second, ``say`` a line while things are being opened.
 
-    ``lent`` is a simulated range that somebody else runs, in place of the request's own.
+    ``lent`` is a simulated range that somebody else runs, in place of the request's own. ``give_up`` ends the program
+    at once where its end hangs beyond the time for it (`Ending`); it gets a line that says so.
 
     Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin, and KeyboardInterrupt
     where ``stop`` says so before it has begun.
     """
     out = _folder(request)
     with taken_back_unless_begun(out) as begun:
-        return _live(request, out, begun, stop, tell, partial(_step, stop, say), lent)
+        return _live(request, out, begun, stop, tell, partial(_step, stop, say), lent, give_up)
 
 
 def _live(
@@ -115,6 +118,7 @@ def _live(
     tell: Callable[[LiveStatus], None],
     say: Callable[[str], None],
     lent: LentRange | None,
+    give_up: Callable[[str], None] | None,
 ) -> LiveResult:
     """Operate into ``out``; ``begun`` is told once everything is open."""
     settle_memory()
@@ -122,6 +126,7 @@ def _live(
     file = _file(request, out) if lent is None else lent.file
     rig = load_rig(file.rig)
     check_against_rig(file, rig)
+    file = with_keep_out(file, rig, time.monotonic(), time.time())
     check_timetable(request.timetable, rig)
     config = in_operation(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
     header = live_header(file, config)
@@ -130,6 +135,9 @@ def _live(
     # not before all files are known to be good
     out.mkdir(parents=True, exist_ok=True)
     with ExitStack() as opened:
+        ending = Ending(stop, file.park_s, give_up=give_up)
+        # after everything else, however it ends
+        opened.callback(ending.done)
         simulated = lent or (_range(request, file, flight, out, opened, say) if request.simulate else None)
         start_s = time.monotonic()
         # they are opened while this process compiles
@@ -143,8 +151,10 @@ def _live(
         opened.callback(tables.close)
         sinks: list[Sink] = [tables, keeper]
         recorder = _recorder(request, out, rig, header, opened, sinks)
-        operators: list[StatusSink] = [_Teller(tell)]
-        screen = _screen(request, rig, file, opened, sinks, operators, say)
+        if recorder is not None:
+            ending.writes(lambda: recorder.status.written_bytes)
+        operators: list[StatusSink] = [StatusTeller(tell)]
+        screen = open_screen(request.screen, rig, file, opened, ending, sinks, operators, say)
         operation = Operation(
             file,
             rig,
@@ -157,24 +167,31 @@ def _live(
             keep_images=request.screen != "none",
             reference_errors=known.errors if header.taught else None,
         )
+        sun_known, sun = sun_words(file, rig, time.time())
+        if file.sun_angle_rad != 0.0:
+            say(sun)
+            operation.say("info" if sun_known else "warning", sun)
         reference = Reference(file, known, operation.inbox, start_s=start_s, folder=out, faults=faults)
         opened.callback(reference.close)
         say("opening the PTUs")
-        heads.opened()
-        # halted before the files are closed
-        opened.callback(heads.close)
+        heads.opened(stop)
         say("opening the cameras")
-        cameras = opened.enter_context(_cameras(file, operation, simulated))
+        cameras = opened.enter_context(opened_cameras(file, operation, simulated, ending))
+        # halted before anything else is closed
+        opened.callback(lambda: heads.close(ending.left_s(CLOSE_S)))
         begin_s = time.monotonic() + _BEGIN_AFTER_S
         if simulated is not None:
             begin_s = simulated.begin(begin_s)
         begun()
         end_s = math.inf if request.seconds is None else begin_s + request.seconds
-        result = operation.run(cameras, heads, lambda: stop() or time.monotonic() >= end_s, reference.worker)
+        ending.watch()
+        result = operation.run(
+            cameras, heads, lambda: ending.asked() or time.monotonic() >= end_s, reference.worker, ending
+        )
         reference.close(recorder)
-        found = None
-        if simulated is not None:
-            found = score(flight, begin_s - start_s, keeper.rows(), simulated.truth, rig, begin_s)
+    found = None
+    if simulated is not None:
+        found = score(flight, begin_s - start_s, keeper.rows(), simulated.truth, rig, begin_s)
     if recorder is not None and recorder.status.trouble:
         faults.insert(0, f"{_RECORDING}: {recorder.words()}")
     return LiveResult(
@@ -185,6 +202,7 @@ def _live(
         not_whole=tuple(faults),
         recorded="" if recorder is None else recorder.took(),
         lost=recorder is not None and recorder.status.written_bytes == 0,
+        losses=tuple(heads.log.losses),
     )
 
 
@@ -244,17 +262,6 @@ class GuardedSink:
             self._faults.append(f"track files are not whole: {fault.strerror or fault}")
 
 
-class _Teller:
-    """A function as a `StatusSink`."""
-
-    def __init__(self, tell: Callable[[LiveStatus], None]) -> None:
-        self._tell = tell
-
-    def tell(self, status: LiveStatus) -> None:
-        """Pass it on."""
-        self._tell(status)
-
-
 def _folder(request: LiveRequest) -> Path:
     """Return the folder of this operation, which is still to be made."""
     if request.out is not None:
@@ -280,31 +287,6 @@ def _file(request: LiveRequest, out: Path) -> StationFile:
     return simulated_set_up(out, request.rate_hz, rig, dgps=request.receiver is not None)
 
 
-@contextmanager
-def _cameras(
-    file: StationFile, operation: Operation, simulated: SimulatedRange | LentRange | None
-) -> Iterator[Mapping[str, LiveCamera]]:
-    """Open all cameras; raises `DeviceError` for the first that fails."""
-
-    def tell(event: CameraEvent) -> None:
-        operation.inbox.put(said(event, -operation.start_s))
-
-    with ExitStack() as stack:
-        cameras = {}
-        for station in file.stations:
-            if simulated is None:
-                camera = camera_of(station, time.monotonic, tell, rate_hz=file.rate_hz)
-            else:
-                timing = CameraTiming(stamp=StampPoint.MIDDLE, transfer_s=simulated.delivery_s)
-                connect = partial(simulated.connect, station.name)
-                camera = LiveCamera(station.name, connect, timing, CameraCare(), time.monotonic, tell)
-            try:
-                cameras[station.name] = stack.enter_context(camera)
-            except CameraError as fault:
-                raise DeviceError(f"{station.name} camera: {fault}") from fault
-        yield cameras
-
-
 def _recorder(
     request: LiveRequest, out: Path, rig: Rig, header: RecordingHeader, opened: ExitStack, sinks: list[Sink]
 ) -> LiveRecorder | None:
@@ -318,31 +300,3 @@ def _recorder(
 
 def _recording(recorder: LiveRecorder | None) -> str:
     return "not recording" if recorder is None else recorder.words()
-
-
-def _screen(
-    request: LiveRequest,
-    rig: Rig,
-    file: StationFile,
-    opened: ExitStack,
-    sinks: list[Sink],
-    operators: list[StatusSink],
-    say: Callable[[str], None],
-) -> Callable[[], str]:
-    """Open the operator's screen, if there is to be one; returns what it has to say of itself."""
-    if request.screen == "none":
-        return lambda: ""
-    from groundstation.sinks.rerun_live import LiveView
-    from groundstation.sinks.rerun_viewer import open_live_stream, open_web_stream, stop_viewer
-
-    if request.screen == "desktop":
-        stream = open_live_stream("groundstation", os.environ, "--web shows the same in a browser")
-    else:
-        stream, address, process = open_web_stream("groundstation", os.environ)
-        opened.callback(stop_viewer, process)
-        say(f"operator's screen: {address}")
-    view = LiveView(stream, rig, file.name)
-    opened.callback(view.close)
-    sinks.append(view)
-    operators.append(_Teller(lambda status: view.say(status.t_s, status.lines)))
-    return view.words

@@ -19,6 +19,7 @@ from groundstation.messages import (
     BegunAnew,
     Event,
     Frame,
+    Heartbeat,
     PixelMeasurement,
     PointingCommand,
     PtuSample,
@@ -30,9 +31,14 @@ from groundstation.messages import (
 from groundstation.pipeline import Pipeline
 from groundstation.pointing import HeadPilot
 from groundstation.search_pattern import SearchPattern
+from groundstation.seldom_said import SeldomSaid
 
 # heads are told as often, in s
 COMMAND_EVERY_S = 0.03
+# with no pair answered and no heartbeat for so long there is one
+HEARTBEAT_EVERY_S = 0.1
+# without a pair for so many periods the track coasts, if that is longer than the tuning says: one pair may be missing
+_COAST_PERIODS = 2.5
 # what comes of numbers that no filter can work with
 _FAILED = (ArithmeticError, np.linalg.LinAlgError)
 # a head that has not been heard for so long is not known to be anywhere
@@ -42,7 +48,12 @@ _FURTHEST_AHEAD_S = 1.0
 
 
 def in_operation(config: Config, rate_hz: float) -> Config:
-    """Return the tuning with what is known of cameras that run at a rate: no frame comes half a period early."""
+    """Return the tuning with what is known of cameras that run at a rate.
+
+    No frame comes half a period early, and from pair to pair a track does not coast.
+    """
+    coast_s = max(config.estimation.coast_after_s, _COAST_PERIODS / rate_hz)
+    config = replace(config, estimation=replace(config.estimation, coast_after_s=coast_s))
     if config.synchronise.camera_gap_s > 0.0:
         return config
     return replace(config, synchronise=replace(config.synchronise, camera_gap_s=0.5 / rate_hz))
@@ -77,10 +88,17 @@ class LiveCore:
         self._heads = heads
         self._pattern = pattern
         self._commanded_s = -math.inf
+        # the newest pair or heartbeat
+        self._answered_s = -math.inf
         self._parking: Mapping[str, tuple[float, float]] | None = None
+        self._ahead_s = 0.0
+        self._lines: list[TrackEvent] = []
+        self._held_said = SeldomSaid(
+            lambda t_s, text: self._lines.append(TrackEvent(t_s=t_s, level="warning", text=text))
+        )
 
-    def take(self, item: Item | PixelMeasurement, now_s: float) -> Taken:
-        """Take one item at session time ``now_s``."""
+    def take(self, item: Item | PixelMeasurement, now_s: float, known_s: float | None = None) -> Taken:
+        """Take one item at session time ``now_s``; ``known_s`` as in `pass_time`."""
         taken = Taken()
         if isinstance(item, Said):
             line = TrackEvent(t_s=item.t_s, level=item.level, text=item.text)
@@ -96,15 +114,28 @@ class LiveCore:
             if isinstance(item, PtuSample) and item.station in self._heads:
                 self._heads[item.station].read(item)
             self._step(item, taken)
-        self.pass_time(now_s, taken)
+        self._pass_time(now_s, now_s if known_s is None else known_s, taken)
         return taken
 
-    def pass_time(self, now_s: float, taken: Taken | None = None) -> Taken:
-        """Close a pair that will not be completed, and tell the heads where to turn, if it is time."""
-        taken = Taken() if taken is None else taken
+    def pass_time(self, now_s: float, known_s: float | None = None) -> Taken:
+        """Close a pair that will not be completed, send a heartbeat, and tell the heads where to turn, if it is time.
+
+        ``known_s`` is the time up to which all that was delivered has been taken, ``now_s`` unless more waits: what
+        waits may yet hold the target.
+        """
+        taken = Taken()
+        self._pass_time(now_s, now_s if known_s is None else known_s, taken)
+        return taken
+
+    def _pass_time(self, now_s: float, known_s: float, taken: Taken) -> None:
         if self._pairing.overdue(now_s):
             for epoch in self._pairing.flush():
                 self._step(epoch, taken)
+        self._held_said.pass_time(now_s)
+        beat_s = min(now_s, known_s)
+        if beat_s >= self._answered_s + HEARTBEAT_EVERY_S:
+            self._answered_s = beat_s
+            self._step(Heartbeat(t_s=beat_s), taken)
         if now_s >= self._commanded_s + COMMAND_EVERY_S:
             self._commanded_s = now_s
             try:
@@ -112,7 +143,9 @@ class LiveCore:
             except _FAILED as fault:
                 self._begin_anew(fault, now_s, taken, in_vain=False)
                 taken.commands += self._commands(now_s)
-        return taken
+        if self._lines:
+            taken.reports.append(StepReport(events=tuple(self._lines)))
+            self._lines.clear()
 
     def delays(self, seconds: Mapping[str, float], latency_s: float) -> None:
         """Say how long each head's line has lately taken from command to acknowledgement, and the head after that."""
@@ -174,13 +207,22 @@ class LiveCore:
     def _told(self, report: StepReport, taken: Taken) -> None:
         for estimate in report.estimates:
             self.status = estimate.status
+            self._answered_s = max(self._answered_s, estimate.t_s)
             if estimate.kinematics is not None and estimate.status is TrackStatus.TRACKING:
                 self._pattern.seen(estimate.t_s, estimate.kinematics)
-        if report.cameras or report.estimates or report.events:
+        for state in report.states:
+            self.status = state.status
+        if not report.empty:
             taken.reports.append(report)
 
     def _commands(self, now_s: float) -> list[PointingCommand]:
-        return [self._command(name, head, now_s) for name, head in self._heads.items()]
+        if any(head.keep_out is not None for head in self._heads.values()):
+            self._ahead_s = self._pattern.ahead_s(now_s, lambda point_m: self._may_look(now_s, point_m))
+        commands = [self._command(name, head, now_s) for name, head in self._heads.items()]
+        for name, head in self._heads.items():
+            if head.keep_out is not None and head.keep_out.held:
+                self._held_said.take(now_s, f"{name}: {head.keep_out.held}")
+        return commands
 
     def _command(self, name: str, head: HeadPilot, now_s: float) -> PointingCommand:
         if self._parking is not None:
@@ -191,7 +233,11 @@ class LiveCore:
             held = self._target(now_s)
             if held is not None:
                 return head.follow(now_s, self._target)
-        return head.follow(now_s, self._pattern.point, Purpose.SEARCH)
+        return head.follow(now_s, lambda t_s: self._pattern.point(t_s + self._ahead_s), Purpose.SEARCH)
+
+    def _may_look(self, now_s: float, point_m: FloatArray) -> bool:
+        """Return whether no head is kept from looking at a point (3,)."""
+        return all(head.may_look_at(now_s, point_m) for head in self._heads.values())
 
     def _target(self, t_s: float) -> FloatArray | None:
         """Return where the target is at a session time; None without one, or too far ahead of what is known."""

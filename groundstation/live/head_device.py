@@ -5,14 +5,20 @@ The process that reads the PTUs begins with this and little else, so that it is 
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from groundstation.errors import GroundstationError
+from groundstation.keep_out import KeepOut, Sector
+from groundstation.live.keep_out_unit import KeepOutUnit
 from ptu_drivers.errors import PtuError
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.open import open_ptu
 from ptu_drivers.settings import AxisSettings, UnitSettings
+
+# Commands come every 0.03 s. Where they end (the pipeline is stopped), a unit is to stand within a second: its watchdog
+# looks every 0.1 s, the line takes its time, and half a second is left for braking.
+_WATCHDOG_S = 0.35
 
 
 class DeviceError(GroundstationError):
@@ -32,6 +38,9 @@ class HeadDevice:
     baud : to raise the line to; 0 keeps it. latency_s : of the unit; None is the driver's default.
     poll_s : asked no more often.
     park_rad : where it is left, pan and tilt.
+    sectors : of its angles, closed to it.
+    keep_out : all that its lens is kept out of, at times of the host's monotonic clock; None before it is known where
+        the station stands.
     """
 
     url: str
@@ -46,6 +55,8 @@ class HeadDevice:
     latency_s: float | None = None
     poll_s: float = 0.01
     park_rad: tuple[float, float] = (0.0, 0.0)
+    sectors: tuple[Sector, ...] = ()
+    keep_out: KeepOut | None = None
 
 
 def head_settings(head: HeadDevice) -> UnitSettings:
@@ -60,16 +71,18 @@ def head_settings(head: HeadDevice) -> UnitSettings:
         )
         for k in range(2)
     )
-    plain = UnitSettings(pan=pan, tilt=tilt, baud=head.baud)
-    if head.latency_s is None:
-        return plain
-    return UnitSettings(pan=pan, tilt=tilt, baud=head.baud, latency_s=head.latency_s)
+    settings = UnitSettings(pan=pan, tilt=tilt, baud=head.baud, watchdog_s=_WATCHDOG_S)
+    return settings if head.latency_s is None else replace(settings, latency_s=head.latency_s)
 
 
 def open_head(name: str, head: HeadDevice, clock: Callable[[], float]) -> PanTiltUnit:
-    """Open and probe one PTU; raises `DeviceError`."""
+    """Open and probe one PTU, and keep its lens out of what is closed to it; raises `DeviceError`."""
+    settings = head_settings(head)
     try:
-        return open_ptu(head.url, head.protocol, head_settings(head), clock=clock, **head.options)
+        unit = open_ptu(head.url, head.protocol, settings, clock=clock, **head.options)
+        if head.keep_out is None or head.keep_out.is_empty:
+            return unit
+        return KeepOutUnit(unit, head.keep_out, clock, lease_s=settings.watchdog_s)
     except PtuError as fault:
         raise DeviceError(f"{name}: PTU: {fault}") from fault
     except TypeError as fault:

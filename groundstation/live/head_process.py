@@ -2,53 +2,38 @@
 
 In the pipeline's process a serial reply may lie for tens of milliseconds until the interpreter is free. Here nothing
 else runs. Commands go in and readings come out through a pipe; if the pipeline's process ends, however it ends, the
-pipe closes and every unit is halted.
+pipe closes and every unit is halted. If this process ends, or hangs, the motion guard halts them: it is told twenty
+times a second that all is well (`ptu_drivers.motion_guard`), and says the same of itself.
 """
 
 import contextlib
 import math
-import multiprocessing as mp
 import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
-from types import TracebackType
 
 from groundstation.errors import GroundstationError
 from groundstation.hand_over import quick_hand_over
-from groundstation.live.child import deaf_to_the_terminal
-from groundstation.live.head_device import DeviceError, HeadDevice, open_head
+from groundstation.live.head_device import HeadDevice, open_head
 from groundstation.live.head_worker import HeadWorker, head_limits
-from groundstation.live.inbox import Inbox, Item, Said
-from groundstation.messages import PointingCommand, PtuSample
-from groundstation.pointing import HeadLimits
-from ptu_drivers.messages import UnitDescription
+from groundstation.live.inbox import Item
+from groundstation.messages import PointingCommand
+from ptu_drivers.motion_guard import LEASE_S, MotionLeases
 
-# opening raises bauds and may wait for a unit that homes
-_OPEN_S = 90.0
-_STOP_S = 10.0
 _HEALTH_EVERY_S = 0.25
-# the pipe holds the commands of some seconds
-_DEAF_AFTER_S = 2.0
-
-
-@dataclass(slots=True)
-class HeadState:
-    """What is known of one head in the pipeline's process."""
-
-    description: UnitDescription
-    limits: HeadLimits
-    state: str = ""
-    doubts: int = 0
-    readings: int = 0
-    newest_s: float = -math.inf
-    delay_s: float = 0.0
+_BEAT_S = 0.05
+# halting and letting go of all units takes no longer; a process that leaves in order is given it
+_LEAVE_S = 1.0
+# a round of a head's thread is at the most a halt, which may take three exchanges, and a reading; beyond that, and so
+# much for a busy machine, the driver hangs
+_ROUND_EXCHANGES = 4
+_HANGS_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class HeadReport:
     """How a head does, from its process now and then."""
 
     station: str
@@ -64,139 +49,19 @@ class _Outbox:
         self._pipe = pipe
         self._lock = threading.Lock()
 
-    def put(self, item: Item | _Told) -> None:
+    def put(self, item: Item | HeadReport | str) -> None:
         """Send it; that nobody is there any more is no error here, the main loop notices."""
         with self._lock, contextlib.suppress(OSError):
             self._pipe.send(item)
 
 
-class Heads:
-    """The PTUs as the pipeline's process meets them; a context manager that halts them on the way out.
+def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, leases: MotionLeases, pipe: Connection) -> None:
+    """Open the heads, tell what they are, then read and move them until told to stop, or nobody is there any more.
 
-    Parameters
-    ----------
-    heads : by station.
-    start_s : the session's time zero on the host's monotonic clock.
-
-    Raises `DeviceError` on ``with`` where one cannot be opened.
+    A ``MemoryError`` ends it as any other way out does: halted first. So does a head whose thread has ended or hangs,
+    with exit code 1: the supervisor begins all of it again.
     """
-
-    def __init__(self, heads: Mapping[str, HeadDevice], start_s: float) -> None:
-        self.states: dict[str, HeadState] = {}
-        self.ended = False
-        self._heads, self._start_s = dict(heads), start_s
-        self._process: BaseProcess | None = None
-        self._pipe: Connection | None = None
-        self._thread: threading.Thread | None = None
-        self._inbox: Inbox | None = None
-        self._stopping = False
-        self._heard_s = -math.inf
-
-    def __enter__(self) -> "Heads":
-        self.begin()
-        return self.opened()
-
-    def begin(self) -> None:
-        """Start the process, which opens the heads while its parent does something else; `close` is due from then."""
-        if not self._heads:
-            return
-        context = mp.get_context("spawn")
-        self._pipe, other = context.Pipe()
-        process = context.Process(
-            target=serve_heads, args=(self._heads, self._start_s, other), name="ptus", daemon=True
-        )
-        with deaf_to_the_terminal():
-            process.start()
-        self._process = process
-        other.close()
-
-    def opened(self) -> "Heads":
-        """Wait until the heads are opened; raises `DeviceError` where one cannot be."""
-        process = self._process
-        if process is None or self._pipe is None:
-            return self
-        try:
-            if not self._pipe.poll(_OPEN_S):
-                raise DeviceError(f"PTUs: got no answer within {_OPEN_S:.0f} s; wanted them opened")
-            answer = self._pipe.recv()
-        except EOFError as fault:
-            raise DeviceError("PTUs: their process ended while opening them") from fault
-        finally:
-            if not self._pipe.poll(0) and not process.is_alive():
-                self.close()
-        if isinstance(answer, str):
-            self.close()
-            raise DeviceError(answer)
-        self.states = {name: HeadState(description=about, limits=limits) for name, (about, limits) in answer.items()}
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def start(self, inbox: Inbox) -> None:
-        """Let readings come into an inbox from now on."""
-        self._inbox = inbox
-        self._heard_s = time.monotonic()
-        if self._pipe is None:
-            return
-        self._send("start")
-        self._thread = threading.Thread(target=self._receive, name="ptus", daemon=True)
-        self._thread.start()
-
-    def tell(self, command: PointingCommand) -> None:
-        """Hand a command on; never waits: to a process that has not been heard of, nothing is sent."""
-        if time.monotonic() - self._heard_s < _DEAF_AFTER_S:
-            self._send(command)
-
-    def _send(self, what: object) -> None:
-        if self._pipe is not None and not self.ended:
-            try:
-                self._pipe.send(what)
-            except OSError:
-                self.ended = True
-
-    def _receive(self) -> None:
-        inbox, pipe = self._inbox, self._pipe
-        if inbox is None or pipe is None:
-            return
-        with contextlib.suppress(EOFError, OSError):
-            while True:
-                item = pipe.recv()
-                self._heard_s = time.monotonic()
-                if isinstance(item, _Told):
-                    state = self.states[item.station]
-                    state.state, state.doubts, state.delay_s = item.state, item.doubts, item.delay_s
-                    continue
-                if isinstance(item, PtuSample):
-                    state = self.states[item.station]
-                    state.readings += 1
-                    state.newest_s = item.t_s
-                inbox.put(item)
-        self.ended = True
-        if not self._stopping:
-            now_s = time.monotonic() - self._start_s
-            inbox.put(Said(t_s=now_s, level="error", text="the PTUs' process has ended: no angles, and nothing turns"))
-
-    def close(self) -> None:
-        """Halt the heads and end their process."""
-        self._stopping = True
-        if self._pipe is not None:
-            with contextlib.suppress(OSError):
-                self._pipe.send("stop")
-        if self._process is not None:
-            self._process.join(_STOP_S)
-            if self._process.is_alive():
-                self._process.terminate()
-                self._process.join(2.0)
-        if self._pipe is not None:
-            self._pipe.close()
-            self._pipe = None
-
-
-def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, pipe: Connection) -> None:
-    """Open the heads, tell what they are, then read and move them until told to stop, or nobody is there any more."""
+    lost = False
     with contextlib.ExitStack() as stack:
         try:
             units = {name: stack.enter_context(open_head(name, h, time.monotonic)) for name, h in heads.items()}
@@ -204,6 +69,7 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, pipe: Connectio
             with contextlib.suppress(OSError):
                 pipe.send(str(fault))
             return
+        leases.beat_driver(time.monotonic())
         try:
             pipe.send({name: (unit.describe(), head_limits(unit)) for name, unit in units.items()})
         except OSError:
@@ -216,30 +82,91 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, pipe: Connectio
             )
             for name, unit in units.items()
         }
+        for name, worker in workers.items():
+            stack.callback(stop_and_release, name, worker, leases)
+        # first of all: one that hangs is not to keep the others turning
         for worker in workers.values():
-            stack.callback(worker.stop)
+            stack.callback(worker.request_stop)
         stack.enter_context(quick_hand_over())
-        _obey(pipe, workers, outbox)
+        # on the way out nothing is said any more: so long ahead at once
+        stack.callback(lambda: leases.beat_driver(time.monotonic() + _LEAVE_S))
+        with contextlib.suppress(MemoryError):
+            lost = _serve(pipe, workers, outbox, leases)
+    if lost:
+        raise SystemExit(1)
 
 
-def _obey(pipe: Connection, workers: Mapping[str, HeadWorker], outbox: _Outbox) -> None:
-    """Pass commands on until the other side stops or is gone; say now and then how the heads do."""
-    told_s = -math.inf
+def stop_and_release(name: str, worker: HeadWorker, leases: MotionLeases) -> None:
+    """Stop a head, and give its lease back only where the unit has acknowledged the halt.
+
+    Otherwise the lease runs out, and the motion guard halts the unit; so it is where a signal interrupts the stop.
+    """
+    if worker.stop():
+        leases.release(name)
+
+
+def _serve(pipe: Connection, workers: Mapping[str, HeadWorker], outbox: _Outbox, leases: MotionLeases) -> bool:
+    """Pass commands on until the other side stops or is gone; renew the leases, and report now and then.
+
+    Returns whether it ended because a head's thread has ended or hangs.
+    """
+    reported_s = -math.inf
     with contextlib.suppress(EOFError, OSError):
         while True:
-            if pipe.poll(_HEALTH_EVERY_S):
+            vouch(workers, leases, time.monotonic())
+            if lost := lost_heads(workers, time.monotonic()):
+                for text in lost:
+                    outbox.put(text)
+                return True
+            if pipe.poll(_BEAT_S):
                 what = pipe.recv()
                 if what == "stop":
-                    return
+                    return False
                 if what == "start":
                     for worker in workers.values():
                         worker.start()
                 elif isinstance(what, PointingCommand) and what.station in workers:
                     workers[what.station].tell(what)
             now_s = time.monotonic()
-            if now_s - told_s >= _HEALTH_EVERY_S:
-                told_s = now_s
+            if now_s - reported_s >= _HEALTH_EVERY_S:
+                reported_s = now_s
                 for name, worker in workers.items():
-                    health = worker.unit.health()
-                    told = _Told(name, health.state.value, sum(health.doubts.values()), worker.delay_s)
-                    outbox.put(told)
+                    doubts = sum(worker.health.doubts.values())
+                    outbox.put(HeadReport(name, shown_state(worker, now_s), doubts, worker.delay_s))
+    return False
+
+
+def lost_heads(workers: Mapping[str, HeadWorker], now_s: float) -> list[str]:
+    """Return a line for each head whose thread has ended, or has not come round for longer than its driver may take."""
+    lost = []
+    for name, worker in workers.items():
+        late_s = now_s - worker.round_s
+        if worker.ended:
+            lost.append(f"{name}: PTU: its thread has ended")
+        elif late_s > _ROUND_EXCHANGES * worker.unit.describe().reply_timeout_s + _HANGS_S:
+            lost.append(f"{name}: PTU: its driver has not returned for {late_s:.1f} s")
+    return lost
+
+
+def shown_state(worker: HeadWorker, now_s: float) -> str:
+    """Return the unit's state as its thread knows it; of a thread that ended or is late, that it is not known."""
+    if worker.ended:
+        return "thread ended"
+    return worker.health.state.value if _comes_round(worker, now_s) else "driver does not return"
+
+
+def vouch(workers: Mapping[str, HeadWorker], leases: MotionLeases, now_s: float) -> None:
+    """Renew the leases of the units whose threads come round, and hold all units still while there is no guard.
+
+    A thread may wait as long as its unit may take to answer, and a lease's length on top.
+    """
+    leases.beat_driver(now_s)
+    unguarded = now_s - leases.guard_beat_s > LEASE_S
+    for name, worker in workers.items():
+        worker.hold(unguarded)
+        if not worker.ended and _comes_round(worker, now_s):
+            leases.renew(name, now_s + LEASE_S)
+
+
+def _comes_round(worker: HeadWorker, now_s: float) -> bool:
+    return now_s - worker.round_s < worker.unit.describe().reply_timeout_s + LEASE_S

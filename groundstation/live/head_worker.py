@@ -1,17 +1,21 @@
 """One station's PTU in a thread of its own: asked as often as the line allows, told what the pipeline wants.
 
 This is the only place that moves hardware. The newest command counts, older ones are forgotten; a unit that no command
-comes for is halted by its driver's watchdog. Whatever ends the thread, the unit is halted.
+comes for is halted by its driver's watchdog. Whatever ends the thread, the unit is halted. While it is held (there is
+no motion guard), the unit is halted and no command is taken.
 """
 
+import contextlib
 import math
 import threading
 from collections.abc import Callable
 from typing import Protocol
 
 from groundstation.live.inbox import Item, Said
+from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
 from groundstation.messages import PointingCommand, PtuSample, Purpose
-from groundstation.pointing import AxisLimits, HeadLimits
+from groundstation.pointing import LEASE_S, AxisLimits, HeadLimits
+from groundstation.seldom_said import SeldomSaid
 from ptu_drivers.errors import LimitError, PtuError
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AxisDescription, Capability, NoReading, Reading
@@ -23,12 +27,15 @@ _SLOW_TO_SAY_S = 1.0
 _SAME_RATE_RAD_S = math.radians(0.01)
 _REPEAT_S = 0.15
 _DELAY_RATE = 0.2
+_HEALTH_EVERY_S = 0.2
 
 
 def head_limits(unit: PanTiltUnit) -> HeadLimits:
     """Return what a unit said that it can do."""
     about = unit.describe()
-    return HeadLimits(pan=_axis_limits(about.pan), tilt=_axis_limits(about.tilt))
+    own_s = about.lease.renewed_s
+    lease_s = max(LEASE_S, own_s) if math.isfinite(own_s) else LEASE_S
+    return HeadLimits(pan=_axis_limits(about.pan), tilt=_axis_limits(about.tilt), lease_s=lease_s)
 
 
 def _axis_limits(axis: AxisDescription) -> AxisLimits:
@@ -121,6 +128,15 @@ class HeadWorker:
         self._stop = threading.Event()
         self._quiet_since_s: float | None = None
         self._told: str = ""
+        self._seldom = SeldomSaid(lambda _, text: self._say("warning", text))
+        if isinstance(unit, KeepOutUnit):
+            unit.report = lambda text: self._say("warning", f"PTU: {text}")
+        self.round_s = math.inf
+        """When the thread last came round, on the unit's clock; infinite before it has begun."""
+        self.health = unit.health()
+        """As it was a moment ago: asking the unit itself may wait for its line."""
+        self._looked_s = -math.inf
+        self._held = self._held_still = False
         self._thread = threading.Thread(target=self._work, name=f"ptu-{station}", daemon=True)
 
     def start(self) -> None:
@@ -132,25 +148,48 @@ class HeadWorker:
         with self._lock:
             self._command = command
 
-    def stop(self) -> None:
-        """Halt the unit and let go of it."""
+    def hold(self, held: bool) -> None:
+        """From now on hold the unit still, whatever is commanded, or let it go on; never waits."""
+        self._held = held
+
+    @property
+    def ended(self) -> bool:
+        """Whether the thread has begun and ended, for whatever reason."""
+        return self._thread.ident is not None and not self._thread.is_alive()
+
+    def request_stop(self) -> None:
+        """Have the thread halt the unit, let go of it and end; never waits."""
+        self._stop.set()
+
+    def stop(self) -> bool:
+        """Halt the unit and let go of it; returns whether it has acknowledged that halt."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
         self.unit.close()
+        return not self.unit.health().halt_owed
 
     # ------------------------------------------------------------------------------------ the thread
     def _work(self) -> None:
         try:
             while not self._stop.is_set():
-                began_s = self._clock()
-                self._obey()
+                began_s = self.round_s = self._clock()
+                if self._held:
+                    self._hold_still()
+                else:
+                    self._held_still = False
+                    self._obey()
                 heard = self._ask()
+                if began_s >= self._looked_s + _HEALTH_EVERY_S:
+                    self._looked_s = began_s
+                    self.health = self.unit.health()
                 left_s = (self._period_s if heard else _PATIENCE_S) - (self._clock() - began_s)
                 if left_s > 0:
                     self._stop.wait(left_s)
         except Exception as fault:  # noqa: BLE001 - whatever it is: the head stops and the operator hears of it
-            self._say("error", f"PTU: {type(fault).__name__}: {fault}; it is halted and left alone")
+            # where memory is short there may be none for the line either
+            with contextlib.suppress(MemoryError):
+                self._say("error", f"PTU: {type(fault).__name__}: {fault}; it is halted")
         finally:
             self.unit.close()
 
@@ -191,11 +230,29 @@ class HeadWorker:
                 self.unit.move_to(pan_rad=command.pan_rad, tilt_rad=command.tilt_rad)
             took_s = self._clock() + self._zero_s - command.t_s
             self.delay_s += _DELAY_RATE * (took_s - self.delay_s)
+        except KeepOutError as fault:
+            self.refused += 1
+            self._seldom.take(command.t_s, f"PTU: {fault}")
         except LimitError as fault:
             self.refused += 1
             self._say("warning", f"PTU: {fault}")
         except PtuError as fault:
             # the next reading says what is wrong with the line
+            self.refused += 1
+            if self.refused == 1:
+                self._say("warning", f"PTU: {fault}")
+
+    def _hold_still(self) -> None:
+        """Halt the unit, once it has acknowledged no more, and forget what is commanded meanwhile."""
+        with self._lock:
+            self._command = self._sent = None
+        if self._held_still:
+            return
+        try:
+            self.unit.halt()
+            self._held_still = True
+        except PtuError as fault:
+            # tried again in the next round; the driver owes it, too
             self.refused += 1
             if self.refused == 1:
                 self._say("warning", f"PTU: {fault}")

@@ -13,16 +13,19 @@ from typing import Protocol
 from groundstation.config import Config
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.hand_over import quick_hand_over
+from groundstation.keep_out import KeepOut
 from groundstation.live.board import Board, DeviceState, LiveStatus
 from groundstation.live.camera_words import clock_words, lost_words
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.core import LiveCore, Taken
-from groundstation.live.head_process import Heads, HeadState
+from groundstation.live.ending import Ending
+from groundstation.live.head_log import HeadState
+from groundstation.live.heads import Heads
 from groundstation.live.inbox import Inbox, Item, Said, Shot
 from groundstation.live.pairing import Pairing, Shedding
 from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.station_file import StationFile
-from groundstation.messages import Event, Frame, TrackStatus
+from groundstation.messages import Event, Frame, PtuSample, TrackStatus
 from groundstation.pipeline import Pipeline
 from groundstation.pointing import HeadPilot
 from groundstation.rig import Rig
@@ -32,8 +35,7 @@ from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.warm_up import warm_up
 
 _WAIT_S = 0.01
-_STATUS_EVERY_S = 0.5
-_PARK_S = 10.0
+_STATUS_EVERY_S = 0.5  # and at once when time alone, or a lost process, has changed it
 _PARKED_RAD = 0.01
 _NEVER = 1e9
 
@@ -116,7 +118,8 @@ class Operation:
         self._board = Board()
         self._epochs = self._tracked = 0
         self._busy_s = 0.0
-        self._told_s = -_NEVER
+        self._told_s, self._told = -_NEVER, TrackStatus.SEARCHING
+        self._shown_changes = 0
 
     @property
     def now_s(self) -> float:
@@ -133,8 +136,11 @@ class Operation:
         heads: Heads,
         until: Callable[[], bool],
         reference: ReferenceWorker | None = None,
+        ending: Ending | None = None,
     ) -> OperationResult:
         """Operate until ``until`` says so, then park the heads, and let everything that waits be answered.
+
+        Heads are parked as long as ``ending`` allows, and not at all once their process is lost.
 
         The devices are opened already, and closed by whoever opened them; ``reference`` opens its line itself.
         """
@@ -154,10 +160,11 @@ class Operation:
             began_s = self.now_s
             while not until():
                 self._turn(core, heads, workers, self.inbox.get(_WAIT_S))
+            ending = ending or Ending(until, clock=self._clock)
+            ending.begin()
             core.park({s.name: s.head.park_rad for s in self._file.stations if s.head is not None})
             self.say("info", "parking")
-            end_s = self.now_s + _PARK_S
-            while self.now_s < end_s and core.not_parked(self.now_s, _PARKED_RAD, heard=True):
+            while ending.parks() and heads.running and core.not_parked(self.now_s, _PARKED_RAD, heard=True):
                 item = self.inbox.get(_WAIT_S)
                 # what is seen while the heads swing away is of no use
                 self._turn(core, heads, workers, None if isinstance(item, Shot) else item)
@@ -182,7 +189,8 @@ class Operation:
         began_s = self.now_s
         if isinstance(item, Shot) and self._shedding.leaves_out(item.station, item.t_s, self.inbox.frames_waiting):
             item = None
-        taken = core.pass_time(began_s) if item is None else core.take(item, began_s)
+        known_s = self._known_s(item, began_s)
+        taken = core.pass_time(began_s, known_s) if item is None else core.take(item, began_s, known_s)
         if isinstance(item, Shot):
             for event in taken.consumed:
                 if isinstance(event, Frame):
@@ -191,10 +199,18 @@ class Operation:
         now_s = self.now_s
         if item is not None:
             self._busy_s += now_s - began_s
-        if now_s - self._told_s >= _STATUS_EVERY_S:
-            self._told_s = now_s
+        silenced = core.status is not self._told and any(report.states for report in taken.reports)
+        changed = heads.log.changes != self._shown_changes
+        if silenced or changed or now_s - self._told_s >= _STATUS_EVERY_S:
+            self._told_s, self._told, self._shown_changes = now_s, core.status, heads.log.changes
             core.delays({n: h.delay_s for n, h in heads.states.items()}, self._file.pointing.latency_s)
             self._tell(core, heads, cameras, now_s)
+
+    def _known_s(self, item: Item | None, now_s: float) -> float:
+        """Return up to when the devices' records have been taken, ``item`` included: now, unless more waits."""
+        if not len(self.inbox):
+            return now_s
+        return item.t_s if isinstance(item, Shot | PtuSample) else -_NEVER
 
     def _hand_on(self, taken: Taken, heads: Heads) -> None:
         for command in taken.commands:
@@ -208,6 +224,8 @@ class Operation:
                 self._epochs += 1
                 self._tracked += estimate.status is TrackStatus.TRACKING
                 self._board.answered(estimate, now_s)
+            for state in report.states:
+                self._board.passed(state)
             for sink in self._sinks:
                 sink.write(report)
 
@@ -255,8 +273,17 @@ class Operation:
 
     def _core(self, heads: Heads) -> LiveCore:
         geometries = {s.name: s.geometry() for s in self._rig.stations}
-        pilots = {n: HeadPilot(geometries[n], h.limits, self._file.pointing) for n, h in heads.states.items()}
+        closed = {s.name: s.head.keep_out for s in self._file.stations if s.head is not None}
+        pilots = {
+            n: HeadPilot(geometries[n], h.limits, self._file.pointing, _since(closed.get(n), self.start_s))
+            for n, h in heads.states.items()
+        }
         period_s = 1.0 / self._file.rate_hz
         pairing = Pairing(self._rig.names, period_s)
         self._shedding = Shedding(pairing, period_s, most=len(self._rig.names) + 1)
         return LiveCore(self._pipeline(), pairing, pilots, SearchPattern(geometries, self._file.search))
+
+
+def _since(keep_out: KeepOut | None, start_s: float) -> KeepOut | None:
+    """Return what a lens is kept out of at session times."""
+    return None if keep_out is None else keep_out.since(start_s)

@@ -6,10 +6,11 @@ from pathlib import Path
 
 from groundstation.config import Config
 from groundstation.live.inbox import Inbox
+from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace
 from groundstation.live.reference_table import DgpsTable
 from groundstation.live.reference_worker import ReferenceWorker
-from groundstation.live.station_file import ReferenceDevice, StationFile
+from groundstation.live.station_file import StationFile
 from groundstation.logs.gps_time import TimeScale, civil_from_unix, gps_from_civil
 from groundstation.reference_knowledge import ReferenceKnowledge
 from groundstation.sinks.recorder import Recorder

@@ -14,16 +14,21 @@ from groundstation.errors import GroundstationError, LogError
 from groundstation.live.board import GONE_S, ReferenceState
 from groundstation.live.head_worker import Outlet
 from groundstation.live.inbox import Said
+from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_line import ReferenceLine, open_reference_line
 from groundstation.live.reference_place import ReferencePlace
-from groundstation.live.station_file import ReferenceDevice
 from groundstation.logs.fixes import LogFix, LogOptions
 from groundstation.logs.nmea_stream import NmeaStream
 from groundstation.messages import DgpsFix
+from groundstation.seldom_said import SeldomSaid
 
 # so long after the last byte nothing more of the same moment comes
 _QUIET_S = 0.04
 _AGAIN_S = 1.0
+# a sender that is not allowed is told of so often
+_REFUSED_EVERY_S = 10.0
+# a line that hangs while it is opened is left behind after so long
+_END_S = 0.3
 
 
 class FixTable(Protocol):
@@ -56,7 +61,7 @@ class ReferenceWorker:
         start_s: float,
         clock: Callable[[], float] = time.monotonic,
         utc: Callable[[], float] = time.time,
-        connect: Callable[[str, int], ReferenceLine] = open_reference_line,
+        connect: Callable[[ReferenceDevice], ReferenceLine] = open_reference_line,
     ) -> None:
         self.fixes = 0
         self.refused: Counter[str] = Counter()
@@ -67,6 +72,8 @@ class ReferenceWorker:
         self._stream = NmeaStream("DGPS", LogOptions(geoid_separation_m=device.geoid_separation_m))
         self._stop = threading.Event()
         self._trouble = ""
+        self._strangers = 0
+        self._seldom = SeldomSaid(lambda _, text: self._say("warning", text), _REFUSED_EVERY_S)
         self._gone = False
         self._listening_since_s = self._now_s()
         self._adopted = 0
@@ -80,14 +87,17 @@ class ReferenceWorker:
         """End."""
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join(timeout=2.0)
+            self._thread.join(timeout=_END_S)
 
     def state(self, now_s: float, rate_hz: float, contradicted: int = 0) -> ReferenceState:
         """Return how it does at session time ``now_s``; so many positions were ``contradicted`` by the track."""
         refused = ", ".join(f"{n} {why}" for why, n in self.refused.items() if n)
         if contradicted:
             refused = ", ".join(part for part in (refused, f"{contradicted} refused by the filter") if part)
-        note = ", ".join(part for part in (self.quality, refused, "" if self._device.learn else "not learnt") if part)
+        strangers = f"{self._strangers} datagrams of others refused" if self._strangers else ""
+        note = ", ".join(
+            part for part in (self.quality, refused, strangers, "" if self._device.learn else "not learnt") if part
+        )
         age_s = now_s - self.newest_s
         return ReferenceState(
             name="DGPS", rate_hz=rate_hz, age_s=age_s, note=note, fixes=self.fixes, newest_s=self.newest_s
@@ -101,7 +111,7 @@ class ReferenceWorker:
         while not self._stop.is_set():
             line = None
             try:
-                line = self._connect(self._device.url, self._device.baud)
+                line = self._connect(self._device)
                 self._listen(line)
             except GroundstationError as fault:
                 self._say_trouble(str(fault))
@@ -115,7 +125,9 @@ class ReferenceWorker:
 
     def _listen(self, line: ReferenceLine) -> None:
         while not self._stop.is_set():
+            before = line.refused
             data = line.read(_QUIET_S)
+            self._count_refused(line, line.refused - before)
             try:
                 found = self._stream.feed(data, self._utc()) if data else self._stream.quiet(self._utc())
             except LogError as fault:
@@ -124,6 +136,13 @@ class ReferenceWorker:
             for fix in found:
                 self._take(fix)
             self._watch()
+
+    def _count_refused(self, line: ReferenceLine, more: int) -> None:
+        """Count datagrams of senders that are not allowed, and say now and then that there are some."""
+        self._seldom.pass_time(self._now_s())
+        if more:
+            self._strangers += more
+            self._seldom.take(self._now_s(), f"{line.refused_sender} is not among its senders: datagrams refused")
 
     def _take(self, fix: LogFix) -> None:
         arrived_s = self._now_s()

@@ -21,7 +21,7 @@ from groundstation.live.core import LiveCore, Taken, in_operation
 from groundstation.live.inbox import Item
 from groundstation.live.pairing import Pairing
 from groundstation.live.rehearsed_head import RehearsedHead
-from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, TrackEstimate, TrackStatus
+from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, TrackEstimate, TrackState, TrackStatus
 from groundstation.pipeline import Pipeline
 from groundstation.pointing import AxisLimits, HeadLimits, HeadPilot, PointingConfig
 from groundstation.rig import Rig, Station
@@ -95,12 +95,13 @@ class RehearsalConfig:
 class Rehearsed:
     """What came of it: answers beside the truth, and where the target was in the pictures.
 
-    ``estimates`` with ``truth_m`` (n, 3) at their stamps; ``inside`` per camera and frame whether the target was in the
-    central half of the picture (by width and height), ``at_s`` when.
+    ``estimates`` with ``truth_m`` (n, 3) at their stamps; ``states`` answer heartbeats; ``inside`` per camera and frame
+    whether the target was in the central half of the picture (by width and height), ``at_s`` when.
     """
 
     estimates: list[TrackEstimate] = field(default_factory=list)
     truth_m: list[FloatArray] = field(default_factory=list)
+    states: list[TrackState] = field(default_factory=list)
     inside: list[bool] = field(default_factory=list)
     at_s: list[float] = field(default_factory=list)
     restarts: int = 0
@@ -307,6 +308,7 @@ class Rehearsal:
                 rates = np.array([command.pan_rate_rad_s, command.tilt_rate_rad_s])
                 self._heads[command.station].tell(command.t_s, rates)
         for report in taken.reports:
+            self._result.states += report.states
             for estimate in report.estimates:
                 self._result.estimates.append(estimate)
                 self._result.truth_m.append(self._position(estimate.t_s))

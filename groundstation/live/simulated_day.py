@@ -11,9 +11,10 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.live.head_device import HeadDevice
+from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.simulated_range import Told
 from groundstation.live.simulated_receiver import SIMULATED_ORIGIN
-from groundstation.live.station_file import ReferenceDevice, StationDevices, StationFile
+from groundstation.live.station_file import StationDevices, StationFile
 from groundstation.messages import StepReport
 from groundstation.pointing import PointingConfig
 from groundstation.rig import Rig
@@ -146,6 +147,8 @@ def simulated_set_up(folder: Path, rate_hz: float, rig: Rig | None, *, dgps: boo
         reference=ReferenceDevice(url=str(folder / "dgps")) if dgps else None,
         origin=SIMULATED_ORIGIN if dgps else None,
         antenna_in_body_m=(0.0, 0.0, 0.0) if dgps else None,
+        # rendered cameras have no lens that the Sun could harm, and the simulated day has no hour
+        sun_angle_rad=0.0,
     )
 
 

@@ -55,6 +55,7 @@ from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
 
 _SLOTS = 8
 _READY_S = 600.0
+_END_S = 0.5
 _ARCSEC = 3600.0
 _PATTERN = BayerPattern.RG
 # before it begins, the aircraft is on its way from so far
@@ -154,7 +155,7 @@ class SimulatedRange:
             if self._control is not None and self._process.is_alive():
                 with contextlib.suppress(OSError):
                     self._control.send("stop")
-            self._process.join(5.0)
+            self._process.join(_END_S)
             if self._process.is_alive():
                 self._process.kill()
         for memory in self._memory.values():

@@ -9,7 +9,9 @@ from typing import Any
 
 from groundstation.config import config_from_mapping
 from groundstation.errors import ConfigError
+from groundstation.keep_out import Sector
 from groundstation.live.head_device import HeadDevice
+from groundstation.live.reference_device import Network, ReferenceDevice, sender_networks
 from groundstation.pointing import PointingConfig
 from groundstation.search_pattern import SearchConfig
 from groundstation.session.folder import GeoOrigin, parse_origin
@@ -20,12 +22,12 @@ MAX_STATIONS = 16
 _TOP = frozenset(
     {
         *("format", "name", "rig", "config", "rate_hz", "target", "record", "pointing", "search", "station"),
-        *("reference", "origin"),
+        *("reference", "origin", "safety", "park_s"),
     }
 )
-_REFERENCE = frozenset({"url", "baud", "clock_offset_s", "clock_sigma_s", "geoid_separation_m", "learn"})
+_REFERENCE = frozenset({"url", "baud", "clock_offset_s", "clock_sigma_s", "geoid_separation_m", "learn", "senders"})
 _STATION = frozenset(
-    {"name", "camera", "camera_settings", "ptu", "ptu_protocol", "ptu_settings", "ptu_options", "park_deg"}
+    {"name", "camera", "camera_settings", "ptu", "ptu_protocol", "ptu_settings", "ptu_options", "park_deg", "sectors"}
 )
 _PTU_SETTINGS = frozenset(
     {
@@ -46,28 +48,6 @@ class StationDevices:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReferenceDevice:
-    """A reference receiver on the aircraft, whose positions (NMEA) come to the station by a radio link.
-
-    Attributes
-    ----------
-    url : a serial port, ``socket://host:port``, or ``udp://:port`` to listen at.
-    baud : of a serial port.
-    clock_offset_s : how far its clock is ahead of this machine's; None finds out, if they are seconds apart.
-    clock_sigma_s : and how well that is known; None is the tuning's.
-    geoid_separation_m : ellipsoid height of sea level, for a receiver that does not tell.
-    learn : whether the filter learns from it, or it is kept for comparison only.
-    """
-
-    url: str
-    baud: int = 115200
-    clock_offset_s: float | None = None
-    clock_sigma_s: float | None = None
-    geoid_separation_m: float | None = None
-    learn: bool = True
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class StationFile:
     """A whole set-up.
 
@@ -79,7 +59,9 @@ class StationFile:
     record : where flights are recorded, None for nowhere.
     record_s : for so long the disk is to hold what is recorded, even if nothing is ever found.
     reference : the reference receiver, if there is one; then ``origin`` is where the runway frame lies on Earth.
+    sun_angle_rad : how far from the Sun each lens is kept; 0 does not avoid it, None goes by the field of view.
     antenna_in_body_m : its antenna from the nose: forward, right, down; None if unknown.
+    park_s : what heads may take to park in the end, on top of the time for the rest; None parks within that time.
     """
 
     path: Path
@@ -95,7 +77,9 @@ class StationFile:
     reference: ReferenceDevice | None = None
     origin: GeoOrigin | None = None
     antenna_in_body_m: tuple[float, float, float] | None = None
+    sun_angle_rad: float | None = None
     record_s: float = 1800.0
+    park_s: float | None = None
 
 
 def load_station(path: Path) -> StationFile:
@@ -118,6 +102,13 @@ def load_station(path: Path) -> StationFile:
     reference = _reference(top.table("reference")) if "reference" in top else None
     if reference is not None and "origin" not in top:
         raise top.fail("origin", "nothing", "a table [origin]: where the runway frame lies on Earth, for [reference]")
+    safety = top.table("safety")
+    safety.refuse_unknown({"sun_angle_deg"})
+    sun_angle_deg = safety.number("sun_angle_deg", minimum=0.0, maximum=90.0) if "sun_angle_deg" in safety else None
+    if sun_angle_deg and "origin" not in top:
+        raise top.fail(
+            "origin", "nothing", "a table [origin]: where the station is on Earth, for [safety] sun_angle_deg"
+        )
     antenna = target.vector("antenna_in_body_m", 3) if "antenna_in_body_m" in target else None
     return StationFile(
         path=path,
@@ -127,12 +118,14 @@ def load_station(path: Path) -> StationFile:
         rate_hz=top.number("rate_hz", 30.0, above=0.0, maximum=1000.0),
         span_m=target.number("span_m", above=0.0, maximum=200.0) if "span_m" in target else None,
         record=here / record.text("folder") if "folder" in record else None,
+        sun_angle_rad=None if sun_angle_deg is None else math.radians(sun_angle_deg),
         record_s=60.0 * record.number("minutes", 30.0, above=0.0, maximum=1e5),
         pointing=config_from_mapping(PointingConfig, top.table("pointing").values, f"{path}: pointing"),
         search=config_from_mapping(SearchConfig, top.table("search").values, f"{path}: search"),
         stations=stations,
         reference=reference,
         origin=parse_origin(top.table("origin"), "runway") if "origin" in top else None,
+        park_s=top.number("park_s", minimum=0.0, maximum=120.0) if "park_s" in top else None,
         antenna_in_body_m=None if antenna is None else (float(antenna[0]), float(antenna[1]), float(antenna[2])),
     )
 
@@ -156,20 +149,32 @@ def _one_line(one: HeadDevice, other: HeadDevice) -> bool:
 
 def _reference(table: Table) -> ReferenceDevice:
     table.refuse_unknown(_REFERENCE)
-
-    def known(key: str, **bounds: float) -> float | None:
-        return table.number(key, **bounds) if key in table else None
-
     learn = table.values.get("learn", True)
     if not isinstance(learn, bool):
         raise table.fail("learn", quoted(learn), "true or false")
+    senders = table.values.get("senders", [])
+    if not isinstance(senders, list):
+        raise table.fail("senders", quoted(senders), "a list of IPv4 addresses or networks")
+    url = table.text("url")
+    try:
+        return _reference_at(url, table, learn, sender_networks(senders, "senders"))
+    except ConfigError as fault:
+        # it does not know of which file it is
+        raise ConfigError(f"{table.where}: {fault.where}", got=fault.got, wanted=fault.wanted) from fault
+
+
+def _reference_at(url: str, table: Table, learn: bool, senders: tuple[Network, ...]) -> ReferenceDevice:
+    def known(key: str, **bounds: float) -> float | None:
+        return table.number(key, **bounds) if key in table else None
+
     return ReferenceDevice(
-        url=table.text("url"),
+        url=url,
         baud=int(table.number("baud", 115200.0, minimum=300.0, maximum=4e6)),
         clock_offset_s=known("clock_offset_s", minimum=-1e6, maximum=1e6),
         clock_sigma_s=known("clock_sigma_s", above=0.0, maximum=10.0),
         geoid_separation_m=known("geoid_separation_m", minimum=-200.0, maximum=200.0),
         learn=learn,
+        senders=senders,
     )
 
 
@@ -213,7 +218,27 @@ def _head(table: Table) -> HeadDevice:
         latency_s=settings.number("latency_s", minimum=0.0, maximum=1.0) if "latency_s" in settings else None,
         poll_s=1.0 / settings.number("poll_hz", 100.0, above=0.0, maximum=1000.0),
         park_rad=(math.radians(park[0]), math.radians(park[1])),
+        sectors=_sectors(table),
     )
+
+
+def _sectors(table: Table) -> tuple[Sector, ...]:
+    """Return what is closed to a head."""
+    listed = table.values.get("sectors", [])
+    if not isinstance(listed, list):
+        raise table.fail("sectors", quoted(listed), "a list as [{ pan_deg = [-30, 10], tilt_deg = [-5, 5] }]")
+    found = []
+    for n, one in enumerate(listed):
+        sector = Table(one, f"{table.where}: sectors {n + 1}", ConfigError)
+        sector.refuse_unknown({"pan_deg", "tilt_deg"})
+        ends = {}
+        for axis in ("pan", "tilt"):
+            low, high = (float(v) for v in sector.vector(f"{axis}_deg", 2))
+            if not 0.0 < high - low <= 360.0:
+                raise sector.fail(f"{axis}_deg", f"[{low:g}, {high:g}]", "low, high, at most a turn apart")
+            ends[axis] = (math.radians(low), math.radians(high))
+        found.append(Sector(pan_rad=ends["pan"], tilt_rad=ends["tilt"]))
+    return tuple(found)
 
 
 def _sign(settings: Table, key: str) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.errors import InputError, ScenarioError
+from groundstation.output_names import below
 from groundstation.simulation.faults import Fault, Frames, check_faults, frames_of, with_faults
 from groundstation.simulation.rendered_camera import PictureTruth, RenderedCamera
 from groundstation.simulation.simulate import SimulatedFlight
@@ -133,14 +134,14 @@ class _Writer:
         self._form = form
         self._size = camera.station.lens.image_size_px
         self._video: cv2.VideoWriter | None = None
-        self._folder = folder / name
+        self._folder = below(folder, name)
         if form is PictureForm.PNG:
             self._folder.mkdir()
             return
         if form is PictureForm.VIDEO:
-            path, backend, code = folder / f"{name}.avi", cv2.CAP_OPENCV_MJPEG, "MJPG"
+            path, backend, code = below(folder, f"{name}.avi"), cv2.CAP_OPENCV_MJPEG, "MJPG"
         else:
-            path, backend, code = folder / f"{name}.mkv", cv2.CAP_FFMPEG, "FFV1"
+            path, backend, code = below(folder, f"{name}.mkv"), cv2.CAP_FFMPEG, "FFV1"
         # the frame rate is a header's formality: frames.csv rules
         video = cv2.VideoWriter(str(path), backend, cv2.VideoWriter.fourcc(*code), max(rate_hz, 1.0), self._size)
         if not video.isOpened():
@@ -162,7 +163,7 @@ class _Writer:
             w, h = self._size
             self._video.write(np.zeros((h, w, 3), np.uint8) if image is None else image)
         elif image is not None:
-            path = self._folder / f"{number:06d}.png"
+            path = below(self._folder, f"{number:06d}.png")
             good, encoded = cv2.imencode(".png", image)
             if not good:
                 raise OSError(f"{path.name}: OpenCV cannot encode it")

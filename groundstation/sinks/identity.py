@@ -4,7 +4,7 @@ import json
 from dataclasses import dataclass
 
 from groundstation.messages import StepReport
-from groundstation.recording.answer_codec import estimate_values
+from groundstation.recording.answer_codec import estimate_values, state_values
 from groundstation.recording.event_codec import line
 
 # as many answers as may wait for their counterpart; a recorder writes both within a second
@@ -13,50 +13,60 @@ _MAX_WAITING = 20_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """How many answers were compared, how many differ and from which epoch on, and how many have no counterpart."""
+    """How many answers were compared, how many differ and from which epoch on, and how many have no counterpart.
+
+    ``states`` and ``states_differing`` count likewise the answers to heartbeats.
+    """
 
     compared: int
     differing: int
     first_epoch: int | None
     alone: int
+    states: int = 0
+    states_differing: int = 0
 
     def line(self) -> str:
         """Return it as one line for a person."""
         if not self.compared:
             return "the recording has no answers to compare with"
         alone = f"; {self.alone} without a counterpart" if self.alone else ""
-        if not self.differing:
+        if self.states_differing:
+            alone = f"; {self.states_differing} of {self.states} answers to heartbeats differ{alone}"
+        if not self.differing and not self.states_differing:
             return f"the same track as was recorded, bit for bit: {self.compared} epochs{alone}"
         same = self.compared - self.differing
-        return f"not the track that was recorded: {same} of {self.compared} epochs are the same{alone}; " + (
-            f"the first that differs is epoch {self.first_epoch}"
-        )
+        first = "" if self.first_epoch is None else f"; the first that differs is epoch {self.first_epoch}"
+        return f"not the track that was recorded: {same} of {self.compared} epochs are the same{alone}{first}"
 
 
 class IdentitySink:
     """A sink that compares each answer with the recorded one, whichever comes first."""
 
     def __init__(self) -> None:
-        self._recorded: dict[int, bytes] = {}
-        self._answered: dict[int, bytes] = {}
+        # by an epoch's number, or a heartbeat's time as text
+        self._recorded: dict[int | str, bytes] = {}
+        self._answered: dict[int | str, bytes] = {}
         self._compared = self._differing = self._dropped = 0
+        self._states = self._states_differing = 0
         self._first: int | None = None
 
     def recorded(self, answer: bytes) -> None:
         """Take a recorded answer, a line of JSON; one that is damaged differs from all others."""
         try:
             values = json.loads(answer)
-            epoch = int(values["epoch"])
+            key = int(values["epoch"]) if "epoch" in values else repr(float(values["t_s"]))
             values.pop("latency_s", None)
         except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
             self._dropped += 1
             return
-        self._meet(self._recorded, self._answered, epoch, line(values))
+        self._meet(self._recorded, self._answered, key, line(values))
 
     def write(self, report: StepReport) -> None:
         """Take what was answered now."""
         for estimate in report.estimates:
             self._meet(self._answered, self._recorded, int(estimate.epoch), line(estimate_values(estimate)))
+        for state in report.states:
+            self._meet(self._answered, self._recorded, repr(float(state.t_s)), line(state_values(state)))
 
     def close(self) -> None:
         """Nothing is held open."""
@@ -64,17 +74,28 @@ class IdentitySink:
     def result(self) -> Identity:
         """Return what came of it."""
         alone = len(self._recorded) + len(self._answered) + self._dropped
-        return Identity(compared=self._compared, differing=self._differing, first_epoch=self._first, alone=alone)
+        return Identity(
+            compared=self._compared,
+            differing=self._differing,
+            first_epoch=self._first,
+            alone=alone,
+            states=self._states,
+            states_differing=self._states_differing,
+        )
 
-    def _meet(self, own: dict[int, bytes], others: dict[int, bytes], epoch: int, text: bytes) -> None:
-        other = others.pop(epoch, None)
+    def _meet(self, own: dict[int | str, bytes], others: dict[int | str, bytes], key: int | str, text: bytes) -> None:
+        other = others.pop(key, None)
         if other is None:
-            own[epoch] = text
+            own[key] = text
             if len(own) > _MAX_WAITING:
                 own.pop(next(iter(own)))
                 self._dropped += 1
             return
+        if isinstance(key, str):
+            self._states += 1
+            self._states_differing += other != text
+            return
         self._compared += 1
         if other != text:
             self._differing += 1
-            self._first = epoch if self._first is None else min(self._first, epoch)
+            self._first = key if self._first is None else min(self._first, key)

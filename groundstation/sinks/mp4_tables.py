@@ -86,7 +86,7 @@ def _boxes(body: bytes, holder: bytes) -> Iterator[tuple[bytes, bytes]]:
     place = 0
     while place + _HEAD <= len(body):
         size, kind = struct.unpack(">I4s", body[place : place + _HEAD])
-        if not any(body[place:]):
+        if not size and not any(body[place:]):
             return
         if size < _HEAD or place + size > len(body):
             name = holder.decode("latin-1") or "a note"

@@ -66,7 +66,13 @@ class Recorder:
         self._whole_frames = whole_frames
         raw = new_file(path) if output is None else output
         self._output = RetriedOutput(raw)
-        self._messages = RecordingMessages(self._output, rig, header, config.chunk_bytes)
+        try:
+            self._messages = RecordingMessages(self._output, rig, header, config.chunk_bytes)
+        except InputError:
+            # nothing has been recorded: an empty file would only be in the way of the next attempt
+            raw.close()
+            path.unlink(missing_ok=True)
+            raise
         self._queue = RecorderQueue(max_picture_bytes=config.queue_picture_bytes, max_items=config.queue_items)
         self._free_bytes = free_bytes if free_bytes is not None else lambda: _free_bytes(path.parent)
         self._clock = clock
@@ -142,6 +148,8 @@ class Recorder:
             self._queue.put(Answer(content=replace(camera, image=None)))
         for estimate in report.estimates:
             self._queue.put(Answer(content=estimate))
+        for state in report.states:
+            self._queue.put(Answer(content=state))
         for event in report.events:
             self._queue.put(Answer(content=event))
 

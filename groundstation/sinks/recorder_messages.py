@@ -8,15 +8,16 @@ from mcap.writer import CompressionType, Writer
 
 from groundstation.errors import InputError
 from groundstation.geometry.rotation import wxyz_from_matrix
-from groundstation.messages import CameraReport, TrackEstimate, TrackEvent
+from groundstation.messages import CameraReport, TrackEstimate, TrackEvent, TrackState
 from groundstation.picture import Kept, Picture
 from groundstation.recording import schemas
-from groundstation.recording.answer_codec import camera_values, estimate_values
+from groundstation.recording.answer_codec import camera_values, estimate_values, state_values
 from groundstation.recording.contents import (
     ABOUT,
     CAMERAS_TOPIC,
     END,
     EVENTS_TOPIC,
+    STATES_TOPIC,
     TRACK_TOPIC,
     RecordingHeader,
     end_values,
@@ -43,6 +44,7 @@ _JSON_TOPICS = {
     EVENTS_TOPIC: "groundstation.Event",
     TRACK_TOPIC: "groundstation.Estimate",
     CAMERAS_TOPIC: "groundstation.Camera",
+    STATES_TOPIC: "groundstation.State",
 }
 _MAX_FILE_BYTES = 64 * 2**20
 _IDENTITY = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
@@ -132,6 +134,10 @@ class RecordingMessages:
             stamp = stamp_ns(content.t_s)
             self._json(TRACK_TOPIC, estimate_values(content) | {"latency_s": content.latency_s}, stamp, content.epoch)
             self._pose(content, stamp)
+        elif isinstance(content, TrackState):
+            stamp = stamp_ns(content.t_s)
+            self._json(STATES_TOPIC, state_values(content), stamp, 0)
+            self._pose(content, stamp)
         elif isinstance(content, CameraReport):
             stamp = stamp_ns(content.t_s)
             self._json(CAMERAS_TOPIC, camera_values(content), stamp, content.epoch)
@@ -143,7 +149,7 @@ class RecordingMessages:
             name, data = content
             self.attach(name, data)
 
-    def _pose(self, estimate: TrackEstimate, stamp: int) -> None:
+    def _pose(self, estimate: TrackEstimate | TrackState, stamp: int) -> None:
         if estimate.kinematics is None or not np.isfinite(estimate.kinematics.position_runway_m).all():
             return
         x, y, z = (float(v) for v in estimate.kinematics.position_runway_m)

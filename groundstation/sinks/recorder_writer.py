@@ -84,10 +84,10 @@ class RecorderWriter:
         if now_s - self._flushed_s >= self._config.chunk_s:
             self._flushed_s = now_s
             self._messages.flush()
-        if self._output.waiting_bytes:
-            sync = now_s - self._synced_s >= self._config.sync_s
-            if self._commit(sync=sync) and sync:
-                self._synced_s = now_s
+        # where nothing more comes, what came last is to reach the disk all the same
+        sync = now_s - self._synced_s >= self._config.sync_s
+        if (self._output.waiting_bytes or sync) and self._commit(sync=sync) and sync:
+            self._synced_s = now_s
 
     def _may_write(self) -> bool:
         """Return whether the disk takes something; looks at its free space once a second."""

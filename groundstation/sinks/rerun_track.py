@@ -7,7 +7,7 @@ import rerun as rr
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import wxyz_from_matrix
-from groundstation.messages import TrackEstimate, TrackEvent, TrackStatus, TriangulationStatus
+from groundstation.messages import TrackEstimate, TrackEvent, TrackState, TrackStatus, TriangulationStatus
 from groundstation.sinks import rerun_tree as tree
 from groundstation.sinks.rerun_columns import SIGMAS, Batch, present, scalars
 
@@ -15,26 +15,36 @@ ELLIPSOID_PERIOD_S = 1.0
 LEVELS = {"WARNING": "WARN", "CRITICAL": "CRITICAL", "ERROR": "ERROR", "WARN": "WARN", "DEBUG": "DEBUG", "INFO": "INFO"}
 
 
+# what a row of path, ellipsoid and status is made of
+Known = TrackEstimate | TrackState
+
+
 class TrackChannel:
     """Collects estimates and events and hands them over as columns; keeps the extent of the track, not the track."""
 
     def __init__(self) -> None:
-        self._estimates: list[TrackEstimate] = []
+        self._known: list[Known] = []
         self._events: list[TrackEvent] = []
         self._last_position: FloatArray | None = None
         self._last_ellipsoid_s = -np.inf
         self._last_status: TrackStatus | None = None
+        self._changed_s = -np.inf
         self.first_t_s: float | None = None
         self.last_t_s: float | None = None
         self.lower_m = np.full(3, np.inf)
         self.upper_m = np.full(3, -np.inf)
 
     def __len__(self) -> int:
-        return len(self._estimates)
+        return len(self._known)
+
+    def add_state(self, state: TrackState) -> None:
+        """Keep the answer to a heartbeat until the next `take`; while tracking, the pairs say it better."""
+        if state.status is not TrackStatus.TRACKING:
+            self._known.append(state)
 
     def add_estimate(self, estimate: TrackEstimate) -> None:
         """Keep an estimate until the next `take`."""
-        self._estimates.append(estimate)
+        self._known.append(estimate)
         if estimate.kinematics is not None:
             self.first_t_s = estimate.t_s if self.first_t_s is None else self.first_t_s
             self.last_t_s = estimate.t_s
@@ -47,23 +57,20 @@ class TrackChannel:
 
     def take(self) -> list[Batch]:
         """Return all rows since the last call and forget them."""
-        estimates, self._estimates = self._estimates, []
+        known, self._known = self._known, []
         events, self._events = self._events, []
         batches = [_log(events)] if events else []
+        if not known:
+            return batches
+        batches += [*self._position(known), *self._ellipsoids(known), *self._status(known)]
+        estimates = [e for e in known if isinstance(e, TrackEstimate)]
         if not estimates:
             return batches
         t_s = [e.t_s for e in estimates]
         latency = scalars(tree.PAIR_LATENCY, t_s, [(1e3 * e.latency_s,) for e in estimates])
-        return [
-            *batches,
-            *self._position(estimates),
-            *self._ellipsoids(estimates),
-            *self._status(estimates),
-            latency,
-            _triangulated(estimates),
-        ]
+        return [*batches, latency, _triangulated(estimates)]
 
-    def _position(self, estimates: Sequence[TrackEstimate]) -> list[Batch]:
+    def _position(self, estimates: Sequence[Known]) -> list[Batch]:
         """Return the marker, and a stroke of the path from each estimate to the next."""
         t_s = np.array([e.t_s for e in estimates])
         positions = np.array([e.kinematics.position_runway_m for e in estimates if e.kinematics is not None])
@@ -86,9 +93,9 @@ class TrackChannel:
             Batch(entity=tree.EKF_PATH, t_s=np.array(ends_s), columns=path),
         ]
 
-    def _ellipsoids(self, estimates: Sequence[TrackEstimate]) -> list[Batch]:
+    def _ellipsoids(self, estimates: Sequence[Known]) -> list[Batch]:
         """Return the current 3 sigma ellipsoid, and one each second that stays."""
-        kept: list[TrackEstimate] = []
+        kept: list[Known] = []
         for estimate in estimates:
             due = estimate.t_s >= self._last_ellipsoid_s + ELLIPSOID_PERIOD_S
             if due and estimate.kinematics is not None:
@@ -96,18 +103,21 @@ class TrackChannel:
                 self._last_ellipsoid_s = estimate.t_s
         return [_ellipsoid_rows(tree.EKF_ELLIPSOID, estimates), _ellipsoid_rows(tree.EKF_ELLIPSOIDS, kept)]
 
-    def _status(self, estimates: Sequence[TrackEstimate]) -> list[Batch]:
+    def _status(self, estimates: Sequence[Known]) -> list[Batch]:
         """Return a row for each change of the filter's state of knowledge."""
-        changes: list[TrackEstimate] = []
+        statuses, at_s = [], []
         for estimate in estimates:
             if estimate.status is not self._last_status:
-                changes.append(estimate)
                 self._last_status = estimate.status
-        columns = rr.StateChange.columns(state=[str(e.status) for e in changes])
-        return [Batch(entity=tree.TRACK_STATUS, t_s=np.array([e.t_s for e in changes]), columns=columns)]
+                # the pair after a heartbeat may have an older stamp, and is the later news
+                self._changed_s = max(self._changed_s, estimate.t_s)
+                statuses.append(str(estimate.status))
+                at_s.append(self._changed_s)
+        columns = rr.StateChange.columns(state=statuses)
+        return [Batch(entity=tree.TRACK_STATUS, t_s=np.array(at_s), columns=columns)]
 
 
-def _ellipsoid_rows(entity: str, estimates: Sequence[TrackEstimate]) -> Batch:
+def _ellipsoid_rows(entity: str, estimates: Sequence[Known]) -> Batch:
     """Return the 3 sigma ellipsoid of each estimate; one without an estimate clears it."""
     known = [e.kinematics for e in estimates if e.kinematics is not None]
     centres = np.array([k.position_runway_m for k in known]).reshape(-1, 3)

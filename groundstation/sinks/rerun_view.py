@@ -100,6 +100,8 @@ class RerunSink:
                 self._notices = []
         for estimate in report.estimates:
             self._track.add_estimate(estimate)
+        for state in report.states:
+            self._track.add_state(state)
         for event in report.events:
             self._track.add_event(event)
         most = self._flush_epochs

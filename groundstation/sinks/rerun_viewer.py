@@ -149,11 +149,19 @@ def _web_address(port: int, web_port: int) -> str:
     return f"http://127.0.0.1:{web_port}/?url=rerun%2Bhttp://127.0.0.1:{port}/proxy"
 
 
-def stop_viewer(process: subprocess.Popen[bytes]) -> None:
-    """End a viewer or server: Rerun's Python program is a shell around the one that works, and both have to go."""
+def stop_viewer(process: subprocess.Popen[bytes], within_s: float = _END_S) -> None:
+    """End a viewer or server: Rerun's Python program is a shell around the one that works, and both have to go.
+
+    What does not end within that time is killed.
+    """
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGTERM)
-    process.wait(_END_S)
+    try:
+        process.wait(within_s)
+    except subprocess.TimeoutExpired:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait(_END_S)
 
 
 def _free_port() -> int:

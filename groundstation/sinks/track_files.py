@@ -75,6 +75,9 @@ class TrackFilesSink:
             if (pose := _tum_line(cells)) is not None:
                 self._tum.write(pose)
             self._flush(estimate.t_s)
+        for state in report.states:
+            # where no pair comes, either, the last rows do not wait for one
+            self._flush(state.t_s)
 
     def _flush(self, t_s: float) -> None:
         """Hand the rows to the operating system every half second of the session: a crash costs no more."""

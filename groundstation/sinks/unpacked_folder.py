@@ -14,7 +14,8 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.errors import InputError
-from groundstation.messages import Event, Frame, PixelMeasurement, PtuSample, ReferenceFix
+from groundstation.messages import Event, Frame, Heartbeat, PixelMeasurement, PtuSample, ReferenceFix
+from groundstation.output_names import below
 from groundstation.picture import PartialPicture, Picture, Window
 from groundstation.rig import ClockModel
 from groundstation.session import Session
@@ -34,6 +35,7 @@ class Unpacked:
     pixels: int = 0
     out_of_order: int = 0
     references: int = 0
+    heartbeats: int = 0
 
 
 class UnpackedFolder:
@@ -56,7 +58,7 @@ class UnpackedFolder:
                 raise InputError(str(folder), got="a folder that is not empty", wanted="a new or an empty one")
             if not session.detections_only:
                 for name in self._stations:
-                    (folder / name).mkdir()
+                    below(folder, name).mkdir()
 
     def take(self, event: Event) -> None:
         """Take one event; pictures are written at once."""
@@ -72,13 +74,17 @@ class UnpackedFolder:
             self.done.pixels += 1
         elif isinstance(event, ReferenceFix):
             self.done.references += 1
+        elif isinstance(event, Heartbeat):
+            self.done.heartbeats += 1
 
     def finish(self, files: Mapping[str, bytes], note: str) -> None:
         """Write the session's own files and the tables; ``note`` goes on top of session.toml as a remark."""
         with _writing(self._folder):
             for name, data in files.items():
                 remark = f"# {note}\n".encode() if note and name == "session.toml" else b""
-                (self._folder / name).write_bytes(remark + data.removeprefix(b"\xef\xbb\xbf"))
+                # "x": the folder was empty, so that a name which is there already is one of ours, or a link
+                with below(self._folder, name).open("xb") as file:
+                    file.write(remark + data.removeprefix(b"\xef\xbb\xbf"))
             if self._session.detections_only:
                 self._table("detections.csv", ["t_s", "station", "u_px", "v_px"], self._pixel_rows())
             else:
@@ -96,7 +102,7 @@ class UnpackedFolder:
         image, whole = _whole_or_black(frame.image)
         self.done.frames += 1
         self.done.partial += not whole
-        path = self._folder / frame.station / f"{frame.epoch:06d}.png"
+        path = below(below(self._folder, frame.station), f"{frame.epoch:06d}.png")
         with _writing(self._folder):
             path.write_bytes(cv2.imencode(".png", image, (cv2.IMWRITE_PNG_COMPRESSION, 1))[1].tobytes())
 
@@ -139,7 +145,7 @@ class UnpackedFolder:
                 newest = max(newest, t_s)
 
     def _table(self, name: str, columns: list[str], rows: Iterable[list[str]]) -> None:
-        with (self._folder / name).open("w", encoding="utf-8", newline="\n") as file:
+        with below(self._folder, name).open("x", encoding="utf-8", newline="\n") as file:
             file.write(",".join(columns) + "\n")
             file.writelines(",".join(cells) + "\n" for cells in rows)
 

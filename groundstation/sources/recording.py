@@ -13,10 +13,11 @@ from types import TracebackType
 import numpy as np
 
 from groundstation.errors import RecordingError, SessionError
+from groundstation.image_header import MAX_PICTURE_PX
 from groundstation.messages import Epoch, Event, Frame, PixelMeasurement
 from groundstation.picture import Kept, PartialPicture
 from groundstation.recording.container_reader import ContainerReader, TopicMessage
-from groundstation.recording.contents import EVENTS_TOPIC, TRACK_TOPIC
+from groundstation.recording.contents import EVENTS_TOPIC, STATES_TOPIC, TRACK_TOPIC
 from groundstation.recording.event_codec import (
     DroppedNote,
     FrameHead,
@@ -28,6 +29,7 @@ from groundstation.recording.event_codec import (
     part_inside,
 )
 from groundstation.recording.pixels import decoded
+from groundstation.recording.read_budget import ReadBudget
 from groundstation.session import Session
 from groundstation.session.folder import Recorded
 
@@ -35,7 +37,7 @@ from groundstation.session.folder import Recorded
 LEAD_S = 1.0
 # what may wait for a frame's pixels: more than any recorder of ours lets wait
 _MAX_WAITING = 100_000
-_MAX_WAITING_BYTES = 512 * 2**20
+_MAX_WAITING_BYTES = 128 * 2**20
 
 
 @dataclass(slots=True, kw_only=True)
@@ -77,7 +79,7 @@ class RecordingSource:
     Parameters
     ----------
     session : with ``recorded``.
-    on_answer : is told each recorded answer to an epoch, a line of JSON.
+    on_answer : is told each recorded answer to an epoch or a heartbeat, a line of JSON.
     """
 
     def __init__(
@@ -116,11 +118,13 @@ class RecordingSource:
 
     def __iter__(self) -> Iterator[Event]:
         """Yield all events in the order in which they were recorded, then raise what fault was met."""
-        queue = _EventLine(self._sizes, self.missing, self._reader.path.name)
+        budget = self._budget()
+        queue = _EventLine(self._sizes, self.missing, budget)
         fault: RecordingError | None = None
         try:
             for message in self._reader.messages():
-                if message.topic == TRACK_TOPIC:
+                if message.topic in (TRACK_TOPIC, STATES_TOPIC):
+                    budget.line(len(message.data))
                     self._on_answer(message.data)
                 else:
                     queue.take(message)
@@ -145,27 +149,37 @@ class RecordingSource:
             self.epoch_count, self.span_s = known.epochs, known.span_s
             return
         times: list[float] = []
+        fault: RecordingError | None = None
+        budget = self._budget()
         try:
             for message in self._reader.messages():
                 if message.topic == EVENTS_TOPIC and b'"kind":"epoch"' in message.data:
+                    budget.line(len(message.data))
                     parsed = parse_line(message.data, self._sizes, self._reader.path.name)
                     if isinstance(parsed, Numbered) and self._from <= parsed.event.t_s <= self._to:
                         times.append(parsed.event.t_s)
-        except RecordingError:
+        except RecordingError as error:
             # raised again where the events end; what is before it can be used
-            pass
+            fault = error
+        if not times and fault is not None:
+            raise fault
         if not times:
             raise SessionError(self._session.name, got="no epoch in the part asked for", wanted="at least one")
         self.epoch_count, self.span_s = len(times), (min(times), max(times))
+
+    def _budget(self) -> ReadBudget:
+        """Return the limits of reading the file once."""
+        return ReadBudget(self._reader.path.name, self._reader.path.stat().st_size)
 
 
 class _EventLine:
     """The events in their order, each leaving when it is whole and all before it have left."""
 
-    def __init__(self, sizes_px: dict[str, tuple[int, int]], missing: Missing, where: str) -> None:
+    def __init__(self, sizes_px: dict[str, tuple[int, int]], missing: Missing, budget: ReadBudget) -> None:
         self._sizes = sizes_px
         self._missing = missing
-        self._where = where
+        self._budget = budget
+        self._where = budget.where
         self._line: deque[_Waiting] = deque()
         self._frames: dict[int, _Waiting] = {}
         self._arriving: _Waiting | None = None
@@ -176,6 +190,7 @@ class _EventLine:
     def take(self, message: TopicMessage) -> None:
         """Take one message of the file; those of others are passed over. Raises `RecordingError`."""
         if message.topic == EVENTS_TOPIC:
+            self._budget.line(len(message.data))
             parsed = parse_line(message.data, self._sizes, self._where)
             if isinstance(parsed, Numbered):
                 self._enter(parsed)
@@ -223,6 +238,11 @@ class _EventLine:
         if not isinstance(head, FrameHead) or not all(part_inside(part, head.size_px) for part in note.parts):
             got = f"parts of frame {note.of} outside its picture"
             raise RecordingError(self._where, got=got, wanted="parts inside it")
+        pixels = sum(part.w * part.h for part in note.parts)
+        if pixels > MAX_PICTURE_PX:
+            got = f"parts of frame {note.of} with {pixels} pixels"
+            raise RecordingError(self._where, got=got, wanted=f"at most {MAX_PICTURE_PX}")
+        self._budget.decode(pixels)
         frame.note = note
         self._arriving = frame if note.parts else None
 

@@ -111,7 +111,8 @@ def test_a_filter_that_fails_begins_anew_and_so_does_its_replay(tmp_path: Path, 
     flown, result, folder = flown_and_replayed(tmp_path, lambda r: r.fail_at(fails))
     held_to(flown, result, folder, 1)
     statuses = [e.status for e in flown.result.estimates if 1.5 < e.t_s < 2.0]
-    assert statuses[0] is TrackStatus.SEARCHING or TrackStatus.SEARCHING in statuses
+    # what was tracked is searched for again, not merely coasted over
+    assert TrackStatus.SEARCHING in statuses
 
 
 def test_one_that_fails_when_asked_for_the_heads_target_does_as_well(tmp_path: Path) -> None:

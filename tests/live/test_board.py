@@ -8,14 +8,14 @@ import pytest
 
 from groundstation.live.board import Board, DeviceState, dropped_words
 from groundstation.live.camera_words import clock_words, lost_words
-from groundstation.messages import Kinematics, TrackEstimate, TrackStatus, TriangulationStatus
+from groundstation.messages import Kinematics, TrackEstimate, TrackState, TrackStatus, TriangulationStatus
 from groundstation.sources.cameras.camera import CameraCounts
 from groundstation.sources.cameras.clock_fit import ClockFitState
 
 
-def answer(epoch: int, status: TrackStatus = TrackStatus.TRACKING) -> TrackEstimate:
+def answer(epoch: int, status: TrackStatus = TrackStatus.TRACKING, t_s: float = 0.0) -> TrackEstimate:
     return TrackEstimate(
-        t_s=0.0,
+        t_s=t_s,
         epoch=epoch,
         status=status,
         kinematics=Kinematics(
@@ -33,7 +33,7 @@ def test_delays_are_from_the_first_frame_to_the_answer() -> None:
     for k in range(100):
         board.arrived(k, 0.1 * k)
         board.arrived(k, 0.1 * k + 0.003)
-        board.answered(answer(k), 0.1 * k + (0.050 if k == 99 else 0.010))
+        board.answered(answer(k, t_s=0.1 * k), 0.1 * k + (0.050 if k == 99 else 0.010))
     assert board.latency_ms(50) == pytest.approx(10.0, abs=0.5)
     assert board.latency_ms(100) == pytest.approx(50.0, abs=0.5)
     status = board.status(10.0, TrackStatus.TRACKING, (), {"frames of left": 2}, "recording, 3 MB/s")
@@ -41,6 +41,43 @@ def test_delays_are_from_the_first_frame_to_the_answer() -> None:
     assert "delay 10 ms" in status.one_line()
     assert "dropped: 2 frames of left" in status.one_line()
     assert status.one_line().endswith("recording, 3 MB/s")
+
+
+def state(t_s: float, status: TrackStatus, sigma_y_m: float | None) -> TrackState:
+    known = answer(0).kinematics
+    assert known is not None
+    grown = None if sigma_y_m is None else replace(known, covariance=np.diag([0.01, sigma_y_m**2, 0.01, 1.0, 1.0, 1.0]))
+    return TrackState(t_s=t_s, status=status, kinematics=grown)
+
+
+def test_without_pairs_the_prediction_is_told_and_how_old_the_newest_pair_is() -> None:
+    """Expected: position and grown sigma of the heartbeat; the pair's age from half a second on; lost has no place."""
+    board = Board()
+    board.answered(answer(0, t_s=10.0), 10.02)
+
+    def said(now_s: float, track: TrackStatus) -> str:
+        return board.status(now_s, track, (), {}, "").lines[0]
+
+    assert said(10.5, TrackStatus.TRACKING).endswith("z 9.5 ± 0.10")
+    board.passed(state(10.5, TrackStatus.COASTING, 4.0))
+    coasting = "coasting: predicted, not seen by two cameras at 212 ± 4.0 m, x +1.2 ± 0.10, z 9.5 ± 0.10"
+    assert said(10.5, TrackStatus.COASTING) == coasting
+    assert said(10.51, TrackStatus.COASTING) == coasting + ", no pair for 0.5 s"
+    board.passed(state(19.0, TrackStatus.LOST, None))
+    assert said(19.05, TrackStatus.LOST) == "lost: searching where it must be, no pair for 9.1 s"
+    board.answered(answer(1, t_s=20.0), 20.02)
+    assert said(20.02, TrackStatus.TRACKING).startswith("tracking at 212 ± 0.5 m")
+
+
+def test_what_is_not_known_of_now_is_not_told_as_if_it_were() -> None:
+    """Expected: neither a place nor the word for what the track was a second and more ago."""
+    board = Board()
+    board.answered(answer(0, t_s=10.0), 10.02)
+    assert board.status(11.0, TrackStatus.TRACKING, (), {}, "").lines[0].startswith("tracking at 212")
+    told = board.status(11.01, TrackStatus.TRACKING, (), {}, "").lines[0]
+    assert told == "not known: was tracking, and nothing is known of the last 1.0 s"
+    board.passed(state(11.01, TrackStatus.COASTING, 2.0))
+    assert board.status(11.01, TrackStatus.COASTING, (), {}, "").lines[0].startswith("coasting: predicted")
 
 
 def test_one_of_a_kind_is_told_in_the_singular() -> None:

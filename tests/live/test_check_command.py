@@ -20,10 +20,10 @@ from tests.simulation.small_site import small_rig
 HALF_A_DEGREE = math.radians(0.5) / COUNT_RAD
 
 
-def field(folder: Path, rig: Rig) -> Path:
+def field(folder: Path, rig: Rig, safety: str = "[safety]\nsun_angle_deg = 0\n") -> Path:
     """Write rig, videos and the station file; the units' links are left and right in the same folder."""
     (folder / "rig.toml").write_text(rig_to_toml(rig), encoding="utf-8")
-    text = 'format = "groundstation-station/1"\nrig = "rig.toml"\nrate_hz = 5\n'
+    text = 'format = "groundstation-station/1"\nrig = "rig.toml"\nrate_hz = 5\n' + safety
     for name in rig.names:
         write_video(folder / f"{name}.avi", range(40))
         text += f'[[station]]\nname = "{name}"\ncamera = "file:{folder}/{name}.avi"\nptu = "{folder}/{name}"\n'
@@ -53,12 +53,12 @@ def test_whole_stations_are_well_and_turn_only_when_told(
         servers = [stack.enter_context(simulated_unit(tmp_path / name)) for name in rig.names]
         assert main(["check", str(path), "--for", "0.5"]) == 0
         said = capsys.readouterr().out.splitlines()
-        assert [line.split()[0] for line in said[:7]] == ["ok"] * 7
+        assert [line.split()[0] for line in said[:8]] == ["ok"] * 8
         assert not any("turned" in line for line in said)
         assert targets == []
         assert main(["check", str(path), "--for", "0.5", "--move"]) == 0
         said = capsys.readouterr().out.splitlines()
-        assert [line.split()[0] for line in said[:9]] == ["ok"] * 9
+        assert [line.split()[0] for line in said[:10]] == ["ok"] * 10
         for name in rig.names:
             assert sum(f"{name} PTU: turned by 0.5° and back" in line for line in said) == 1
         assert max(targets) == pytest.approx(HALF_A_DEGREE, abs=1.0)

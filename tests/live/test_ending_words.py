@@ -9,9 +9,11 @@ import pytest
 
 from groundstation.cli import main
 from groundstation.cli_live import _words
-from groundstation.live.command import LiveRequest, LiveResult, _screen
+from groundstation.live.command import LiveRequest, LiveResult
+from groundstation.live.ending import Ending
 from groundstation.live.operation import OperationResult
 from groundstation.live.out_folder import written_files
+from groundstation.live.screen import open_screen
 from groundstation.live.simulated_day import simulated_set_up
 from groundstation.simulation.cases import standard_rig
 from groundstation.sinks.rerun_viewer import ViewerError
@@ -55,7 +57,7 @@ def test_without_a_display_it_names_an_option_that_it_has(tmp_path: Path, monkey
     request = LiveRequest(station=None, out=tmp_path / "out", simulate=True, screen="desktop")
     file = simulated_set_up(tmp_path, 30.0, None)
     with ExitStack() as opened, pytest.raises(ViewerError, match="no display for --view; --web shows the same"):
-        _screen(request, standard_rig(), file, opened, [], [], lambda _: None)
+        open_screen(request.screen, standard_rig(), file, opened, Ending(lambda: False), [], [], lambda _: None)
 
 
 @pytest.mark.parametrize("lost", [False, True])
@@ -65,11 +67,22 @@ def test_where_nothing_was_recorded_the_exit_code_says_so(
     """Expected: 1 and a line where a recording was wanted and nothing of it is there; 0 where only some of it lacks."""
     why = "flight.mcap: failed: the disk took nothing at the end (disk full, 12 MB free)"
     result = replace(ended(), not_whole=(why,), lost=lost)
-    monkeypatch.setattr("groundstation.live.command.live", lambda *_: result)
+    monkeypatch.setattr("groundstation.live.command.live", lambda *_, **__: result)
     assert main(["live", "--simulate", "--out", "x"]) == int(lost)
     said = capsys.readouterr()
     assert f"not whole: {why}" in said.out
     assert said.err == ("groundstation: nothing could be recorded\n" if lost else "")
+
+
+def test_a_lost_process_of_the_heads_is_exit_code_1(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: though it was begun again, and all files are whole; a line each."""
+    lines = ("12.0 s: the PTUs' process was ended by SIGKILL", "14.0 s: left: no halt was acknowledged")
+    result = replace(ended(), losses=lines)
+    monkeypatch.setattr("groundstation.live.command.live", lambda *_, **__: result)
+    assert main(["live", "--simulate", "--out", "x"]) == 1
+    assert capsys.readouterr().err == "".join(f"groundstation: {line}\n" for line in lines)
 
 
 def test_a_file_of_no_bytes_is_not_listed(tmp_path: Path) -> None:

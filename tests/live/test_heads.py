@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from groundstation.live.head_device import DeviceError, HeadDevice
-from groundstation.live.head_process import Heads
 from groundstation.live.head_worker import AtOnce
+from groundstation.live.heads import Heads
 from groundstation.live.inbox import Inbox
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Reading

@@ -7,9 +7,9 @@ import numpy as np
 
 from groundstation.config import Config, load_config
 from groundstation.live.record import live_header, live_reference, open_recorder
+from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_set_up import reference_tuning
 from groundstation.live.simulated_day import simulated_set_up
-from groundstation.live.station_file import ReferenceDevice
 from groundstation.messages import Epoch
 from groundstation.recorded_run import tuning
 from groundstation.reference_knowledge import reference_knowledge

@@ -13,16 +13,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.errors import LogError
+from groundstation.errors import ConfigError, LogError
 from groundstation.live.check_reference import check_reference
 from groundstation.live.head_device import DeviceError
 from groundstation.live.inbox import Inbox, Item, Said
+from groundstation.live.reference_device import ReferenceDevice, sender_networks
 from groundstation.live.reference_line import open_reference_line
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace, Refusal
 from groundstation.live.reference_table import DgpsTable
 from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.simulated_receiver import SIMULATED_ORIGIN, ReceiverModel, SimulatedReceiver, sentences
-from groundstation.live.station_file import ReferenceDevice
 from groundstation.logs.fixes import LogFix, LogOptions
 from groundstation.logs.gps_time import TimeScale, civil_from_unix, gps_from_civil
 from groundstation.logs.nmea_stream import NmeaStream
@@ -207,12 +207,20 @@ class Script:
     def __init__(self) -> None:
         self.waiting: list[bytes | DeviceError] = []
         self.opened = 0
+        self.refused, self.refused_sender, self._strange = 0, "", 0
 
-    def open(self, url: str, baud: int) -> "Script":
+    def open(self, device: ReferenceDevice) -> "Script":
         self.opened += 1
         return self
 
+    def refuse(self, count: int) -> None:
+        """Let so many datagrams of a stranger come with the next read."""
+        self._strange += count
+
     def read(self, timeout_s: float) -> bytes:
+        if self._strange:
+            self.refused, self.refused_sender = self.refused + self._strange, "10.9.8.7"
+            self._strange = 0
         if not self.waiting:
             time.sleep(0.001)
             return b""
@@ -319,27 +327,111 @@ def test_a_table_that_the_disk_refuses_ends_by_itself(tmp_path: Path) -> None:
 
 
 # ------------------------------------------------------------------------------------------- lines
-def test_udp_and_tcp_bring_what_is_sent() -> None:
+def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    line = open_reference_line(f"udp://127.0.0.1:{port}", 0)
-    assert line.read(0.01) == b""
+        return int(probe.getsockname()[1])
+
+
+def send(port: int, data: bytes, source: str = "127.0.0.1") -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.sendto(b"$GPGGA", ("127.0.0.1", port))
+        sender.bind((source, 0))
+        sender.sendto(data, ("127.0.0.1", port))
+
+
+def test_udp_and_tcp_bring_what_is_sent() -> None:
+    port = free_port()
+    device = ReferenceDevice(url=f"udp://127.0.0.1:{port}")
+    line = open_reference_line(device)
+    assert line.read(0.01) == b""
+    send(port, b"$GPGGA")
     assert line.read(5.0) == b"$GPGGA"
-    said = complaint(DeviceError, lambda: open_reference_line(f"udp://127.0.0.1:{port}", 0))
-    assert "in use" in said
+    assert "in use" in complaint(DeviceError, lambda: open_reference_line(device))
     line.close()
-    assert "wanted udp://:PORT" in complaint(DeviceError, lambda: open_reference_line("udp://nowhere", 0))
     with socket.create_server(("127.0.0.1", 0)) as server:
-        line = open_reference_line(f"socket://127.0.0.1:{server.getsockname()[1]}", 0)
+        line = open_reference_line(ReferenceDevice(url=f"socket://127.0.0.1:{server.getsockname()[1]}"))
         peer, _ = server.accept()
         peer.sendall(b"$GPRMC")
         assert line.read(5.0) == b"$GPRMC"
         peer.close()
         assert "closed" in complaint(DeviceError, lambda: line.read(5.0))
         line.close()
+
+
+def test_without_an_address_it_listens_to_this_machine_alone() -> None:
+    """Expected: bound to 127.0.0.1, so another socket may have the same port on another address of this machine."""
+    port = free_port()
+    line = open_reference_line(ReferenceDevice(url=f"udp://:{port}"))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        # all interfaces were taken: this one could not be bound
+        other.bind(("127.0.0.2", port))
+        other.sendto(b"$GPGGA", ("127.0.0.1", port))
+    assert line.read(5.0) == b"$GPGGA"
+    line.close()
+
+
+def test_datagrams_of_others_are_counted_and_not_read() -> None:
+    port = free_port()
+    device = ReferenceDevice(url=f"udp://0.0.0.0:{port}", senders=sender_networks(["127.0.0.8/30"], "test"))
+    line = open_reference_line(device)
+    for _ in range(3):
+        send(port, b"$GPGGA of a stranger", "127.0.0.7")
+    send(port, b"$GPGGA", "127.0.0.9")
+    assert line.read(5.0) == b"$GPGGA"
+    assert (line.refused, line.refused_sender) == (3, "127.0.0.7")
+    send(port, b"$GPGGA of a stranger", "127.0.0.12")
+    assert line.read(0.2) == b""
+    assert (line.refused, line.refused_sender) == (4, "127.0.0.12")
+    line.close()
+
+
+@pytest.mark.parametrize("url", ["udp://nowhere", "udp://:0", "udp://:65536", "udp://256.0.0.1:5000", "udp://a.b:5000"])
+def test_an_address_that_is_none_is_refused(url: str) -> None:
+    assert "wanted udp://:PORT" in complaint(ConfigError, lambda: ReferenceDevice(url=url))
+
+
+def test_beyond_this_machine_its_senders_have_to_be_named() -> None:
+    said = complaint(ConfigError, lambda: ReferenceDevice(url="udp://0.0.0.0:5000"))
+    assert "got none for udp://0.0.0.0:5000, which others reach" in said
+    assert "wanted senders" in said
+    senders = sender_networks(["192.168.1.20", "10.1.0.0/16"], "test")
+    device = ReferenceDevice(url="udp://192.168.1.5:5000", senders=senders)
+    allowed = [device.allows(a) for a in ("192.168.1.20", "192.168.1.21", "10.1.255.3", "10.2.0.1", "127.0.0.1")]
+    assert allowed == [True, False, True, False, False]
+    assert "got senders for /dev/ttyUSB2" in complaint(
+        ConfigError, lambda: ReferenceDevice(url="/dev/ttyUSB2", senders=senders)
+    )
+    for wrong in ("192.168.1", "192.168.1.20/8", "::1", "", 7):
+        assert "wanted IPv4 addresses" in complaint(ConfigError, lambda w=wrong: sender_networks([w], "test"))
+
+
+def test_the_operator_is_told_of_strangers_now_and_then() -> None:
+    now, inbox, script = Now(), Inbox(), Script()
+    with listening(script, now, inbox) as worker:
+        for k in range(40):
+            now.s = 0.1 * k
+            script.refuse(3)
+            wait_for(lambda k=k: worker.state(now.s, 0.0).note == f"{3 * (k + 1)} datagrams of others refused")
+    said = [i.text for i in drained(inbox) if isinstance(i, Said) and "sender" in i.text]
+    assert said == ["DGPS: 10.9.8.7 is not among its senders: datagrams refused"]
+
+
+def test_a_clock_came_back_only_within_what_overtaking_explains() -> None:
+    for offset_s, adopted_s in ((0.29, 0.0), (-0.29, 0.0), (0.3, 0.3), (-0.3, -0.3), (5.0, 5.0)):
+        clock = ReferenceClock(0.0, None)
+        clock._adopt(offset_s)
+        assert clock.offset_s == adopted_s
+        assert clock.adopted == 1
+
+
+def test_a_closed_tcp_line_is_closed_for_the_other_side_too() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        line = open_reference_line(ReferenceDevice(url=f"socket://127.0.0.1:{server.getsockname()[1]}"))
+        peer, _ = server.accept()
+        peer.settimeout(60.0)
+        line.close()
+        assert peer.recv(1) == b""
+        peer.close()
 
 
 class Flown:

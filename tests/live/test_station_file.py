@@ -8,7 +8,8 @@ import pytest
 from groundstation.errors import ConfigError
 from groundstation.live.devices import camera_of, check_against_rig
 from groundstation.live.head_device import head_settings
-from groundstation.live.station_file import ReferenceDevice, load_station
+from groundstation.live.reference_device import ReferenceDevice, sender_networks
+from groundstation.live.station_file import load_station
 from groundstation.rig import load_rig
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "station-example.toml"
@@ -32,7 +33,8 @@ lon_deg = 8.6
 height_m = 480
 y_axis_azimuth_deg = 35
 [reference]
-url = "udp://:5000"
+url = "udp://0.0.0.0:5000"
+senders = ["192.168.1.20", "10.0.0.0/8"]
 clock_sigma_s = 0.02
 learn = false
 [record]
@@ -69,12 +71,14 @@ def test_everything_that_it_says(tmp_path: Path) -> None:
     assert file.rig == tmp_path / "rig.toml"
     assert file.record == tmp_path / "flights"
     assert file.record_s == 1800.0
+    assert file.park_s is None
     assert file.pointing.gain_per_s == 3.0
     assert file.search.azimuth_deg == (-8.0, 4.5)
     assert file.antenna_in_body_m == (-0.8, 0.0, -0.1)
     assert file.origin is not None
     assert (file.origin.lat_deg, file.origin.y_axis_azimuth_deg) == (47.1, 35.0)
-    assert file.reference == ReferenceDevice(url="udp://:5000", clock_sigma_s=0.02, learn=False)
+    senders = sender_networks(["192.168.1.20/32", "10.0.0.0/8"], "test")
+    assert file.reference == ReferenceDevice(url="udp://0.0.0.0:5000", clock_sigma_s=0.02, learn=False, senders=senders)
     left, right = file.stations
     assert left.head is not None
     assert right.head is not None
@@ -98,8 +102,17 @@ def test_the_example_of_the_docs_is_one() -> None:
     ("old", "new", "said"),
     [
         ('format = "groundstation-station/1"', 'format = "other"', "format: got 'other'"),
+        ('senders = ["192.168.1.20", "10.0.0.0/8"]', "", "senders: got none for udp://0.0.0.0:5000"),
+        ('senders = ["192.168.1.20", "10.0.0.0/8"]', 'senders = "10.0.0.1"', "senders: got '10.0.0.1'"),
+        ('senders = ["192.168.1.20", "10.0.0.0/8"]', 'senders = ["10.0.0.1/8"]', "senders: got '10.0.0.1/8'"),
+        ('url = "udp://0.0.0.0:5000"', 'url = "udp://*:5000"', "url: got udp://*:5000"),
         ("rate_hz = 25", "rate_hz = 0", "rate_hz: got 0"),
         ("rate_hz = 25", "rate = 25", "rate: got an unknown key"),
+        (ORIGIN, ORIGIN + "[safety]\nsun_deg = 5\n", "safety: sun_deg: got an unknown key"),
+        (ORIGIN, ORIGIN + "[safety]\nsun_angle_deg = -1\n", "sun_angle_deg: got -1"),
+        ("park_deg = [0, 20]", "sectors = 3", "sectors: got 3"),
+        ("park_deg = [0, 20]", "sectors = [{ pan_deg = [0, 5] }]", "sectors 1: tilt_deg: got nothing"),
+        ("park_deg = [0, 20]", "sectors = [{ pan_deg = [5, 5], tilt_deg = [0, 9] }]", "pan_deg: got [5, 5]"),
         ('name = "right"', 'name = "left"', "two of one name"),
         ("pan_sign = -1", "pan_sign = 2", "pan_sign: got 2"),
         ("pan_low_deg = -80", "pan_low = -80", "pan_low: got an unknown key"),
@@ -108,12 +121,13 @@ def test_the_example_of_the_docs_is_one() -> None:
         ("park_deg = [0, 20]", "park_deg = [0]", "park_deg: got [0]"),
         ('camera = "opencv:0"', "", "camera: got nothing"),
         ("learn = false", "learn = 0", "reference: learn: got 0"),
-        ('url = "udp://:5000"', "", "reference: url: got nothing"),
+        ('url = "udp://0.0.0.0:5000"', "", "reference: url: got nothing"),
         ("clock_sigma_s = 0.02", "clock_sigma_s = 0", "clock_sigma_s: got 0"),
         ("clock_sigma_s = 0.02", "clock = 1", "clock: got an unknown key"),
         (ORIGIN, "", "origin: got nothing; wanted a table [origin]"),
         (ORIGIN, ORIGIN + "[view]\nbogus = 1\n", "view: got an unknown key"),
         ('folder = "flights"', 'folder = "flights"\nminutes = 0', "minutes: got 0"),
+        ("rate_hz = 25", "rate_hz = 25\npark_s = -1", "park_s: got -1"),
         ('ptu = "socket://192.168.1.21:4000"', 'ptu = "/dev/../dev/ttyUSB0"', "as the PTU of left and of right"),
         ('camera = "opencv:0"', 'camera = "gige:192.168.1.10"', "gige:192.168.1.10 as the camera of left and of right"),
         ("lat_deg = 47.1", "lat_deg = 97.1", "origin: lat_deg: got 97.1"),

@@ -3,6 +3,8 @@
 import io
 import itertools
 import math
+import re
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,6 +20,7 @@ from groundstation.live.board import LiveStatus
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.inbox import Inbox
 from groundstation.live.record import LiveRecorder
+from groundstation.live.status_watch import StatusWatch
 from groundstation.messages import Epoch, TrackStatus
 from groundstation.pipeline import Pipeline
 from groundstation.simulation.cases import standard_rig
@@ -120,6 +123,90 @@ def test_a_terminal_shows_every_line_and_the_next_in_its_place(monkeypatch: pyte
     assert max(map(len, first.splitlines())) < 40
     block.show(status("tracking"))
     assert screen.getvalue() == first + f"\x1b[{first.count(chr(10))}F\x1b[Jtracking\n"
+
+
+def on(t_s: float, track: TrackStatus) -> LiveStatus:
+    return replace(status(track.value), t_s=t_s, track=track)
+
+
+def test_where_nobody_watches_a_change_is_said_and_else_a_line_every_five_seconds() -> None:
+    file = io.StringIO()
+    block = StatusBlock(file)
+    track, coast, lost = TrackStatus.TRACKING, TrackStatus.COASTING, TrackStatus.LOST
+    for t_s, what in ((1.0, track), (1.5, track), (1.75, coast), (2.0, track), (5.9, track), (6.0, track), (6.3, lost)):
+        block.show(on(t_s, what))
+    for t_s in (6.5, 7.0, 11.49, 11.5):
+        block.show(on(t_s, lost))
+    said = [(float(line.split(" s  ")[0]), line.split()[-1]) for line in file.getvalue().splitlines()]
+    assert said == [(1.0, "tracking"), (1.8, "coasting"), (5.9, "tracking"), (6.5, "lost"), (11.5, "lost")]
+
+
+def test_a_status_that_comes_no_more_is_said_to_be_old(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: on a terminal below the last one, in its place; elsewhere at once and every five seconds."""
+    monkeypatch.setenv("COLUMNS", "80")
+    screen, file = Terminal(), io.StringIO()
+    for stream in (screen, file):
+        block = StatusBlock(stream)
+        block.show(status("tracking at 442 ± 1.3 m"))
+        for age_s in (2.1, 2.6, 7.0, 7.1):
+            block.silent(age_s)
+        block.show(replace(status("lost"), t_s=9.0, track=TrackStatus.LOST))
+        block.silent(2.1)
+    old = "NO STATUS for {} s: the last one is old, the aircraft may be anywhere"
+    blocks = re.split(r"\x1b\[[0-9]+F\x1b\[J", screen.getvalue())
+    assert [b.splitlines() for b in blocks] == [
+        ["tracking at 442 ± 1.3 m"],
+        *(["tracking at 442 ± 1.3 m", old.format(s)] for s in (2, 3, 7, 7)),
+        ["lost"],
+        ["lost", old.format(2)],
+    ]
+    assert re.findall(r"\x1b\[([0-9]+)F", screen.getvalue()) == ["1", "2", "2", "2", "2", "1"]
+    lines = file.getvalue().splitlines()
+    assert lines[1:] == [old.format(2), old.format(7), "    9.0 s  lost", old.format(2)]
+
+
+def test_the_watch_speaks_while_nothing_is_told() -> None:
+    now, said = [100.0], list[float]()
+    watch = StatusWatch(said.append, lambda: now[0])
+    watch.look()
+    now[0] = 200.0
+    watch.look()
+    assert said == [], "before the first there is nothing to be old"
+    watch.told()
+    for now[0] in (201.0, 202.0, 202.1, 205.0):
+        watch.look()
+    assert said == pytest.approx([2.1, 5.0])
+    watch.told()
+    watch.look()
+    assert len(said) == 2
+
+
+def test_the_watch_looks_by_itself_and_ends() -> None:
+    now, spoken = [0.0], threading.Event()
+    with StatusWatch(lambda age_s: spoken.set(), lambda: now[0]) as watch:
+        watch.told()
+        now[0] = 10.0
+        assert spoken.wait(60.0)
+    assert not watch._thread.is_alive()
+
+
+def test_the_screen_says_by_itself_that_it_is_old(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: with nothing to draw and no status for two seconds, that; at the time it would have had."""
+    import rerun as rr
+
+    now = [50.0]
+    view = LiveView(rr.RecordingStream("test"), standard_rig(), "test", lambda: now[0])
+    view.close()
+    told: list[tuple[float, list[str]]] = []
+    monkeypatch.setattr(view, "_tell", lambda t_s, lines: told.append((t_s, list(lines))))
+    view._look()
+    view.say(10.0, ["tracking"])
+    now[0] = 52.0
+    view._look()
+    assert told == []
+    now[0] = 52.5
+    view._look()
+    assert told == [(12.5, ["NO STATUS for 2 s: what is shown is old"])]
 
 
 class Flood(CameraDevice):

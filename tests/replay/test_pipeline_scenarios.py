@@ -109,8 +109,8 @@ def test_the_same_events_give_the_same_reports(flight: list[Event], clean: Flown
 
 
 def test_one_camera_lost_midway(flight: list[Event]) -> None:
-    """Status goes to coasting at once, across the line of sight it stays good, along it the covariance grows and
-    covers the error; no triangulation without two views; tracking resumes with the camera."""
+    """Status goes to coasting at once, across the line of sight it stays good, along it the covariance grows;
+    no triangulation without two views; tracking resumes with the camera."""
     gone = [e for e in flight if not (is_camera(e, "right") and 6.0 <= e.t_s < 8.0)]
     flown = Flown(gone)
     assert flown.statuses(6.1, 7.9) == {TrackStatus.COASTING}
@@ -120,16 +120,16 @@ def test_one_camera_lost_midway(flight: list[Event]) -> None:
     assert all(e.triangulation_status is TriangulationStatus.ONE_VIEW for e in one_view)
     sigma_y = [e.kinematics.covariance[1, 1] ** 0.5 for e in one_view if e.kinematics is not None]
     assert sigma_y[-1] > 2 * sigma_y[0]
-    assert flown.anees(6.1, 7.9) < 4.0
+    # by as much as the error grows: tests/replay/test_station_changes.py, on drawn flights
     assert flown.rmse(8.5)[1] < 0.6
 
 
 def test_both_cameras_lost_and_back(flight: list[Event]) -> None:
-    """Coasting for a second and a half, covariance covering the error, tracking again with the first pair."""
+    """Coasting for a second and a half (what becomes of the covariance: test_station_changes.py), then tracking again
+    with the first pair."""
     flown = Flown([e for e in flight if not (isinstance(e, PixelMeasurement) and 6.0 <= e.t_s < 7.5)])
     assert flown.statuses(6.05, 7.45) == {TrackStatus.COASTING}
     assert flown.statuses(7.6, 12.0) == {TrackStatus.TRACKING}
-    assert flown.anees(6.0, 7.5) < 4.0
 
 
 def test_lost_for_good_is_said_and_then_acquired_again(flight: list[Event]) -> None:

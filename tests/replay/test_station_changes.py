@@ -2,28 +2,22 @@
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from groundstation.messages import TrackStatus
 from groundstation.simulation import simulate
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.cases import drawn_glide
-from tests.faulty_flight import STATIONS, scenario, watch, without
-
-PSD_M2_S3 = (1.0, 4.0, 2.0)
+from tests.faulty_flight import STATIONS, consistency, drawn_path, scenario, watch, without
 
 
 def test_three_two_one_two_stations() -> None:
     """3 → 2 → 1 → 2 stations: each loss and return is said once, the status follows, and over ten flights drawn from
     the filter's own motion the squared errors in each part are what the covariance says (NEES)."""
-    squares: dict[tuple[float, float], list[float]] = {(1.0, 2.5): [], (3.0, 4.9): [], (5.5, 7.4): [], (8.0, 9.9): []}
+    flights = []
     for seed in range(10):
-        path = drawn_glide(seed, PSD_M2_S3, Glide(start_y_m=450.0, end_y_m=200.0))
+        path = drawn_path(seed, start_y_m=450.0, end_y_m=200.0)
         flight = simulate(scenario(seed, trajectory=path, ptu_hz=50.0))
         events = without(flight, {"third": (2.5, 1e9), "right": (5.0, 7.5)})
         watched = watch(flight, events=events)
-        for part, values in squares.items():
-            values.append(watched.anees(*part))
+        flights.append(watched)
         texts = [e.text for e in watched.said("station")]
         assert [t for t in texts if "third: nothing" in t] == ["station third: nothing since 2.4 s, 2 of 3 left"]
         assert sum("right: nothing" in t for t in texts) == 1
@@ -33,27 +27,51 @@ def test_three_two_one_two_stations() -> None:
         one = {e.status for e in watched.estimates if 5.2 <= e.t_s < 7.4}
         assert one == {TrackStatus.COASTING}
         assert {e.status for e in watched.estimates if 7.8 <= e.t_s < 9.9} == {TrackStatus.TRACKING}
-    # at least three independent numbers a flight and part
-    low, high = chi2.ppf([0.001, 0.999], 3 * 10) / (3 * 10)
-    for part, values in squares.items():
-        assert low < np.mean(values) < high, part
+    for part in ((1.0, 2.5), (3.0, 4.9), (5.5, 7.4), (8.0, 9.9)):
+        found = consistency(flights, *part)
+        assert found.right, (part, found)
 
 
 @pytest.mark.parametrize("names", [("left", "fourth"), (*STATIONS, "fourth")])
 def test_two_or_four_stations(names: tuple[str, ...]) -> None:
-    """Any number: tracked all along, and consistent."""
-    watched = watch(simulate(scenario(4, names)))
-    assert {e.status for e in watched.estimates if e.t_s > 0.5} == {TrackStatus.TRACKING}
-    assert 0.1 < watched.anees(1.0) < 2.0
+    """Any number: tracked all along, and as uncertain as said."""
+    flights = [watch(simulate(scenario(seed, names, trajectory=drawn_path(seed)))) for seed in range(4)]
+    for watched in flights:
+        assert {e.status for e in watched.estimates if e.t_s > 0.5} == {TrackStatus.TRACKING}
+    found = consistency(flights, 1.0)
+    assert found.right, found
+
+
+def test_all_stations_lost_for_a_while() -> None:
+    """Nothing for a second and a half: coasting, and the covariance grows as the errors do, neither more nor less."""
+    flights = []
+    for seed in range(10):
+        flight = simulate(scenario(seed, ("left", "right"), trajectory=drawn_path(seed)))
+        watched = watch(flight, events=without(flight, {"left": (5.0, 6.5), "right": (5.0, 6.5)}))
+        assert {e.status for e in watched.estimates if 5.05 <= e.t_s < 6.45} == {TrackStatus.COASTING}
+        flights.append(watched)
+    for part in ((5.1, 6.4), (6.6, 9.0)):
+        found = consistency(flights, *part)
+        assert found.right, (part, found)
 
 
 def test_one_station_alone_from_the_start() -> None:
-    """One station and a given start: coasting, the covariance grows along the line of sight and covers the error."""
-    watched = watch(simulate(scenario(5, ("left",))))
-    assert {e.status for e in watched.estimates if e.t_s > 0.5} == {TrackStatus.COASTING}
-    sigma_y = [e.kinematics.covariance[1, 1] ** 0.5 for e in watched.estimates if e.kinematics is not None]
-    assert sigma_y[-1] > 3.0 * sigma_y[5]
-    assert watched.anees(1.0) < 3.0
+    """One station and a start drawn by its sigmas: coasting, the covariance grows along the line of sight, and for
+    four seconds it is what the error is.
+
+    After six it is not: what docs/derivation.md says of the needle under "Placed anew".
+    """
+    flights = []
+    for seed in range(8):
+        path, draw = drawn_path(seed), np.random.default_rng([77, seed])
+        watched = watch(simulate(scenario(seed, ("left",), trajectory=path)), start=draw)
+        assert {e.status for e in watched.estimates if 0.5 < e.t_s < 4.0} == {TrackStatus.COASTING}
+        sigma_y = [e.kinematics.covariance[1, 1] ** 0.5 for e in watched.estimates if e.kinematics is not None]
+        assert sigma_y[40] > 3.0 * sigma_y[5]
+        flights.append(watched)
+    for part in ((0.2, 2.0), (2.0, 4.0)):
+        found = consistency(flights, *part)
+        assert found.right, (part, found)
 
 
 def test_a_station_added_in_flight() -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.messages import Kinematics, TrackEstimate, TrackStatus, TriangulationStatus
+from groundstation.messages import Kinematics, TrackEstimate, TrackState, TrackStatus, TriangulationStatus
 from groundstation.sinks.rerun_cameras import nis_bounds
 from groundstation.sinks.rerun_columns import MAX_CONTOUR_POINTS, crosses, ellipses, outline_pieces
 from groundstation.sinks.rerun_track import TrackChannel
@@ -82,3 +82,36 @@ def test_a_lost_track_leaves_a_gap_in_the_path_and_clears_the_ellipsoid() -> Non
     assert channel.take() == []
     assert (channel.first_t_s, channel.last_t_s) == (1.0, 4.0)
     assert channel.upper_m[1] == pytest.approx(99.0)
+
+
+def _state(t_s: float, y_m: float | None, status: TrackStatus) -> TrackState:
+    known = None if y_m is None else _estimate(t_s, y_m).kinematics
+    return TrackState(t_s=t_s, status=status, kinematics=known)
+
+
+def test_without_pairs_the_prediction_is_drawn_and_the_status_goes_with_it() -> None:
+    """Expected: coasting and lost where no pair says so; the pair that comes then has the last word, older or not."""
+    channel = TrackChannel()
+    channel.add_estimate(_estimate(1.0, 99.0))
+    channel.add_state(_state(1.2, 98.9, TrackStatus.TRACKING))
+    channel.add_state(_state(1.5, 98.5, TrackStatus.COASTING))
+    channel.add_state(_state(9.5, None, TrackStatus.LOST))
+    channel.add_estimate(_estimate(9.4, 90.0))
+    assert len(channel) == 4
+    batches = {b.entity: b for b in channel.take()}
+    assert batches["aircraft/ekf/ellipsoid"].t_s.tolist() == [1.0, 1.5, 9.5, 9.4]
+    lengths = [len(row) for row in next(iter(batches["aircraft/ekf/ellipsoid"].columns)).as_arrow_array().to_pylist()]
+    assert lengths == [1, 1, 0, 1]
+    assert batches["aircraft/ekf/path"].t_s.tolist() == [1.5]
+    assert batches["status/track"].t_s.tolist() == [1.0, 1.5, 9.5, 9.5]
+    words = next(iter(batches["status/track"].columns)).as_arrow_array().to_pylist()
+    assert [word[0] for word in words] == ["tracking", "coasting", "lost", "tracking"]
+    # delays are those of pairs
+    assert batches["plots/latency/pair"].t_s.tolist() == [1.0, 9.4]
+
+
+def test_heartbeats_alone_are_drawn_too() -> None:
+    channel = TrackChannel()
+    channel.add_state(_state(1.5, 98.5, TrackStatus.COASTING))
+    assert {b.entity for b in channel.take()} >= {"aircraft/ekf", "aircraft/ekf/ellipsoid", "status/track"}
+    assert channel.take() == []

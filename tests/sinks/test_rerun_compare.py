@@ -150,7 +150,7 @@ def test_runs_that_never_meet_in_time_are_shown_from_their_starts(two: tuple[Pat
     assert "start of each at 1 s" in names_line(result, two)
     same = prepare_view(ViewRequest(sources=(two[0], two[0]), work=tmp_path / "work"))
     assert same.align is Align.NONE
-    assert same.names == ("monday", "monday-2") or same.names[0] != same.names[1]
+    assert same.names[0] != same.names[1]
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -158,7 +158,7 @@ def test_a_recording_is_not_written_onto_itself(two: tuple[Path, Path], tmp_path
     """Expected: a folder's own recording as --save is refused in words, and left as it is."""
     save = two[0] / "session.rrd"
     before = save.read_bytes()
-    with pytest.raises(InputError, match="cannot be written onto itself"):
+    with pytest.raises(InputError, match="a file that is read; wanted another --save"):
         prepare_view(ViewRequest(sources=two[:count], work=tmp_path / "work", save=save))
     assert save.read_bytes() == before
 
@@ -198,7 +198,7 @@ def test_a_single_recording_that_is_damaged_is_refused(two: tuple[Path, Path], t
 def test_a_recording_is_not_written_over(two: tuple[Path, Path], tmp_path: Path) -> None:
     path = two[0] / "session.rrd"
     before = path.read_bytes()
-    with pytest.raises(InputError, match="another file"):
+    with pytest.raises(InputError, match="got a file that is read; wanted another --save"):
         prepare_view(ViewRequest(sources=(path, two[1]), work=tmp_path, save=path))
     assert path.read_bytes() == before
 

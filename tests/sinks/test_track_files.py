@@ -17,6 +17,7 @@ from groundstation.messages import (
     Roi,
     StepReport,
     TrackEstimate,
+    TrackState,
     TrackStatus,
     Triangulation,
     TriangulationStatus,
@@ -198,3 +199,21 @@ def test_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("x")
     with pytest.raises(InputError, match="taken"):
         TrackFilesSink(tmp_path / "taken")
+
+
+def test_the_last_rows_do_not_wait_for_a_pair(tmp_path: Path, rng: np.random.Generator) -> None:
+    """Expected: half a second after the last flush a heartbeat brings what is left to the file, and adds no row."""
+
+    def rows() -> int:
+        return len((tmp_path / "track.csv").read_text().splitlines()) - 1
+
+    with TrackFilesSink(tmp_path) as sink:
+        for k in range(3):
+            sink.write(StepReport(estimates=(_estimate(10.0 + 0.1 * k, rng),)))
+        before = rows()
+        assert before < 3
+        sink.write(StepReport(states=(TrackState(t_s=10.4, status=TrackStatus.COASTING, kinematics=None),)))
+        assert rows() == before
+        sink.write(StepReport(states=(TrackState(t_s=10.5, status=TrackStatus.COASTING, kinematics=None),)))
+        assert rows() == 3
+    assert rows() == 3

@@ -189,12 +189,12 @@ def test_a_decoder_that_breaks_reaches_the_consumer(tmp_path: Path, monkeypatch:
     write_pictures(tmp_path / "p", range(3))
 
     def broken(*_: object) -> None:
-        raise cv2.error("out of\nmemory")
+        raise RuntimeError("out of\nmemory")
 
     monkeypatch.setattr(cv2, "imdecode", broken)
     with (
         reader(tmp_path / "p", range(3)) as opened,
-        pytest.raises(SessionError, match=r"p: got error: out of\\nmemory"),
+        pytest.raises(SessionError, match=r"p: got RuntimeError: out of\\nmemory"),
     ):
         opened.next()
     assert decoders() == []
@@ -220,3 +220,14 @@ def test_no_more_than_a_few_frames_are_held(tmp_path: Path) -> None:
             # the one in hand cannot be put down, so no further one is read
             assert not any(t.join(0.25) for t in threading.enumerate() if t.name.startswith("decode-"))
             assert len(read) == QUEUE_FRAMES + 1
+
+
+def test_a_grey_picture_gets_three_equal_channels() -> None:
+    reader = PictureReader.__new__(PictureReader)
+    reader._size = (4, 3)
+    grey = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    found = reader._checked(grey, 7, 9)
+    assert found.index == 7
+    assert found.image.shape == (3, 4, 3)
+    for channel in range(3):
+        np.testing.assert_array_equal(found.image[:, :, channel], grey)

@@ -67,8 +67,18 @@ class LiveCamera(Camera):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Stop the thread, which closes the device."""
+        self.stop()
+        self.close(_JOIN_S)
+
+    def stop(self) -> None:
+        """Ask the thread to end; never waits."""
         self._stop.set()
-        self._thread.join(_JOIN_S)
+
+    def close(self, within_s: float) -> None:
+        """Wait for the thread, which closes the device; one that hangs in its driver is left behind."""
+        self.stop()
+        if self._thread.is_alive():
+            self._thread.join(within_s)
 
     def read(self, timeout_s: float) -> CameraFrame | None:
         """Return the next frame, None where none came in time; raises what went wrong inside the camera's thread."""

@@ -1,0 +1,97 @@
+"""What one camera's look at one frame gives: a target found, or none and why.
+
+Part of `groundstation.messages`, which has them all, with the same units.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roi:
+    """An axis-parallel window of whole pixels, already clipped to the image; ``w`` and ``h`` > 0."""
+
+    x: int
+    y: int
+    w: int
+    h: int
+
+
+class DetectionStatus(StrEnum):
+    """What became of one camera's look at one frame; the words of ``detections.csv``.
+
+    ``late``: used as if it had been in time, the filter went back for it.
+    """
+
+    OK = "ok"
+    MISS = "miss"
+    OUT_OF_VIEW = "out_of_view"
+    GATED = "gated"
+    AMBIGUOUS = "ambiguous"
+    CUT = "cut"
+    LATE = "late"
+    EXCLUDED = "excluded"
+
+    @property
+    def used(self) -> bool:
+        """Whether the filter took the pixel at its full worth."""
+        return self in (DetectionStatus.OK, DetectionStatus.LATE)
+
+
+class MissReason(StrEnum):
+    """Why a detector gave no target point."""
+
+    LOW_CONTRAST = "low_contrast"
+    NO_REGION = "no_region"
+    WRONG_SIZE = "wrong_size"
+    AMBIGUOUS = "ambiguous"
+    CUT = "cut"
+    OUT_OF_VIEW = "out_of_view"
+    NO_PTU_ANGLE = "no_ptu_angle"
+    NOT_ACQUIRED = "not_acquired"
+    LATE = "late"
+    NOT_RECORDED = "not_recorded"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Detection:
+    """A target found in one image.
+
+    Attributes
+    ----------
+    u_px, v_px : the target point (the aircraft's nose) in full-image pixels.
+    covariance_px2 : (2, 2) covariance of that point, of u and v.
+    noise_px2 : (2, 2) px² of u and v, the part of ``covariance_px2`` that is new in each frame; the rest lasts.
+    centroid_px : (2,) centre of the silhouette.
+    box : (x, y, w, h) px, the silhouette's bounding box in full-image pixels.
+    area_px : the silhouette's area.
+    contour_px : (n, 2) float32, its outline in full-image pixels, pieces separated by a row of NaN.
+    contrast_to_noise : measured contrast of silhouette against background on the channel used.
+    channel : name of that channel.
+    cut : True where the silhouette touches the image border.
+    """
+
+    u_px: float
+    v_px: float
+    covariance_px2: FloatArray
+    noise_px2: FloatArray
+    centroid_px: FloatArray
+    box: tuple[float, float, float, float]
+    area_px: float
+    contour_px: NDArray[np.float32]
+    contrast_to_noise: float
+    channel: str
+    cut: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Miss:
+    """No target point, and why; ``detail`` says it for a person."""
+
+    reason: MissReason
+    detail: str = ""

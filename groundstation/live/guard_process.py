@@ -1,0 +1,126 @@
+"""The motion guard's process as the heads' supervisor has it: begun, asked to halt, begun again when it is lost."""
+
+from collections.abc import Callable, Mapping
+from multiprocessing.connection import Connection
+
+from groundstation.live.child import Child
+from groundstation.live.head_device import HeadDevice
+from groundstation.live.restart_delay import RestartDelay
+from groundstation.live.silence import Silence
+from ptu_drivers.halt_only import HaltLine
+from ptu_drivers.motion_guard import LEASE_S, GuardReport, MotionLeases, serve_guard
+
+# it only imports the drivers; a busy machine may take long for that
+_START_S = 30.0
+_ASK_S, _TERMINATE_S = 0.15, 0.1
+# a process whose pipe has closed is gone a moment later
+_GRACE_S = 0.2
+
+
+def halt_lines(heads: Mapping[str, HeadDevice]) -> dict[str, HaltLine]:
+    """Return how each head is reached to be halted only."""
+    return {
+        name: HaltLine(url=h.url, protocol=h.protocol, options=dict(h.options), baud=h.baud)
+        for name, h in heads.items()
+    }
+
+
+class GuardProcess:
+    """The process that halts heads whose own process is lost.
+
+    Parameters
+    ----------
+    lose : is told why, whenever this process itself is lost.
+    report : gets what came of a halt that was not requested, but due because a lease ran out.
+    make : begins a process; a stand-in for tests.
+    """
+
+    def __init__(
+        self,
+        heads: Mapping[str, HeadDevice],
+        leases: MotionLeases,
+        clock: Callable[[], float],
+        lose: Callable[[str], None],
+        report: Callable[[GuardReport], None],
+        make: Callable[..., Child] = Child,
+    ) -> None:
+        self._lines, self._leases, self._clock, self._lose, self._make = halt_lines(heads), leases, clock, lose, make
+        self._report = report
+        self._child: Child | None = None
+        self._silence = Silence()
+        self._delay = RestartDelay()
+        self._due_s = self._begun_s = 0.0
+        self._requested_s: float | None = None
+        self._reports: dict[str, GuardReport] = {}
+
+    def begin(self) -> None:
+        """Start the process."""
+        # what the one before it said of itself counts no more
+        self._leases.beat_guard(0.0)
+        self._begun_s = self._clock()
+        self._child = self._make("ptu-guard", serve_guard, self._lines, self._leases)
+        self._delay.began(self._begun_s)
+        if self._requested_s is not None:
+            self._child.send("halt")
+
+    @property
+    def handles(self) -> list[Connection | int]:
+        """What `multiprocessing.connection.wait` takes."""
+        return [] if self._child is None else [self._child.pipe, self._child.sentinel]
+
+    @property
+    def pid(self) -> int:
+        """The process's number; 0 while there is none."""
+        return 0 if self._child is None else self._child.pid
+
+    def ready(self) -> bool:
+        """Return whether it has said of itself lately that it is alive."""
+        return self._child is not None and self._clock() - self._leases.guard_beat_s <= LEASE_S
+
+    def look(self, since_s: float) -> None:
+        """Take its reports; begin it again if it has ended, or hangs (silence before ``since_s`` does not count)."""
+        now_s = self._clock()
+        if self._child is None:
+            if now_s >= self._due_s:
+                self.begin()
+            return
+        why = ""
+        try:
+            while self._child.pipe.poll(0):
+                report = self._child.pipe.recv()
+                self._reports[report.name] = report
+                if self._requested_s is None or report.began_s < self._requested_s:
+                    self._report(report)
+        except (EOFError, OSError):
+            self._child.kill(_GRACE_S)
+            why = self._child.how_it_ended()
+        beat_s = self._leases.guard_beat_s
+        silent_s = now_s - max(beat_s, since_s)
+        if not why and (self._silence.hangs(self._child.pid, silent_s) if beat_s else now_s - self._begun_s > _START_S):
+            self._child.kill()
+            why = f"said nothing for {silent_s:.1f} s and was killed"
+        if why:
+            self._child = None
+            self._due_s = self._delay.lost(now_s)
+            self._lose(why)
+
+    def request_halt(self) -> None:
+        """Have all heads halted; what comes of it is in `results`."""
+        self._requested_s = self._clock()
+        if self._child is not None:
+            self._child.send("halt")
+
+    def results(self) -> dict[str, GuardReport]:
+        """Return what came of the last request, by station, as far as it is known."""
+        since_s = self._clock() if self._requested_s is None else self._requested_s
+        return {name: r for name, r in self._reports.items() if r.began_s >= since_s}
+
+    def settled(self) -> None:
+        """The last request is over, whatever came of it; a guard that is begun again need not halt for it."""
+        self._requested_s = None
+
+    def end(self) -> None:
+        """End the process."""
+        if self._child is not None:
+            self._child.end("stop", _ASK_S, _TERMINATE_S)
+            self._child = None

@@ -1,0 +1,333 @@
+"""The PTUs' process under supervision: what it reads and is told, and what is done when it is lost.
+
+It is lost when it ends, or hangs (`Silence`): then it is killed, the motion guard halts every head over lines
+of its own, and it is begun again (`RestartDelay`). The guard's process is supervised in the same way; without it the
+PTUs' process holds all heads still by itself. What is known of a head is said, and what is not, too.
+"""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from enum import StrEnum
+from multiprocessing.connection import wait
+from types import TracebackType
+
+from groundstation.live.child import Child
+from groundstation.live.guard_process import GuardProcess
+from groundstation.live.head_device import DeviceError, HeadDevice
+from groundstation.live.head_log import HeadLog, HeadState
+from groundstation.live.head_process import HeadReport, serve_heads
+from groundstation.live.inbox import Inbox, Item
+from groundstation.live.restart_delay import RestartDelay
+from groundstation.live.silence import Silence
+from groundstation.messages import PointingCommand, PtuSample
+from groundstation.pointing import HeadLimits
+from ptu_drivers.messages import UnitDescription
+from ptu_drivers.motion_guard import HALTING_S, LEASE_S, GuardReport, MotionLeases
+
+# opening raises bauds and may wait for a unit that homes
+_OPEN_S = 90.0
+_LOOK_S = 0.05
+# a supervisor that did not come round for so long knows nothing of the others: they get their whole time again
+_ABSENT_S = 0.2
+# a guard's report may come so much later than its last try begins: one that connects hangs for seconds
+_REPORT_S = 1.0
+# of the time for closing: until it is terminated, until it is killed, and for the guard to halt what was killed
+CLOSE_S = 1.5
+_ASK_SHARE, _TERMINATE_SHARE, _HALT_SHARE = 0.5, 0.15, 0.35
+# a process whose pipe has closed is gone soon
+_GRACE_S = 0.5
+
+
+class Phase(StrEnum):
+    """What the PTUs' process is about."""
+
+    OPENING = "opening"
+    RUNNING = "running"
+    HALTING = "halting"
+    WAITING = "waiting"
+    CLOSED = "closed"
+
+
+class Heads:
+    """The PTUs as the pipeline's process meets them; a context manager that halts them on the way out.
+
+    Parameters
+    ----------
+    heads : by station.
+    start_s : the session's time zero on the host's monotonic clock.
+    clock : that clock. make : begins a process; a stand-in for tests.
+
+    Raises `DeviceError` on ``with`` where one cannot be opened.
+    """
+
+    def __init__(
+        self,
+        heads: Mapping[str, HeadDevice],
+        start_s: float,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        make: Callable[..., Child] = Child,
+    ) -> None:
+        self.log = HeadLog(start_s, clock)
+        self._heads, self._start_s, self._clock, self._make = dict(heads), start_s, clock, make
+        self._leases = MotionLeases(tuple(self._heads))
+        self._guard = GuardProcess(self._heads, self._leases, clock, self._lose_guard, self._halted_by_guard, make)
+        self._child: Child | None = None
+        self._phase = Phase.CLOSED
+        self._delay = RestartDelay()
+        self._unknown: frozenset[str] = frozenset()
+        self._leaving = self._silent = False
+        self._silence = Silence()
+        self._thread: threading.Thread | None = None
+        self._stopping = threading.Event()
+        self._sending = threading.Lock()
+        self._looked_s = self._since_s = -math.inf
+        self._lost_s = self._due_s = self._begun_s = 0.0
+
+    def __enter__(self) -> "Heads":
+        self.begin()
+        return self.opened()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def states(self) -> dict[str, HeadState]:
+        """What is known of each head, by station."""
+        return self.log.states
+
+    @property
+    def running(self) -> bool:
+        """Whether the heads can be turned: both processes are there and do their work, as far as is known."""
+        return self._phase is Phase.RUNNING and self._guard.ready()
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """The numbers of the processes: ``ptus`` and ``guard``; 0 where there is none at the moment."""
+        return {"ptus": 0 if self._child is None else self._child.pid, "guard": self._guard.pid}
+
+    def begin(self) -> None:
+        """Start the processes, which open the heads while this one does something else; `close` is due from then."""
+        if self._heads:
+            self._guard.begin()
+            self._begin_process()
+
+    def opened(self, stop: Callable[[], bool] = lambda: False) -> "Heads":
+        """Wait until the heads are opened.
+
+        Raises `DeviceError` where one cannot be, KeyboardInterrupt where ``stop`` says so meanwhile.
+        """
+        child = self._child
+        if child is None:
+            return self
+        try:
+            end_s = self._clock() + _OPEN_S
+            while not child.pipe.poll(_LOOK_S):
+                if stop():
+                    raise KeyboardInterrupt
+                if self._clock() > end_s:
+                    raise DeviceError(f"PTUs: got no answer within {_OPEN_S:.0f} s; wanted them opened")
+            answer = child.pipe.recv()
+            if isinstance(answer, str):
+                raise DeviceError(answer)
+        except EOFError as fault:
+            self.close()
+            raise DeviceError("PTUs: their process ended while opening them") from fault
+        except (DeviceError, KeyboardInterrupt):
+            self.close()
+            raise
+        self._note_opened(answer)
+        return self
+
+    def start(self, inbox: Inbox) -> None:
+        """Let readings come into an inbox from now on."""
+        self.log.inbox = inbox
+        if self._child is None:
+            return
+        self._send("start")
+        self._thread = threading.Thread(target=self._supervise, name="ptus", daemon=True)
+        self._thread.start()
+
+    def tell(self, command: PointingCommand) -> None:
+        """Hand a command on; never waits: to a process that has not been heard of, nothing is sent."""
+        if self._phase is Phase.RUNNING and self._clock() - self._leases.driver_beat_s < LEASE_S:
+            self._send(command)
+
+    def close(self, within_s: float = CLOSE_S) -> None:
+        """Halt the heads and end both processes, by force where they do not end, within about ``within_s``."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join(_ASK_SHARE * within_s)
+        if self._phase is Phase.CLOSED:
+            return
+        end_s = self._clock() + within_s
+        phase, self._phase = self._phase, Phase.CLOSED
+        halting = phase is Phase.HALTING
+        if self._child is not None:
+            killed = self._end_process(self._child, within_s)
+            # what it has given back has acknowledged its halt; of all else nothing is known, however it ended
+            kept = [name for name in self._heads if self._leases.until_s(name)]
+            self._unknown |= set(kept)
+            if killed and self._unknown:
+                self.log.lost("the PTUs' process did not end and was killed")
+            elif kept:
+                self.log.lost(f"the PTUs' process ended without an acknowledged halt of {', '.join(kept)}")
+        if self._unknown:
+            self._guard.request_halt()
+            halting = True
+        if halting:
+            self._await_halts(max(end_s, self._clock() + _HALT_SHARE * within_s))
+        self._guard.end()
+
+    def _end_process(self, child: Child, within_s: float) -> bool:
+        """End the process; returns whether it had to be killed."""
+        beat_s = self._leases.driver_beat_s
+        if beat_s and self._silence.hangs(child.pid, self._clock() - beat_s):
+            # one that hangs hears no request
+            child.kill()
+            return True
+        return not child.end("stop", _ASK_SHARE * within_s, _TERMINATE_SHARE * within_s)
+
+    # --------------------------------------------------------------------------------- the supervisor
+    def _supervise(self) -> None:
+        while not self._stopping.is_set():
+            handles = self._guard.handles
+            if self._child is not None:
+                handles = [*handles, self._child.pipe, self._child.sentinel]
+            try:
+                wait(handles, _LOOK_S)
+                self.look()
+            except Exception as fault:  # noqa: BLE001 - no memory, no process to be had: it goes on and tries again
+                self.log.lost(f"supervising the PTUs: {type(fault).__name__}: {fault}")
+                self.log.say("error", f"supervising the PTUs: {type(fault).__name__}: {fault}")
+                self._stopping.wait(_ABSENT_S)
+
+    def look(self) -> None:
+        """Take what has come, and do what is due; called over and over by the supervisor's thread."""
+        now_s = self._clock()
+        if now_s - self._looked_s > _ABSENT_S:
+            self._since_s = now_s
+        self._looked_s = now_s
+        ended = self._child is not None and not self._take_all(self._child)
+        self._guard.look(self._since_s)
+        if self._phase in (Phase.RUNNING, Phase.OPENING) and self._child is not None:
+            self._look_after(self._child, now_s, ended)
+        elif self._phase is Phase.HALTING:
+            self._look_after_halts(now_s)
+        elif self._phase is Phase.WAITING and now_s >= self._due_s:
+            self._begin_process()
+
+    def _take_all(self, child: Child) -> bool:
+        """Take what has come from the process; returns False once it is gone."""
+        try:
+            while child.pipe.poll(0):
+                self._take(child.pipe.recv())
+        except (EOFError, OSError):
+            return False
+        return True
+
+    def _take(self, item: Item | HeadReport | str | dict[str, tuple[UnitDescription, HeadLimits]]) -> None:
+        if isinstance(item, dict):
+            self._note_opened(item)
+            self._send("start")
+            self.log.say("info", f"the PTUs' process runs again, restart {self._delay.restarts}")
+        elif isinstance(item, str):
+            self.log.say("error", f"{item}; tried again")
+        elif isinstance(item, HeadReport):
+            state = self.states[item.station]
+            held = "" if self._guard.ready() else "held still: no motion guard, unit "
+            state.state, state.doubts, state.delay_s = held + item.state, item.doubts, item.delay_s
+        else:
+            if isinstance(item, PtuSample):
+                self.states[item.station].readings += 1
+                self.states[item.station].newest_s = item.t_s
+            if self.log.inbox is not None:
+                self.log.inbox.put(item)
+
+    def _look_after(self, child: Child, now_s: float, ended: bool) -> None:
+        """Notice that the process has ended, hangs, or does not get its heads opened."""
+        beat_s = self._leases.driver_beat_s
+        silent_s = now_s - max(beat_s, self._since_s, self._begun_s)
+        if beat_s > now_s + _LOOK_S and not self._leaving:
+            # so far ahead it vouches only once it leaves
+            self._leaving = True
+            self.log.show(dict.fromkeys(self._heads, "process ends, halting"))
+        if ended or not child.is_alive():
+            child.kill(_GRACE_S)
+            self._lose(child.how_it_ended(), now_s)
+            return
+        if self._phase is Phase.RUNNING and (silent_s > LEASE_S) is not self._silent:
+            # no lease is renewed meanwhile: the guard halts the heads by itself
+            self._silent = silent_s > LEASE_S
+            self.log.show(
+                dict.fromkeys(self._heads, "process silent, being halted" if self._silent else "process back")
+            )
+        hangs = self._silence.hangs(child.pid, silent_s)
+        if hangs if self._phase is Phase.RUNNING else silent_s > _OPEN_S:
+            # SIGTERM would wait for the thread that hangs
+            child.kill()
+            self._lose(f"said nothing for {silent_s:.1f} s and was killed", now_s)
+
+    def _lose(self, why: str, now_s: float) -> None:
+        """Have every head halted whose process is gone."""
+        self._child = None
+        self._phase, self._lost_s = Phase.HALTING, now_s
+        for name in self._heads:
+            self._leases.release(name)
+        self._guard.request_halt()
+        self.log.lost(f"the PTUs' process {why}")
+        self.log.say("error", f"the PTUs' process {why}: no angles; the motion guard halts the heads")
+        self.log.show(dict.fromkeys(self._heads, "process lost, being halted"))
+
+    def _look_after_halts(self, now_s: float) -> None:
+        """Say what the guard could do, and plan the restart."""
+        results = self._guard.results()
+        if len(results) < len(self._heads) and now_s < self._lost_s + HALTING_S + _REPORT_S:
+            return
+        self._unknown = self.log.halts(self._heads, results, self._lost_s)
+        self._guard.settled()
+        self._phase, self._due_s = Phase.WAITING, self._delay.lost(now_s)
+
+    def _lose_guard(self, why: str) -> None:
+        self.log.lost(f"the motion guard's process {why}")
+        self.log.say("error", f"the motion guard's process {why}: heads are held still until it runs again")
+        if self._phase is Phase.RUNNING:
+            self.log.show(dict.fromkeys(self._heads, "held still: no motion guard"))
+
+    def _halted_by_guard(self, report: GuardReport) -> None:
+        """A lease ran out: the head's thread, or all of its process, did not come round."""
+        if self._phase is not Phase.CLOSED:
+            self.log.lease_ran_out(report)
+
+    def _begin_process(self) -> None:
+        self._leases.beat_driver(0.0)
+        self._leaving = self._silent = False
+        self._begun_s = self._clock()
+        self._child = self._make("ptus", serve_heads, self._heads, self._start_s, self._leases)
+        self._phase = Phase.OPENING
+
+    def _note_opened(self, found: dict[str, tuple[UnitDescription, HeadLimits]]) -> None:
+        """Note what the heads are, and that their process does its work."""
+        self.log.opened(found, "" if self.log.inbox is None else "process restarted")
+        self._unknown = frozenset()
+        self._begun_s = self._clock()
+        self._delay.began(self._begun_s)
+        self._phase = Phase.RUNNING
+
+    def _await_halts(self, until_s: float) -> None:
+        """Wait for the guard's answers at the end, and keep what is not known to stand."""
+        while len(self._guard.results()) < len(self._heads) and self._clock() < until_s:
+            wait(self._guard.handles, _LOOK_S)
+            self._guard.look(self._since_s)
+        self.log.end(self._heads, self._guard.results())
+
+    def _send(self, what: object) -> None:
+        # the supervisor's thread may lose the process meanwhile; sending to one that is gone does nothing
+        child = self._child
+        with self._sending:
+            if child is not None:
+                child.send(what)

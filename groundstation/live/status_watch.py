@@ -1,0 +1,52 @@
+"""A second look at the operator's status: the thread that tells it may hang, and what stands there is then old."""
+
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+# four times what usually lies between two statuses (`groundstation.live.operation`)
+SILENT_S = 2.0
+_LOOK_EVERY_S = 0.5
+
+
+class StatusWatch:
+    """Calls ``silent`` with the newest status's age, s, over and over while none has come for `SILENT_S`.
+
+    A context manager, with a thread of its own inside; `look` is what it does. Before the first status it is quiet.
+    """
+
+    def __init__(self, silent: Callable[[float], None], clock: Callable[[], float] = time.monotonic) -> None:
+        self._silent, self._clock = silent, clock
+        self._told_s: float | None = None
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="status watch", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended.set()
+        # it may hang in what it calls as well as anything else
+        self._thread.join(_LOOK_EVERY_S)
+
+    def told(self) -> None:
+        """Note that a status was told; from any thread."""
+        self._told_s = self._clock()
+
+    def look(self) -> None:
+        """Look once."""
+        told_s = self._told_s
+        if told_s is None:
+            return
+        age_s = self._clock() - told_s
+        if age_s > SILENT_S:
+            self._silent(age_s)
+
+    def _work(self) -> None:
+        while not self._ended.wait(_LOOK_EVERY_S):
+            self.look()

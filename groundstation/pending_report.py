@@ -1,0 +1,31 @@
+"""What the pipeline has brought forth since its last report."""
+
+from collections.abc import Sequence
+
+from groundstation.messages import CameraReport, StepReport, TrackEstimate, TrackEvent, TrackState
+
+# of most events nothing comes at once: frames wait for their angles
+_NOTHING_YET = StepReport()
+
+
+class PendingReport:
+    """Gathers the parts of a `StepReport`, each in its order."""
+
+    def __init__(self) -> None:
+        self.cameras: list[CameraReport] = []
+        self.estimates: list[TrackEstimate] = []
+        self.states: list[TrackState] = []
+
+    def take(self, events: Sequence[TrackEvent]) -> StepReport:
+        """Return all that was gathered, and ``events`` with it, and begin again with nothing."""
+        if not (self.cameras or self.estimates or self.states or events):
+            return _NOTHING_YET
+        report = StepReport(
+            cameras=tuple(self.cameras),
+            estimates=tuple(self.estimates),
+            events=tuple(events),
+            states=tuple(self.states),
+        )
+        for part in (self.cameras, self.estimates, self.states):
+            part.clear()
+        return report

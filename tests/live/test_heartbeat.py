@@ -1,0 +1,236 @@
+"""A station whose cameras or source die: what the operator is told, and that a replay of it is the same."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from groundstation.config import Config
+from groundstation.live.board import LiveStatus
+from groundstation.live.core import HEARTBEAT_EVERY_S, LiveCore, Taken, in_operation
+from groundstation.live.heads import Heads
+from groundstation.live.inbox import Said
+from groundstation.live.operation import Operation
+from groundstation.live.pairing import Pairing
+from groundstation.live.rehearsal import Fault, FaultKind, Rehearsal
+from groundstation.live.simulated_day import simulated_set_up
+from groundstation.messages import Heartbeat, Kinematics, PtuSample, Purpose, StepReport, TrackState, TrackStatus
+from groundstation.pipeline import Pipeline
+from groundstation.rig import load_rig
+from groundstation.search_pattern import SearchConfig, SearchPattern
+from groundstation.simulation.approach import Glide
+from tests.live.test_begun_anew import flown_and_replayed
+from tests.stereo_rig import make_rig, with_angle_noise
+
+STATIONS = ("left", "right")
+LOSS_S = 2.5
+
+
+def dead(*kinds: FaultKind, to_s: float) -> list[Fault]:
+    return [Fault(kind=kind, station=name, from_s=LOSS_S, to_s=to_s) for kind in kinds for name in STATIONS]
+
+
+class Watched(Rehearsal):
+    """A rehearsal that keeps what the operator would read, and what the heads are told, at each turn."""
+
+    def __init__(self, faults: list[Fault], seconds: float) -> None:
+        flight = Glide(start_y_m=360.0, end_y_m=360.0 - 20.0 * seconds, speed_m_s=20.0, aim_y_m=60.0)
+        super().__init__(with_angle_noise(make_rig(), np.radians(0.01)), Config(), flight, faults=faults, seed=1)
+        self.read: list[tuple[float, TrackStatus]] = []
+        self.told: list[tuple[float, Purpose]] = []
+
+    def _tick(self, now_s: float) -> None:
+        super()._tick(now_s)
+        self.read.append((now_s, self._core.status))
+
+    def _done(self, taken: Taken) -> None:
+        super()._done(taken)
+        self.told += [(c.t_s, c.purpose) for c in taken.commands]
+
+    def statuses(self, from_s: float, to_s: float) -> list[TrackStatus]:
+        return list(dict.fromkeys(status for t_s, status in self.read if from_s <= t_s < to_s))
+
+
+def test_both_cameras_lost_for_ten_seconds() -> None:
+    """Expected: as was measured at an airstrip's rehearsal ("tracking at 442 ± 1.3 m" all the while) no more: coasting
+    within half a second, a covariance that grows and holds the truth, lost within eight seconds and without a place."""
+    flown = Watched(dead(FaultKind.CAMERA_LOST, to_s=LOSS_S + 10.0), 14.5)
+    result = flown.run()
+    assert flown.statuses(1.5, LOSS_S) == [TrackStatus.TRACKING]
+    assert flown.statuses(LOSS_S + 0.5, LOSS_S + 10.0) == [TrackStatus.COASTING, TrackStatus.LOST]
+    states = [s for s in result.states if LOSS_S + 0.5 <= s.t_s < LOSS_S + 10.0]
+    coasting = [s for s in states if s.kinematics is not None]
+    assert {s.status for s in coasting} == {TrackStatus.COASTING}
+    lost = [s for s in states if s.kinematics is None]
+    assert {s.status for s in lost} == {TrackStatus.LOST}
+    assert lost[0].t_s <= LOSS_S + 8.2
+    assert np.diff([s.t_s for s in states]).max() < 2.0 * HEARTBEAT_EVERY_S
+    traces = [float(np.trace(s.kinematics.covariance[:3, :3])) for s in coasting if s.kinematics is not None]
+    assert np.all(np.diff(traces) > 0.0)
+    for state in coasting:
+        assert state.kinematics is not None
+        error = state.kinematics.position_runway_m - flown._position(state.t_s)
+        square = float(error @ np.linalg.solve(state.kinematics.covariance[:3, :3], error))
+        assert square < 3.0 * 9.0
+    # nothing of it is a pair
+    assert not [e for e in result.estimates if LOSS_S + 0.1 < e.t_s < LOSS_S + 10.0]
+    # once lost, the heads look where it must have gone
+    searching = [p for t_s, p in flown.told if lost[0].t_s + 0.1 < t_s < LOSS_S + 9.9]
+    assert Purpose.SEARCH in searching
+    assert Purpose.TRACK not in searching
+
+
+def test_the_source_killed_to_the_end() -> None:
+    """Expected: with neither pictures nor angles it is lost sooner, and stays so; the heads are told nothing new."""
+    flown = Watched(dead(FaultKind.CAMERA_LOST, FaultKind.PTU_SILENT, to_s=math.inf), 9.0)
+    result = flown.run()
+    assert flown.statuses(LOSS_S + 0.5, 9.0) == [TrackStatus.COASTING, TrackStatus.LOST]
+    lost_s = next(t_s for t_s, status in flown.read if status is TrackStatus.LOST)
+    assert LOSS_S + 0.5 < lost_s < LOSS_S + 5.0
+    assert all(s.kinematics is None for s in result.states if s.t_s >= lost_s)
+    # a head without a reading for so long is halted
+    assert {p for t_s, p in flown.told if t_s > lost_s + 0.1} <= {Purpose.SEARCH, Purpose.HOLD}
+
+
+def test_it_tracks_again_when_they_are_back() -> None:
+    flown = Watched(dead(FaultKind.CAMERA_LOST, to_s=LOSS_S + 1.5), 6.5)
+    result = flown.run()
+    assert flown.statuses(LOSS_S + 0.5, LOSS_S + 1.5) == [TrackStatus.COASTING]
+    assert result.share(TrackStatus.TRACKING, LOSS_S + 2.5, 6.5) > 0.95
+
+
+def test_a_replay_of_it_is_the_same_bit_for_bit(tmp_path: Path) -> None:
+    """Expected: the pairs' track and the answers to the heartbeats, with both cameras lost midway."""
+    faults = [Fault(kind=FaultKind.CAMERA_LOST, station=n, from_s=1.5, to_s=2.6) for n in STATIONS]
+    flown, result, folder = flown_and_replayed(tmp_path, lambda r: setattr(r, "_faults", faults))
+    assert TrackStatus.COASTING in {s.status for s in flown.result.states if 1.5 < s.t_s < 2.6}
+    assert result.fault is None
+    assert result.identity is not None
+    assert (result.identity.differing, result.identity.states_differing, result.identity.alone) == (0, 0, 0)
+    assert result.identity.states == len(flown.result.states) >= 11
+    assert "bit for bit" in result.identity.line()
+    for name in ("track.csv", "triangulation.csv"):
+        assert (folder / "again" / name).read_bytes() == (folder / "live" / name).read_bytes()
+    rows = (folder / "live" / "track.csv").read_text(encoding="utf-8").splitlines()[1:]
+    assert len(rows) == len(flown.result.estimates), "one row for each pair, none for a heartbeat"
+
+
+# ------------------------------------------------------------------------------------ when there is one
+def fresh() -> LiveCore:
+    rig = make_rig()
+    geometries = {s.name: s.geometry() for s in rig.stations}
+    pipeline = Pipeline(rig, in_operation(Config(), 30.0))
+    return LiveCore(pipeline, Pairing(rig.names, 1.0 / 30.0), {}, SearchPattern(geometries, SearchConfig()))
+
+
+def beats(taken: Taken) -> list[float]:
+    return [e.t_s for e in taken.consumed if isinstance(e, Heartbeat)]
+
+
+def test_one_every_tenth_of_a_second_without_a_pair() -> None:
+    core = fresh()
+    assert beats(core.pass_time(5.0)) == [5.0]
+    assert beats(core.pass_time(5.099)) == []
+    taken = core.pass_time(5.101)
+    assert beats(taken) == [5.101]
+    assert [s.t_s for r in taken.reports for s in r.states] == [5.101]
+    reading = PtuSample(t_s=5.19, station="left", pan_rad=0.0, tilt_rad=0.0)
+    assert beats(core.take(reading, 5.2)) == []
+    assert beats(core.take(reading, 5.3)) == [5.3]
+    assert beats(core.take(Said(t_s=5.4, level="info", text="parking"), 5.41)) == [5.41]
+
+
+def test_with_more_waiting_it_is_no_later_than_what_was_taken() -> None:
+    """Expected: after a stall of the computer what waits is taken at its own time, before the track is given up."""
+    core = fresh()
+    core.pass_time(5.0)
+    reading = PtuSample(t_s=5.05, station="left", pan_rad=0.0, tilt_rad=0.0)
+    assert beats(core.take(reading, 14.0, known_s=5.05)) == []
+    assert beats(core.take(reading, 14.0, known_s=5.12)) == [5.12]
+    assert beats(core.pass_time(14.0, known_s=-1e9)) == []
+    assert beats(core.pass_time(14.0, known_s=20.0)) == [14.0]
+
+
+@pytest.mark.parametrize(("rate_hz", "coast_after_s"), [(30.0, 0.25), (10.01, 0.25), (5.0, 0.5), (1.0, 2.5)])
+def test_slow_cameras_do_not_coast_from_pair_to_pair(rate_hz: float, coast_after_s: float) -> None:
+    assert in_operation(Config(), rate_hz).estimation.coast_after_s == pytest.approx(coast_after_s)
+    assert in_operation(in_operation(Config(), rate_hz), 30.0).estimation.coast_after_s == pytest.approx(coast_after_s)
+
+
+# ------------------------------------------------------------------------------------ what is told
+class Canned(LiveCore):
+    """A core whose status is set, and whose time passes with a heartbeat's answer or without."""
+
+    def __init__(self) -> None:
+        self.status, self.beating, self.known = TrackStatus.TRACKING, True, list[float | None]()
+
+    def pass_time(self, now_s: float, known_s: float | None = None) -> Taken:
+        self.known.append(known_s)
+        if not self.beating:
+            return Taken()
+        place = Kinematics(
+            position_runway_m=np.array([0.0, 442.0, 9.0]), velocity_runway_m_s=np.zeros(3), covariance=np.eye(6)
+        )
+        here = None if self.status is TrackStatus.LOST else place
+        state = TrackState(t_s=now_s, status=self.status, kinematics=here)
+        return Taken(reports=[StepReport(states=(state,))])
+
+    def take(self, item: object, now_s: float, known_s: float | None = None) -> Taken:  # type: ignore[override]
+        return self.pass_time(now_s, known_s)
+
+
+class Operator:
+    def __init__(self) -> None:
+        self.read: list[LiveStatus] = []
+
+    def tell(self, status: LiveStatus) -> None:
+        self.read.append(status)
+
+
+def operated(tmp_path: Path) -> tuple[Operation, Operator, list[float]]:
+    file = simulated_set_up(tmp_path, 30.0, None)
+    now, operator = [0.0], Operator()
+    operation = Operation(file, load_rig(file.rig), Config(), operators=[operator], clock=lambda: now[0], start_s=0.0)
+    operation._core(Heads({}, 0.0))
+    return operation, operator, now
+
+
+def test_a_status_that_time_has_changed_is_told_at_once(tmp_path: Path) -> None:
+    """Expected: otherwise twice a second; a change that a pair brought waits for that."""
+    operation, operator, now = operated(tmp_path)
+    core, heads = Canned(), Heads({}, 0.0)
+
+    def turn(t_s: float) -> int:
+        now[0] = t_s
+        operation._turn(core, heads, [], None)
+        return len(operator.read)
+
+    assert [turn(t_s) for t_s in (10.0, 10.1, 10.49, 10.5)] == [1, 1, 1, 2]
+    core.status = TrackStatus.COASTING
+    assert turn(10.6) == 3
+    assert operator.read[-1].lines[0].startswith("coasting: predicted, not seen by two cameras at 442 ± 1.0 m")
+    assert [turn(t_s) for t_s in (10.7, 11.09, 11.1)] == [3, 3, 4]
+    core.status = TrackStatus.LOST
+    assert turn(11.2) == 5
+    assert operator.read[-1].lines == ("lost: searching where it must be",)
+    core.status, core.beating = TrackStatus.TRACKING, False
+    assert turn(11.3) == 5
+    # an answer that is a second old is none
+    assert turn(12.3) == 6
+    assert operator.read[-1].lines[0] == "not known: was tracking, and nothing is known of the last 1.1 s"
+
+
+def test_a_turn_knows_whether_more_waits(tmp_path: Path) -> None:
+    operation, _, now = operated(tmp_path)
+    core, heads = Canned(), Heads({}, 0.0)
+    reading = PtuSample(t_s=9.5, station="left", pan_rad=0.0, tilt_rad=0.0)
+    said = Said(t_s=9.5, level="info", text="parking")
+    now[0] = 10.0
+    operation._turn(core, heads, [], reading)
+    operation.inbox.put(reading)
+    operation._turn(core, heads, [], reading)
+    operation._turn(core, heads, [], said)
+    operation._turn(core, heads, [], None)
+    assert core.known[:2] == [10.0, 9.5]
+    assert all(known_s is not None and known_s < -1e6 for known_s in core.known[2:])

@@ -1,0 +1,72 @@
+"""When a silent process is killed: by what the system says that it does."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from groundstation.live.silence import ASLEEP_S, LONGEST_S, Activity, Silence, activity
+from ptu_drivers.motion_guard import LEASE_S
+
+
+@pytest.mark.parametrize(
+    ("state", "advancing", "bound_s"),
+    [
+        ("T", False, LEASE_S),
+        ("S", False, ASLEEP_S),
+        ("D", False, ASLEEP_S),
+        # other threads keep the interpreter
+        ("S", True, LONGEST_S),
+        # ready, and not given a processor
+        ("R", False, LONGEST_S),
+        ("R", True, LONGEST_S),
+        # the system does not tell
+        ("", False, LONGEST_S),
+    ],
+)
+def test_how_long_a_process_may_say_nothing(state: str, advancing: bool, bound_s: float) -> None:
+    ticks = 0
+
+    def look(_pid: int) -> Activity:
+        nonlocal ticks
+        ticks += advancing
+        return Activity(state=state, ticks=ticks)
+
+    silence = Silence(look)
+    silent_s = 0.0
+    while not silence.hangs(7, silent_s):
+        silent_s += 0.01
+    assert silent_s == pytest.approx(bound_s, abs=0.011)
+    assert silent_s > bound_s
+
+
+def test_a_process_that_is_heard_of_again_begins_at_the_front() -> None:
+    """Expected: what it did before its last sign of life does not count as activity since."""
+    ticks = [5]
+    silence = Silence(lambda _: Activity(state="S", ticks=ticks[0]))
+    assert not silence.hangs(7, 0.4)
+    ticks[0] = 9
+    assert not silence.hangs(7, 0.1)
+    assert not silence.hangs(7, 0.4)
+    assert silence.hangs(7, ASLEEP_S + 0.01)
+
+
+def test_the_activity_of_a_true_process() -> None:
+    """Expected: stopped is seen as stopped, work as processor time, and none is no error."""
+    child = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        end_s = time.monotonic() + 60.0
+        while activity(child.pid).ticks < 2 and time.monotonic() < end_s:
+            time.sleep(0.02)
+        assert activity(child.pid).ticks >= 2
+        os.kill(child.pid, signal.SIGSTOP)
+        while activity(child.pid).state != "T" and time.monotonic() < end_s:
+            time.sleep(0.02)
+        assert activity(child.pid).state == "T"
+    finally:
+        child.kill()
+        child.wait()
+    assert activity(child.pid) == Activity(state="", ticks=0)

@@ -1,0 +1,16 @@
+"""What is set for cameras that run at a known rate."""
+
+from dataclasses import replace
+
+import pytest
+
+from groundstation.config import Config
+from groundstation.live.core import in_operation
+
+
+def test_half_a_period_is_not_waited_for_unless_something_else_is_given() -> None:
+    plain = Config()
+    assert plain.synchronise.camera_gap_s == 0.0
+    assert in_operation(plain, 25.0).synchronise.camera_gap_s == pytest.approx(0.02)
+    given = replace(plain, synchronise=replace(plain.synchronise, camera_gap_s=0.007))
+    assert in_operation(given, 25.0) == given
