@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from groundstation.detection import chan_vese, snake
 from groundstation.detection.config import DetectionConfig, LevelSetConfig, SegmentationMethod
-from groundstation.errors import MissingExtraError
 
 Float32Array = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
@@ -22,7 +21,7 @@ Segment = Callable[[Float32Array, BoolArray], Float32Array]
 
 
 def make_baseline(config: DetectionConfig) -> Segment:
-    """Return the baseline that the configuration names; raises `MissingExtraError` without its package.
+    """Return the baseline that the configuration names.
 
     Everything it compiles is compiled here, so that no frame waits for it.
     """
@@ -45,23 +44,21 @@ def _method(config: DetectionConfig) -> Segment:
         case SegmentationMethod.GVF_SNAKE:
             return partial(snake.segment, config=config.snake, stop=stop, gvf=True)
         case SegmentationMethod.SKIMAGE_CHAN_VESE:
-            return partial(_skimage_chan_vese, config=level_set, skimage=_skimage_segmentation(config))
+            return partial(_skimage_chan_vese, config=level_set, skimage=_skimage_segmentation())
         case SegmentationMethod.SKIMAGE_CHAN_VESE_STEPPED:
-            skimage = _skimage_segmentation(config)
+            skimage = _skimage_segmentation()
             return partial(_skimage_chan_vese, config=level_set, skimage=skimage, stepped=True)
         case SegmentationMethod.SKIMAGE_MORPHOLOGICAL:
-            return partial(_skimage_morphological, config=level_set, skimage=_skimage_segmentation(config))
+            return partial(_skimage_morphological, config=level_set, skimage=_skimage_segmentation())
         case SegmentationMethod.CHAN_VESE:
             raise ValueError("the level set itself is no baseline")
 
 
-def _skimage_segmentation(config: DetectionConfig) -> Any:
+def _skimage_segmentation() -> Any:
     """Return the module ``skimage.segmentation``."""
-    try:
-        # only here: the package is needed by nobody else
-        from skimage import segmentation
-    except ImportError as error:
-        raise MissingExtraError(f"segmentation = {config.segmentation.value!r}", "baselines") from error
+    # imported here: no other method needs it, and every start of the program would wait for it
+    from skimage import segmentation
+
     return segmentation
 
 

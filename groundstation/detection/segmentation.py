@@ -21,7 +21,7 @@ Segmenter = Callable[[Float32Array, NDArray[np.bool_]], Float32Array]
 
 
 def make_segmenter(config: DetectionConfig) -> Segmenter:
-    """Return the method that the configuration names; raises `MissingExtraError` where it is not installed."""
+    """Return the method that the configuration names."""
     match config.segmentation:
         case SegmentationMethod.CHAN_VESE:
             return partial(_chan_vese, config=config.level_set)

@@ -17,7 +17,8 @@ def require_positive(config: object, but: tuple[str, ...] = ()) -> None:
         for number in value if isinstance(value, tuple) else (value,):
             if isinstance(number, bool) or not isinstance(number, (int, float)):
                 continue
-            if abs(number) > _LARGEST or (number <= 0 and item.name not in but):
+            # written so that NaN is none of them
+            if not abs(number) <= _LARGEST or (number <= 0 and item.name not in but):
                 raise ValueError(f"{item.name} = {number:g}, which is not {'of a usual size' if number > 0 else '> 0'}")
 
 
@@ -79,6 +80,8 @@ class EstimationConfig:
     lost_existence : … and below this one it is lost.
     lost_sigma_px, lost_sigma_m : the track is lost when the predicted pixel or the position gets this uncertain.
     lost_after_s : and at the latest after so long without any accepted pixel.
+    coast_after_s : where time passes and no pair is answered for so long, the track coasts; in operation at least two
+        and a half periods of the cameras.
     confirm_after_s, confirm_fixes : after so long without any accepted pixel, tracking is said at so many fixes.
     search_again_s : without a fix for so long, the whole frames are searched again beside the prediction.
     proof_fixes, proof_s : a target found by searching needs so many fixes within so long, or it is dropped.
@@ -120,6 +123,7 @@ class EstimationConfig:
     lost_sigma_px: float = 200.0
     lost_sigma_m: float = 60.0
     lost_after_s: float = 8.0
+    coast_after_s: float = 0.25
     confirm_after_s: float = 0.5
     confirm_fixes: int = 2
     search_again_s: float = 1.0

@@ -6,6 +6,8 @@ docs/derivation.md.
 """
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -42,6 +44,21 @@ _HARDLY = 0.02
 
 class StationEkf(FilterCore):
     """`FilterCore` and the measurements: encoder readings, pixels, silhouettes' widths, misses, reference positions."""
+
+    @contextmanager
+    def ahead(self, t_s: float) -> Iterator[None]:
+        """Inside, the filter is as it will be at ``t_s`` if nothing comes until then: to be asked, not to be changed.
+
+        Afterwards it is what it was, to the last bit; nothing of it is recorded. An earlier time leaves it where it is.
+        """
+        kept = self._bank, self.time_s
+        try:
+            if self.time_s is not None and t_s > self.time_s:
+                self._bank = self._bank.copy()
+                FilterCore._carry(self, self.time_s, t_s)
+            yield
+        finally:
+            self._bank, self.time_s = kept
 
     def update_encoder(
         self, station: str, angles_rad: tuple[float, float], sigma_rad: float, clock_sigma_s: float, ahead_s: float
@@ -170,30 +187,45 @@ class StationEkf(FilterCore):
         R = placed.residual_covariance
         return Innovation(residual=placed.residual, covariance=R, nis=placed.square, dof=1, accepted=True)
 
-    def update_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0) -> Innovation:
+    def update_reference(
+        self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0, *, may_replace: bool = True
+    ) -> Innovation:
         """Fuse a reference position of the target (3,) with covariance (3, 3), stamped ``ahead_s`` after now.
 
         For some time after it (`EstimationConfig.reference_hold_s`) the carried errors are learnt from pixels, too. The
         first of a target replaces its position: what pixels alone gave may be tens of metres off by the errors that are
         to be learnt now, too far to be linearised about. So does one after several that were refused. A rig that is
         learnt already needs neither, and is not to be thrown over by a receiver that fails.
+
+        Without ``may_replace`` (other evidence holds the target where it is) refused positions never replace it, and
+        the first does only within the gate, where the stated errors of rig and clocks explain how far off it is. A
+        receiver that was refused so replaces nothing later either, before one of its positions has been accepted.
         """
         teaches = self._config.calibration is CalibrationUse.REFERENCE and self._rig_is_open()
         if self._watch_reference_clock(position_m, covariance_m2, ahead_s):
             self._open_reference_clock()
-        if teaches and (self._newest_reference_s == -math.inf or self._references_refused >= _REFUSED_IN_A_ROW):
-            return self._adopt(position_m, covariance_m2, ahead_s)
         expected, R = self._expect_reference(covariance_m2, ahead_s)
         residual = position_m - expected.value
         S = innovation_covariance(self.covariance, expected.jacobian, R)
         nis = float(residual @ np.linalg.solve(S, residual))
+        if teaches and self._replaces(nis, may_replace=may_replace):
+            return self._adopt(position_m, covariance_m2, ahead_s)
         accepted = nis <= self._reference_gate
-        self._references_refused = 0 if accepted else self._references_refused + 1
+        self._references_refused = self._references_refused + 1 if may_replace and not accepted else 0
+        # a receiver that contradicted better evidence has to agree once before it may replace anything
+        self._reference_contradicted = not accepted and (self._reference_contradicted or not may_replace)
         if accepted:
             self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
             self._young = None
             self._bank.correct(residual, expected.jacobian, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
+
+    def _replaces(self, nis: float, *, may_replace: bool) -> bool:
+        """Return whether a reference position with this NIS replaces the target's, of a rig that is still open."""
+        may_replace = may_replace and not self._reference_contradicted
+        if self._newest_reference_s == -math.inf:
+            return may_replace or nis <= self._reference_gate
+        return may_replace and self._references_refused >= _REFUSED_IN_A_ROW
 
     def _expect_reference(self, covariance_m2: FloatArray, ahead_s: float) -> tuple[LinearPrediction, FloatArray]:
         """Return where a reference position is expected, and the noise (3, 3) of one stamped ``ahead_s`` after now."""
@@ -250,7 +282,7 @@ class StationEkf(FilterCore):
         self._bank.place(self.layout.target, place, np.block([[around, -away * spread], [-away * spread, spread]]))
         self._bank.share(self.layout.position, self.layout.constant, -expected.jacobian[:, self.layout.constant])
         self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
-        self._references_refused = 0
+        self._references_refused, self._reference_contradicted = 0, False
         self._young = None
         return Innovation(residual=residual, covariance=around, nis=0.0, dof=0, accepted=True)
 

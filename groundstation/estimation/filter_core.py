@@ -99,7 +99,7 @@ class FilterCore:
         self._read: frozenset[str] = frozenset()
         self._first_s: float | None = None
         self._newest_reference_s = -math.inf
-        self._references_refused = 0
+        self._references_refused, self._reference_contradicted = 0, False
         # when each station's pixel last entered the target; only kept where three could
         self._contributed_s: Mapping[str, float] = {}
         # when a width was last fused of this target
@@ -173,6 +173,7 @@ class FilterCore:
             self._read,
             self._newest_reference_s,
             self._references_refused,
+            self._reference_contradicted,
             self._young,
             self.starts_taken_back,
             self._watch,
@@ -186,6 +187,7 @@ class FilterCore:
         self._bank.restore(saved.bank)
         self._read, self._newest_reference_s = saved.read, saved.newest_reference_s
         self._references_refused = saved.references_refused
+        self._reference_contradicted = saved.reference_contradicted
         self._young, self.starts_taken_back = saved.young, saved.starts_taken_back
         self._watch, self._contributed_s = saved.watch, saved.contributed_s
         self._width_s = saved.width_s

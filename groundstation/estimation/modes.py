@@ -71,6 +71,12 @@ class ModeBank:
         if len(self._filters) == 1:
             self._changed()
 
+    def copy(self) -> "ModeBank":
+        """Return a bank of its own that is what this one is now; what is done to it leaves this one alone."""
+        other = ModeBank(self._size, self._stay_s.tolist())
+        other.restore(self.snapshot())
+        return other
+
     def forget_modes(self) -> None:
         """Set the weights to what is usual: a new target, of whose flying nothing is known."""
         self.weights = self._usual.copy()

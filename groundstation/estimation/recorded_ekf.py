@@ -76,10 +76,11 @@ class ReferenceStep:
     position_m: FloatArray
     covariance_m2: FloatArray
     ahead_s: float
+    may_replace: bool
 
     def apply(self, ekf: StationEkf) -> None:
         """Hand it in again; the gate judges anew."""
-        ekf.update_reference(self.position_m, self.covariance_m2, self.ahead_s)
+        ekf.update_reference(self.position_m, self.covariance_m2, self.ahead_s, may_replace=self.may_replace)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -238,11 +239,16 @@ class RecordedEkf(StationEkf):
         self.steps.append(MissStep(station=station, detection_probability=detection_probability))
         super().absorb_miss(station, detection_probability)
 
-    def update_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0) -> Innovation:
+    def update_reference(
+        self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float = 0.0, *, may_replace: bool = True
+    ) -> Innovation:
         """Fuse a reference position, as `StationEkf` does; one that replaces the target's own ends what was before."""
-        self.steps.append(ReferenceStep(position_m=position_m, covariance_m2=covariance_m2, ahead_s=ahead_s))
+        step = ReferenceStep(
+            position_m=position_m, covariance_m2=covariance_m2, ahead_s=ahead_s, may_replace=may_replace
+        )
+        self.steps.append(step)
         x, P = self.state, self.covariance
-        innovation = super().update_reference(position_m, covariance_m2, ahead_s)
+        innovation = super().update_reference(position_m, covariance_m2, ahead_s, may_replace=may_replace)
         if _replaced(innovation):
             self._began_anew(x, P)
         return innovation

@@ -60,6 +60,7 @@ class EkfState:
     read: frozenset[str]
     newest_reference_s: float
     references_refused: int
+    reference_contradicted: bool
     young: YoungTrack | None
     starts_taken_back: int
     watch: ClockWatch
@@ -76,6 +77,7 @@ Remembered = tuple[
     frozenset[str],
     float,
     int,
+    bool,
     YoungTrack | None,
     int,
     ClockWatch,

@@ -20,6 +20,7 @@ from groundstation.evaluation.run_description import RunDescription, TruthLike
 from groundstation.evaluation.series import BoolArray, PositionSeries, ReferenceSeries, interpolate
 from groundstation.evaluation.summary import build_summary, smoothed_table
 from groundstation.messages import DgpsFix, TriangulationStatus
+from groundstation.output_names import below
 from groundstation.rig import Rig
 
 # the least variance in any direction: as a share of the largest, and in m²
@@ -134,7 +135,7 @@ def write_reference_tums(folder: Path, evaluation: Evaluation) -> list[Path]:
     """
     written = []
     for name, c in evaluation.comparisons.items():
-        path = folder / f"{name}.tum"
+        path = below(folder, f"{name}.tum")
         try:
             with path.open("w", encoding="utf-8") as file:
                 for k in np.flatnonzero(c.usable):

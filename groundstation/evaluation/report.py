@@ -15,6 +15,7 @@ from groundstation.evaluation.figures import pictures
 from groundstation.evaluation.page_tables import Column, page_table, plain
 from groundstation.evaluation.report_tables import accuracy_section, calibration_section, latency_section
 from groundstation.evaluation.verdict import verdict
+from groundstation.output_names import below
 
 FIGURES = "figures"
 # sweeping takes a tenth of a second, which a short flight is not worth
@@ -106,8 +107,8 @@ def _in_turn(shown: Sequence[Picture], folder: Path, *, long: bool) -> Iterator[
 def _kept(drawn: Drawn, folder: Path) -> Drawn:
     """Write a figure's two files and hand it on."""
     name = drawn.picture.name
-    (folder / f"{name}.svg").write_text(f"<?xml version='1.0' encoding='utf-8'?>\n{drawn.svg}", encoding="utf-8")
-    (folder / f"{name}.png").write_bytes(drawn.png)
+    below(folder, f"{name}.svg").write_text(f"<?xml version='1.0' encoding='utf-8'?>\n{drawn.svg}", encoding="utf-8")
+    below(folder, f"{name}.png").write_bytes(drawn.png)
     return drawn
 
 

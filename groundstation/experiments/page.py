@@ -9,6 +9,7 @@ from groundstation.evaluation.page_tables import Column, page_table, plain
 from groundstation.evaluation.report import html_page
 from groundstation.experiments.experiment import Experiment, Findings, PaperFigure
 from groundstation.experiments.tables import Table, shown
+from groundstation.output_names import below
 
 _TIME_MARK = " †"
 # more than these are set smaller, so that a screen of 1440 px shows them all
@@ -71,7 +72,7 @@ def _is_text(table: Table, column: int) -> bool:
 
 
 def _figure(figure: PaperFigure, folder: Path) -> str:
-    data = base64.b64encode((folder / f"{figure.name}.png").read_bytes()).decode()
+    data = base64.b64encode(below(folder, f"{figure.name}.png").read_bytes()).decode()
     alt = escape(f"{figure.title}. {figure.caption}", quote=True)
     return (
         f'<figure><h3>{escape(figure.title)}</h3><img alt="{alt}" src="data:image/png;base64,{data}">'

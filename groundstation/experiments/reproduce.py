@@ -12,6 +12,7 @@ from groundstation.experiments.experiment import Experiment, Findings
 from groundstation.experiments.page import paper_page
 from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.registry import EXPERIMENTS, named
+from groundstation.output_names import below
 from groundstation.warm_up import warm_up
 
 BUNDLED = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
@@ -98,9 +99,9 @@ def _write(folder: Path, findings: Findings) -> list[Path]:
     files = []
     for table in findings.tables:
         table.write_csv(folder)
-        files.append(folder / f"{table.name}.csv")
+        files.append(below(folder, f"{table.name}.csv"))
     for figure in findings.figures:
-        files.append(folder / f"{figure.name}.png")
+        files.append(below(folder, f"{figure.name}.png"))
         figure.draw(files[-1])
     return files
 

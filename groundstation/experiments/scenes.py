@@ -5,6 +5,7 @@ v, the true span with 10 %. Everything else of the hint is built by the pipeline
 and velocity.
 """
 
+import math
 import struct
 import zipfile
 import zlib
@@ -22,6 +23,7 @@ from groundstation.config import Config
 from groundstation.detection.detector import DetectionHint
 from groundstation.errors import SessionError
 from groundstation.evaluation.metrics import phase_masks
+from groundstation.image_header import MAX_PICTURE_PX
 from groundstation.messages import Frame, PtuSample
 from groundstation.session import Session, Truth, load_truth
 from groundstation.sources.replay import ReplaySource, read_frames
@@ -36,6 +38,8 @@ _DAMAGE = (
     *(zipfile.BadZipFile, zlib.error, struct.error),
 )
 _MAX_CORNER_PX = 100_000
+# of an array in masks.npz, whose values are bytes
+_HEADER_BYTES = 10_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,8 +83,8 @@ class Silhouettes:
             raise SessionError(session.name, got="no masks.npz", wanted="a rendered session with true silhouettes")
         self._where = f"{session.name}: masks.npz"
         try:
-            self._arrays = np.load(BytesIO(path.read_bytes()), allow_pickle=False)
-            self._names = frozenset(self._arrays.files)
+            self._archive = zipfile.ZipFile(BytesIO(path.read_bytes()))
+            self._names = frozenset(name.removesuffix(".npy") for name in self._archive.namelist())
         except _DAMAGE as fault:
             raise self._fault(str(fault)) from fault
         self._numbers = read_frames(session).index
@@ -100,7 +104,7 @@ class Silhouettes:
     def _array(self, key: str, dimensions: int) -> NDArray[Any]:
         """Return an array of whole numbers; raises `SessionError` where the archive is damaged there."""
         try:
-            found = self._arrays[key]
+            found = _member(self._archive, f"{key}.npy")
         except _DAMAGE as fault:
             raise self._fault(f"{key}: {fault}") from fault
         if found.ndim != dimensions or found.dtype.kind not in "biu":
@@ -184,3 +188,24 @@ def _hint(
         SpanModel(session.target.span_m * float(np.exp(SPAN_SIGMA_RATIO * draw[2]))),
         float(position[2]),
     )
+
+
+def _member(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    """Return one array of an archive, as numpy writes it; raises one of `_DAMAGE`.
+
+    numpy makes room for the shape that a member claims, and unpacks all that is packed: both are looked at before.
+    """
+    most = MAX_PICTURE_PX + _HEADER_BYTES
+    with archive.open(name) as stream:
+        data = stream.read(most + 1)
+    if len(data) > most:
+        raise ValueError(f"more than {most} bytes")
+    stream = BytesIO(data)
+    version = np.lib.format.read_magic(stream)
+    read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    shape, _, dtype = read_header[version](stream, max_header_size=_HEADER_BYTES)
+    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
+        raise ValueError(f"an array {shape} of {dtype} in {len(data) - stream.tell()} bytes")
+    stream.seek(0)
+    found: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
+    return found

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from groundstation.output_names import below
+
 Cell = str | float | int | None
 
 
@@ -37,7 +39,7 @@ class Table:
 
     def write_csv(self, folder: Path) -> None:
         """Write the table in full precision."""
-        with (folder / f"{self.name}.csv").open("w", newline="", encoding="utf-8") as stream:
+        with below(folder, f"{self.name}.csv").open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream)
             writer.writerow(self.columns)
             writer.writerows(["" if cell is None else cell for cell in row] for row in self.rows)

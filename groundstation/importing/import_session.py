@@ -22,6 +22,7 @@ from groundstation.logs.placement import place_log
 from groundstation.logs.positions_table import has_positions
 from groundstation.logs.read import GnssLog, read_log
 from groundstation.messages import DgpsFix
+from groundstation.output_names import below
 from groundstation.rig import Rig, load_rig
 from groundstation.session import load_session
 from groundstation.session.tables import CsvTable
@@ -225,12 +226,12 @@ def _write(request: ImportRequest, parts: _Parts) -> tuple[Path, ...]:
     try:
         draft.mkdir(parents=True)
         for name, text in parts.texts.items():
-            (draft / name).write_text(text, encoding="utf-8", newline="\n")
+            below(draft, name).write_text(text, encoding="utf-8", newline="\n")
         for name, source in parts.copies.items():
             if request.link and name.rpartition(".")[0] in request.videos:
-                (draft / name).symlink_to(source.resolve())
+                below(draft, name).symlink_to(source.resolve())
             else:
-                shutil.copyfile(source, draft / name)
+                shutil.copyfile(source, below(draft, name))
         session = load_session(draft)
         table = read_frames(session)
         if table.fault is not None:

@@ -27,6 +27,8 @@ _QUALITY = {3: FixQuality.SINGLE, 4: FixQuality.DGPS, 5: FixQuality.FLOAT, 6: Fi
 _MAX_BYTES = 4_000_000_000
 _MAX_WEEK = 10_000
 _HEAD_BYTES = 3
+# the shortest GPS and GPA of any firmware have more; of shorter ones a file could hold hundreds of thousands
+_LEAST_BYTES = {"GPS": 20, "GPA": 20}
 
 
 def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
@@ -34,7 +36,7 @@ def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[Lo
     open_log = _opener()
     if path.stat().st_size > _MAX_BYTES:
         raise LogError(path.name, got="a larger file", wanted=f"at most {_MAX_BYTES} bytes of log")
-    said = io.StringIO()
+    said = _Complaints()
     rows = _Rows(path, options, remarks)
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), open_log(str(path)) as log:
@@ -47,12 +49,22 @@ def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[Lo
             got = f"no onboard log that pymavlink reads ({shown(f'{type(error).__name__}: {error}', 120)})"
             raise LogError(path.name, got=got, wanted="a .bin of ArduPilot") from error
         remarks.note(f"damaged: nothing is read after its {rows.seen}th GPS message")
-    bad = sum(
-        text in line for line in said.getvalue().splitlines() for text in ("bad header", "Skipped", "unknown msg")
-    )
-    if bad:
-        remarks.count("stretch that pymavlink could not read", number=bad)
+    if said.bad:
+        remarks.count("stretch that pymavlink could not read", number=said.bad)
     return rows.fixes
+
+
+class _Complaints(io.TextIOBase):
+    """Counts what pymavlink says about stretches that it cannot read, one for each byte of some; keeps none of it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.bad = 0
+
+    def write(self, text: str) -> int:
+        """Take a piece of a line."""
+        self.bad += any(words in text for words in ("bad header", "Skipped", "unknown msg"))
+        return len(text)
 
 
 def _opener() -> Any:
@@ -84,13 +96,13 @@ def _opener() -> Any:
 
 
 class _Formats(dict[int, Any]):
-    """Descriptions of messages by type; one whose messages are shorter than their own head is not taken.
+    """Descriptions of messages by type; one whose messages are shorter than can be is not taken.
 
     With a damaged length of nothing the same message would be read for ever.
     """
 
     def __setitem__(self, kind: int, description: Any) -> None:
-        if description.len >= _HEAD_BYTES:
+        if description.len >= _LEAST_BYTES.get(description.name, _HEAD_BYTES):
             super().__setitem__(kind, description)
 
 

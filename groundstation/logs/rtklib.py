@@ -37,7 +37,8 @@ _QUALITY = {
     6: FixQuality.PPP,
 }
 _SEPARATOR = re.compile(r"[ ]*[,;\t][ ]*|[ ]+")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)", re.ASCII)
+# possessive: of a thousand digits no other division is tried
+_NUMBER = re.compile(r"[+-]?(\d++(?:\.\d*+)?|\.\d++)", re.ASCII)
 _DATE = re.compile(r"(\d{4})/(\d{1,2})/(\d{1,2})", re.ASCII)
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)", re.ASCII)
 _MAX_BASELINE_M = 2e7

@@ -18,6 +18,11 @@ from groundstation.logs.gps_time import DAY_S, TimeScale, day_number
 _SYNC = b"\xb5\x62"
 _PVT, _HPPOSLLH, _RELPOSNED = b"\x01\x07", b"\x01\x14", b"\x01\x3c"
 _MAX_BYTES = 1_000_000_000
+# of the three messages in all their versions; what is shorter or longer is none of them, and is not decoded
+_LENGTHS = {_PVT: (84, 92), _HPPOSLLH: (36,), _RELPOSNED: (40, 64)}
+_HEAD_BYTES, _END_BYTES, _MAX_PAYLOAD = 6, 2, 0xFFFF
+# so much is summed at a time
+_SUMMED_BYTES = 1 << 22
 _PER_MM = 1e-3
 _PER_CM = 1e-2
 
@@ -31,9 +36,9 @@ def read_ubx(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
     order: list[Any] = []
     fine: dict[tuple[int, int], Any] = {}
     for place, frame in ubx_frames(path.read_bytes(), remarks):
-        if frame[2:4] not in (_PVT, _HPPOSLLH, _RELPOSNED):
+        if frame[2:4] not in _LENGTHS:
             continue
-        message = parse(frame)
+        message = parse(frame) if len(frame) - _HEAD_BYTES - _END_BYTES in _LENGTHS[frame[2:4]] else None
         if message is None:
             remarks.count("message that pyubx2 does not understand", f"byte {place}")
         elif frame[2:4] == _PVT:
@@ -60,13 +65,14 @@ def read_ubx(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
 
 def ubx_frames(content: bytes, remarks: Remarks) -> Iterator[tuple[int, bytes]]:
     """Yield place and bytes of each whole frame; what has a wrong checksum, or is cut, is counted and passed."""
+    sums = _Sums(content)
     place = content.find(_SYNC)
     while place >= 0:
         end = place + 8 + int.from_bytes(content[place + 4 : place + 6], "little")
         if len(content) < place + 8 or end > len(content):
             remarks.count("message cut short at the end, or garbled", f"byte {place}")
             end = place + 2
-        elif _checksum(content[place + 2 : end - 2]) == content[end - 2 : end]:
+        elif sums.of(place + 2, end - 2) == content[end - 2 : end]:
             yield place, content[place:end]
         else:
             remarks.count("message with a wrong checksum", f"byte {place}")
@@ -74,11 +80,31 @@ def ubx_frames(content: bytes, remarks: Remarks) -> Iterator[tuple[int, bytes]]:
         place = content.find(_SYNC, end)
 
 
-def _checksum(content: bytes) -> bytes:
-    """Return the two bytes of Fletcher's sum, as u-blox has it."""
-    values = np.frombuffer(content, dtype=np.uint8).astype(np.int64)
-    first = np.cumsum(values)
-    return bytes([int(first[-1]) & 0xFF, int(first.sum()) & 0xFF])
+class _Sums:
+    """Fletcher's sums, as u-blox has them, of any stretch that may be a message, each in the same short time.
+
+    What begins like a message may be as long as one can be at every place: summed one by one, these would cost the
+    square of a file. The sums of a stretch follow from those of all bytes before its beginning and its end.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        self._content = content
+        self._start = self._stop = 0
+        self._first = self._second = np.zeros(1, np.uint8)
+
+    def of(self, start: int, stop: int) -> bytes:
+        """Return the two bytes for the stretch between two places; it begins no earlier than the one before it."""
+        if not self._start <= start <= stop <= self._stop:
+            self._start = start
+            self._stop = min(len(self._content), start + _SUMMED_BYTES + _MAX_PAYLOAD + _HEAD_BYTES)
+            values = np.frombuffer(self._content, np.uint8, self._stop - start, start)
+            # modulo 256 throughout, as the sums are
+            self._first = np.concatenate([np.zeros(1, np.uint8), np.cumsum(values, dtype=np.uint8)])
+            self._second = np.concatenate([np.zeros(1, np.uint8), np.cumsum(self._first[1:], dtype=np.uint8)])
+        a, b = start - self._start, stop - self._start
+        before = int(self._first[a])
+        second = int(self._second[b]) - int(self._second[a]) - (b - a) * before
+        return bytes([(int(self._first[b]) - before) & 0xFF, second & 0xFF])
 
 
 def _parser() -> Any:

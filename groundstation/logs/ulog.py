@@ -20,6 +20,10 @@ _QUALITY = {3: FixQuality.SINGLE, 4: FixQuality.DGPS, 5: FixQuality.FLOAT, 6: Fi
 _OLD_DEGREE = 1e-7
 _PER_MM = 1e-3
 _MAX_BYTES = 2_000_000_000
+# of all topics of a log, arrays taken apart: PX4's have some ten thousand
+_MAX_FIELDS = 200_000
+# how much more than the file may be read of it: pyulog goes back over a damaged stretch byte by byte
+_READ_BYTES, _READ_RATIO = 1 << 24, 16
 
 
 def read_ulog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]:
@@ -34,7 +38,8 @@ def read_ulog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
     try:
         # a file of ours: pyulog leaves its own open where it stumbles
         with path.open("rb") as stream, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            log = ULog(_Onward(stream), list(TOPICS), disable_str_exceptions=True)
+            size = path.stat().st_size
+            log = _bounded(ULog)(_Onward(stream, size), list(TOPICS), disable_str_exceptions=True)
     except Exception as error:
         got = f"no ULog that pyulog reads ({shown(f'{type(error).__name__}: {error}', 120)})"
         raise LogError(path.name, got=got, wanted="a ULog of PX4") from error
@@ -46,20 +51,46 @@ def read_ulog(path: Path, options: LogOptions, remarks: Remarks) -> list[LogFix]
     return _fixes(path, data.data, options, remarks)
 
 
+class _TooMuchError(Exception):
+    """A log that asks for far more than there is in it."""
+
+
+def _bounded(log_class: Any) -> Any:
+    """Return pyulog's class, without what a format of a few bytes may ask of it: arrays in arrays, flattened."""
+    fields = 0
+
+    class Added(log_class._MessageAddLogged):  # type: ignore[misc]
+        def _parse_nested_type(self, prefix: str, name: str, formats: Any) -> None:
+            nonlocal fields
+            fields += 1 + sum(max(count, 1) for _, count, _ in formats[name].fields)
+            if fields > _MAX_FIELDS:
+                raise _TooMuchError(f"more than {_MAX_FIELDS} fields")
+            super()._parse_nested_type(prefix, name, formats)
+
+    class Bounded(log_class):  # type: ignore[misc]
+        _MessageAddLogged = Added
+
+    return Bounded
+
+
 class _Onward:
-    """A file whose place moves on by all that was asked for, past its end too.
+    """A file whose place moves on by all that was asked for, past its end too; it is not read over and over.
 
     pyulog goes back by a message's whole length after reading what there was of it: where a damaged length reaches past
     the end it would come to the same place, or an earlier one, for ever.
     """
 
-    def __init__(self, stream: BinaryIO) -> None:
+    def __init__(self, stream: BinaryIO, size: int) -> None:
         self._stream = stream
+        self._left = _READ_BYTES + _READ_RATIO * size
         self.seek, self.tell, self.close = stream.seek, stream.tell, stream.close
 
     def read(self, size: int = -1) -> bytes:
         """Return up to ``size`` bytes; what is missing of them is passed over."""
         data = self._stream.read(size)
+        self._left -= len(data)
+        if self._left < 0:
+            raise _TooMuchError("damaged all over")
         if len(data) < size:
             self._stream.seek(size - len(data), io.SEEK_CUR)
         return data

@@ -3,7 +3,7 @@
 from typing import Any
 
 from groundstation.arrays import FloatArray
-from groundstation.messages import CameraReport, Detection, TrackEstimate
+from groundstation.messages import CameraReport, Detection, TrackEstimate, TrackState
 
 
 def estimate_values(estimate: TrackEstimate) -> dict[str, Any]:
@@ -26,6 +26,18 @@ def estimate_values(estimate: TrackEstimate) -> dict[str, Any]:
             "gap_m": float(t.gap_m),
             "residual_sigma": float(t.residual_sigma),
         },
+    }
+
+
+def state_values(state: TrackState) -> dict[str, Any]:
+    """Return the answer to a heartbeat as plain values."""
+    k = state.kinematics
+    return {
+        "t_s": float(state.t_s),
+        "status": state.status.value,
+        "position_runway_m": None if k is None else k.position_runway_m.tolist(),
+        "velocity_runway_m_s": None if k is None else k.velocity_runway_m_s.tolist(),
+        "covariance": None if k is None else k.covariance.tolist(),
     }
 
 

@@ -21,11 +21,12 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, McapRecord, Metadata, Schema
 
 from groundstation.errors import RecordingError
+from groundstation.recording.read_budget import ReadBudget
 from groundstation.toml_table import quoted, shown
 
 MAGIC = b"\x89MCAP0\r\n"
-# a chunk of ours is a megabyte and one picture
-MAX_RECORD_BYTES = 256 * 2**20
+# a chunk of ours is a megabyte and one picture, of 78 MB at most
+MAX_RECORD_BYTES = 80 * 2**20
 MAX_ATTACHED_BYTES = 512 * 2**20
 _MAX_CHANNELS = 10_000
 _MAX_METADATA = 1_000
@@ -134,15 +135,23 @@ class ContainerReader:
         """
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
+        budget = ReadBudget(self.path.name, self._size)
         for place in self._places():
             if place.opcode == Opcode.CHUNK:
                 try:
-                    inside = _Inside(self._unpacked(place), self._where(place.offset), schemas, channels)
-                    yield from inside.messages(place.offset)
+                    # nothing here holds a chunk on while the next one is unpacked
+                    yield from self._inside(place, schemas, channels, budget)
                 except RecordingError as fault:
                     if skip is None:
                         raise
                     skip(fault)
+
+    def _inside(
+        self, place: _Place, schemas: dict[int, Schema], channels: dict[int, Channel], budget: ReadBudget
+    ) -> Iterator[TopicMessage]:
+        """Yield the messages of one chunk."""
+        data, where = self._unpacked(place, budget), self._where(place.offset)
+        yield from _Inside(data, where, schemas, channels, budget).messages(place.offset)
 
     # ----------------------------------------------------------------------------------- the file's records
     def _places(self) -> Iterator[_Place]:
@@ -175,12 +184,13 @@ class ContainerReader:
     def _parsed(self, kind: type[R], place: _Place) -> R:
         return _parse(kind, self._read(place.offset, place.length), self._where(place.offset))
 
-    def _unpacked(self, place: _Place) -> bytes:
+    def _unpacked(self, place: _Place, budget: ReadBudget) -> bytes | memoryview:
         """Return what a chunk holds; raises `RecordingError` if it is damaged or too large."""
         chunk = self._parsed(Chunk, place)
         if chunk.uncompressed_size > MAX_RECORD_BYTES:
             got = f"a chunk of {chunk.uncompressed_size} bytes"
             raise self._fault(place.offset, got, f"at most {MAX_RECORD_BYTES >> 20} MiB")
+        budget.unpack(chunk.uncompressed_size)
         try:
             data = _decompressed(chunk)
         except (RuntimeError, ValueError, MemoryError, zstandard.ZstdError) as error:
@@ -199,8 +209,17 @@ class ContainerReader:
 class _Inside:
     """The records of one unpacked chunk; schemas and channels hold for later chunks too."""
 
-    def __init__(self, data: bytes, where: str, schemas: dict[int, Schema], channels: dict[int, Channel]) -> None:
-        self._data = data
+    def __init__(
+        self,
+        data: bytes | memoryview,
+        where: str,
+        schemas: dict[int, Schema],
+        channels: dict[int, Channel],
+        budget: ReadBudget,
+    ) -> None:
+        # a piece of it is no copy
+        self._data = memoryview(data)
+        self._budget = budget
         self._where = where
         self._schemas = schemas
         self._channels = channels
@@ -217,18 +236,21 @@ class _Inside:
                 raise self._fault("a record cut short")
             content = data[at : at + length]
             at += length
+            self._budget.record()
             if opcode == Opcode.MESSAGE:
                 yield self._message(content, offset)
             elif opcode == Opcode.SCHEMA:
-                schema = _parse(Schema, content, self._where)
+                self._budget.announce(length)
+                schema = _parse(Schema, bytes(content), self._where)
                 self._schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
-                channel = _parse(Channel, content, self._where)
+                self._budget.announce(length)
+                channel = _parse(Channel, bytes(content), self._where)
                 self._channels[channel.id] = channel
             if len(self._channels) + len(self._schemas) > _MAX_CHANNELS:
                 raise self._fault("more channels", f"at most {_MAX_CHANNELS}")
 
-    def _message(self, content: bytes, offset: int) -> TopicMessage:
+    def _message(self, content: memoryview, offset: int) -> TopicMessage:
         if len(content) < _MESSAGE.size:
             raise self._fault("a message cut short")
         number, sequence, log_time, publish_time = _MESSAGE.unpack_from(content)
@@ -241,7 +263,7 @@ class _Inside:
             sequence=sequence,
             log_time_ns=log_time,
             publish_time_ns=publish_time,
-            data=content[_MESSAGE.size :],
+            data=bytes(content[_MESSAGE.size :]),
             offset=offset,
         )
 
@@ -259,7 +281,7 @@ def _parse(kind: type[R], data: bytes, where: str) -> R:
     return record
 
 
-def _decompressed(chunk: Chunk) -> bytes:
+def _decompressed(chunk: Chunk) -> bytes | memoryview:
     """Unpack a chunk's data, no more than it says and one byte."""
     most = chunk.uncompressed_size + 1
     if chunk.compression == "":
@@ -268,6 +290,11 @@ def _decompressed(chunk: Chunk) -> bytes:
         unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most)
         return unpacked
     if chunk.compression == "zstd":
+        # room is made once, for what the chunk says
+        room = memoryview(bytearray(most))
+        filled = 0
         with zstandard.ZstdDecompressor().stream_reader(chunk.data) as stream:
-            return stream.read(most)
+            while filled < most and (count := stream.readinto(room[filled:])):
+                filled += count
+        return room[:filled]
     raise ValueError(f"packed by {quoted(chunk.compression)}")

@@ -22,6 +22,7 @@ SESSION, RIG, CONFIG = "session.toml", "rig.toml", "config.toml"
 # tables that a session may have, for scoring and for teaching
 REFERENCES = ("dgps.csv", "truth.csv")
 EVENTS_TOPIC, TRACK_TOPIC, CAMERAS_TOPIC = "/groundstation/events", "/groundstation/track", "/groundstation/cameras"
+STATES_TOPIC = "/groundstation/states"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -5,6 +5,7 @@ import math
 from typing import Any
 
 from groundstation.recording.contents import RecordingEnd
+from groundstation.recording.read_budget import MAX_LINE_BYTES
 
 
 class EndCount:
@@ -26,6 +27,8 @@ class EndCount:
 
     def take(self, line: bytes) -> None:
         """Count an event, given as its line; a line that is damaged does not count."""
+        if len(line) > MAX_LINE_BYTES:
+            return
         try:
             values = json.loads(line)
         except (ValueError, RecursionError):

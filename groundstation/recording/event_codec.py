@@ -13,7 +13,16 @@ from typing import Any
 import numpy as np
 
 from groundstation.errors import RecordingError
-from groundstation.messages import BegunAnew, Epoch, Event, Frame, PixelMeasurement, PtuSample, ReferenceFix
+from groundstation.messages import (
+    BegunAnew,
+    Epoch,
+    Event,
+    Frame,
+    Heartbeat,
+    PixelMeasurement,
+    PtuSample,
+    ReferenceFix,
+)
 from groundstation.picture import BayerPattern, clip
 from groundstation.toml_table import quoted, shown
 
@@ -106,7 +115,7 @@ def event_values(n: int, event: Event) -> dict[str, Any]:
         values |= {"epoch": int(event.epoch), "stations": list(event.stations)}
     elif isinstance(event, BegunAnew):
         values |= {"why": event.why, "in_vain": event.in_vain}
-    else:
+    elif isinstance(event, ReferenceFix):
         values |= {"position_runway_m": event.position_runway_m.tolist(), "sigma_m": event.sigma_m.tolist()}
     return values
 
@@ -141,6 +150,7 @@ _KINDS: Mapping[type, str] = {
     PixelMeasurement: "pixel",
     Epoch: "epoch",
     ReferenceFix: "reference",
+    Heartbeat: "heartbeat",
     BegunAnew: "begun anew",
 }
 
@@ -179,9 +189,11 @@ class _Line:
         if kind == "reference":
             position, sigma = self._vector("position_runway_m"), self._vector("sigma_m")
             return ReferenceFix(t_s=t_s, position_runway_m=np.array(position), sigma_m=np.array(sigma))
+        if kind == "heartbeat":
+            return Heartbeat(t_s=t_s)
         if kind == "begun anew":
             return BegunAnew(t_s=t_s, why=self._text("why"), in_vain=self._flag("in_vain"))
-        raise self._fault("kind", kind, "ptu, frame, pixel, epoch, reference, begun anew, pixels, dropped or lost")
+        raise self._fault("kind", kind, ", ".join([*_KINDS.values(), "pixels", "dropped"]) + " or lost")
 
     def _frame(self, t_s: float) -> FrameHead:
         station, given, pattern = self._station(), self._values.get("size_px"), self._values.get("pattern")

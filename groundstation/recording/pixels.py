@@ -14,6 +14,8 @@ from groundstation.recording import schemas
 
 # runs of equal differences: on noisy pictures quicker than PNG's usual search, and no larger
 _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
+# eight bits a value, grey or in colour: where a header says so
+_PNG_KINDS = (b"\x08\x00", b"\x08\x02")
 _ENCODINGS = {
     BayerPattern.RG: "bayer_rggb8",
     BayerPattern.GR: "bayer_grbg8",
@@ -61,7 +63,7 @@ def decoded(message: bytes, *, png: bool, size_px: tuple[int, int], colour: bool
 
 def _unpacked(data: bytes, size_px: tuple[int, int]) -> Any:
     """Return a PNG's pixels, or None where it is none or of another size."""
-    if png_size_px(data) != size_px:
+    if png_size_px(data) != size_px or data[24:26] not in _PNG_KINDS:
         return None
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)

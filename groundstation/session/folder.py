@@ -21,6 +21,8 @@ from groundstation.toml_table import Table, load_toml, quoted
 CLOCKED_TABLES = ("frames", "detections", "ptu", "dgps", "truth")
 _TABLES = ("clocks", "target", "initial", "origin", "phase", "dgps")
 _MAX_PHASES = 10_000
+# the recorder's own notes are few; to look for a misspelt one costs a comparison with each that is known
+_MAX_ENTRIES = 1_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -189,7 +191,12 @@ def ptu_table(session: Session) -> CsvTable | None:
 
 def _refuse_misspelt(top: Table) -> None:
     """Raise for a table whose name is nearly one that is read; other entries are the recorder's own notes."""
+    if len(top.values) > _MAX_ENTRIES:
+        raise SessionError(top.where, got=f"{len(top.values)} entries", wanted=f"at most {_MAX_ENTRIES}")
+    longest = 2 * max(map(len, _TABLES))
     for key, value in top.values.items():
+        if len(key) > longest:
+            continue
         near = difflib.get_close_matches(key.lower(), _TABLES, n=1, cutoff=0.75)
         if key not in _TABLES and near and isinstance(value, dict | list):
             raise top.fail(key, "an unknown table", f"[{near[0]}], if that is what is meant")

@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 
 from groundstation.errors import SessionError
-from groundstation.png_file import PNG_SIGNATURE, png_size_px
+from groundstation.image_header import IMAGE_SUFFIXES, MAX_PICTURE_PX, is_decodable
 from groundstation.rig import Rig
 
 # two of these for one station are a doubt that only the user can settle
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".webm", ".wmv")
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 # files of a station's name that FFmpeg might take for pictures, and that are none
 _OTHER_SUFFIXES = (".csv", ".toml", ".txt", ".json", ".npz", ".md", ".srt", ".xml", ".html", ".log")
 # a day at 100 Hz, and far from filling the memory with names
@@ -76,7 +75,11 @@ def open_video(path: Path) -> cv2.VideoCapture:
     """Open a video for decoding in one thread; ask `isOpened` whether that went well."""
     # FFmpeg alone: OpenCV's other readers would take a name with digits for a series of images. The cameras
     # already decode side by side; more threads each would only hold more frames in memory.
-    return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+    # as its header says, before any room is made for a picture
+    if capture.get(cv2.CAP_PROP_FRAME_WIDTH) * capture.get(cv2.CAP_PROP_FRAME_HEIGHT) > MAX_PICTURE_PX:
+        capture.release()
+    return capture
 
 
 def open_packets(path: Path) -> cv2.VideoCapture:
@@ -111,9 +114,12 @@ def read_image(path: Path) -> object:
     # a JPEG cut short is decoded without complaint, the rest grey; only its end marker tells
     if path.suffix.lower() in (".jpg", ".jpeg") and encoded.find(b"\xff\xd9", len(encoded) // 2) < 0:
         return None
-    if encoded.startswith(PNG_SIGNATURE) and png_size_px(encoded) is None:
+    if not is_decodable(encoded):
         return None
-    return cv2.imdecode(np.frombuffer(encoded, dtype=np.uint8), cv2.IMREAD_COLOR) if encoded else None
+    try:
+        return cv2.imdecode(np.frombuffer(encoded, dtype=np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        return None
 
 
 def check_medium(medium: Medium, size_px: tuple[int, int]) -> None:

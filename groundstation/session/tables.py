@@ -13,6 +13,7 @@ MAX_COLUMNS = 400
 # beyond this a number is a mistake, and products of such numbers would not stay finite
 MAX_MAGNITUDE = 1e12
 MAX_LINE_CHARACTERS = 65_536
+MAX_NAME_CHARACTERS = 200
 
 
 class Row(NamedTuple):
@@ -39,6 +40,10 @@ class CsvTable:
             raise SessionError(str(path), got=absence(path), wanted="a table with " + ", ".join(required))
         header = next(self._lines(), None)
         self.columns: tuple[str, ...] = () if header is None else tuple(name.strip() for name in header[1])
+        longest = max(map(len, self.columns), default=0)
+        if longest > MAX_NAME_CHARACTERS:
+            got, wanted = f"a column's name of {longest} characters", f"at most {MAX_NAME_CHARACTERS}"
+            raise SessionError(f"{path.name}: line 1", got=got, wanted=wanted)
         for name in required:
             if name not in self.columns:
                 have = shown(", ".join(self.columns[:12]), 200) if any(self.columns) else "nothing"

@@ -66,7 +66,8 @@ def test_a_severed_wing_joins_its_body_and_each_part_stands_for_itself_too() -> 
     assert both.mass == pytest.approx(5.0 * both.area)
     assert both.contrast == pytest.approx(5.0)
     assert both.centre == pytest.approx([(20 * 29.5 + 18 * 50.5) / 38, 19.5])
-    assert both.labels == (1, 2) or both.labels == (2, 3)
+    # the third region, in the corner, is another thing
+    assert both.labels == (regions.labels[20, 30], regions.labels[20, 50])
     assert not both.rim
 
 
@@ -86,3 +87,46 @@ def test_the_span_bounds_what_grows_together() -> None:
     for span, widest in ((None, 40), (20.0, 20), (math.inf, 40)):
         groups = groups_around(regions, (40.0, 20.0), 12.0, span, 0.5, 2.0, CLOSED)
         assert max(g.width for g in groups) == widest
+
+
+@pytest.mark.parametrize(
+    ("span", "tallest", "joins"),
+    [
+        # 18 px high together; a group of a known span grows to 1.25 spans, of an unknown one to three widths
+        (40.0, 0.37, True),
+        (40.0, 0.35, False),
+        (None, 0.151, True),
+        (None, 0.149, False),
+        (20.0, 0.9, False),
+    ],
+)
+def test_the_height_is_bounded_as_a_share_of_the_width(span: float | None, tallest: float, joins: bool) -> None:
+    """Expected: what stands above a wing belongs to it only where both together are no higher than that."""
+    wing, above = (20, 18, 60, 22), (35, 4, 45, 16)
+    regions = find_regions(painted(wing, above), np.full((40, 100), 5.0, np.float32))
+    groups = groups_around(regions, (40.0, 20.0), 30.0, span, tallest, 2.0, CLOSED)
+    boxes = {g.box for g in groups}
+    assert ((20, 4, 60, 22) in boxes) is joins
+    assert {wing, above} <= boxes
+
+
+@pytest.mark.parametrize(("gap", "joins"), [(2, True), (4, True), (5, False)])
+def test_only_what_is_near_joins(gap: int, joins: bool) -> None:
+    """Expected: within 0.12 spans, here 4.8 px; a speck within 2 px only."""
+    wing, other = (10, 18, 30, 22), (30 + gap, 18, 45, 22)
+    regions = find_regions(painted(wing, other), np.full((40, 100), 5.0, np.float32))
+    boxes = {g.box for g in groups_around(regions, (20.0, 20.0), 30.0, 40.0, 0.5, 2.0, CLOSED)}
+    assert ((10, 18, 45, 22) in boxes) is joins
+    speck = find_regions(painted(wing, (30 + gap, 19, 32 + gap, 21)), np.full((40, 100), 5.0, np.float32))
+    boxes = {g.box for g in groups_around(speck, (20.0, 20.0), 30.0, 40.0, 0.5, 2.0, CLOSED)}
+    assert ((10, 18, 32 + gap, 22) in boxes) is (gap <= 2)
+
+
+def test_seeds_lie_within_reach() -> None:
+    """Expected: by the distance of the nearest pixel, of either axis and diagonally."""
+    regions = find_regions(painted((40, 20, 50, 24)), np.full((40, 100), 5.0, np.float32))
+    for near, away in (((30.0, 22.0), 10.0), ((59.0, 22.0), 10.0), ((45.0, 10.0), 10.0), ((45.0, 33.0), 10.0)):
+        assert groups_around(regions, near, away, None, 0.5, 2.0, CLOSED)
+        assert not groups_around(regions, near, away - 0.01, None, 0.5, 2.0, CLOSED)
+    assert groups_around(regions, (37.0, 16.0), 5.0, None, 0.5, 2.0, CLOSED)
+    assert not groups_around(regions, (37.0, 16.0), 4.99, None, 0.5, 2.0, CLOSED)

@@ -13,7 +13,6 @@ from groundstation.detection.config import DetectionConfig, LevelSetConfig, Segm
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.roi import place_roi
 from groundstation.detection.segmentation import make_segmenter
-from groundstation.errors import MissingExtraError
 from groundstation.messages import Detection
 from tests.detection.painted import Painting, look_at, paint, sky, whole
 
@@ -116,15 +115,8 @@ def test_method_and_tuning_come_from_toml(tmp_path: Path) -> None:
     assert detection.snake == SnakeConfig(tension=0.5, gvf_iterations=10)
 
 
-@pytest.mark.parametrize("method", [SegmentationMethod.SKIMAGE_CHAN_VESE, SegmentationMethod.SKIMAGE_MORPHOLOGICAL])
-def test_a_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch, method: SegmentationMethod) -> None:
+def test_only_the_methods_of_scikit_image_import_it(monkeypatch: pytest.MonkeyPatch) -> None:
     # None in sys.modules is how Python itself marks what cannot be imported
-    monkeypatch.setitem(sys.modules, "skimage", None)
-    with pytest.raises(MissingExtraError, match=rf"{method.value}.*pip install 'groundstation\[baselines\]'"):
-        Detector(DetectionConfig(segmentation=method), SIZE)
-
-
-def test_what_needs_no_package_runs_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "skimage", None)
     for method in METHODS:
         if not method.value.startswith("skimage"):

@@ -1,6 +1,7 @@
 """PTU readings on their way into the filter: a jerk is followed, a spike is dropped and counted."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,16 +13,16 @@ from groundstation.messages import PtuSample
 from tests.stereo_rig import make_rig
 
 
-def feed() -> tuple[StationEkf, EncoderFeed]:
+def feed(config: EstimationConfig | None = None) -> tuple[StationEkf, EncoderFeed]:
     rig = make_rig()
-    config = EstimationConfig()
+    config = config or EstimationConfig()
     ekf = StationEkf({s.name: s.geometry() for s in rig.stations}, rig.names, config)
     return ekf, EncoderFeed(ekf, {s.name: s for s in rig.stations}, config)
 
 
-def read(ekf: StationEkf, encoders: EncoderFeed, t: float, pan_deg: float) -> str | None:
+def read(ekf: StationEkf, encoders: EncoderFeed, t: float, pan_deg: float, tilt_deg: float = 0.0) -> str | None:
     ekf.predict_to(t)
-    sample = PtuSample(t_s=t, station="left", pan_rad=math.radians(pan_deg), tilt_rad=0.0)
+    sample = PtuSample(t_s=t, station="left", pan_rad=math.radians(pan_deg), tilt_rad=math.radians(tilt_deg))
     return encoders.read(sample)
 
 
@@ -101,3 +102,55 @@ def test_a_spike_of_a_head_that_turns_fast_is_dropped() -> None:
     assert said is not None
     assert "dropped, 3.000° off" in said
     assert encoders.spikes == 1
+
+
+def jerk(rate_deg_s: float, config: EstimationConfig, axis: str = "pan") -> tuple[str, int, float]:
+    """A head at rest jumps by 2° and turns on at a rate: what is said of it, the spikes, and the angle then, deg."""
+    ekf, encoders = feed(config)
+
+    def at(t: float, angle_deg: float) -> str | None:
+        ekf.predict_to(t)
+        angles = {"pan_rad": 0.0, "tilt_rad": 0.0, f"{axis}_rad": math.radians(angle_deg)}
+        return encoders.read(PtuSample(t_s=t, station="left", **angles))
+
+    for k in range(50):
+        assert at(0.02 * k, 0.0) is None
+    assert at(1.0, math.copysign(2.0, rate_deg_s)) is None
+    said = at(1.02, math.copysign(2.0, rate_deg_s) + 0.02 * rate_deg_s)
+    assert said is not None
+    return said, encoders.spikes, math.degrees(ekf.angles("left")[axis == "tilt"])
+
+
+@pytest.mark.parametrize("axis", ["pan", "tilt"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("most_deg_s", [30.0, 120.0])
+def test_what_is_faster_than_any_ptu_is_a_spike(axis: str, sign: float, most_deg_s: float) -> None:
+    """Expected: `ptu_max_rate_deg_s` decides, in degrees per second, of either axis and way."""
+    config = replace(EstimationConfig(), ptu_max_rate_deg_s=most_deg_s)
+    rate = 0.9 * sign * most_deg_s
+    said, spikes, angle = jerk(rate, config, axis)
+    assert "confirmed by the next reading" in said
+    assert spikes == 0
+    assert angle == pytest.approx(2.0 * sign + 0.02 * rate, abs=0.01)
+    said, spikes, _ = jerk(1.1 * sign * most_deg_s, config, axis)
+    assert "dropped, 2.000° off and not confirmed" in said
+    assert spikes == 1
+
+
+@pytest.mark.parametrize("value", [0.0, -120.0, 1e10, math.inf, -math.inf, math.nan])
+def test_a_greatest_rate_that_is_none_is_refused(value: float) -> None:
+    with pytest.raises(ValueError, match="ptu_max_rate_deg_s"):
+        replace(EstimationConfig(), ptu_max_rate_deg_s=value)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_jerk_across_half_a_turn_is_a_jerk(sign: float) -> None:
+    """Expected: from 179° by 2° and 0.4° on, read as −178.6°, is no turn of 358°."""
+    ekf, encoders = feed()
+    for k in range(50):
+        read(ekf, encoders, 0.02 * k, sign * 178.5)
+    assert read(ekf, encoders, 1.0, sign * 179.9) is None
+    said = read(ekf, encoders, 1.02, -sign * 179.1)
+    assert said is not None
+    assert "confirmed" in said
+    assert encoders.spikes == 0

@@ -1,12 +1,14 @@
 """From candidates to a track: aircraft are found, trees and chance pairings are not."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from groundstation.estimation.config import InitiationConfig
-from groundstation.estimation.initialise import Sighting, TrackInitiator
+from groundstation.estimation.initialise import Fix, Sighting, TrackInitiator
+from groundstation.messages import Kinematics
 from tests.stereo_rig import aim, glide, make_rig
 
 SIGMA_PX = 0.7
@@ -121,3 +123,150 @@ def test_a_pair_is_two_views_of_one_thing_only_where_its_rays_meet(
     """Epipolar agreement: beyond the gate in v the same two sightings are refused, and by nothing but the gate."""
     assert fits_lifted(Scene(rng), off_px) is fits
     assert fits_lifted(Scene(rng, config=InitiationConfig(residual_gate_sigma=1e6)), off_px)
+
+
+def begun(config: InitiationConfig) -> tuple[Kinematics, list[Fix]]:
+    """Return a start, and the fixes of its last epoch; the same draws whatever the tuning."""
+    scene = Scene(np.random.default_rng(11), config=config)
+    for k in range(30):
+        sightings = scene.sight(0.1 * k, glide(0.1 * k))
+        found = scene.initiator.step(0.1 * k, sightings)
+        if found is not None:
+            return found, scene.initiator.fixes(sightings)
+    raise AssertionError("no target was found")
+
+
+def test_a_start_is_as_uncertain_as_errors_that_last_make_it() -> None:
+    """Expected: the velocity's covariance times the share, the newest fix's added to the position as often; no tie."""
+    one, fixes = begun(InitiationConfig(start_share=1.0))
+    four, _ = begun(InitiationConfig(start_share=4.0))
+    default, _ = begun(InitiationConfig())
+    assert len(fixes) == 1
+    np.testing.assert_array_equal(four.covariance, default.covariance)
+    for attribute in ("position_runway_m", "velocity_runway_m_s"):
+        np.testing.assert_array_equal(getattr(four, attribute), getattr(one, attribute))
+    P, wider = one.covariance, four.covariance
+    np.testing.assert_allclose(wider[3:, 3:], 4.0 * P[3:, 3:], rtol=1e-12)
+    np.testing.assert_allclose(wider[:3, :3] - P[:3, :3], 3.0 * fixes[0].covariance_m2, rtol=1e-9)
+    assert not P[:3, 3:].any()
+    assert not P[3:, :3].any()
+    further, _ = begun(InitiationConfig(start_share=1.0, start_position_sigma_m=1.5))
+    np.testing.assert_allclose(further.covariance[:3, :3] - P[:3, :3], (1.5**2 - 0.5**2) * np.eye(3), atol=1e-12)
+    np.testing.assert_array_equal(further.covariance[3:, 3:], P[3:, 3:])
+
+
+@pytest.mark.parametrize(
+    ("point", "width_m", "why"),
+    [
+        ((0.0, 300.0, 15.0), 2.3, ""),
+        ((0.0, 300.0, -3.05), 2.3, ""),  # within three sigmas of the lowest
+        ((0.0, 300.0, -8.0), 2.3, "below the ground"),
+        ((0.0, 7.0, 3.0), 2.3, "nearer than any target"),
+        ((0.0, 9.5, 3.0), 2.3, ""),
+        ((0.0, 3200.0, 120.0), 2.3, "farther than any target"),
+        ((0.0, 1500.0, 390.0), 2.3, ""),
+        ((0.0, 1500.0, 420.0), 2.3, "higher than any target"),
+        ((0.0, 300.0, 15.0), 2.3 * 2.6, "too wide"),
+        ((0.0, 300.0, 15.0), 2.3 / 3.2, "too narrow"),
+    ],
+)
+def test_only_what_an_aircraft_could_be_is_a_fix(point: tuple[float, ...], width_m: float, why: str) -> None:
+    scene = Scene(np.random.default_rng(3))
+    place, found = np.array(point), []
+    for name, geometry in scene.geometries.items():
+        pan, tilt = aim(geometry, place)
+        projection = geometry.project(place, pan, tilt)
+        assert projection is not None
+        found.append(
+            Sighting(
+                t_s=0.0,
+                station=name,
+                pixel=projection.pixel,
+                width_px=width_m * 6667.0 / projection.depth_m,
+                score=10.0,
+                pan_rad=pan,
+                tilt_rad=tilt,
+                angle_sigma_rad=3e-5,
+            )
+        )
+    fixes = scene.initiator.fixes(found)
+    assert len(fixes) == (not why), why
+    if fixes:
+        assert fixes[0].position_m == pytest.approx(place, abs=1e-3 * place[1])
+
+
+@pytest.mark.parametrize(("factor", "fits"), [(1.9, True), (2.2, False)])
+def test_two_cameras_see_a_thing_equally_wide(factor: float, fits: bool) -> None:
+    scene = Scene(np.random.default_rng(3), span_m=None)
+    left, right = scene.sight(0.0, glide(5.0))
+    assert left.width_px is not None
+    # the same thing but for the factor
+    same = replace(right, width_px=left.width_px * factor)
+    assert bool(scene.initiator.fixes([left, same])) is fits
+
+
+@pytest.mark.parametrize(("speed_m_s", "found"), [(25.0, True), (1.0, False), (200.0, False)])
+def test_a_target_flies_as_fast_as_aircraft_do(speed_m_s: float, found: bool) -> None:
+    """Expected: nothing slower than 2 m/s, however long it is watched, nothing faster than 150 m/s."""
+    scene = Scene(np.random.default_rng(5))
+    starts = [
+        scene.initiator.step(0.1 * k, scene.sight(0.1 * k, glide(0.1 * k, speed_m_s=speed_m_s))) for k in range(15)
+    ]
+    assert any(start is not None for start in starts) is found
+
+
+def test_a_target_is_begun_after_so_many_fixes_of_so_long_and_not_after_a_gap() -> None:
+    def first(config: InitiationConfig, dt_s: float, missing: tuple[int, ...] = ()) -> int:
+        scene = Scene(np.random.default_rng(7), config=config)
+        for k in range(40):
+            # someone vouches for them, so that only how often they were seen decides
+            seen = [] if k in missing else scene.sight(dt_s * k, glide(dt_s * k))
+            sightings = [replace(s, labelled=True) for s in seen]
+            if scene.initiator.step(dt_s * k, sightings) is not None:
+                return k
+        raise AssertionError("no target was found")
+
+    assert first(InitiationConfig(hits=6), 0.1) == 5
+    assert first(InitiationConfig(hits=9), 0.1) == 8
+    # the sixth fix is younger than that
+    assert first(InitiationConfig(hits=6, min_age_s=0.75), 0.1) == 8
+    # four misses in a row are borne, five are not: it begins again
+    assert first(InitiationConfig(hits=6), 0.1, (3, 4, 5, 6)) == 9
+    assert first(InitiationConfig(hits=6), 0.1, (3, 4, 5, 6, 7)) == 13
+
+
+def first_of(scene: Scene, paths: list[tuple[Callable[[float], np.ndarray], float]]) -> Kinematics | None:
+    """Return the first start within 2 s of several things, each by its path and its score."""
+    for k in range(20):
+        sightings = [s for path, score in paths for s in scene.sight(0.1 * k, path(0.1 * k), score=score)]
+        found = scene.initiator.step(0.1 * k, sightings)
+        if found is not None:
+            return found
+    return None
+
+
+@pytest.mark.parametrize(("least_m_s", "found"), [(2.0, True), (6.0, False)])
+def test_what_creeps_is_no_target_however_surely_it_moves(least_m_s: float, found: bool) -> None:
+    """Expected: across the line of sight 3.5 m/s show at once, and are too slow where targets are faster than that."""
+
+    def across(t_s: float) -> np.ndarray:
+        return np.array([-3.0 + 3.5 * t_s, 300.0, 15.0])
+
+    scene = Scene(np.random.default_rng(5), config=InitiationConfig(min_speed_m_s=least_m_s))
+    assert (first_of(scene, [(across, 10.0)]) is not None) is found
+
+
+@pytest.mark.parametrize(("score", "found"), [(3.5, False), (4.5, True)])
+def test_a_target_is_about_as_clear_as_what_else_is_there(score: float, found: bool) -> None:
+    """Expected: nothing of less than 0.4 of the clearest thing's score; by itself the faint one is taken."""
+    tree = np.array([15.0, 320.0, 4.0])
+    paths = [(glide, score), (lambda _: tree, 10.0)]
+    assert (first_of(Scene(np.random.default_rng(5)), paths) is not None) is found  # type: ignore[arg-type]
+    assert first_of(Scene(np.random.default_rng(5)), [(glide, 3.5)]) is not None
+
+
+def test_what_jumps_about_is_no_target() -> None:
+    """Expected: by the mean square of its steps, which of an aircraft is about one for each of three coordinates."""
+    jumpy = InitiationConfig(max_link_square=0.05)
+    assert first_of(Scene(np.random.default_rng(5), config=jumpy), [(glide, 10.0)]) is None
+    assert first_of(Scene(np.random.default_rng(5)), [(glide, 10.0)]) is not None

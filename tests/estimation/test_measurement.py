@@ -1,5 +1,7 @@
 """The measurement models' Jacobians against numeric twins, over the whole state."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -78,3 +80,11 @@ def test_a_fused_reading_is_the_plain_filters_update(rng: np.random.Generator, o
     )
     np.testing.assert_allclose(bank.x, plain.x if accepted else x, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(bank.P, plain.P if accepted else P, rtol=1e-9, atol=1e-14)
+
+
+@pytest.mark.parametrize("carried", [True, False])
+def test_a_units_clock_is_carried_where_the_state_has_it(carried: bool) -> None:
+    plain = state_layout(("left", "right"))
+    parameters = {"left.ptu_clock.offset": 1} | ({"right.ptu_clock.offset": 2} if carried else {})
+    layout = SimpleNamespace(angles=plain.angles, rates=plain.rates, parameters=parameters)
+    assert EncoderModel(layout, "right").carries_clock is carried

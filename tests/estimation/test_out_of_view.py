@@ -8,7 +8,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 
 from groundstation.estimation.config import EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.ekf import StationEkf
-from groundstation.estimation.field_of_view import paper_weight, probability_in_view
+from groundstation.estimation.field_of_view import moments_after_miss, paper_weight, probability_in_view
 from tests.stereo_rig import aim, make_rig
 
 SIZE = (1280, 960)
@@ -28,6 +28,63 @@ def test_the_papers_weight() -> None:
     assert paper_weight(np.array([0.0, 0.0]), SIZE, 50.0) == 1.0
     assert paper_weight(np.array([-50.5, 100.0]), SIZE, 50.0) == pytest.approx(np.exp(-0.5))
     assert paper_weight(np.array([-5000.0, 100.0]), SIZE, 50.0) < 1e-12
+    # each border by its own size, and a corner by both distances
+    assert paper_weight(np.array([1279.5 + 50.0, 100.0]), SIZE, 50.0) == pytest.approx(np.exp(-0.5))
+    assert paper_weight(np.array([100.0, -0.5 - 50.0]), SIZE, 50.0) == pytest.approx(np.exp(-0.5))
+    assert paper_weight(np.array([100.0, 959.5 + 50.0]), SIZE, 50.0) == pytest.approx(np.exp(-0.5))
+    assert paper_weight(np.array([1279.5 + 30.0, 959.5 + 40.0]), SIZE, 50.0) == pytest.approx(np.exp(-0.5))
+
+
+def sampled_after_miss(
+    centre: np.ndarray, covariance: np.ndarray, detection_probability: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mean, covariance and one sigma of the mean (px) by weighing draws: 1 − P_D inside the image, 1 outside."""
+    draws = rng.multivariate_normal(centre, covariance, 200_000)
+    inside = np.all((draws >= -0.5) & (draws <= np.array(SIZE) - 0.5), axis=1)
+    weight = np.where(inside, 1.0 - detection_probability, 1.0)
+    weight /= weight.sum()
+    mean = weight @ draws
+    away = draws - mean
+    spread = (weight[:, None] * away).T @ away
+    return mean, spread, float(np.sqrt((weight**2).sum() * np.trace(spread)))
+
+
+BORDERS = {
+    "left": (5.0, 480.0),
+    "right": (1285.0, 480.0),
+    "upper": (640.0, -8.0),
+    "lower": (640.0, 955.0),
+    "upper left": (10.0, 6.0),
+    "lower right": (1270.0, 965.0),
+}
+
+
+@pytest.mark.parametrize("detection_probability", [0.5, 0.95])
+@pytest.mark.parametrize(
+    ("border", "correlation"),
+    [(name, 0.0) for name in BORDERS] + [(name, 0.8) for name in ("left", "right", "upper", "lower")],
+)
+def test_what_a_miss_leaves_is_the_part_of_the_prediction_outside(
+    rng: np.random.Generator, border: str, correlation: float, detection_probability: float
+) -> None:
+    """Against draws, in both axes by themselves: the mean moves out over the border that is near, the other axis
+    follows by its correlation; in a corner both move."""
+    sigma = np.array([40.0, 25.0])
+    covariance = np.outer(sigma, sigma) * np.array([[1.0, correlation], [correlation, 1.0]])
+    centre = np.array(BORDERS[border])
+    mean, spread = moments_after_miss(centre, covariance, SIZE, detection_probability)
+    wanted, wanted_spread, noise = sampled_after_miss(centre, covariance, detection_probability, rng)
+    np.testing.assert_allclose(mean, wanted, atol=5.0 * noise)
+    np.testing.assert_allclose(spread, wanted_spread, atol=0.02 * 40.0**2)
+    assert np.abs(wanted - centre).max() > 20.0 * noise, "the draws show which way it goes"
+
+
+def test_a_miss_far_inside_or_far_outside_changes_nothing_that_matters() -> None:
+    covariance = np.diag([30.0, 20.0]) ** 2
+    for centre in ([640.0, 480.0], [-4000.0, 480.0], [640.0, 4000.0]):
+        mean, spread = moments_after_miss(np.array(centre), covariance, SIZE, 0.9)
+        np.testing.assert_allclose(mean, centre, atol=1e-6)
+        np.testing.assert_allclose(spread, covariance, rtol=1e-6, atol=1e-9)
 
 
 def started(weighting: OutOfViewWeighting, pan_off_rad: float, known: float = 1.0) -> StationEkf:

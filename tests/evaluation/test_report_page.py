@@ -1,5 +1,6 @@
 """The report's page as a document: well-formed, alone, readable without pictures, and no table wider than a phone."""
 
+import base64
 import re
 from collections.abc import Iterator
 from html.parser import HTMLParser
@@ -17,7 +18,7 @@ from groundstation.evaluation.page_tables import MAX_UNSTACKED, Column, axes_cel
 from groundstation.evaluation.report import PAGE_CSS, write_report
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.experiments.detection_tables import ROI_COLUMNS
-from groundstation.experiments.experiment import Experiment, Findings, Paper
+from groundstation.experiments.experiment import Experiment, Findings, Paper, PaperFigure
 from groundstation.experiments.page import paper_page
 from groundstation.experiments.tables import Table
 from groundstation.messages import CarriedError, DgpsFix
@@ -165,6 +166,17 @@ def test_the_papers_page_shows_its_widest_table_on_a_screen_and_on_paper(chromiu
     assert chromium.value("[...document.querySelectorAll('.wide')].map(p => p.scrollWidth - p.clientWidth)") == [0]
     with chromium.on_paper(PAPER_PX):
         assert chromium.value(BEYOND)["beyond"] == []
+
+
+def test_the_papers_page_holds_its_figures(tmp_path: Path) -> None:
+    (tmp_path / "range.png").write_bytes(b"a picture")
+    figure = PaperFigure(name="range", title="Figure 9", caption="Error & range", draw=lambda path: None)
+    findings = Findings(tables=(), figures=(figure,), differences=("a <smaller> aircraft",))
+    region = Experiment(name="roi", title="Region", numbers="table 1", paper=Paper.GROUND, run=lambda _: findings)
+    page = paper_page("Papers", [(region, findings)], tmp_path, [])
+    assert f"data:image/png;base64,{base64.b64encode(b'a picture').decode()}" in page
+    assert "<figcaption>Error &amp; range</figcaption>" in page
+    assert "<li>a &lt;smaller&gt; aircraft</li>" in page
 
 
 def test_a_real_browser_sees_what_is_wrong(chromium: Browser, tmp_path: Path) -> None:

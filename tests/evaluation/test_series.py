@@ -108,3 +108,10 @@ def test_lever_arm_while_standing_keeps_the_nearest_heading() -> None:
 def test_too_few_fixes_are_no_reason_to_fail(n: int) -> None:
     fixes = [DgpsFix(t_s=0.0, position_runway_m=np.zeros(3))][:n]
     assert len(reference_from_fixes(fixes)) == n
+
+
+def test_noise_is_estimated_within_bursts_far_apart(rng: np.random.Generator) -> None:
+    """Ten fixes at 10 Hz, then a minute without: the usual spacing is the median's, not the mean's."""
+    t = np.concatenate([60.0 * burst + np.arange(10) * 0.1 for burst in range(60)])
+    noisy = np.column_stack([0.0 * t, 500 - 0.1 * t, 30 + 0.0 * t]) + rng.normal(size=(len(t), 3)) * [0.01, 0.02, 0.03]
+    np.testing.assert_allclose(white_noise_sigma(t, noisy), [0.01, 0.02, 0.03], rtol=0.3)

@@ -272,3 +272,18 @@ def test_whatever_the_file_only_our_errors_come_out(tmp_path: Path, content: byt
         f = forecast(replace(site, frame_rate_hz=1.0, step_m=(site.to_m - site.from_m) / 3))
         assert np.isfinite(f.track_sigma_m).all()
         assert format_plan(site, f)
+
+
+def test_the_units_numbers_are_in_radians(tmp_path: Path) -> None:
+    (left, right) = load(tmp_path, EXACT.replace("sigma_deg = 0", "sigma_deg = 0.02")).rig.stations
+    for station in (left, right):
+        assert station.ptu_sigma_rad == pytest.approx(np.radians(0.02))
+        assert station.ptu_resolution_rad == pytest.approx(np.radians(0.00625))
+
+
+def test_a_rig_with_a_pose_unknown_is_refused(tmp_path: Path, landing_1: Path) -> None:
+    text = (landing_1 / "rig.toml").read_text(encoding="utf-8")
+    open_pose = text.replace('name = "left"\n', 'name = "left"\nknown = ["lens"]\n')
+    (tmp_path / "rig.toml").write_text(open_pose, encoding="utf-8")
+    with pytest.raises(RigError, match="wanted a calibrated position and orientation"):
+        load(tmp_path, 'rig = "rig.toml"\n[aircraft]\nspan_m = 2.3\nspeed_m_s = 25\n')

@@ -8,6 +8,7 @@ import numpy as np
 
 from groundstation.errors import InputError
 from groundstation.geometry.camera import Lens
+from groundstation.image_header import MAX_PICTURE_PX
 from groundstation.onboard.edges.pose import Attitude, CameraPose, RunwayPlace, nose_pose
 from groundstation.onboard.edges.search_band import RunwayGuess, position_by_height
 from groundstation.toml_table import Table, load_toml
@@ -83,8 +84,9 @@ def is_camera_file(path: Path) -> bool:
 
 def _lens(table: Table) -> Lens:
     size = table.vector("image_size_px", 2, names="[width, height]")
-    if np.any(size < 16) or np.any(size != np.round(size)) or np.any(size > 65536):
-        raise table.fail("image_size_px", str(size.tolist()), "two whole numbers of pixels from 16 to 65536")
+    if np.any(size < 16) or np.any(size != np.round(size)) or np.any(size > 65536) or np.prod(size) > MAX_PICTURE_PX:
+        wanted = f"two whole numbers of pixels from 16 to 65536, at most {MAX_PICTURE_PX // 10**6} million pixels"
+        raise table.fail("image_size_px", str(size.tolist()), wanted)
     focal = table.vector("focal_px", 2, names="[fx, fy]")
     least, most = _LEAST_FOCAL * size[0], _MOST_FOCAL * size[0]
     if np.any(focal < least) or np.any(focal > most):

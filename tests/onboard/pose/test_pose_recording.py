@@ -115,7 +115,7 @@ def test_a_recording_that_cannot_be_written_is_said(
         assert said in error
         assert "Errno" not in error
     assert run({**work, "out": tmp_path / "same.rrd", "rerun": tmp_path / "same.rrd"}) == 1
-    assert "got the table's name; wanted another --rerun" in capsys.readouterr().err
+    assert "got a file that --out names, too; wanted another --rerun" in capsys.readouterr().err
     assert work["corners"].read_bytes() == before
 
 

@@ -1,0 +1,23 @@
+"""A point behind one of the cameras: as many residuals as before it, all far off, and no slope."""
+
+import numpy as np
+import pytest
+
+from groundstation.estimation import second_view
+from groundstation.estimation.second_view import _Meeting
+
+
+def test_behind_a_camera_all_four_residuals_are_far_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_Meeting, "looks", lambda self, point_m: None)
+    meeting = _Meeting.__new__(_Meeting)
+    np.testing.assert_array_equal(meeting.residuals(np.zeros(3)), np.full(4, second_view._BEHIND))
+
+    class Needle:
+        def velocity_slope(self, point_m: np.ndarray) -> np.ndarray:
+            return np.zeros((3, 3))
+
+    class Layout:
+        position = velocity = slice(0, 3)
+
+    meeting._needle, meeting._layout = Needle(), Layout()
+    np.testing.assert_array_equal(meeting.jacobian(np.zeros(3)), np.zeros((4, 3)))

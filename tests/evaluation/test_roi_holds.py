@@ -1,0 +1,17 @@
+"""Whether a region of interest holds a silhouette's pixels."""
+
+import pytest
+
+from groundstation.experiments.looks import _holds
+from groundstation.messages import Roi
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "right", "down", "held"),
+    [
+        *((9.5, 19.5, 30.0, 40.0, True), (9.4, 19.5, 30.0, 40.0, False), (9.5, 19.4, 30.0, 40.0, False)),
+        *((9.5, 19.5, 30.1, 40.0, False), (9.5, 19.5, 30.0, 40.1, False), (30.0, 50.0, 2.0, 2.0, True)),
+    ],
+)
+def test_all_of_its_pixels_lie_inside(x: float, y: float, right: float, down: float, held: bool) -> None:
+    assert _holds(Roi(x=10, y=20, w=30, h=40), x, y, right, down) is held

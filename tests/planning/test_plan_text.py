@@ -1,0 +1,25 @@
+"""The table of a plan: an empty line before notes and verdicts, and none at its end."""
+
+import numpy as np
+import pytest
+
+from groundstation.planning import table
+from groundstation.planning.forecast import forecast
+from groundstation.planning.site_file import load_site
+from groundstation.planning.table import format_plan
+from tests.conftest import ROOT
+
+
+@pytest.mark.parametrize(("notes", "verdicts"), [([], []), (["a note"], []), ([], ["good"]), (["a note"], ["good"])])
+def test_notes_and_verdicts_stand_apart(notes: list[str], verdicts: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    site = load_site(ROOT / "docs" / "site-example.toml")
+    site = type("Site", (), {name: getattr(site, name) for name in dir(site) if not name.startswith("__")})()
+    site.required = verdicts
+    f = forecast(load_site(ROOT / "docs" / "site-example.toml"))
+    monkeypatch.setattr(table, "_notes", lambda site, f: notes)
+    monkeypatch.setattr(table, "verdict", lambda f, wanted: wanted)
+    lines = format_plan(site, f).split("\n")
+    added = [*notes, *verdicts]
+    rows = len(f.range_m) + len(table._HEAD)
+    assert lines[3 + rows :] == (["", *added] if added else [])
+    assert np.isfinite(f.range_m).all()

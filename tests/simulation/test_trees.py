@@ -1,0 +1,24 @@
+"""Trees stand before the hills, dark and green."""
+
+import numpy as np
+
+from groundstation.simulation.scenery_kernels import radiance
+
+
+def colours(elevation: float) -> np.ndarray:
+    eye, runway = np.array([0.0, 0.0, 1.6]), np.array([15.0, -900.0, 0.0, -300.0])
+    found = np.empty((400, 3))
+    for row, azimuth in zip(found, np.linspace(-3.0, 3.0, 400), strict=True):
+        radiance(azimuth, elevation, 2e-4, eye, runway, 0.3, 5, row)
+    return found
+
+
+def test_some_directions_just_above_the_ground_show_trees_and_others_hills() -> None:
+    low = colours(0.002)
+    tree = (low[:, 1] > low[:, 0] + 8.0) & (low[:, 1] > low[:, 2] + 5.0) & (low.max(axis=1) < 135.0)
+    hill = (low[:, 0] > 140.0) & (low[:, 0] > low[:, 2] + 10.0)
+    assert 0.1 < tree.mean() < 0.9
+    assert hill.mean() > 0.05
+    # far above them there are none
+    high = colours(0.3)
+    assert not ((high[:, 1] > high[:, 0] + 8.0) & (high[:, 1] > high[:, 2] + 5.0)).any()
