@@ -26,7 +26,7 @@ RELATIVE, ABSOLUTE = 0.05, 0.003
 def figures(summary: dict[str, Any]) -> dict[str, float]:
     """Return the figures that are watched, by name."""
     watched = re.compile(
-        r"truth\.y[\d.-]+\.(common\.)?(ekf|triangulation)\.rmse_._m|truth\.all\.ekf\.anees|dgps_clock\.offset_s"
+        r"truth\.y[\d.-]+\.(common\.)?(ekf|triangulation)\.rmse_._m|truth\.all\.ekf\.anees|nis\.all\.mean|dgps_clock\.offset_s"
         r"|pairs\.tracking|detections\.[^.]+\.ok"
     )
     found = {name: value for name, value in figures_of(summary).items() if watched.fullmatch(name)}
