@@ -11,9 +11,10 @@ import pytest
 from pyulog import ULog
 
 from groundstation.errors import LogError
-from groundstation.logs.fixes import FixQuality, LogOptions
+from groundstation.logs.fixes import FixQuality, LogOptions, Remarks
 from groundstation.logs.gps_time import gps_from_text
 from groundstation.logs.read import GnssLog, read_log
+from groundstation.logs.ubx import ubx_frames
 from tests.complaints import complaint
 from tests.logs.writers import (
     HEIGHT,
@@ -30,6 +31,7 @@ from tests.logs.writers import (
     tlog,
     ubx_log,
     ulog,
+    with_fletcher,
 )
 
 START = gps_from_text("2025-05-08T11:59:52Z")
@@ -114,6 +116,16 @@ def test_a_baseline_in_centimetres_from_a_base(tmp_path: Path) -> None:
     bad = pvt(place) + relposned(place, 11095, 4526, -1501, relPosValid=0)
     said = complaint(LogError, lambda: log_of(tmp_path, bad, ".ubx", LogOptions(base_deg_m=(35.68, 139.76, 60.0))))
     assert "1 × NAV-PVT without a valid NAV-RELPOSNED beside it" in said
+
+
+@pytest.mark.parametrize("place", [-2, -1])
+def test_ubx_has_two_bytes_of_checksum(tmp_path: Path, place: int) -> None:
+    a, b = flight(2)
+    spoilt = bytearray(pvt(b))
+    spoilt[place] ^= 1
+    log = log_of(tmp_path, pvt(a) + bytes(spoilt), ".ubx")
+    assert len(log.gps_s) == 1
+    assert "1 × message with a wrong checksum" in log.remarks[0]
 
 
 def test_ubx_between_other_messages_and_damaged(tmp_path: Path) -> None:
@@ -256,3 +268,23 @@ def test_tlog_heights_and_damage(tmp_path: Path) -> None:
     log = log_of(tmp_path, bytes(spoilt), ".tlog", GIVEN)
     assert len(log.gps_s) == 5
     assert np.all(np.abs(log.lat_deg - LAT) < 1e-4)
+
+
+@pytest.mark.parametrize(("count", "summed"), [(200, 1 << 22), (60_000, 1 << 22), (60_000, 1000)])
+def test_ubx_between_false_beginnings_is_found_as_before(
+    count: int, summed: int, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: whole messages, each once and in order, however much that looks like one stands between them."""
+    monkeypatch.setattr("groundstation.logs.ubx._SUMMED_BYTES", summed)
+    frames = []
+    content = b""
+    while len(frames) < 40:
+        body = rng.integers(0, 256, rng.integers(0, 2000), dtype=np.uint8).tobytes()
+        frame = with_fletcher(b"\xb5\x62\x05\x55" + struct.pack("<H", len(body)) + body + b"\0\0")
+        frames.append(frame)
+        # a beginning whose message would reach past the end of all, or over many that are whole
+        content += b"\xb5\x62" * int(rng.integers(0, count // 40)) + b"\0" * 8 + frame
+    found = [frame for _, frame in ubx_frames(content + b"\xb5\x62\x01\x07\xff\xff", Remarks("x"))]
+    whole = [frame for frame in found if frame in frames]
+    assert [frame for frame in frames if frame in found] == whole
+    assert len(whole) > 30

@@ -166,3 +166,34 @@ def test_a_wild_time_costs_itself_only(tmp_path: Path) -> None:
     log = log_of(tmp_path, nmea_log(places))
     assert len(log.gps_s) == 7
     assert "1 × position whose time does not grow (first: position 4)" in log.remarks[0]
+
+
+def test_a_date_without_a_fix_dates_nothing(tmp_path: Path) -> None:
+    """Expected: a receiver that has no fix yet may show any date at the right second."""
+    place, wrong = Place(1.0), Place(1.0 - 100 * 86400.0)
+    log = log_of(tmp_path, rmc(wrong, status="V") + gga(place) + rmc(place))
+    assert utc_text(log.gps_s[0])[:10] == place.utc.date().isoformat()
+    # of a fix it would be believed
+    believed = log_of(tmp_path, rmc(wrong) + gga(place))
+    assert utc_text(believed.gps_s[0])[:10] == wrong.utc.date().isoformat()
+
+
+@pytest.mark.parametrize("dated", ["before", "after"])
+def test_a_position_on_the_other_side_of_midnight_from_its_date(tmp_path: Path, dated: str) -> None:
+    """Expected: the day before where the date came after midnight, the day after where it came before."""
+    eve, morning = Place(43207.5), Place(43208.5)
+    assert (eve.utc.date() + datetime.timedelta(days=1)) == morning.utc.date()
+    content = rmc(eve) + gga(eve) + gga(morning) if dated == "before" else gga(eve) + gga(morning) + rmc(morning)
+    log = log_of(tmp_path, content)
+    assert [utc_text(t)[:10] for t in log.gps_s] == [p.utc.date().isoformat() for p in (eve, morning)]
+
+
+@pytest.mark.parametrize("first", ["gga", "gst"])
+def test_sigmas_find_their_positions_in_a_long_log(tmp_path: Path, first: str) -> None:
+    """Expected: each position its own, though the log has the same second of the day again elsewhere."""
+    places = flight(1003)
+    pairs = [(gga(p), gst(p, 0.001 * (k % 50 + 1), 0.02, 0.03)) for k, p in enumerate(places)]
+    content = rmc(places[0]) + b"".join(a + b if first == "gga" else b + a for a, b in pairs)
+    log = log_of(tmp_path, content)
+    assert log.sigma_enu_m[:, 0] == pytest.approx([0.001 * (k % 50 + 1) for k in range(1003)])
+    assert log.sigma_enu_m[0, 1:] == pytest.approx([0.02, 0.03])

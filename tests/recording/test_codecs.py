@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundstation.errors import RecordingError
-from groundstation.messages import BegunAnew, Epoch, Event, PixelMeasurement, PtuSample
+from groundstation.messages import BegunAnew, Epoch, Event, Heartbeat, PixelMeasurement, PtuSample
 from groundstation.picture import BayerPattern
 from groundstation.recording.event_codec import (
     DroppedNote,
@@ -34,6 +34,7 @@ simple_events: st.SearchStrategy[Event] = st.one_of(
     st.builds(PixelMeasurement, t_s=numbers, station=names, epoch=whole, u_px=numbers, v_px=numbers),
     st.builds(Epoch, t_s=numbers, epoch=whole, stations=st.lists(names, max_size=3).map(tuple)),
     st.builds(BegunAnew, t_s=numbers, why=st.text(max_size=9), in_vain=st.booleans()),
+    st.builds(Heartbeat, t_s=numbers),
 )
 parts = st.builds(PartNote, topic=st.text(max_size=9), x=whole, y=whole, w=whole, h=whole)
 notes = st.one_of(
@@ -52,7 +53,9 @@ keys = st.sampled_from(
         *("of", "parts", "colour", "why", "position_runway_m", "sigma_m", "in_vain"),
     )
 )
-kinds = st.sampled_from(["ptu", "frame", "pixel", "epoch", "reference", "begun anew", "pixels", "dropped", "lost", "x"])
+kinds = st.sampled_from(
+    ["ptu", "frame", "pixel", "epoch", "reference", "heartbeat", "begun anew", "pixels", "dropped", "lost", "x"]
+)
 windows = st.tuples(st.integers(0, 60), st.integers(0, 40), st.integers(1, 30), st.integers(1, 30)).map(
     lambda w: (w[0], w[1], w[0] + w[2], w[1] + w[3])
 )

@@ -1,0 +1,14 @@
+"""Windows of a picture that are kept: those that cost no more together are one."""
+
+from groundstation.recording.windows import _joined
+
+
+def test_windows_are_joined_where_one_around_them_is_no_larger() -> None:
+    # side by side: what is around both is just both
+    assert _joined([(0, 0, 10, 10)], (10, 0, 20, 10)) == [(0, 0, 20, 10)]
+    # apart: what is around both is larger
+    assert _joined([(0, 0, 10, 10)], (11, 0, 21, 10)) == [(0, 0, 10, 10), (11, 0, 21, 10)]
+    # overlapping a little at a corner: the same
+    assert _joined([(0, 0, 10, 10)], (9, 9, 19, 19)) == [(0, 0, 10, 10), (9, 9, 19, 19)]
+    # one more joins two that were apart
+    assert _joined([(0, 0, 10, 10), (20, 0, 30, 10)], (10, 0, 20, 10)) == [(0, 0, 30, 10)]
