@@ -3,8 +3,10 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from groundstation.config import Config
+from groundstation.evaluation.correlation import effective_count, lag_one
 from groundstation.integrity import IntegrityConfig
 from groundstation.messages import CameraReport, Event, InitialState, PixelMeasurement, TrackEstimate, TrackEvent
 from groundstation.pipeline import Pipeline
@@ -12,11 +14,12 @@ from groundstation.rig import Rig
 from groundstation.simulation import FlightTruth, Scenario, SimulatedFlight, StationErrors, perturbed, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.camera import CameraModel
-from groundstation.simulation.cases import STEP_RAD, case_b, standard_rig, standard_station
+from groundstation.simulation.cases import STEP_RAD, case_b, drawn_glide, standard_rig, standard_station
 from groundstation.simulation.trajectory import Trajectory
 
 STATIONS = ("left", "right", "third")
 FOURTH_M = (-40.0, 60.0)
+PSD_M2_S3 = (1.0, 4.0, 2.0)
 
 
 def rig_of(names: tuple[str, ...] = STATIONS) -> Rig:
@@ -62,12 +65,17 @@ class Watched:
     def rmse(self, from_s: float, to_s: float = 1e9) -> np.ndarray:
         return np.sqrt(np.mean([self._error(e) ** 2 for e in self._within(from_s, to_s)], axis=0))
 
+    def white(self, from_s: float, to_s: float = 1e9) -> np.ndarray:
+        """Errors (n, 3) of the position over the root of their stated covariance."""
+        return np.array(
+            [
+                np.linalg.solve(np.linalg.cholesky(e.kinematics.covariance[:3, :3]), self._error(e))
+                for e in self._within(from_s, to_s)
+            ]
+        )
+
     def anees(self, from_s: float, to_s: float = 1e9) -> float:
-        squares = []
-        for e in self._within(from_s, to_s):
-            d = self._error(e)
-            squares.append(d @ np.linalg.solve(e.kinematics.covariance[:3, :3], d))
-        return float(np.mean(squares)) / 3.0
+        return float(np.mean(self.white(from_s, to_s) ** 2))
 
     def said(self, words: str) -> list[TrackEvent]:
         return [e for e in self.events if words in e.text]
@@ -79,12 +87,42 @@ class Watched:
         return e.kinematics.position_runway_m - self.truth.position_runway_m[e.epoch]
 
 
+def drawn_path(seed: int, start_y_m: float = 400.0, end_y_m: float = 150.0) -> Trajectory:
+    """A glide driven by the white acceleration that `watch` supposes: only of such is the covariance to be right."""
+    return drawn_glide(seed, PSD_M2_S3, Glide(start_y_m=start_y_m, end_y_m=end_y_m))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Consistency:
+    """Mean square of whitened errors per degree of freedom, and its two-sided 99.8 % χ² bounds.
+
+    The bounds are those of as many independent errors as the correlation from epoch to epoch leaves.
+    """
+
+    mean: float
+    low: float
+    high: float
+
+    @property
+    def right(self) -> bool:
+        return self.low < self.mean < self.high
+
+
+def consistency(flights: list[Watched], from_s: float, to_s: float = 1e9) -> Consistency:
+    runs = [flight.white(from_s, to_s) for flight in flights]
+    dof = 3 * effective_count(sum(map(len, runs)), lag_one(runs))
+    low, high = chi2.ppf([0.001, 0.999], dof) / dof
+    return Consistency(mean=float(np.mean(np.concatenate(runs) ** 2)), low=float(low), high=float(high))
+
+
 def watch(
     flight: SimulatedFlight,
     integrity: IntegrityConfig | None = None,
-    psd: tuple[float, float, float] = (1.0, 4.0, 2.0),
+    psd: tuple[float, float, float] = PSD_M2_S3,
     events: list[Event] | None = None,
+    start: np.random.Generator | None = None,
 ) -> Watched:
+    """Run a flight; it begins with the truth, or with what ``start`` draws about it by the stated sigmas."""
     base = Config()
     tuned = replace(
         base.estimation,
@@ -94,14 +132,15 @@ def watch(
         manoeuvre_psd_m2_s3=psd,
     )
     config = replace(base, estimation=tuned, integrity=IntegrityConfig() if integrity is None else integrity)
-    start = InitialState(
+    off = np.zeros((2, 3)) if start is None else start.normal(size=(2, 3))
+    initial = InitialState(
         t_s=float(flight.truth.t_s[0]),
-        position_runway_m=flight.truth.position_runway_m[0],
-        velocity_runway_m_s=flight.truth.velocity_runway_m_s[0],
+        position_runway_m=flight.truth.position_runway_m[0] + off[0],
+        velocity_runway_m_s=flight.truth.velocity_runway_m_s[0] + off[1],
         sigma_position_m=np.full(3, 1.0),
         sigma_velocity_m_s=np.full(3, 1.0),
     )
-    pipeline = Pipeline(flight.rig, config, span_m=2.3, initial=start)
+    pipeline = Pipeline(flight.rig, config, span_m=2.3, initial=initial)
     out = Watched(truth=flight.truth, pipeline=pipeline)
     for event in flight.events if events is None else events:
         report = pipeline.step(event)

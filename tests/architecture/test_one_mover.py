@@ -10,6 +10,8 @@ MOVES = {"move_to", "move_at", "halt", "home"}
 OPERATION = "groundstation.live.head_worker"
 # `check --move`, and `ptu jog` and `ptu probe --move`
 TOOLS = {"groundstation.live.check", "ptu_drivers.monitor"}
+# passes commands on to a unit, or refuses them
+GUARD = "groundstation.live.keep_out_unit"
 # its heads are numbers
 VIRTUAL = "groundstation.live.rehearsal"
 
@@ -39,7 +41,7 @@ def test_only_one_place_moves_hardware_in_operation() -> None:
             if found and name != VIRTUAL:
                 movers[name] = found
     assert not [i for i in imports_of(modules()[VIRTUAL]) if i.startswith("ptu_drivers")]
-    assert set(movers) == {OPERATION} | TOOLS
+    assert set(movers) == {OPERATION, GUARD} | TOOLS
     assert {"move_to", "move_at", "halt"} <= movers[OPERATION]
 
 
@@ -56,4 +58,18 @@ def test_nobody_else_in_operation_holds_a_unit() -> None:
         "groundstation.live.head_device": {"open_ptu"},
         "groundstation.live.head_process": {"open_head", "HeadWorker"},
         "groundstation.live.check": {"open_head"},
+        "groundstation.live.keep_out_set_up": {"open_head"},
+    }
+
+
+def test_whoever_opens_a_head_keeps_its_lens_out_of_what_is_closed() -> None:
+    """Expected: units are wrapped where a station's are opened; `ptu` opens others only by a URL, and warns of it."""
+    openers = {
+        name: calls(ast.parse(path.read_text(encoding="utf-8")), {"open_ptu", "KeepOutUnit"})
+        for name, path in modules().items()
+        if not name.startswith("ptu_drivers") and "open_ptu" in path.read_text(encoding="utf-8")
+    }
+    assert {name: found for name, found in openers.items() if "open_ptu" in found} == {
+        "groundstation.live.head_device": {"open_ptu", "KeepOutUnit"},
+        "groundstation.cli_ptu_open": {"open_ptu"},
     }

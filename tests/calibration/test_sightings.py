@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.sightings import read_landmarks, read_sightings, require_consistent
+from calibration.sightings import MAX_PAN_DEG, MAX_TILT_DEG, read_landmarks, read_sightings, require_consistent
 from groundstation.errors import InputError
 
 HEAD = "station,landmark,pan_deg,tilt_deg,u_px,v_px"
@@ -149,3 +149,11 @@ def test_any_bytes_are_read_or_refused_in_one_line(tmp_path_factory: pytest.Temp
             answer = str(error)
         assert answer
         assert "\n" not in answer
+
+
+def test_the_ends_of_a_heads_range_belong_to_it(tmp_path: Path) -> None:
+    rows = sightings(tmp_path, f"left,a,{-MAX_PAN_DEG},{-MAX_TILT_DEG},1,1", f"left,a,{MAX_PAN_DEG},{MAX_TILT_DEG},1,1")
+    assert [np.degrees(s.pan_rad) for s in rows] == pytest.approx([-MAX_PAN_DEG, MAX_PAN_DEG])
+    for row in (f"left,a,{MAX_PAN_DEG + 0.1},0,1,1", f"left,a,{-MAX_PAN_DEG - 0.1},0,1,1"):
+        with pytest.raises(InputError, match="wanted a number from"):
+            sightings(tmp_path, row)

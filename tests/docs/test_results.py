@@ -4,10 +4,14 @@ import json
 import re
 
 from tests.docs.pages import ROOT, anchors, text_of
+from tests.docs.places import DERIVED, PLACES
 
 RESULTS = ROOT / "docs" / "results.md"
-_ROW = re.compile(r"^\| \[[^\]]+\]\(#([^)]+)\) \|[^|]*\|([^|]*)\|$", re.MULTILINE)
+_ROW = re.compile(r"^\| \[([^\]]+)\]\(#([^)]+)\) \|[^|]*\|([^|]*)\|$", re.MULTILINE)
 _NUMBER = re.compile(r"\d+(?:,\d{3})*(?:\.\d+)?")
+_ANY = r"[+−-]?\d+(?:,\d{3})*(?:\.\d+)?"
+_WILD = {"#": rf"[+−-]?({_NUMBER.pattern})", "~": _ANY, "_": r"[^|]*", "…": r".*?"}
+_BEGINS = re.compile(r"^(?:\||#|<!--|\s*[-*] |\s*\d+\. )")
 
 
 def sections(text: str) -> dict[str, str]:
@@ -19,17 +23,79 @@ def sections(text: str) -> dict[str, str]:
     return found
 
 
-def test_what_the_table_says_was_seen_stands_in_its_section() -> None:
-    text = text_of(RESULTS)
-    below = sections(text)
-    assert set(below) <= anchors(RESULTS)
+def passages(section: str) -> list[str]:
+    """Return a section's paragraphs, items of lists and rows of tables, each as one line without bold."""
+    found: list[list[str]] = [[]]
+    for line in section.splitlines():
+        if not line.strip() or _BEGINS.match(line) or (found[-1] and found[-1][-1].startswith(("|", "#"))):
+            found.append([])
+        if line.strip():
+            found[-1].append(line.strip())
+    return [re.sub(r"\s+", " ", " ".join(lines).replace("*", "")) for lines in found if lines]
+
+
+def captured(template: str, lines: list[str]) -> list[tuple[str, ...]]:
+    """Return the figures in each passage that a template of `places` fits, from a table's row on its beginning."""
+    pattern = "".join(_WILD.get(sign, re.escape(sign)) for sign in template.replace(" _ ", "_"))
+    if template.endswith(("#", "~")):
+        pattern += r"(?![\d,.]*\d)"
+    find = re.compile(pattern)
+    found = (find.match(line) if template.startswith("|") else find.search(line) for line in lines)
+    return [match.groups() for match in found if match]
+
+
+def same(seen: str, below: str) -> bool:
+    """Return whether a figure is one that stands below, as it is or rounded to fewer digits."""
+    decimals = len(seen.partition(".")[2])
+    apart = abs(float(seen.replace(",", "")) - float(below.replace(",", "")))
+    return seen == below or (decimals < len(below.partition(".")[2]) and apart <= 0.5 * 10.0**-decimals + 1e-9)
+
+
+def misplaced(name: str, anchor: str, cell: str, lines: list[str]) -> list[str]:
+    """Return what of the figures of a row's cell is not, in their order, at their places in the passages below."""
+    seen, places, found = _NUMBER.findall(re.sub(r"\]\([^)]*\)", "]", cell)), [], []
+    # of two figures alike the last is the one that follows from others
+    for number in DERIVED.get(name, {}):
+        del seen[len(seen) - 1 - seen[::-1].index(number)]
+    for template in PLACES.get(name, ()):
+        match captured(template, lines):
+            case [only]:
+                places += only
+            case others:
+                found.append(f"{name}: {len(others)} passages of #{anchor} read {template!r}; wanted one")
+                places += ["0"] * template.count("#")
+    if len(places) != len(seen):
+        found.append(f"{name}: {len(seen)} figures, {len(places)} places in tests/docs/places.py")
+    return found + [
+        f"{name}: says {one}, and its place in #{anchor} {other}"
+        for one, other in zip(seen, places, strict=False)
+        if not same(one, other)
+    ]
+
+
+def test_each_figure_of_the_first_table_stands_at_its_place_below() -> None:
+    """Expected: in its sentence, or in its row and column; a figure without a place is given one in `places`."""
+    below = sections(text_of(RESULTS))
     rows = _ROW.findall(below["at-a-glance"])
+    assert set(below) <= anchors(RESULTS)
     assert len(rows) >= 20
-    missing = []
-    for anchor, seen in rows:
-        there = set(_NUMBER.findall(below[anchor]))
-        missing += [(anchor, number) for number in _NUMBER.findall(seen) if number not in there]
-    assert missing == []
+    found = []
+    for name, anchor, cell in rows:
+        found += misplaced(name, anchor, cell, passages(below[anchor]))
+    assert found == []
+    assert set(PLACES) <= {name for name, _, _ in rows}
+
+
+def test_a_figure_that_stands_elsewhere_in_the_section_only_is_found() -> None:
+    """Expected: each figure of the table by itself once it is another's, though that stands in the same section."""
+    below = sections(text_of(RESULTS))
+    for name, anchor, cell in _ROW.findall(below["at-a-glance"]):
+        lines, others = passages(below[anchor]), sorted(set(_NUMBER.findall(below[anchor])))
+        for number in _NUMBER.finditer(re.sub(r"\]\([^)]*\)", lambda m: "_" * len(m[0]), cell)):
+            if number[0] not in DERIVED.get(name, {}):
+                other = next(o for o in others if not same(o, number[0]))
+                changed = cell[: number.start()] + other + cell[number.end() :]
+                assert misplaced(name, anchor, changed, lines), f"{name}: {number[0]} may be {other}"
 
 
 _FIGURES = ROOT / "recordings" / "landing-1.figures.json"

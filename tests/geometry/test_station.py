@@ -239,3 +239,28 @@ def test_the_nose_of_the_bundled_landing(landing_1) -> None:
         assert np.abs(error.mean(axis=0)).max() < 0.15
         # two readings of 0.01° noise, interpolated: 0.0075° is 0.87 px
         assert error.std(axis=0) == pytest.approx(0.87, abs=0.15)
+
+
+def test_the_image_ends_half_a_pixel_outside_its_outermost_pixel_centres(rng: np.random.Generator) -> None:
+    geometry = station(rng)
+    for corner in ((-0.5, -0.5), (1279.5, -0.5), (-0.5, 959.5), (1279.5, 959.5)):
+        assert geometry.contains(np.array(corner))
+    for outside in ((-0.5001, 3.0), (1279.5001, 3.0), (3.0, -0.5001), (3.0, 959.5001)):
+        assert not geometry.contains(np.array(outside))
+    assert geometry.contains(np.array([9.5, 9.5]), margin_px=10.0)
+    assert not geometry.contains(np.array([9.5, 9.4999]), margin_px=10.0)
+    assert not geometry.contains(np.array([9.4999, 9.5]), margin_px=10.0)
+
+
+@pytest.mark.parametrize("lean_rad", [0.0, 0.01, -0.02])
+def test_the_lean_is_the_one_given(lean_rad: float) -> None:
+    geometry = StationGeometry(
+        name="s",
+        ptu_position_m=np.zeros(3),
+        runway_from_base_wxyz=np.array([1.0, 0, 0, 0]),
+        head_from_camera_wxyz=IDEAL_CAMERA,
+        camera_in_head_m=np.zeros(3),
+        lens=LENS,
+        lean_rad=lean_rad,
+    )
+    assert geometry.lean_rad == pytest.approx(lean_rad, abs=1e-15)

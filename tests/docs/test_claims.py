@@ -1,0 +1,53 @@
+"""What the README and the results claim of the covariance: the figures that are kept, and never one test alone."""
+
+import json
+import re
+
+import pytest
+
+from tests.docs.pages import ROOT, text_of
+
+KEPT = json.loads((ROOT / "recordings" / "landing-1.figures.json").read_text())
+README = text_of(ROOT / "README.md")
+RESULTS = text_of(ROOT / "docs" / "results.md")
+
+
+def tables_and_paragraphs(text: str) -> list[str]:
+    return [part for part in re.split(r"\n\s*\n", text) if part.strip()]
+
+
+def test_the_readme_states_the_kept_anees_and_nis() -> None:
+    (anees,) = re.findall(r"on the bundled landing ANEES is ([\d.]+)", README)
+    (nis,) = re.findall(r"but NIS ([\d.]+) \(95 % band", README)
+    assert float(anees) == pytest.approx(KEPT["truth.all.ekf.anees"], abs=0.005 + 1e-9)
+    assert float(nis) == pytest.approx(KEPT["nis.all.mean"], abs=0.005 + 1e-9)
+
+
+def test_the_readme_s_landing_is_the_kept_one() -> None:
+    (row,) = re.findall(r"^\| landing, y 400–518 m \| ([^|]+) \| ([^|]+) \|$", README, re.MULTILINE)
+    for method, cell in zip(("ekf", "triangulation"), row, strict=True):
+        for axis, figure in zip("xyz", cell.split("/"), strict=True):
+            kept = KEPT[f"truth.y400-700.common.{method}.rmse_{axis}_m"]
+            assert float(figure) == pytest.approx(kept, abs=0.0005 + 1e-5)
+
+
+@pytest.mark.parametrize("text", [README, RESULTS[: RESULTS.index("## At a glance")]], ids=["README", "results"])
+def test_nis_stands_wherever_anees_does(text: str) -> None:
+    praised = [part for part in tables_and_paragraphs(text) if "ANEES" in part]
+    assert len(praised) >= 2
+    assert [part for part in praised if "NIS" not in part] == []
+
+
+def test_results_say_what_was_developed_on_what() -> None:
+    """Expected: the recordings of development are named as such, next to figures of recordings that were not."""
+    head = RESULTS[: RESULTS.index("## At a glance")]
+    (told,) = [part for part in tables_and_paragraphs(head) if part.startswith("**What was tuned on what.**")]
+    for name in ("landing-1", "takeoff-1", "clips", "landing-clutter"):
+        assert name in head
+    assert "chosen while looking at `landing-1`, `takeoff-1`" in told.replace("\n", " ")
+    for text in [
+        README,
+        RESULTS,
+        *(p.read_text() for p in (ROOT / "tests").rglob("*.py") if p.name != "test_claims.py"),
+    ]:
+        assert not re.search(r"nothing (?:was )?tuned (?:to|on) (?:them|landing-1|takeoff-1)\b", text)
