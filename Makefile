@@ -5,13 +5,16 @@ BIN := $(VENV)/bin
 OUT ?= out/landing-1
 KERNELS := $(shell grep -rl --include=*.py njit groundstation calibration)
 
-.PHONY: demo test docs lint kernels kernels-aboard fuzz peers cameras figures study clean
+.PHONY: demo test docs lint kernels kernels-aboard fuzz mutants peers cameras figures study constraints clean
 
-$(VENV)/installed: pyproject.toml
+# the versions that the tests ran with, for every install below
+PIP_INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+$(VENV)/installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
 	@$(PYTHON) -c 'import venv, ensurepip' || { echo "On Debian and Ubuntu: apt install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,docs,logs,ptu]'
+	$(BIN)/python $(PIP_INSTALL) --editable '.[dev,docs,logs]'
 	@touch $@
 
 # numba looks whether a kernel's own file has changed, not those of the kernels that are compiled into it
@@ -45,10 +48,18 @@ kernels: $(VENV)/installed
 kernels-aboard: $(VENV)/installed
 	$(BIN)/python -m tests.compile_kernels aboard >/dev/null
 
-## fuzz: the property tests once more, on examples that no run has seen
+## fuzz: the property tests on examples that no run has seen; then mutated files through every reader and mutated
+## recordings through the commands, which goes on from where an earlier run was interrupted (out/fuzz)
 fuzz: $(VENV)/installed
 	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=new
 	$(BIN)/python benchmarks/ptu_fuzz.py
+	$(BIN)/python benchmarks/recording_fuzz.py
+	$(BIN)/python benchmarks/reader_fuzz.py
+
+## mutants: faults put in one by one, do the tests find them? goes on where it was stopped; WORKERS processes at a time
+WORKERS ?= 2
+mutants: $(VENV)/installed $(VENV)/kernels
+	$(BIN)/python benchmarks/mutation_score.py run --workers $(WORKERS)
 
 ## peers: programs of others that the tests set ours against, in a venv of their own
 peers: .venv-peers/installed
@@ -60,7 +71,7 @@ peers: .venv-peers/installed
 
 ## cameras: what GenICam and GigE Vision cameras need, for their tests (docs/cameras.md)
 cameras: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[genicam,gige]'
+	$(BIN)/python $(PIP_INSTALL) --editable '.[genicam,gige]'
 
 ## figures: commit to new figures of the bundled landing (say why in the changelog)
 figures: $(VENV)/installed
@@ -68,7 +79,14 @@ figures: $(VENV)/installed
 
 ## study: the slow measurements whose figures stand in docs/results.md
 study: $(VENV)/installed
-	for study in $(filter-out benchmarks/change_indicator.py benchmarks/flightgear_approach.py,$(wildcard benchmarks/*.py)); do echo "== $$study"; $(BIN)/python $$study || exit 1; done
+	for study in $(filter-out benchmarks/change_indicator.py benchmarks/flightgear_approach.py benchmarks/mutation_score.py benchmarks/reader_fuzz.py benchmarks/recording_fuzz.py,$(wildcard benchmarks/*.py)); do echo "== $$study"; $(BIN)/python $$study || exit 1; done
+
+## constraints: the newest versions that pyproject.toml admits become those that the tests run with
+constraints:
+	rm -rf build/newest && $(PYTHON) -m venv build/newest
+	build/newest/bin/python -m pip install --quiet --disable-pip-version-check '.[dev,docs,logs,genicam,gige]'
+	{ sed '/^#/!Q' constraints.txt; build/newest/bin/python -m pip freeze --exclude groundstation; } >build/constraints.txt
+	mv build/constraints.txt constraints.txt
 
 clean:
 	rm -rf $(VENV) .venv-peers out build *.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -12,6 +12,7 @@ from calibration.check import Check
 from calibration.landmark_problem import AXES
 from calibration.sightings import Sighting
 from groundstation.errors import InputError
+from groundstation.overwriting import Output, refuse_overwriting
 
 # a rig turned further than this from what its table saw stands elsewhere by now
 _OTHER_SET_UP_RAD = float(np.radians(0.1))
@@ -36,6 +37,11 @@ class Reference:
 def reference_path(rig: Path) -> Path:
     """Return where the sightings of a rig's own survey stand: rig.toml has rig.sightings.csv beside it."""
     return rig.with_suffix(".sightings.csv")
+
+
+def refuse_keeping_onto(rig: Path, read: Sequence[Path | None]) -> None:
+    """Raise `InputError` where the table that is kept beside a rig to write would replace one that is read."""
+    refuse_overwriting(read, [Output(path=reference_path(rig))])
 
 
 def keep_reference(sightings: Path, rig: Path) -> Path:

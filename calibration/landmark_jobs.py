@@ -12,6 +12,7 @@ from calibration.check_reference import (
     keep_reference,
     other_set_up,
     reference_path,
+    refuse_keeping_onto,
     require_seen_anew,
 )
 from calibration.check_report import format_check, write_check_report
@@ -48,6 +49,8 @@ def run_survey(request: SurveyRequest) -> SurveyDone:
     """Survey, and write the rig; raises `GroundstationError`, one line, and writes nothing where that cannot be."""
     words = survey_words(request.free)
     _require_toml(request.out)
+    # the sightings themselves may stand there already
+    refuse_keeping_onto(request.out, (request.landmarks, request.rig))
     rig = load_rig(request.rig)
     sightings, landmarks = read_sightings(request.sightings), read_landmarks(request.landmarks)
     survey = solve_survey(rig, sightings, landmarks, words, request.sightings)
@@ -113,6 +116,7 @@ def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
     try:
         if request.out is not None:
             _require_toml(request.out)
+            refuse_keeping_onto(request.out, (request.sightings, request.landmarks, request.rig, request.reference))
         if not 0.0 < request.alarm_deg <= 10.0:
             raise InputError("--alarm-deg", got=f"{request.alarm_deg:g}", wanted="a number above 0 to 10")
         sightings = read_sightings(request.sightings)

@@ -19,6 +19,7 @@ from groundstation.text_file import absence
 from groundstation.toml_table import Table, load_toml, quoted
 
 _MOST_BYTES = 4_000_000
+_STATION = re.compile(r"^[ \t]*\[\[[ \t]*station[ \t]*\]\]", re.MULTILINE)
 _TOML_KEYS = frozenset({"image_size_px", "focal_px", "principal_point_px", "distortion", "covariance"})
 _OPENCV_MATRIX = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "M1")
 _OPENCV_DISTORTION = ("distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "D", "D1")
@@ -53,7 +54,9 @@ def require_no_rig(path: Path) -> None:
     """Raise `IntrinsicsError` where a rig file stands at ``path``: a lens written there would be all that is left."""
     if path.suffix.lower() != ".toml" or not path.is_file():
         return
-    if re.search(r"^\s*\[\[\s*station\s*\]\]", path.read_text(encoding="utf-8", errors="replace"), re.MULTILINE):
+    if re.search(
+        r"^[ \t]*\[\[[ \t]*station[ \t]*\]\]", path.read_text(encoding="utf-8", errors="replace"), re.MULTILINE
+    ):
         wanted = "another name for the lens alone (calibrate intrinsics --rig RIG --station NAME writes a whole rig)"
         raise IntrinsicsError(str(path), got="a rig file with [[station]], which would be lost", wanted=wanted)
 

@@ -8,6 +8,7 @@ from calibration.lens_advice import RANGES_M, across_m, advise, along_m, middle_
 from calibration.lens_model import PARAMETERS
 from calibration.lens_pictures import LensPicture, lens_pictures
 from calibration.report_page import report_figure, report_list, report_page
+from groundstation.output_names import below
 
 
 def write_lens_report(folder: Path, found: Intrinsics, name: str) -> list[Path]:
@@ -17,7 +18,7 @@ def write_lens_report(folder: Path, found: Intrinsics, name: str) -> list[Path]:
     written = [folder / "report.html"]
     written[0].write_text(lens_report(found, pictures, name), encoding="utf-8")
     for picture in pictures:
-        written.append(folder / f"{picture.name}.png")
+        written.append(below(folder, f"{picture.name}.png"))
         written[-1].write_bytes(picture.png)
     return written
 

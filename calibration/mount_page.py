@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from calibration.mount_report import format_mount, verdict
 from calibration.mount_session import StationMount
 from calibration.report_page import report_figure, report_list, report_page
+from groundstation.output_names import below
 
 _BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
 _TITLES = {
@@ -36,7 +37,7 @@ def write_mount_page(folder: Path, found: Sequence[StationMount]) -> list[Path]:
         parts.append(report_list(verdict(one)[1:]))
         parts.append("<div class='pictures'>")
         for kind, png in _pictures(one).items():
-            written.append(folder / f"{name}-{kind}.png")
+            written.append(below(folder, f"{name}-{kind}.png"))
             written[-1].write_bytes(png)
             parts.append(report_figure(_TITLES[kind], _CAPTIONS[kind], png))
         parts.append(f"</div><div class='wide'><pre>{escape(format_mount(one))}</pre></div>")

@@ -1,5 +1,6 @@
 """The pictures that the user names: files, a folder, a video; read one at a time."""
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 
 from calibration.errors import IntrinsicsError
 from groundstation.arrays import ImageArray
+from groundstation.image_header import MAX_PICTURE_PX, coded_size_px, is_decodable
 
 _PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
 _VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm"})
@@ -63,8 +65,16 @@ def _all(sources: Sequence[Path]) -> Iterator[GreyPicture]:
 
 
 def _picture(path: Path) -> GreyPicture:
-    data = np.fromfile(path, dtype=np.uint8)
-    grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
+    data = path.read_bytes()
+    size = coded_size_px(data)
+    if size is not None and size[0] * size[1] > MAX_PICTURE_PX:
+        wanted = f"at most {MAX_PICTURE_PX // 10**6} million pixels"
+        raise IntrinsicsError(str(path), got=f"a picture of {size[0]}x{size[1]} px", wanted=wanted)
+    grey = None
+    if is_decodable(data):
+        with contextlib.suppress(cv2.error):
+            flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+            grey = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     if grey is None:
         raise IntrinsicsError(str(path), got="nothing that can be decoded", wanted="a picture")
     return GreyPicture(name=path.name, grey=np.asarray(grey, dtype=np.uint8))

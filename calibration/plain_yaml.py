@@ -12,8 +12,8 @@ from calibration.errors import IntrinsicsError
 from groundstation.toml_table import quoted
 
 _DEEPEST = 20
-_KEY = re.compile(r"""^(?P<key>"[^"]*"|'[^']*'|[^\s:#\[\]{},"'&*!|>%@`-][^:#]*?)\s*:(?:\s+(?P<rest>.*))?$""")
-_NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
+_KEY = re.compile(r"""^(?P<key>"[^"]*"|'[^']*'|[^\s:#\[\]{},"'&*!|>%@`-][^:#]*+)\s*+:(?:\s++(?P<rest>.*))?$""")
+_NUMBER = re.compile(r"^[+-]?(\d++(?:\.\d*+)?|\.\d++)([eE][+-]?\d+)?$")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,19 +49,26 @@ def _fault(where: str, line: _Line) -> IntrinsicsError:
 
 def _lines(text: str, where: str) -> list[_Line]:
     lines: list[_Line] = []
+    # of a list in brackets that is still open: its lines so far, and how many brackets are
+    open_list: list[str] = []
+    unclosed = 0
     for number, raw in enumerate(text.split("\n"), start=1):
         bare = _without_comment(raw).rstrip()
         if not bare.strip() or bare.startswith(("%", "---", "...")):
             continue
         content = bare.lstrip(" ")
-        if lines and lines[-1].text.count("[") > lines[-1].text.count("]"):
-            last = lines[-1]
-            lines[-1] = _Line(number=last.number, indent=last.indent, text=f"{last.text} {content.strip()}")
-        else:
+        if not open_list:
             lines.append(_Line(number=number, indent=len(bare) - len(content), text=content))
-    for line in lines:
-        if line.text.count("[") != line.text.count("]"):
-            raise _fault(where, line)
+        open_list.append(content.strip() if open_list else content)
+        unclosed += content.count("[") - content.count("]")
+        if unclosed <= 0:
+            first = lines.pop()
+            lines.append(_Line(number=first.number, indent=first.indent, text=" ".join(open_list)))
+            if unclosed < 0:
+                raise _fault(where, lines[-1])
+            open_list = []
+    if open_list:
+        raise _fault(where, lines[-1])
     return lines
 
 
@@ -90,7 +97,7 @@ def _block(lines: list[_Line], start: int, where: str, depth: int) -> tuple[Any,
         match = _KEY.match(lines[i].text)
         if match is None:
             raise _fault(where, lines[i])
-        key = match["key"].strip("\"'")
+        key = match["key"].rstrip().strip("\"'")
         if key in keys:
             raise IntrinsicsError(
                 f"{where}, line {lines[i].number}", got=f"{quoted(key)} twice", wanted="each key once"
@@ -120,7 +127,8 @@ def _items(lines: list[_Line], start: int, where: str, depth: int) -> tuple[list
             # the item is a block of its own, which begins behind the dash
             inner = lines[i].text[1:]
             shifted = _Line(number=lines[i].number, indent=indent + 1 + len(inner) - len(inner.lstrip()), text=rest)
-            item, i = _block([*lines[:i], shifted, *lines[i + 1 :]], i, where, depth + 1)
+            lines[i] = shifted
+            item, i = _block(lines, i, where, depth + 1)
         elif rest:
             item, i = _value(rest, where, lines[i]), i + 1
         elif i + 1 < len(lines) and lines[i + 1].indent > indent:

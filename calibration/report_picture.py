@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from groundstation.output_names import below
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportPicture:
@@ -21,6 +23,6 @@ def write_page(folder: Path, text: str, pictures: Sequence[ReportPicture]) -> li
     written = [folder / "report.html"]
     written[0].write_text(text, encoding="utf-8")
     for picture in pictures:
-        written.append(folder / f"{picture.name}.png")
+        written.append(below(folder, f"{picture.name}.png"))
         written[-1].write_bytes(picture.png)
     return written

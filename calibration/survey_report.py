@@ -13,6 +13,7 @@ from calibration.survey import Survey, kept_landmarks, looks_of
 from calibration.survey_advice import TABLE_HEAD, SurveyAdvice, advise_survey
 from calibration.survey_pictures import survey_pictures
 from groundstation.errors import InputError
+from groundstation.output_names import below
 
 _MOST_REJECTED = 12
 
@@ -126,7 +127,7 @@ def write_survey_report(folder: Path, survey: Survey, name: str) -> list[Path]:
         written = [folder / "report.html"]
         written[0].write_text(page, encoding="utf-8")
         for picture in pictures:
-            written.append(folder / f"{picture.name}.png")
+            written.append(below(folder, f"{picture.name}.png"))
             written[-1].write_bytes(picture.png)
     except OSError as error:
         raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
