@@ -162,7 +162,7 @@ def run_live(options: argparse.Namespace) -> int:
             watch.told()
             block.show(status)
 
-        result = live(request, stop, tell, lambda text: say(f"{text} …", sys.stderr), give_up=_end_by_force)
+        result = live(request, stop, tell, lambda text: say(f"{text} …", sys.stderr), give_up=end_by_force)
         say(_words(result), sys.stdout)
     if result.lost:
         say("groundstation: nothing could be recorded", sys.stderr)
@@ -171,7 +171,7 @@ def run_live(options: argparse.Namespace) -> int:
     return 1 if result.lost or result.losses else 0
 
 
-def _end_by_force(line: str) -> None:
+def end_by_force(line: str) -> None:
     """End this process at once: its end hangs in a thread that nothing can be done about."""
     say(f"groundstation: {line}", sys.stderr)
     os._exit(1)

@@ -4,11 +4,13 @@ Nothing is probed, homed or set. The halt goes out before anything is asked: whe
 still stops. Then the unit is asked in its own protocol, so that the caller knows whether it was heard.
 """
 
+import socket
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
+from urllib.parse import urlsplit
 
 from ptu_drivers.alpaca import AlpacaOptions
 from ptu_drivers.alpaca_line import AlpacaTelescope
@@ -28,6 +30,8 @@ from ptu_drivers.transport import SerialTransport
 
 # an answer is waited for so long; a unit answers within 10 ms, a loaded network within 100
 _REPLY_S = 0.15
+# a connection to a unit's network line is waited for so long in one try
+_OPEN_S = 0.5
 # a D-series unit drops what comes faster than ten commands a second
 _PACE_S = 0.11
 
@@ -46,6 +50,24 @@ class HaltLine:
     protocol: str = "flir"
     options: Mapping[str, Any] = field(default_factory=dict)
     baud: int = 0
+
+
+def with_address(line: HaltLine) -> HaltLine:
+    """Return the same line by its host's number, so that a halt waits for no name server; as it is where none is known.
+
+    Asks the system's resolver, which may take seconds: to be called when the line is set up.
+    """
+    parts = urlsplit(line.url)
+    try:
+        host, port = parts.hostname, parts.port
+        if not parts.netloc or not host:
+            return line
+        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    except (OSError, ValueError):
+        return line
+    number = f"[{address[0]}]" if family == socket.AF_INET6 else str(address[0])
+    netloc = number if port is None else f"{number}:{port}"
+    return replace(line, url=parts._replace(netloc=netloc).geturl())
 
 
 def halt_once(line: HaltLine, attempt: int = 0, clock: Callable[[], float] = time.monotonic) -> None:
@@ -71,9 +93,15 @@ def halt_once(line: HaltLine, attempt: int = 0, clock: Callable[[], float] = tim
         raise NoAnswerError("halt", waited_s=clock() - began_s, got=str(fault)) from fault
 
 
+def _opened(line: HaltLine, baud: int, clock: Callable[[], float]) -> SerialTransport:
+    return SerialTransport(line.url, baud, clock, exclusive=False, open_within_s=_OPEN_S)
+
+
 def _halt_flir(line: HaltLine, attempt: int, clock: Callable[[], float]) -> None:
     bauds = tuple(dict.fromkeys((line.baud or BAUDS[0], BAUDS[0])))
-    transport = SerialTransport(line.url, bauds[attempt // 2 % len(bauds)], clock, exclusive=False)
+    transport = SerialTransport(
+        line.url, bauds[attempt // 2 % len(bauds)], clock, exclusive=False, open_within_s=_OPEN_S
+    )
     try:
         # twice: half a command of the driver that died may stand before the first and spoil it
         _heard(transport, "H", clock() + _PACE_S)
@@ -118,7 +146,7 @@ def _acknowledged(line: FlirLine, command: str) -> None:
 def _halt_pelco(framing: PelcoFraming) -> Callable[[HaltLine, int, Callable[[], float]], None]:
     def halt(line: HaltLine, _attempt: int, clock: Callable[[], float]) -> None:
         options = made_of(PelcoOptions, "Pelco", line.options)
-        transport = SerialTransport(line.url, line.baud or options.baud, clock, exclusive=False)
+        transport = _opened(line, line.baud or options.baud, clock)
         exchange = PelcoExchange(
             line=transport, address=options.address, framing=framing, reply_timeout_s=_REPLY_S, late_s=options.late_s
         )
@@ -146,7 +174,7 @@ def _halt_dynamixel(line: HaltLine, _attempt: int, clock: Callable[[], float]) -
     from ptu_drivers.dynamixel_table import OperatingMode
 
     options = made_of(DynamixelOptions, "Dynamixel", line.options)
-    transport = SerialTransport(line.url, line.baud or options.baud, clock, exclusive=False)
+    transport = _opened(line, line.baud or options.baud, clock)
     try:
         bus = DynamixelBus(transport, _REPLY_S)
         failed: Doubtful | None = None

@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from ptu_drivers.errors import PtuError
-from ptu_drivers.halt_only import HaltLine, halt_once
+from ptu_drivers.halt_only import HaltLine, halt_once, with_address
 
 # A lease's length, and how long a process may be silent before nothing relies on it. A unit then stands within 1 s,
 # half a second of braking included; renewals come every 0.05 s, so that a busy machine has seven chances.
@@ -89,6 +89,7 @@ class HaltingThread:
     Parameters
     ----------
     report : takes what came of it. attempt : one try, as `halt_once`; raises PtuError.
+    find : looks up the line's address, once, before anything is asked.
     """
 
     def __init__(
@@ -98,9 +99,11 @@ class HaltingThread:
         report: Callable[[GuardReport], None],
         *,
         attempt: Callable[[HaltLine, int], None] = halt_once,
+        find: Callable[[HaltLine], HaltLine] = with_address,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._name, self._line, self._report, self._attempt, self._clock = name, line, report, attempt, clock
+        self._find = find
         self._asked = threading.Event()
         self._halting = False
         self._thread = threading.Thread(target=self._work, name=f"halt-{name}", daemon=True)
@@ -116,6 +119,7 @@ class HaltingThread:
         return self._asked.is_set() or self._halting
 
     def _work(self) -> None:
+        self._line = self._find(self._line)
         while True:
             self._asked.wait()
             self._halting = True

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
@@ -84,10 +85,17 @@ class SerialTransport:
     baud : speed, bit/s, 8N1; of no effect on a socket or a pty.
     clock : monotonic, s.
     exclusive : a serial device that another program has is refused; False only to halt what that one has left turning.
+    open_within_s : a connection that takes longer is given up, s; None waits as long as pyserial and the system do.
     """
 
     def __init__(
-        self, url: str, baud: int, clock: Callable[[], float] = time.monotonic, *, exclusive: bool = True
+        self,
+        url: str,
+        baud: int,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        exclusive: bool = True,
+        open_within_s: float | None = None,
     ) -> None:
         _insist_on_address(url)
         self.url = url
@@ -101,7 +109,7 @@ class SerialTransport:
         self._opened_port: Any = None
         self._fault: BaseException | None = None
         self._fileno = -1
-        self._take(self._open())
+        self._take(self._open() if open_within_s is None else self._open_within(open_within_s))
 
     def now(self) -> float:
         """Return the clock, s."""
@@ -134,17 +142,21 @@ class SerialTransport:
                 port.baudrate = baud
                 return True
             # the far end must agree, for which pyserial waits for seconds
-            setting = threading.Thread(target=_set_baud, args=(port, baud), name="ptu-baud", daemon=True)
-            setting.start()
-            setting.join(_AGREED_S)
-        if setting.is_alive():
+            agreed = _within(_AGREED_S, partial(_set_baud, port, baud))
+        if not agreed:
             raise LineError(self.url, got=f"no agreement to {baud} bit/s in {_AGREED_S} s", wanted="a port that agrees")
         return True
 
     def write(self, data: bytes) -> float:
         """Send all bytes."""
         with _line_errors(self.url):
-            self._opened().write(data)
+            port = self._opened()
+            if not self._is_rfc2217:
+                port.write(data)
+            elif not _within(_WRITE_S, partial(port.write, data)):
+                # a network that takes nothing more: what waits may still arrive, on a connection that is given up
+                self._port = None
+                raise OSError(f"no bytes taken for {_WRITE_S} s")
         return self._clock()
 
     def read(self, until_s: float) -> Chunk:
@@ -222,6 +234,21 @@ class SerialTransport:
                 wanted = f"a line that is there: /dev/..., socket://HOST:PORT, rfc2217://HOST:PORT, {self._baud} bit/s"
                 raise LineError(self.url, got=str(wrong), wanted=wanted) from wrong
 
+    def _open_within(self, seconds: float) -> Any:
+        """Open, or give up; a connection that comes about later is closed again."""
+        opened: list[Any] = []
+        given_up = threading.Event()
+
+        def open_and_hand_over() -> None:
+            opened.append(self._open())
+            if given_up.is_set():
+                _close(opened[0])
+
+        if not _within(seconds, open_and_hand_over):
+            given_up.set()
+            raise LineError(self.url, got=f"no connection in {seconds:g} s", wanted="a line that is there")
+        return opened[0]
+
     def close(self) -> None:
         """Close; a line that is gone is closed already."""
         port, self._port = self._port, None
@@ -251,6 +278,26 @@ def _close(port: Any) -> None:
         # pyserial stumbles in several ways over a port that was pulled out; there is nothing left to close
         with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
             port.close()
+
+
+def _within(seconds: float, call: Callable[[], object]) -> bool:
+    """Call it in a thread; return whether it returned in time, and raise what it raised."""
+    raised: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            call()
+        except BaseException as fault:  # noqa: BLE001 - raised again where it is waited for
+            raised.append(fault)
+
+    thread = threading.Thread(target=run, name="ptu-line", daemon=True)
+    thread.start()
+    thread.join(seconds)
+    if thread.is_alive():
+        return False
+    for fault in raised:
+        raise fault
+    return True
 
 
 def _set_baud(port: Any, baud: int) -> None:

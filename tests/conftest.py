@@ -71,6 +71,15 @@ def landing_1() -> Path:
     return ROOT / "recordings" / "landing-1"
 
 
+@pytest.fixture(autouse=True)
+def not_ended_by_force(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A station that runs in the tests' own process may end late on a busy machine, and must not end the tests with it.
+
+    Its bound is tested on programs of their own (`tests/live/test_ending_bound.py`).
+    """
+    monkeypatch.setattr("groundstation.cli_live.end_by_force", print)
+
+
 @pytest.fixture
 def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     """A generator seeded by the test's own name: the same draw in each run, another in each test."""

@@ -138,6 +138,8 @@ def _live(
         ending = Ending(stop, file.park_s, give_up=give_up)
         # after everything else, however it ends
         opened.callback(ending.done)
+        # the bound holds from here on: compiling and opening can hang as operating can
+        ending.watch()
         simulated = lent or (_range(request, file, flight, out, opened, say) if request.simulate else None)
         start_s = time.monotonic()
         # they are opened while this process compiles
@@ -184,7 +186,6 @@ def _live(
             begin_s = simulated.begin(begin_s)
         begun()
         end_s = math.inf if request.seconds is None else begin_s + request.seconds
-        ending.watch()
         result = operation.run(
             cameras, heads, lambda: ending.asked() or time.monotonic() >= end_s, reference.worker, ending
         )

@@ -96,8 +96,9 @@ class Ending:
     def _watch(self) -> None:
         while not self._done.wait(_LOOK_S):
             if self.overdue() and self._give_up is not None:
+                recorded = ", groundstation recover makes the recording whole" if self._newest > 0 else ""
                 self._give_up(
-                    f"did not end within {self.bound_s:g} s and is ended by force; the heads' processes halt them now, "
-                    "groundstation recover makes the recording whole"
+                    f"did not end within {self.bound_s:g} s and is ended by force; the heads' processes halt them now"
+                    + recorded
                 )
                 return

@@ -4,9 +4,11 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -56,6 +58,28 @@ def test_what_is_not_wanted_any_more_is_not_opened(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         live(request, lambda: True, lambda status: None, said.append)
     assert said == []
+
+
+def test_what_hangs_before_operation_is_given_up_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Expected: while something compiles or opens that does not return, the bound of the end holds as in operation."""
+    asked, given_up, said = threading.Event(), threading.Event(), list[str]()
+
+    def hangs() -> None:
+        asked.set()
+        assert given_up.wait(60.0)
+
+    def give_up(line: str) -> None:
+        said.append(line)
+        given_up.set()
+
+    monkeypatch.setattr("groundstation.live.command.warm_up", hangs)
+    monkeypatch.setattr("groundstation.live.command._range", lambda *_: None)
+    monkeypatch.setattr("groundstation.live.command.Heads", lambda *_: MagicMock())
+    request = LiveRequest(station=None, out=tmp_path / "out", simulate=True, record=False)
+    with pytest.raises(KeyboardInterrupt):
+        live(request, asked.is_set, lambda status: None, lambda line: None, give_up=give_up)
+    # nothing is recorded yet, and nothing is said of it
+    assert said == ["did not end within 3 s and is ended by force; the heads' processes halt them now"]
 
 
 @pytest.fixture

@@ -1,9 +1,11 @@
 """Leases that run out, halts that are tried until they are acknowledged, and a guard that outlives who asked for it."""
 
 import multiprocessing as mp
+import queue
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -106,6 +108,21 @@ def test_a_halt_that_nobody_acknowledges_is_reported_as_that(fault: Exception) -
     assert not reports[0].acknowledged
     assert str(fault) in reports[0].why
     assert reports[0].ended_s == HALTING_S
+
+
+def test_the_lines_address_is_looked_up_once_and_before_it_is_needed() -> None:
+    found, tried = threading.Event(), queue.Queue[str]()
+
+    def find(line: HaltLine) -> HaltLine:
+        assert not found.is_set()
+        found.set()
+        return replace(line, url="socket://192.0.2.7:4000")
+
+    thread = HaltingThread("left", LINE, lambda report: None, attempt=lambda line, k: tried.put(line.url), find=find)
+    assert found.wait(10.0)
+    for _ in range(2):
+        thread.request()
+        assert tried.get(timeout=10.0) == "socket://192.0.2.7:4000"
 
 
 def test_a_request_during_a_halt_is_another_halt() -> None:
