@@ -68,6 +68,8 @@ MOVERS = ("ptus", "ptu-guard", "pipeline")
 A_RUN = 8
 LOOKED_S = 2.5
 BACK_S = 60.0
+# statuses are told twice a second
+STATUS_S = 0.75
 
 
 # ------------------------------------------------------------------------------------ the units, apart from it all
@@ -274,6 +276,11 @@ class Run:
                 return float(t)
         return math.inf
 
+    def told_since(self, from_s: float) -> bool:
+        """Return whether a status was told from an instant on."""
+        told = self.told()
+        return bool(told) and told[-1][0] >= from_s
+
     def pids(self) -> dict[str, int]:
         """Return the station's processes by name."""
         found = {"pipeline": self.process.pid}
@@ -381,17 +388,28 @@ def ending(run: Run, units: Units, who: str, deed: str) -> Moment:
         ended_s, code = run.wait(began_s)
         # nobody asked a killed one to end
         ended_s = math.nan if deed == "KILL" else ended_s
+    asked_s = time.monotonic() - (0.0 if math.isnan(ended_s) else ended_s)
     time.sleep(1.5)
     now_s = time.monotonic()
-    # SIGTERM asks the pipeline to end as Ctrl-C does: heads are parked, and stand when they are
-    parks = who == "pipeline" and deed == "TERM"
+    # SIGTERM asks the pipeline to end as Ctrl-C does: heads are parked, and stand when they are; so it is after Ctrl-C
+    # where a process had all the memory that it needed until then
+    well = run.told_since(asked_s - STATUS_S) and run.unready(began_s) > asked_s
+    parks = (who == "pipeline" and deed == "TERM") or (deed == "memory" and well)
     stood = math.nan if parks else max(units.stood(began_s, now_s).values()) - began_s
     still = max(units.turned(now_s - 0.4, now_s).values())
     # the session's clock at the moment, from the last status before it
     moment_s = newest[1] + began_s - newest[0]
     lost = max(moment_s - recorded_until(run.run / "live" / "flight.mcap"), 0.0)
     return Moment(
-        who, deed, stood_s=stood, status_s=status, turned_again_s=still, ended_s=ended_s, lost_s=lost, code=code
+        who,
+        deed,
+        stood_s=stood,
+        status_s=status,
+        turned_again_s=still,
+        ended_s=ended_s,
+        lost_s=lost,
+        code=code,
+        note=" ".join(run.said().split())[-300:] if deed == "memory" else "",
     )
 
 

@@ -85,7 +85,7 @@ class SerialTransport:
     baud : speed, bit/s, 8N1; of no effect on a socket or a pty.
     clock : monotonic, s.
     exclusive : a serial device that another program has is refused; False only to halt what that one has left turning.
-    open_within_s : a connection that takes longer is given up, s; None waits as long as pyserial and the system do.
+    open_within_s : a network connection that takes longer is given up, s; None waits as long as the system does.
     """
 
     def __init__(
@@ -109,7 +109,8 @@ class SerialTransport:
         self._opened_port: Any = None
         self._fault: BaseException | None = None
         self._fileno = -1
-        self._take(self._open() if open_within_s is None else self._open_within(open_within_s))
+        # a device of this machine opens at once, and needs no thread, for which there may be no memory
+        self._take(self._open() if open_within_s is None or "://" not in url else self._open_within(open_within_s))
 
     def now(self) -> float:
         """Return the clock, s."""
@@ -281,7 +282,10 @@ def _close(port: Any) -> None:
 
 
 def _within(seconds: float, call: Callable[[], object]) -> bool:
-    """Call it in a thread; return whether it returned in time, and raise what it raised."""
+    """Call it in a thread; return whether it returned in time, and raise what it raised.
+
+    Where no thread can be started, which takes memory, it is called here, as long as it takes.
+    """
     raised: list[BaseException] = []
 
     def run() -> None:
@@ -291,7 +295,11 @@ def _within(seconds: float, call: Callable[[], object]) -> bool:
             raised.append(fault)
 
     thread = threading.Thread(target=run, name="ptu-line", daemon=True)
-    thread.start()
+    try:
+        thread.start()
+    except RuntimeError:
+        call()
+        return True
     thread.join(seconds)
     if thread.is_alive():
         return False

@@ -49,6 +49,20 @@ def test_a_connection_that_hangs_is_given_up_and_closed_when_it_comes_late(
     assert port.closed.wait(10.0)
 
 
+@pytest.mark.parametrize("url", ["/dev/ttyUSB0", "socket://127.0.0.1:4000"])
+def test_without_memory_for_a_thread_it_is_opened_all_the_same(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: a motion guard that is short of memory still halts (found by `benchmarks/live_kill.py`)."""
+    opened = HangingPort()
+
+    def no_thread(self: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("serial.serial_for_url", lambda *_, **__: opened)
+    monkeypatch.setattr(threading.Thread, "start", no_thread)
+    SerialTransport(url, 9600, open_within_s=0.1).close()
+    assert opened.closed.is_set()
+
+
 def test_an_error_while_it_connects_is_the_lines_own(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: object, **__: object) -> HangingPort:
         raise ConnectionRefusedError("nothing listens")
