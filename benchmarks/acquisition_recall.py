@@ -22,7 +22,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.acquisition import AcquisitionConfig, Candidate, CandidateFinder
-from groundstation.rig import load_rig
+from groundstation.rig.rig import load_rig
 
 Box = tuple[float, float, float, float]
 RANKS = (1, 3, 12)

@@ -31,9 +31,9 @@ from birds.scoring import RATE_HZ, Score
 from detector_clips import read_segments
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.pixel_tracker import PixelTracker
 from groundstation.messages import Detection
-from groundstation.warm_up import warm_up
+from groundstation.single_camera.pixel_tracker import PixelTracker
+from groundstation.tracking.warm_up import warm_up
 
 SPEEDS_PX = ((3.0, 8.0), (8.0, 15.0), (15.0, 25.0))
 RATIOS = ((0.3, 0.6), (0.6, 1.0), (1.0, 1.5), (1.5, 2.0))

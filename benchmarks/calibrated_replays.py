@@ -18,14 +18,14 @@ from pathlib import Path
 import numpy as np
 from drawn_rigs import unit_of
 
-from calibration.flight_session import FlightRequest, calibrate_flight
+from calibration.flight.calibrate import FlightRequest, calibrate_flight
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.reference_check import covers, find_glitches
 from groundstation.evaluation.series import interpolate, reference_from_fixes
-from groundstation.replay import ReplayRequest, replay
-from groundstation.rig import ClockModel, Rig, load_rig
-from groundstation.rig_covariance import ParameterCovariance
-from groundstation.rig_toml import rig_to_toml
+from groundstation.replay.replay import ReplayRequest, replay
+from groundstation.rig.covariance import ParameterCovariance
+from groundstation.rig.rig import ClockModel, Rig, load_rig
+from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
 from groundstation.session.references import load_dgps
 

@@ -26,18 +26,18 @@ from drawn_pointing import GROUPS, Looks, looks_of
 from drawn_rigs import CLOCK_S, beside, draw, errors, loops, unit_of
 from scipy.stats import chi2
 
-from calibration.flight import FlightFit
-from calibration.flight_data import FlightData, gather_flight
-from calibration.flight_paths import PathResiduals, path_samples
-from calibration.flight_problem import FlightProblem
-from calibration.flight_session import FlightRequest, calibrate_flight
+from calibration.flight.calibrate import FlightRequest, calibrate_flight
+from calibration.flight.fit import FlightFit
+from calibration.flight.observations import FlightData, gather_flight
+from calibration.flight.paths import PathResiduals, path_samples
+from calibration.flight.problem import FlightProblem
 from groundstation.session import load_session
 from groundstation.simulation import Scenario, case_b, simulate
 from groundstation.simulation.approach import weaving_approach
 from groundstation.simulation.camera import CameraModel, isotropic
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.pointing import FirstOrderLoop, Wandering
-from groundstation.sinks.session_folder import write_session_folder
+from groundstation.simulation.session_folder import write_session_folder
 
 CASES = ("mounts", "clocks", "slow20", "slow10", "gaps", "all")
 FREE = {

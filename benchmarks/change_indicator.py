@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from groundstation.evaluation.figures_of_run import Moved, figures_of
-from groundstation.replay import ReplayRequest, replay
+from groundstation.replay.replay import ReplayRequest, replay
 
 ROOT = Path(__file__).resolve().parent.parent
 FIGURES = ROOT / "recordings" / "landing-1.figures.json"

@@ -11,7 +11,7 @@ import statistics
 import tempfile
 from pathlib import Path
 
-from groundstation.replay import ReplayRequest, replay
+from groundstation.replay.replay import ReplayRequest, replay
 
 ROOT = Path(__file__).resolve().parent.parent
 SETTINGS = {

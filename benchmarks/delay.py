@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from groundstation.config import Config
 from groundstation.messages import InitialState
-from groundstation.pipeline import Pipeline
 from groundstation.simulation import SimulatedFlight, case_b, simulate
 from groundstation.simulation.cases import BOUND_PSD_M2_S3
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 
 DELAYS_S = (0.0, 0.05, 0.11, 0.15, 0.2)
 PAPER_S = 0.11

@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import curve_fit
 
-from groundstation.camera_tracker import CameraTracker
 from groundstation.detection.detector import Detector
 from groundstation.messages import Detection, Frame
-from groundstation.replay import ReplayRequest
-from groundstation.replay import replay as replay_session
+from groundstation.replay.replay import ReplayRequest
+from groundstation.replay.replay import replay as replay_session
+from groundstation.tracking.camera_tracker import CameraTracker
 
 BINS = (0.0, 60.0, 100.0, 150.0, 250.0, 400.0, 700.0)
 _LAGS_S = 1.0

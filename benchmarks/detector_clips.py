@@ -27,9 +27,9 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.pixel_tracker import PixelTracker
 from groundstation.messages import Detection
-from groundstation.warm_up import warm_up
+from groundstation.single_camera.pixel_tracker import PixelTracker
+from groundstation.tracking.warm_up import warm_up
 
 Box = tuple[float, float, float, float]
 RATE_HZ = 30.0

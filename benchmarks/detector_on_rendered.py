@@ -18,13 +18,13 @@ import cv2
 import numpy as np
 from detector_against_truth import Key, true_pixels
 
-from groundstation.camera_tracker import CameraTracker, Look
 from groundstation.experiments.detection_tables import flown_table
 from groundstation.experiments.looks import FrameTruth, Outcome, judged
 from groundstation.experiments.scenes import Silhouettes, background_at
 from groundstation.messages import Frame
-from groundstation.replay import ReplayRequest, replay
+from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.session import load_session
+from groundstation.tracking.camera_tracker import CameraTracker, Look
 
 ROOT = Path(__file__).resolve().parent.parent
 

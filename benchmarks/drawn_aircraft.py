@@ -29,13 +29,13 @@ from groundstation.experiments.detection_tables import stated_errors
 from groundstation.experiments.looks import Outcome
 from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN, Shape, trainer
 from groundstation.simulation.attitude import AircraftPose, pose_at
+from groundstation.simulation.filmed_folder import write_filmed_folder
 from groundstation.simulation.flights import SPAN_M, FlightName, filmed_scenario, flight, site_rig
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.scenery import Scenery
 from groundstation.simulation.simulate import simulate
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.simulation.world import World
-from groundstation.sinks.filmed_folder import write_filmed_folder
 
 _STREAM = 907
 _STEP_S = 0.02

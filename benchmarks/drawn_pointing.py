@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.flight import FlightFit
+from calibration.flight.fit import FlightFit
 from groundstation.geometry.aim import aim_at
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
-from groundstation.rig import Rig, Station
+from groundstation.rig.rig import Rig, Station
 
 # parameters that turn the optical axis, and those that say where in the picture it is
 ROTATIONS = ("runway_from_base", "head_from_camera")

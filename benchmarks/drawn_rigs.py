@@ -4,17 +4,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.flight import FlightFit
-from calibration.flight_parameters import (
+from calibration.flight.fit import FlightFit
+from calibration.flight.parameters import (
     KNOWN_ANTENNA_M,
     KNOWN_DISTORTION,
     KNOWN_DRIFT,
     KNOWN_READOUT_S,
 )
-from calibration.flight_problem import ANTENNA, DGPS_OFFSET
+from calibration.flight.problem import ANTENNA, DGPS_OFFSET
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.rotation import matrix_from_wxyz
-from groundstation.rig import ClockModel, Rig, Station
+from groundstation.rig.rig import ClockModel, Rig, Station
 from groundstation.simulation.trajectory import Sampled
 
 AXES = ("x", "y", "z")

@@ -16,12 +16,12 @@ import numpy as np
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from calibration.boards import parse_board
-from calibration.corners import View
-from calibration.lens_fit import fit_lens
-from calibration.lens_model import PARAMETERS
+from calibration.lens.boards import parse_board
+from calibration.lens.corners import View
+from calibration.lens.fit import fit_lens
+from calibration.lens.model import PARAMETERS
 from groundstation.geometry.camera import Lens
-from tests.calibration.boards_seen import a_lens, corner_views, parameters
+from tests.calibration.lens.boards_seen import a_lens, corner_views, parameters
 
 BOARD = parse_board("charuco:9x7:0.04:0.03")
 NOISE_PX = 0.1

@@ -36,7 +36,7 @@ from groundstation.experiments.scenes import scenes
 from groundstation.experiments.tables import Cell, Table
 from groundstation.messages import Roi
 from groundstation.session import Session, load_session
-from groundstation.warm_up import warm_up
+from groundstation.tracking.warm_up import warm_up
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = DetectionConfig(roi_sigmas=0.0)

@@ -18,21 +18,22 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.config import Config
 from groundstation.geometry.rotation import rotation_from_vector, wxyz_from_matrix
 from groundstation.live.command import LiveRequest, live
-from groundstation.live.rehearsal import RehearsalConfig
-from groundstation.live.rehearsal_pictures import PictureRehearsal
-from groundstation.live.simulated_day import SPAN_M, Landings
-from groundstation.replay import ReplayRequest, replay
-from groundstation.rig import Rig
-from groundstation.rig_toml import rig_to_toml
+from groundstation.replay.replay import ReplayRequest, replay
+from groundstation.rig.rig import Rig
+from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation.cases import standard_rig
+from groundstation.simulation.filmed_folder import PictureForm, write_filmed_folder
 from groundstation.simulation.flights import filmed_scenario
+from groundstation.simulation.rehearsal import RehearsalConfig
+from groundstation.simulation.rehearsal_pictures import PictureRehearsal
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.simulate import simulate
+from groundstation.simulation.simulated_day import SPAN_M, Landings
+from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
 from groundstation.simulation.world import World
-from groundstation.sinks.filmed_folder import PictureForm, write_filmed_folder
+from groundstation.tracking.config import Config
 
 APPROACH_S = 23.0
 BINS_M = (100.0, 250.0, 400.0, 560.0)
@@ -77,10 +78,9 @@ def flown_live(folder: Path, rate_hz: float, seed: int) -> np.ndarray:
     """Fly the approach in real time, return its answers."""
     rig = folder / "rig.toml"
     rig.write_text(rig_to_toml(drawn_rig(seed)), encoding="utf-8")
-    request = LiveRequest(
-        station=None, out=folder / "live", seconds=APPROACH_S, simulate=True, rig=rig, rate_hz=rate_hz, seed=seed
-    )
-    result = live(request, lambda: False, lambda status: None, lambda text: None)
+    request = LiveRequest(station=None, out=folder / "live", seconds=APPROACH_S)
+    simulator = SimulatedStation(SimulatedStationConfig(seconds=APPROACH_S, rig=rig, rate_hz=rate_hz, seed=seed))
+    result = live(request, lambda: False, lambda status: None, lambda text: None, simulator)
     print(f"  live: {result.operation.epochs} pairs answered, {dict(result.operation.dropped)}", flush=True)
     return table(folder / "live" / "track.csv", result.begin_s)
 

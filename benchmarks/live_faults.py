@@ -2,9 +2,9 @@
 
     python benchmarks/live_faults.py [--runs N] [--seed N] [--only WORD]
 
-Virtual time, pixels in place of pictures (groundstation.live.rehearsal): 200 m of a landing at 20 m/s, the faults of
-one or two devices at drawn times. Printed for each kind: how often the track was there two seconds after the last
-fault, the share of answers that were lost, and the ANEES of all answers with a position.
+Virtual time, pixels in place of pictures (groundstation.simulation.rehearsal): 200 m of a landing at 20 m/s, the
+faults of one or two devices at drawn times. Printed for each kind: how often the track was there two seconds
+after the last fault, the share of answers that were lost, and the ANEES of all answers with a position.
 """
 
 import argparse
@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.config import Config
-from groundstation.live.rehearsal import Fault, FaultKind, Rehearsal, RehearsalConfig
 from groundstation.messages import TrackStatus
-from groundstation.rig import load_rig
+from groundstation.rig.rig import load_rig
 from groundstation.simulation.approach import Glide
+from groundstation.simulation.rehearsal import Fault, FaultKind, Rehearsal, RehearsalConfig
+from groundstation.tracking.config import Config
 
 ROOT = Path(__file__).resolve().parent.parent
 FLIGHT = Glide(start_y_m=380.0, end_y_m=160.0, speed_m_s=20.0, aim_y_m=60.0)

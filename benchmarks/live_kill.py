@@ -31,29 +31,29 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from groundstation.cli_start import leave
+from groundstation.cli.start import leave
+from groundstation.cli.stop_request import StopAsked
 from groundstation.errors import RecordingError
 from groundstation.geometry.camera import Lens
 from groundstation.live.board import LiveStatus
 from groundstation.live.command import LiveRequest, live
 from groundstation.live.head_device import HeadDevice
-from groundstation.live.lent_range import LentRange
-from groundstation.live.simulated_day import simulated_set_up
-from groundstation.live.simulated_range import Told
-from groundstation.recover import recover
-from groundstation.rig import Rig
+from groundstation.recording.recover import recover
+from groundstation.rig.rig import Rig
 from groundstation.session import load_session
 from groundstation.simulation.cases import standard_rig
+from groundstation.simulation.lent_range import LentRange
+from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.simulation.simulated_range import Told
 from groundstation.sources.cameras.camera import CameraDevice, Grab, SettingsReadBack
 from groundstation.sources.session_source import session_source
-from groundstation.stop_asked import StopAsked
 from ptu_drivers.messages import Axis
-from ptu_drivers.simulated_axis import SimulatedAxis
-from ptu_drivers.simulated_flir import FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
-from ptu_drivers.simulated_server import SimulatedServer
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.simulated.axis import SimulatedAxis
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.pelco import PelcoModel, SimulatedPelco
+from ptu_drivers.simulated.server import SimulatedServer
 
 ROOT = Path(__file__).resolve().parent.parent
 SIZE_PX = (160, 120)
@@ -186,7 +186,7 @@ def operate(folder: Path, run: Path) -> NoReturn:
         print(line, file=sys.stderr, flush=True)
         os._exit(1)
 
-    request = LiveRequest(station=None, out=run / "live", simulate=True)
+    request = LiveRequest(station=None, out=run / "live")
     with StopAsked() as stop:
         result = live(request, stop, tell, lambda _: None, NoiseRange(folder, run / "set-up"), give_up)
     print("\n".join(result.losses), file=sys.stderr)

@@ -32,22 +32,23 @@ from groundstation.errors import RecordingError
 from groundstation.geometry.camera import Lens
 from groundstation.live.board import LiveStatus
 from groundstation.live.command import LiveRequest, live
-from groundstation.live.lent_range import LentRange
-from groundstation.live.simulated_day import Landings, simulated_set_up
-from groundstation.live.simulated_range import RangeConfig, SimulatedRange
-from groundstation.live.simulated_receiver import ReceiverModel
-from groundstation.live.timed_faults import TimedFault, struck_at
 from groundstation.messages import TrackStatus
-from groundstation.recover import recover
-from groundstation.rig import Rig
-from groundstation.rig_toml import rig_to_toml
+from groundstation.recording.recover import recover
+from groundstation.rig.rig import Rig
+from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
 from groundstation.simulation.cases import standard_rig
+from groundstation.simulation.lent_range import LentRange
+from groundstation.simulation.simulated_day import Landings, simulated_set_up
+from groundstation.simulation.simulated_range import RangeConfig, SimulatedRange
+from groundstation.simulation.simulated_receiver import ReceiverModel
+from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
+from groundstation.simulation.timed_faults import TimedFault, struck_at
 from groundstation.sources.session_source import session_source
-from ptu_drivers.simulated_faults import FAULTS
-from ptu_drivers.simulated_flir import FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.simulated.faults import FAULTS
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
 
 FROM_S, TO_S = 8.0, 10.0
 # flown after a fault's end
@@ -149,15 +150,16 @@ def fly(case: Case, folder: Path, rate_hz: float, lent: LentRange | None = None)
         resource.setrlimit(resource.RLIMIT_FSIZE, (DISK_BYTES, DISK_BYTES))
     sys.stderr = sys.stdout = (folder / "said.txt").open("w", buffering=1, encoding="utf-8")
     told = (folder / "told.jsonl").open("w", buffering=1, encoding="utf-8")
-    request = LiveRequest(
-        station=None,
-        out=folder / "live",
-        seconds=TWO_LAPS_S if case.killed else lasts_until(case) + AFTER_S,
-        simulate=lent is None,
-        rig=folder / "small.toml",
-        rate_hz=rate_hz,
-        receiver=receiver(case),
-        timetable=timetable(case),
+    seconds = TWO_LAPS_S if case.killed else lasts_until(case) + AFTER_S
+    request = LiveRequest(station=None, out=folder / "live", seconds=seconds)
+    own = SimulatedStation(
+        SimulatedStationConfig(
+            seconds=seconds,
+            rig=folder / "small.toml",
+            rate_hz=rate_hz,
+            receiver=receiver(case),
+            timetable=timetable(case),
+        )
     )
     tracks: list[TrackStatus] = []
 
@@ -170,9 +172,10 @@ def fly(case: Case, folder: Path, rate_hz: float, lent: LentRange | None = None)
         lambda: case.killed and tracks.count(TrackStatus.TRACKING) >= ENOUGH_LINES,
         tell,
         lambda text: None,
-        lent,
+        lent or own,
     )
-    rows = [] if result.score is None else [[r.count, r.anees] for r in result.score.rows]
+    score = None if lent else own.score(result.begin_s)
+    rows = [] if score is None else [[r.count, r.anees] for r in score.rows]
     (folder / "result.json").write_text(json.dumps({"begin_s": result.begin_s, "rows": rows}), encoding="utf-8")
 
 

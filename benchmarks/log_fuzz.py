@@ -28,10 +28,10 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from groundstation.errors import GroundstationError, InputError  # noqa: E402
-from groundstation.logs.fixes import LogOptions  # noqa: E402
-from groundstation.logs.read import GnssLog, read_log  # noqa: E402
-from tests.logs.damage import altered, damaged, forged, seeds  # noqa: E402
+from groundstation.session.logs.fixes import LogOptions  # noqa: E402
+from groundstation.session.logs.read import GnssLog, read_log  # noqa: E402
 from tests.session.damage import SLOW, SUMMARY, VIDEOS, Parts, session_targets  # noqa: E402
+from tests.session.logs.damage import altered, damaged, forged, seeds  # noqa: E402
 
 OPTIONS = (
     LogOptions(),

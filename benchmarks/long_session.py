@@ -30,11 +30,11 @@ from typing import Any
 
 import numpy as np
 
-from groundstation.replay import ReplayRequest, replay
+from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.simulation import case_b, simulate
 from groundstation.simulation.dgps import DgpsModel
+from groundstation.simulation.session_folder import write_session_folder
 from groundstation.simulation.trajectory import Sampled
-from groundstation.sinks.session_folder import write_session_folder
 
 GROWTH_MB, REPORT_MB = 50.0, 5.0
 RATE_HZ, LAP_S, STEP_S = 10.0, 90.0, 0.25

@@ -16,13 +16,13 @@ import numpy as np
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from calibration.mount_covariance import information, scaled_inverse
-from calibration.mount_parameters import USUAL_WORDS, choose_mount
-from calibration.mount_pointing import pointing_sigma
-from calibration.mount_problem import MountProblem
-from calibration.mount_session import calibrate_station
-from groundstation.rig import Station
-from tests.calibration.mounts import (
+from calibration.mount.calibrate import calibrate_station
+from calibration.mount.covariance import information, scaled_inverse
+from calibration.mount.parameters import USUAL_WORDS, choose_mount
+from calibration.mount.pointing import pointing_sigma
+from calibration.mount.problem import MountProblem
+from groundstation.rig.rig import Station
+from tests.calibration.mount.mounts import (
     GRID_ROWS,
     GRID_STANDSTILLS,
     GRID_TILTS_DEG,

@@ -2,7 +2,7 @@
 
     python benchmarks/one_camera.py [--seeds N]
 
-Virtual time and rendered pictures of 320 × 240 (groundstation.live.rehearsal_pictures): an approach from 430 m at
+Virtual time and rendered pictures of 320 × 240 (groundstation.simulation.rehearsal_pictures): an approach from 430 m at
 20 m/s and 10 pairs/s, the left PTU without power from 4 s on and homing until 12 s. Printed for each seed: error and
 sigma along the runway, and the ANEES, of the third, fifth and eighth second alone, and the ANEES of the whole.
 """
@@ -12,10 +12,10 @@ import argparse
 import numpy as np
 from live_serial_faults import small_rig
 
-from groundstation.config import Config
-from groundstation.live.rehearsal import Fault, FaultKind, RehearsalConfig
-from groundstation.live.rehearsal_pictures import PictureRehearsal
 from groundstation.simulation.approach import Glide
+from groundstation.simulation.rehearsal import Fault, FaultKind, RehearsalConfig
+from groundstation.simulation.rehearsal_pictures import PictureRehearsal
+from groundstation.tracking.config import Config
 
 FLIGHT = Glide(start_y_m=430.0, end_y_m=130.0, speed_m_s=20.0, aim_y_m=60.0)
 FROM_S, HOMING_S, SPAN_M = 4.0, 8.0, 2.3

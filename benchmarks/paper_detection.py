@@ -34,7 +34,7 @@ from groundstation.experiments.looks import Outcome, watch
 from groundstation.experiments.scenes import scenes
 from groundstation.experiments.tables import Table
 from groundstation.session import load_session
-from groundstation.warm_up import warm_up
+from groundstation.tracking.warm_up import warm_up
 
 EVERY = "look at every N-th pair only: for a first impression, since the detectors then see a slower video"
 ROOT = Path(__file__).resolve().parent.parent

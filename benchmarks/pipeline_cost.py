@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.messages import Epoch, Event
-from groundstation.pipeline import Pipeline
-from groundstation.recorded_run import tuning
+from groundstation.replay.recorded_run import tuning
 from groundstation.session import Session, load_session
 from groundstation.sources.session_source import session_source
-from groundstation.warm_up import warm_up
+from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.warm_up import warm_up
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -15,13 +15,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.config import Config
 from groundstation.estimation.trajectory_curve import Knot, curve, curve_inherited_tangent, hermite, line
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Epoch, PixelMeasurement, PtuSample
-from groundstation.pipeline import Pipeline
-from groundstation.rig import ClockModel, Rig, Station
+from groundstation.rig.rig import ClockModel, Rig, Station
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 
 FRAME_S = 0.1
 NOISE_RAD = math.radians(0.00625)

@@ -13,13 +13,13 @@ from collections.abc import Callable
 
 from ptu_serial_faults import Bench, Faults, Tally, one_run, report
 
-from ptu_drivers.alpaca import AlpacaOptions, connect_alpaca
+from ptu_drivers.alpaca.unit import AlpacaOptions, connect_alpaca
 from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.health import DoubtReason
 from ptu_drivers.messages import Axis
 from ptu_drivers.settings import UnitSettings
-from ptu_drivers.simulated_alpaca import MountModel, SimulatedMount
-from ptu_drivers.simulated_http import VirtualHttp
+from ptu_drivers.simulated.alpaca import MountModel, SimulatedMount
+from ptu_drivers.simulated.http_server import VirtualHttp
 
 _RATE_DEG_S = 20.0
 

@@ -12,11 +12,11 @@ import sys
 from dataclasses import dataclass, field
 
 from ptu_drivers import Axis, NoReading, PanTiltUnit, PtuError, Reading, UnitSettings
-from ptu_drivers.flir import connect
-from ptu_drivers.simulated_faults import FAULTS
-from ptu_drivers.simulated_flir import FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.flir.setup import connect
+from ptu_drivers.simulated.faults import FAULTS
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
 
 SLACK_COUNTS = 2.0
 RECOVERY_S = 2.0

@@ -10,11 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ptu_drivers import Reading, UnitSettings
-from ptu_drivers.flir import connect
+from ptu_drivers.flir.setup import connect
 from ptu_drivers.interface import PanTiltUnit
-from ptu_drivers.simulated_flir import D_SERIES, FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.simulated.flir import D_SERIES, FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
 
 SECONDS, SETTLED_S, RENEW_S = 30.0, 3.0, 0.15
 CHANGED_RAD_S = math.radians(0.01)

@@ -8,9 +8,9 @@ import random
 from contextlib import suppress
 
 from ptu_drivers import ProtocolError, PtuError
-from ptu_drivers.alpaca_codec import angles_of, decode, finite, rates_of
+from ptu_drivers.alpaca.codec import angles_of, decode, finite, rates_of
 from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.flir_codec import Answer, LineSplitter, integer, integers, only_number, parse_line
+from ptu_drivers.flir.codec import Answer, LineSplitter, integer, integers, only_number, parse_line
 
 PIECES = (
     b"PP", b"TP", b"pP-12", b" ", b"*", b"!", b"!P", b"!T", b"\r", b"\n", b"\r\n", b"0", b"-2500", b"92.5714", b",",

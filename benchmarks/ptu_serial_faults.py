@@ -15,18 +15,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from ptu_drivers.dynamixel import DynamixelOptions, connect_dynamixel
-from ptu_drivers.dynamixel_codec import PacketDecoder
-from ptu_drivers.dynamixel_codec import encode as encode_packet
+from ptu_drivers.dynamixel.codec import PacketDecoder
+from ptu_drivers.dynamixel.codec import encode as encode_packet
+from ptu_drivers.dynamixel.unit import DynamixelOptions, connect_dynamixel
 from ptu_drivers.errors import PtuError
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, Axis, Reading
-from ptu_drivers.pelco import PelcoOptions, connect_pelco
-from ptu_drivers.pelco_codec import PelcoDecoder, PelcoFraming, encode
+from ptu_drivers.pelco.codec import PelcoDecoder, PelcoFraming, encode
+from ptu_drivers.pelco.unit import PelcoOptions, connect_pelco
 from ptu_drivers.settings import UnitSettings
-from ptu_drivers.simulated_dynamixel import SimulatedDynamixel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
+from ptu_drivers.simulated.dynamixel import SimulatedDynamixel
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.pelco import PelcoModel, SimulatedPelco
 
 _FAULTS_EACH = 6
 _SPACING_S = 2.5

@@ -8,13 +8,13 @@ import math
 import numpy as np
 from ptu_serial_faults import Bench
 
-from ptu_drivers.dynamixel import DynamixelOptions, connect_dynamixel
+from ptu_drivers.dynamixel.unit import DynamixelOptions, connect_dynamixel
 from ptu_drivers.messages import Axis, Reading
-from ptu_drivers.pelco import PelcoOptions, connect_pelco
+from ptu_drivers.pelco.unit import PelcoOptions, connect_pelco
 from ptu_drivers.settings import UnitSettings
-from ptu_drivers.simulated_dynamixel import SimulatedDynamixel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
+from ptu_drivers.simulated.dynamixel import SimulatedDynamixel
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.pelco import PelcoModel, SimulatedPelco
 
 _LASTS_S = 20.0
 

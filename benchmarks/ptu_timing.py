@@ -17,12 +17,12 @@ import time
 from pathlib import Path
 
 from ptu_drivers import Reading, UnitSettings
-from ptu_drivers.flir import connect, open_flir
-from ptu_drivers.flir_poll import Query
-from ptu_drivers.simulated_flir import FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_server import SimulatedServer
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.flir.poll import Query
+from ptu_drivers.flir.setup import connect, open_flir
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.server import SimulatedServer
 
 TERSE_PAIR_HZ = 36.9
 RATE = 2000.0

@@ -19,8 +19,8 @@ sys.path.insert(0, str(ROOT))
 
 from groundstation.messages import Epoch  # noqa: E402
 from groundstation.recording.container_reader import ContainerReader  # noqa: E402
-from groundstation.recover import recover  # noqa: E402
-from groundstation.sinks.recorder import Recorder  # noqa: E402
+from groundstation.recording.recorder import Recorder  # noqa: E402
+from groundstation.recording.recover import recover  # noqa: E402
 from tests.recording.recorded import events, header, looked_at, played, same, small_rig  # noqa: E402
 
 SEED, PAIR_S = 1, 1.0 / 30.0

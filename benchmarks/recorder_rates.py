@@ -14,18 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.config import Config
+from groundstation.conversion.recorded_session import header_of
 from groundstation.messages import Event, Frame
 from groundstation.picture import BayerPattern, RawPicture
-from groundstation.pipeline import Pipeline
 from groundstation.recording.container_reader import ContainerReader
-from groundstation.run import run
+from groundstation.recording.recorder import PATIENT, Recorder
+from groundstation.replay.run import run
 from groundstation.session import Session, load_session
 from groundstation.sinks.identity import IdentitySink
-from groundstation.sinks.recorded_session import header_of
-from groundstation.sinks.recorder import PATIENT, Recorder
 from groundstation.sources.session_source import session_source
-from groundstation.warm_up import warm_up
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.warm_up import warm_up
 
 SESSION = Path(__file__).resolve().parents[1] / "recordings" / "landing-1"
 RATE_HZ = 30.0

@@ -29,7 +29,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from groundstation.cli import main as command_line  # noqa: E402
+from groundstation.cli.main import main as command_line  # noqa: E402
 from tests.hostile.structure import Structure, small_recordings  # noqa: E402
 
 COMMANDS = ("convert", "recover", "replay", "view")

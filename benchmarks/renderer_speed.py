@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from groundstation.geometry.aim import aim_at
-from groundstation.rig import load_rig
+from groundstation.rig.rig import load_rig
 from groundstation.simulation.flights import FlightName, flight
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.world import World

@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 
 from groundstation.messages import TrackStatus
-from groundstation.replay import ReplayRequest, replay
+from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.sources.pictures import QUEUE_FRAMES
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from groundstation.sinks.rerun_view import RerunSink, VideoAsset
-from tests.sinks.rerun_synthetic import STATIONS, Landing
+from groundstation.viewer.view import RerunSink, VideoAsset
+from tests.viewer.synthetic import STATIONS, Landing
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -13,10 +13,10 @@ import numpy as np
 from landmark_study.simulated import Morning, knocked, look, morning, turned_rad
 from scipy.stats import chi2
 
-from calibration.check import Check, solve_check
+from calibration.landmarks.check import Check, solve_check
+from calibration.landmarks.survey import Survey, solve_survey
 from calibration.sightings import Sighting
-from calibration.survey import Survey, solve_survey
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 
 KNOCK_RAD = float(np.radians(0.01))
 AXES = ("tilt", "roll", "pan")

@@ -23,16 +23,16 @@ from calibration_rigs import bounding, without_noise
 from drawn_rigs import draw, errors, waves
 from scipy.stats import chi2
 
-from calibration.flight import moved_by_point
-from calibration.flight_data import FlightData, gather_flight
-from calibration.flight_problem import DGPS_OFFSET
-from calibration.flight_session import FlightCalibration, FlightRequest, calibrate_flight
+from calibration.flight.calibrate import FlightCalibration, FlightRequest, calibrate_flight
+from calibration.flight.fit import moved_by_point
+from calibration.flight.observations import FlightData, gather_flight
+from calibration.flight.problem import DGPS_OFFSET
 from groundstation.session import load_session
 from groundstation.simulation import Scenario, case_b, simulate
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.pointing import Wandering
+from groundstation.simulation.session_folder import write_session_folder
 from groundstation.simulation.take_off import TakeOff, take_off
-from groundstation.sinks.session_folder import write_session_folder
 
 FREE = "orientation,camera_clock,ptu_clock"
 POINT_M = 0.05

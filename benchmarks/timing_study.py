@@ -14,8 +14,8 @@ import numpy as np
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from calibration.timing import solve_timing
-from tests.calibration.swings import Recorder, Swing, offset_bound, recorded
+from calibration.clocks.fit import solve_timing
+from tests.calibration.clocks.swings import Recorder, Swing, offset_bound, recorded
 
 CASES = {
     "5 deg, 0.4 Hz, 15 s, 15 Hz pictures": (Swing(pan_deg=5.0), Recorder(seconds=15.0)),

@@ -6,8 +6,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
-from groundstation.rig import Rig, Station
-from groundstation.rig_covariance import ParameterCovariance
+from groundstation.rig.covariance import ParameterCovariance
+from groundstation.rig.rig import Rig, Station
 
 # below this, two stations are as good as independent
 _LEAST_CORRELATION = 1e-3

@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.errors import IntrinsicsError
 from groundstation.arrays import ImageArray
-from groundstation.image_header import MAX_PICTURE_PX, coded_size_px, is_decodable
+from groundstation.files.image_header import MAX_PICTURE_PX, coded_size_px, is_decodable
 
 _PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
 _VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm"})

@@ -8,7 +8,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.geometry.aim import aim_at
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, CalibratedProjection, project_with_calibration
-from groundstation.rig import PARTS, Rig, Station
+from groundstation.rig.rig import PARTS, Rig, Station
 
 RANGES_M = (100.0, 200.0, 400.0)
 # an approach of three degrees to a point a little before the stations, over the middle of the runway

@@ -9,8 +9,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, SessionError
-from groundstation.session.tables import CsvTable, Row
-from groundstation.toml_table import quoted
+from groundstation.files.csv_table import CsvTable, Row
+from groundstation.files.toml_table import quoted
 
 SIGHTING_COLUMNS = ("station", "landmark", "pan_deg", "tilt_deg", "u_px", "v_px")
 LANDMARK_COLUMNS = ("landmark", "x_m", "y_m", "z_m")

@@ -2,6 +2,6 @@
 
 import sys
 
-from groundstation.cli_start import main
+from groundstation.cli.start import main
 
 sys.exit(main())

@@ -12,20 +12,20 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import urlsplit
 
-from ptu_drivers.alpaca import AlpacaOptions
-from ptu_drivers.alpaca_line import AlpacaTelescope
+from ptu_drivers.alpaca.http_connection import HttpConnection
+from ptu_drivers.alpaca.telescope import AlpacaTelescope
+from ptu_drivers.alpaca.unit import AlpacaOptions
 from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.dynamixel import DynamixelOptions
+from ptu_drivers.dynamixel.unit import DynamixelOptions
 from ptu_drivers.errors import NoAnswerError, ProtocolError, PtuError, RefusedError
-from ptu_drivers.flir import BAUDS
-from ptu_drivers.flir_codec import encode as flir_encode
-from ptu_drivers.flir_line import FlirLine
+from ptu_drivers.flir.codec import encode as flir_encode
+from ptu_drivers.flir.line import FlirLine
+from ptu_drivers.flir.setup import BAUDS
 from ptu_drivers.health import HealthCounter
-from ptu_drivers.http_connection import HttpConnection
 from ptu_drivers.own_options import made_of
-from ptu_drivers.pelco import PelcoOptions
-from ptu_drivers.pelco_codec import Opcode, PelcoFraming, PelcoMessage
-from ptu_drivers.pelco_exchange import PelcoExchange
+from ptu_drivers.pelco.codec import Opcode, PelcoFraming, PelcoMessage
+from ptu_drivers.pelco.exchange import PelcoExchange
+from ptu_drivers.pelco.unit import PelcoOptions
 from ptu_drivers.transport import SerialTransport
 
 # an answer is waited for so long; a unit answers within 10 ms, a loaded network within 100
@@ -169,9 +169,9 @@ def _halt_pelco(framing: PelcoFraming) -> Callable[[HaltLine, int, Callable[[], 
 
 def _halt_dynamixel(line: HaltLine, _attempt: int, clock: Callable[[], float]) -> None:
     # the maker's package is an extra: looked for only where a unit needs it
-    from ptu_drivers import dynamixel_table as table
-    from ptu_drivers.dynamixel_bus import DynamixelBus
-    from ptu_drivers.dynamixel_table import OperatingMode
+    from ptu_drivers.dynamixel import table
+    from ptu_drivers.dynamixel.bus import DynamixelBus
+    from ptu_drivers.dynamixel.table import OperatingMode
 
     options = made_of(DynamixelOptions, "Dynamixel", line.options)
     transport = _opened(line, line.baud or options.baud, clock)

@@ -17,11 +17,11 @@ from ptu_drivers.settings import UnitSettings
 # Each function is called as f(url, settings, clock, **options) and returns an opened, probed unit.
 PROTOCOLS: Mapping[str, str] = MappingProxyType(
     {
-        "flir": "ptu_drivers.flir:open_flir",
-        "pelco-d": "ptu_drivers.pelco:open_pelco_d",
-        "pelco-p": "ptu_drivers.pelco:open_pelco_p",
-        "dynamixel": "ptu_drivers.dynamixel:open_dynamixel",
-        "alpaca": "ptu_drivers.alpaca:open_alpaca",
+        "flir": "ptu_drivers.flir.setup:open_flir",
+        "pelco-d": "ptu_drivers.pelco.unit:open_pelco_d",
+        "pelco-p": "ptu_drivers.pelco.unit:open_pelco_p",
+        "dynamixel": "ptu_drivers.dynamixel.unit:open_dynamixel",
+        "alpaca": "ptu_drivers.alpaca.unit:open_alpaca",
     }
 )
 

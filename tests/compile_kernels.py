@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 
-from groundstation.cli_start import ONE_THREAD
+from groundstation.cli.start import ONE_THREAD
 
 os.environ.update(ONE_THREAD | os.environ)
 
@@ -18,14 +18,14 @@ from tests.compile_once import compile_once
 
 def ground() -> None:
     """Compile those of a replay."""
-    from groundstation.warm_up import warm_up
+    from groundstation.tracking.warm_up import warm_up
 
     warm_up()
 
 
 def aboard() -> None:
     """Compile those of the aircraft's own camera: a pose, with a start and without, and a flight of a few pictures."""
-    from groundstation.cli import main
+    from groundstation.cli.main import main
     from groundstation.onboard.pose.solve import solve_pose
     from tests.onboard.pose.approaches import pose_on_approach, quaternion, seen
 

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from groundstation.cli_start import ONE_THREAD
+from groundstation.cli.start import ONE_THREAD
 
 # as the program begins, before numpy is there
 os.environ.update(ONE_THREAD | os.environ)
@@ -25,12 +25,12 @@ compile_once()
 # The files that take longest begin first: a worker takes whole files, and one begun last is waited for by all others.
 LONGEST_FILES = (
     "docs/test_commands.py",
-    "test_reproduce.py",
-    "calibration/test_real_flight.py",
+    "experiments/test_reproduce.py",
+    "calibration/flight/test_real_flight.py",
     "replay/test_rendered_sessions.py",
     "replay/test_label_sessions.py",
     "estimation/test_against_bounds.py",
-    "calibration/test_mount.py",
+    "calibration/mount/test_mount.py",
     "evaluation/test_evaluate.py",
     "replay/test_late_data.py",
     "replay/test_recording_identity.py",
@@ -40,7 +40,7 @@ LONGEST_FILES = (
     "detection/test_birds.py",
     "live/test_operation.py",
     "sources/cameras/test_gige_fakes.py",
-    "ptu_drivers/test_alpaca_independent.py",
+    "ptu_drivers/alpaca/test_alpaca_independent.py",
 )
 
 
@@ -77,7 +77,7 @@ def not_ended_by_force(monkeypatch: pytest.MonkeyPatch) -> None:
 
     Its bound is tested on programs of their own (`tests/live/test_ending_bound.py`).
     """
-    monkeypatch.setattr("groundstation.cli_live.end_by_force", print)
+    monkeypatch.setattr("groundstation.cli.live.end_by_force", print)
 
 
 @pytest.fixture

@@ -5,17 +5,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.stats import chi2
 
-from groundstation.config import Config
 from groundstation.evaluation.correlation import effective_count, lag_one
-from groundstation.integrity import IntegrityConfig
+from groundstation.integrity.station_exclusion import IntegrityConfig
 from groundstation.messages import CameraReport, Event, InitialState, PixelMeasurement, TrackEstimate, TrackEvent
-from groundstation.pipeline import Pipeline
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 from groundstation.simulation import FlightTruth, Scenario, SimulatedFlight, StationErrors, perturbed, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.camera import CameraModel
 from groundstation.simulation.cases import STEP_RAD, case_b, drawn_glide, standard_rig, standard_station
 from groundstation.simulation.trajectory import Trajectory
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 
 STATIONS = ("left", "right", "third")
 FOURTH_M = (-40.0, 60.0)

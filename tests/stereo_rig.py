@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Epoch, Event, PixelMeasurement, PtuSample
-from groundstation.rig import ClockModel, Rig, Station
+from groundstation.rig.rig import ClockModel, Rig, Station
 
 BASELINE_M = 10.77
 FOCAL_PX = 6667.0

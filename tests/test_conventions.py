@@ -7,7 +7,7 @@ import pytest
 from groundstation.estimation.config import EstimationConfig
 from groundstation.geometry.camera import FOLD_MARGIN, LENS_REACH
 from groundstation.messages import MissReason, TrackStatus
-from groundstation.synchronise import SynchroniseConfig
+from groundstation.tracking.synchronise import SynchroniseConfig
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "conventions.md").read_text(encoding="utf-8")
 
@@ -32,8 +32,8 @@ def test_reasons_named_in_the_rules_exist(reason: MissReason) -> None:
 
 
 def test_counters_named_in_the_rules_exist() -> None:
-    from groundstation.config import Config
-    from groundstation.pipeline import Pipeline
+    from groundstation.tracking.config import Config
+    from groundstation.tracking.pipeline import Pipeline
     from tests.stereo_rig import make_rig
 
     counts = Pipeline(make_rig(), Config()).counts

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from groundstation.hand_over import give_way, quick_hand_over
+from groundstation.thread_scheduling import give_way, quick_hand_over
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only on Linux a thread has a rank of its own")

@@ -11,14 +11,14 @@ from filter_flights.drive import Run, drawn_start, drive
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
+from groundstation.estimation.triangulation import View, triangulate
 from groundstation.messages import Epoch, PixelMeasurement, PtuSample
-from groundstation.rig import Rig, Station
+from groundstation.rig.rig import Rig, Station
 from groundstation.simulation import Scenario, SimulatedFlight, case_b, case_c, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.cases import BOUND_PSD_M2_S3, drawn_glide
 from groundstation.simulation.disturbance import drawn_deviation
 from groundstation.simulation.pointing import Adrift
-from groundstation.triangulation import View, triangulate
 
 WIDE = (10.0, 5.0)
 NEAR = (0.1, 0.3)

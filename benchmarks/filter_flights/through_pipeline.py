@@ -8,11 +8,11 @@ import numpy as np
 from filter_flights.bounds import track_bound
 from filter_flights.consistency import NEAR, Sample, drawn_case, one_mode
 from filter_flights.drive import Run, drawn_start, true_states
-from groundstation.config import Config
 from groundstation.messages import InitialState
-from groundstation.pipeline import Pipeline
 from groundstation.simulation import SimulatedFlight, simulate
 from groundstation.simulation.cases import BOUND_PSD_M2_S3
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 
 
 def sample_case_b(seeds: Sequence[int]) -> Sample:

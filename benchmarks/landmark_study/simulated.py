@@ -12,7 +12,7 @@ from groundstation.geometry.aim import aim_at
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import matrix_from_wxyz
-from groundstation.rig import ClockModel, Rig, Station
+from groundstation.rig.rig import ClockModel, Rig, Station
 
 SIGMA_DEG, STEP_DEG, SIGMA_PX, SIGMA_M = 0.01, 0.00625, 0.3, 0.02
 PLACES_M = ((-60, 120, 3), (50, 180, 6), (-20, 320, 2), (30, 90, 1), (90, 60, 8), (-80, 40, 5))

@@ -8,7 +8,7 @@ from docutils import nodes
 from docutils.parsers.rst import Directive
 from sphinx.application import Sphinx
 
-from groundstation.cli import build_parser
+from groundstation.cli.main import build_parser
 
 _COLUMNS = "86"
 

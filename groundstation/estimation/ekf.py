@@ -22,10 +22,10 @@ from groundstation.estimation.measurement import LinearPrediction
 from groundstation.estimation.reference_clock import REFERENCE_CLOCK, has_stepped
 from groundstation.estimation.second_view import Seen
 from groundstation.estimation.silhouette import lasting_variance
+from groundstation.estimation.triangulation import midpoint
 from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.station import LensError
 from groundstation.messages import Innovation
-from groundstation.triangulation import midpoint
 
 # start of an axis that has been read once: it may turn at up to this rate (1 sigma)
 _INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)

@@ -13,7 +13,7 @@ from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.ekf import StationEkf
 from groundstation.geometry.angles import wrap_rad
 from groundstation.messages import PtuSample
-from groundstation.rig import Station
+from groundstation.rig.rig import Station
 
 # with noise of half a step or more, so many equal readings of both axes do not happen by chance (< 1e-6)
 _FROZEN_READINGS = 15

@@ -14,9 +14,9 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import InitiationConfig
+from groundstation.estimation.triangulation import View, triangulate
 from groundstation.geometry.station import LensError, StationGeometry
 from groundstation.messages import Kinematics
-from groundstation.triangulation import View, triangulate
 
 # 0.999 quantile of chi-square with 3 degrees of freedom: the gate that links a fix to a track
 # a target's depth is its distance but for the angle off the optical axis

@@ -28,7 +28,7 @@ from groundstation.geometry.calibration import changed_packed, parameter_indices
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Innovation
-from groundstation.rig_covariance import READOUT
+from groundstation.rig.covariance import READOUT
 
 IndexArray = NDArray[np.int64]
 _NOWHERE = -1

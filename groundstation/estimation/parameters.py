@@ -23,8 +23,8 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import GroundstationError
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
-from groundstation.rig import Rig
-from groundstation.rig_covariance import READOUT, ParameterCovariance
+from groundstation.rig.covariance import READOUT, ParameterCovariance
+from groundstation.rig.rig import Rig
 
 CLOCKS = ("camera_clock", "ptu_clock")
 CLOCK_PARTS = ("offset", "drift")

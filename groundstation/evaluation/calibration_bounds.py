@@ -14,7 +14,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.parameters import CLOCKS, DGPS_CLOCK
 from groundstation.evaluation.bounds import View, fix_covariance, motion_matrices, posterior_bound
 from groundstation.geometry.calibration import parameter_indices, project_with_calibration
-from groundstation.rig_covariance import READOUT
+from groundstation.rig.covariance import READOUT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

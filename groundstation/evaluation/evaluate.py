@@ -19,9 +19,9 @@ from groundstation.evaluation.reference import CheckedReference, check_reference
 from groundstation.evaluation.run_description import RunDescription, TruthLike
 from groundstation.evaluation.series import BoolArray, PositionSeries, ReferenceSeries, interpolate
 from groundstation.evaluation.summary import build_summary, smoothed_table
+from groundstation.files.output_names import below
 from groundstation.messages import DgpsFix, TriangulationStatus
-from groundstation.output_names import below
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 
 # the least variance in any direction: as a share of the largest, and in m²
 _RELATIVE_FLOOR = 1e-7

@@ -15,7 +15,7 @@ from groundstation.evaluation.figures import pictures
 from groundstation.evaluation.page_tables import Column, page_table, plain
 from groundstation.evaluation.report_tables import accuracy_section, calibration_section, latency_section
 from groundstation.evaluation.verdict import verdict
-from groundstation.output_names import below
+from groundstation.files.output_names import below
 
 FIGURES = "figures"
 # sweeping takes a tenth of a second, which a short flight is not worth

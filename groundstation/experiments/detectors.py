@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.config import Config
 from groundstation.evaluation.metrics import phase_masks
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments import detection_tables as found
@@ -15,6 +14,7 @@ from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.looks import Outcome
 from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.tables import Cell, Table
+from groundstation.tracking.config import Config
 
 _TRACED = (OURS, "snake", "GVF snake")
 _SAID = {

@@ -14,7 +14,7 @@ from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.tables import Cell, Table
 from groundstation.geometry.aim import aim_at
-from groundstation.rig import Station
+from groundstation.rig.rig import Station
 
 # the border that each of the paper's four scenes is put at, and how far beyond it the aircraft truly is, px
 _SCENES = {"A": ((-1, 0), 20.0), "B": ((1, 0), 40.0), "C": ((0, -1), 60.0), "D": ((0, 1), 90.0)}

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.config import Config
 from groundstation.evaluation.metrics import phase_masks
 from groundstation.evaluation.series import BoolArray
 from groundstation.experiments import detection_plots as plots
@@ -16,6 +15,7 @@ from groundstation.experiments.detection_set_up import SEED
 from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.tables import Cell, Table
+from groundstation.tracking.config import Config
 
 # of the part that is studied: where the failing stretch begins and how long it lasts
 _FAILS_FROM, _FAILS_SHARE, _FAILS_MOST_S = 0.45, 0.2, 2.0

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.camera_tracker import silhouette_mask
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import Detector
 from groundstation.detection.roi import place_roi
 from groundstation.detection.segmentation import Float32Array
 from groundstation.experiments.scenes import Scene, Silhouette
 from groundstation.messages import Detection, Frame, Miss, Roi
+from groundstation.tracking.camera_tracker import silhouette_mask
 
 FOUND = "found"
 _WRONG_PX, _WRONG_WIDTHS = 10.0, 0.25

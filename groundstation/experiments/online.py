@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.config import Config
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.detection_set_up import SEED
 from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.tables import Cell, Table
 from groundstation.messages import Event, InitialState, StepReport
-from groundstation.pipeline import Pipeline
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 from groundstation.simulation import case_b, simulate
 from groundstation.simulation.take_off import take_off
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 
 DELAY_S = 0.11
 _SETTLING_S = 2.0

@@ -9,7 +9,7 @@ from groundstation.evaluation.page_tables import Column, page_table, plain
 from groundstation.evaluation.report import html_page
 from groundstation.experiments.experiment import Experiment, Findings, PaperFigure
 from groundstation.experiments.tables import Table, shown
-from groundstation.output_names import below
+from groundstation.files.output_names import below
 
 _TIME_MARK = " †"
 # more than these are set smaller, so that a screen of 1440 px shows them all

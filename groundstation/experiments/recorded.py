@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.config import Config
 from groundstation.errors import SessionError
 from groundstation.evaluation.collector import DETECTION_STATUSES, ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run
@@ -16,12 +15,13 @@ from groundstation.experiments.detection_set_up import METHODS, OURS, PAPERS_CHO
 from groundstation.experiments.looks import Outcome, watch
 from groundstation.experiments.scenes import scenes
 from groundstation.messages import Event, InitialState
-from groundstation.pipeline import Pipeline
-from groundstation.run import run
+from groundstation.replay.run import run
 from groundstation.session import Session, Truth, load_dgps, load_session, load_truth
 from groundstation.sources.labels import label_events
 from groundstation.sources.ptu_readings import PtuReadings
 from groundstation.sources.replay import LEAD_S, ReplaySource, read_frames
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 
 _START_SIGMA_M, _START_SIGMA_M_S = 1.0, 2.0
 # the compared methods without those of scikit-image, which the paper does not have and which take minutes

@@ -12,8 +12,8 @@ from groundstation.experiments.experiment import Experiment, Findings
 from groundstation.experiments.page import paper_page
 from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.registry import EXPERIMENTS, named
-from groundstation.output_names import below
-from groundstation.warm_up import warm_up
+from groundstation.files.output_names import below
+from groundstation.tracking.warm_up import warm_up
 
 BUNDLED = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
 _PAGE = "reproduce.html"

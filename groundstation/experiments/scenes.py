@@ -18,16 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.camera_tracker import CameraTracker, SpanModel
-from groundstation.config import Config
 from groundstation.detection.detector import DetectionHint
 from groundstation.errors import SessionError
 from groundstation.evaluation.metrics import phase_masks
-from groundstation.image_header import MAX_PICTURE_PX
+from groundstation.files.image_header import MAX_PICTURE_PX
+from groundstation.files.toml_table import shown
 from groundstation.messages import Frame, PtuSample
 from groundstation.session import Session, Truth, load_truth
 from groundstation.sources.replay import ReplaySource, read_frames
-from groundstation.toml_table import shown
+from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
+from groundstation.tracking.config import Config
 
 PREDICTION_SIGMA_PX = 4.0
 SPAN_SIGMA_RATIO = 0.1

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.config import Config
+from groundstation.estimation.triangulation import View, triangulate
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.detection_set_up import SEED
 from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.recorded import Recorded
 from groundstation.experiments.tables import Cell, Table
 from groundstation.geometry.aim import aim_at
-from groundstation.triangulation import View, triangulate
+from groundstation.tracking.config import Config
 
 ERRORS_PX = (0, 5, 10, 20, 30, 40, 50)
 _DIRECTIONS = {"u and v": (1.0, 1.0), "u": (1.0, 0.0), "v": (0.0, 1.0)}

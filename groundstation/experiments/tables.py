@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from groundstation.output_names import below
+from groundstation.files.output_names import below
 
 Cell = str | float | int | None
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.config import load_config
 from groundstation.errors import GroundstationError
 from groundstation.live.check_disk import check_disk
 from groundstation.live.check_line import CheckLine, well, wrong
@@ -17,8 +16,9 @@ from groundstation.live.devices import camera_of, check_against_rig
 from groundstation.live.head_device import HeadDevice, open_head
 from groundstation.live.keep_out_set_up import sun_words, with_keep_out
 from groundstation.live.station_file import StationDevices, load_station
-from groundstation.rig import Rig, load_rig
+from groundstation.rig.rig import Rig, load_rig
 from groundstation.sources.cameras.camera import CameraError, CameraEvent
+from groundstation.tracking.config import load_config
 from ptu_drivers.errors import PtuError
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import NoReading, Reading

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from groundstation.live.check_line import CheckLine, well, wrong
 from groundstation.live.station_file import StationFile
-from groundstation.rig import Rig
-from groundstation.sinks.recorder_status import RecorderConfig
+from groundstation.recording.recorder_status import RecorderConfig
+from groundstation.rig.rig import Rig
 
 _COLOUR_BYTES = 3
 

@@ -10,10 +10,10 @@ from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_line import open_reference_line
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace
 from groundstation.live.reference_set_up import gps_time_of
-from groundstation.logs.fixes import FixQuality, LogFix, LogOptions
-from groundstation.logs.nmea_stream import NmeaStream
 from groundstation.messages import DgpsFix
 from groundstation.session.folder import GeoOrigin
+from groundstation.session.logs.fixes import FixQuality, LogFix, LogOptions
+from groundstation.session.logs.nmea_stream import NmeaStream
 
 _QUIET_S = 0.04
 _GOOD = (FixQuality.FIX, FixQuality.FLOAT, FixQuality.SIMULATED, FixQuality.PPP)

@@ -9,16 +9,13 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from groundstation.config import load_config
 from groundstation.errors import InputError
 from groundstation.live.board import LiveStatus
 from groundstation.live.core import in_operation
 from groundstation.live.devices import check_against_rig
 from groundstation.live.ending import Ending
-from groundstation.live.fault_timetable import check_timetable
 from groundstation.live.heads import CLOSE_S, Heads
 from groundstation.live.keep_out_set_up import sun_words, with_keep_out
-from groundstation.live.lent_range import LentRange
 from groundstation.live.memory import settle_memory
 from groundstation.live.opened_cameras import opened_cameras
 from groundstation.live.operation import Operation, OperationResult, StatusSink
@@ -26,18 +23,15 @@ from groundstation.live.out_folder import require_free, taken_back_unless_begun,
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import Reference, reference_tuning
 from groundstation.live.screen import StatusTeller, open_screen
-from groundstation.live.simulated_day import DayScore, EstimateKeeper, Landings, landings, score, simulated_set_up
-from groundstation.live.simulated_range import RangeConfig, SimulatedRange
-from groundstation.live.simulated_receiver import ReceiverModel
 from groundstation.live.station_file import StationFile, load_station
-from groundstation.live.timed_faults import TimedFault
+from groundstation.live.station_simulator import StationSimulator
 from groundstation.messages import StepReport
 from groundstation.recording.contents import RecordingHeader
-from groundstation.rig import Rig, load_rig
-from groundstation.simulation.flights import Aircraft
+from groundstation.rig.rig import Rig, load_rig
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink
-from groundstation.warm_up import warm_up
+from groundstation.tracking.config import load_config
+from groundstation.tracking.warm_up import warm_up
 
 _BEGIN_AFTER_S = 3.0
 _RECORDING = "flight.mcap"
@@ -47,41 +41,29 @@ _RECORDING = "flight.mcap"
 class LiveRequest:
     """What the user asked for.
 
-    ``station`` None only with ``simulate``. ``out`` None is a folder of its own below the station file's [record]
-    folder. ``seconds`` None goes on until ``stop`` says so. ``screen`` is "desktop", "browser" or "none". With
-    ``simulate``, ``receiver`` is a reference receiver on the aircraft, ``timetable`` says what fails when, and
-    ``wind_m_s`` and ``aircraft`` are what moves the aircraft.
+    ``station`` None only with a simulator. ``out`` None is a folder of its own below the station file's [record]
+    folder. ``seconds`` None goes on until ``stop`` says so. ``screen`` is "desktop", "browser" or "none".
     """
 
     station: Path | None
     out: Path | None
     seconds: float | None = None
-    simulate: bool = False
-    rig: Path | None = None
-    rate_hz: float = 30.0
     screen: str = "none"
     record: bool = True
-    seed: int = 0
-    ptu_faults: tuple[str, ...] = ()
-    receiver: ReceiverModel | None = None
-    timetable: tuple[TimedFault, ...] = ()
-    wind_m_s: float = 0.0
-    aircraft: Aircraft = Aircraft.WAVES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveResult:
-    """How it went: the operation's figures, what was written, and with a simulated range the truth's verdict.
+    """How it went: the operation's figures, and what was written.
 
     ``files`` are those with something in them. ``not_whole`` says in a line each what the disk did not take,
     ``recorded`` how much it took, and how much a second; ``lost`` is that a recording was wanted and nothing of it is
-    there. ``begin_s`` is the simulated flight's time zero, session time. ``losses`` says in a line each which of the
-    heads' processes were lost, and which head is not known to stand.
+    there. ``begin_s`` is when the operation began, with a simulator the flight's time zero, session time. ``losses``
+    says in a line each which of the heads' processes were lost, and which head is not known to stand.
     """
 
     operation: OperationResult
     files: tuple[Path, ...]
-    score: DayScore | None
     begin_s: float = 0.0
     not_whole: tuple[str, ...] = ()
     recorded: str = ""
@@ -94,12 +76,12 @@ def live(
     stop: Callable[[], bool],
     tell: Callable[[LiveStatus], None],
     say: Callable[[str], None],
-    lent: LentRange | None = None,
+    simulator: StationSimulator | None = None,
     give_up: Callable[[str], None] | None = None,
 ) -> LiveResult:
     """Operate a station. ``tell`` gets the status twice a second, ``say`` a line while things are being opened.
 
-    ``lent`` is a simulated range that somebody else runs, in place of the request's own. ``give_up`` ends the program
+    ``simulator`` stands in for the devices. ``give_up`` ends the program
     at once where its end hangs beyond the time for it (`Ending`); it gets a line that says so.
 
     Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin, and KeyboardInterrupt
@@ -107,7 +89,7 @@ def live(
     """
     out = _folder(request)
     with taken_back_unless_begun(out) as begun:
-        return _live(request, out, begun, stop, tell, partial(_step, stop, say), lent, give_up)
+        return _live(request, out, begun, stop, tell, partial(_step, stop, say), simulator, give_up)
 
 
 def _live(
@@ -117,21 +99,20 @@ def _live(
     stop: Callable[[], bool],
     tell: Callable[[LiveStatus], None],
     say: Callable[[str], None],
-    lent: LentRange | None,
+    simulator: StationSimulator | None,
     give_up: Callable[[str], None] | None,
 ) -> LiveResult:
     """Operate into ``out``; ``begun`` is told once everything is open."""
     settle_memory()
-    flight = landings(request.seconds or 1e9, seed=request.seed, wind_m_s=request.wind_m_s, aircraft=request.aircraft)
-    file = _file(request, out) if lent is None else lent.file
+    file = _file(request) if simulator is None else simulator.station_file(request.station, out)
     rig = load_rig(file.rig)
     check_against_rig(file, rig)
     file = with_keep_out(file, rig, time.monotonic(), time.time())
-    check_timetable(request.timetable, rig)
+    if simulator is not None:
+        simulator.check(rig)
     config = in_operation(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
     header = live_header(file, config)
     known = live_reference(header, rig, config)
-    keeper = EstimateKeeper()
     # not before all files are known to be good
     out.mkdir(parents=True, exist_ok=True)
     with ExitStack() as opened:
@@ -140,7 +121,8 @@ def _live(
         opened.callback(ending.done)
         # the bound holds from here on: compiling and opening can hang as operating can
         ending.watch()
-        simulated = lent or (_range(request, file, flight, out, opened, say) if request.simulate else None)
+        if simulator is not None:
+            simulator.open(file, out, opened, say)
         start_s = time.monotonic()
         # they are opened while this process compiles
         heads = Heads({s.name: s.head for s in file.stations if s.head is not None}, start_s)
@@ -151,7 +133,7 @@ def _live(
         faults: list[str] = []
         tables = GuardedSink(TrackFilesSink(out), faults)
         opened.callback(tables.close)
-        sinks: list[Sink] = [tables, keeper]
+        sinks: list[Sink] = [tables, *(() if simulator is None else simulator.sinks())]
         recorder = _recorder(request, out, rig, header, opened, sinks)
         if recorder is not None:
             ending.writes(lambda: recorder.status.written_bytes)
@@ -178,27 +160,23 @@ def _live(
         say("opening the PTUs")
         heads.opened(stop)
         say("opening the cameras")
-        cameras = opened.enter_context(opened_cameras(file, operation, simulated, ending))
+        cameras = opened.enter_context(opened_cameras(file, operation, simulator, ending))
         # halted before anything else is closed
         opened.callback(lambda: heads.close(ending.left_s(CLOSE_S)))
         begin_s = time.monotonic() + _BEGIN_AFTER_S
-        if simulated is not None:
-            begin_s = simulated.begin(begin_s)
+        if simulator is not None:
+            begin_s = simulator.begin(begin_s)
         begun()
         end_s = math.inf if request.seconds is None else begin_s + request.seconds
         result = operation.run(
             cameras, heads, lambda: ending.asked() or time.monotonic() >= end_s, reference.worker, ending
         )
         reference.close(recorder)
-    found = None
-    if simulated is not None:
-        found = score(flight, begin_s - start_s, keeper.rows(), simulated.truth, rig, begin_s)
     if recorder is not None and recorder.status.trouble:
         faults.insert(0, f"{_RECORDING}: {recorder.words()}")
     return LiveResult(
         operation=result,
         files=written_files(out),
-        score=found,
         begin_s=begin_s - start_s,
         not_whole=tuple(faults),
         recorded="" if recorder is None else recorder.took(),
@@ -212,29 +190,6 @@ def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> No
     if stop():
         raise KeyboardInterrupt
     say(text)
-
-
-def _range(
-    request: LiveRequest,
-    file: StationFile,
-    flight: Landings,
-    out: Path,
-    opened: ExitStack,
-    say: Callable[[str], None],
-) -> SimulatedRange:
-    """Start the simulated range."""
-    say("building the simulated range")
-    hardware = RangeConfig(
-        rig=file.rig,
-        folder=out,
-        flight=flight,
-        frame_rate_hz=file.rate_hz,
-        seed=request.seed,
-        ptu_faults=request.ptu_faults,
-        receiver=request.receiver,
-        timetable=request.timetable,
-    )
-    return opened.enter_context(SimulatedRange(hardware))
 
 
 class GuardedSink:
@@ -279,13 +234,10 @@ def _folder(request: LiveRequest) -> Path:
     return out
 
 
-def _file(request: LiveRequest, out: Path) -> StationFile:
-    if request.station is not None:
-        return load_station(request.station)
-    if not request.simulate:
+def _file(request: LiveRequest) -> StationFile:
+    if request.station is None:
         raise InputError("STATION", got="none", wanted="a station file, or --simulate")
-    rig = None if request.rig is None else load_rig(request.rig)
-    return simulated_set_up(out, request.rate_hz, rig, dgps=request.receiver is not None)
+    return load_station(request.station)
 
 
 def _recorder(

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.config import Config
 from groundstation.live.inbox import Item, Said, Shot
 from groundstation.live.pairing import Pairing
 from groundstation.messages import (
@@ -28,10 +27,11 @@ from groundstation.messages import (
     TrackEvent,
     TrackStatus,
 )
-from groundstation.pipeline import Pipeline
-from groundstation.pointing import HeadPilot
-from groundstation.search_pattern import SearchPattern
-from groundstation.seldom_said import SeldomSaid
+from groundstation.pointing.pilot import HeadPilot
+from groundstation.pointing.search_pattern import SearchPattern
+from groundstation.tracking.config import Config
+from groundstation.tracking.log_throttle import SeldomSaid
+from groundstation.tracking.pipeline import Pipeline
 
 # heads are told as often, in s
 COMMAND_EVERY_S = 0.03

@@ -4,11 +4,10 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from groundstation.config import config_from_mapping
 from groundstation.errors import ConfigError
 from groundstation.live.head_device import DeviceError
 from groundstation.live.station_file import StationDevices, StationFile
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 from groundstation.sources.cameras.camera import (
     CameraCare,
     CameraError,
@@ -19,6 +18,7 @@ from groundstation.sources.cameras.camera import (
 )
 from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.sources.cameras.open_camera import open_camera
+from groundstation.tracking.config import config_from_mapping
 
 T = TypeVar("T")
 Tell = Callable[[CameraEvent], None]

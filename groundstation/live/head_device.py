@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from groundstation.errors import GroundstationError
-from groundstation.keep_out import KeepOut, Sector
 from groundstation.live.keep_out_unit import KeepOutUnit
+from groundstation.pointing.keep_out import KeepOut, Sector
 from ptu_drivers.errors import PtuError
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.open import open_ptu

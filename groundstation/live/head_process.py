@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
 from groundstation.errors import GroundstationError
-from groundstation.hand_over import quick_hand_over
 from groundstation.live.head_device import HeadDevice, open_head
 from groundstation.live.head_worker import HeadWorker, head_limits
 from groundstation.live.inbox import Item
 from groundstation.messages import PointingCommand
+from groundstation.thread_scheduling import quick_hand_over
 from ptu_drivers.motion_guard import LEASE_S, MotionLeases
 
 _HEALTH_EVERY_S = 0.25

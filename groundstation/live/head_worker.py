@@ -14,8 +14,8 @@ from typing import Protocol
 from groundstation.live.inbox import Item, Said
 from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
 from groundstation.messages import PointingCommand, PtuSample, Purpose
-from groundstation.pointing import LEASE_S, AxisLimits, HeadLimits
-from groundstation.seldom_said import SeldomSaid
+from groundstation.pointing.pilot import LEASE_S, AxisLimits, HeadLimits
+from groundstation.tracking.log_throttle import SeldomSaid
 from ptu_drivers.errors import LimitError, PtuError
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AxisDescription, Capability, NoReading, Reading

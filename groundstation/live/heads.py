@@ -22,7 +22,7 @@ from groundstation.live.inbox import Inbox, Item
 from groundstation.live.restart_delay import RestartDelay
 from groundstation.live.silence import Silence
 from groundstation.messages import PointingCommand, PtuSample
-from groundstation.pointing import HeadLimits
+from groundstation.pointing.pilot import HeadLimits
 from ptu_drivers.messages import UnitDescription
 from ptu_drivers.motion_guard import HALTING_S, LEASE_S, GuardReport, MotionLeases
 

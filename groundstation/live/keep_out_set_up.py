@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.errors import ConfigError
-from groundstation.keep_out import KeepOut, LensAxis, SunZone
 from groundstation.live.devices import check_against_rig
 from groundstation.live.head_device import open_head
 from groundstation.live.station_file import StationDevices, StationFile, load_station
-from groundstation.rig import Rig, Station, load_rig
-from groundstation.sun import SunOverPlace
+from groundstation.pointing.keep_out import KeepOut, LensAxis, SunZone
+from groundstation.pointing.sun import SunOverPlace
+from groundstation.rig.rig import Rig, Station, load_rig
 from ptu_drivers.interface import PanTiltUnit
 
 # without [safety] sun_angle_deg: the Sun's image stays off the sensor, half a degree of it, by what a mount, a clock

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.keep_out import KeepOut, Zones, rates_are_clear
+from groundstation.pointing.keep_out import KeepOut, Zones, rates_are_clear
 from ptu_drivers.errors import PtuError
 from ptu_drivers.halting import Watchdog
 from ptu_drivers.health import Health

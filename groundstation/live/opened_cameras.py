@@ -9,10 +9,9 @@ from groundstation.live.camera_worker import said
 from groundstation.live.devices import camera_of
 from groundstation.live.ending import Ending
 from groundstation.live.head_device import DeviceError
-from groundstation.live.lent_range import LentRange
 from groundstation.live.operation import Operation
-from groundstation.live.simulated_range import SimulatedRange
 from groundstation.live.station_file import StationFile
+from groundstation.live.station_simulator import StationSimulator
 from groundstation.sources.cameras.camera import CameraCare, CameraError, CameraEvent, CameraTiming, StampPoint
 from groundstation.sources.cameras.live_camera import LiveCamera
 
@@ -22,7 +21,7 @@ _CAMERA_S = 0.8
 
 @contextmanager
 def opened_cameras(
-    file: StationFile, operation: Operation, simulated: SimulatedRange | LentRange | None, ending: Ending
+    file: StationFile, operation: Operation, simulated: StationSimulator | None, ending: Ending
 ) -> Iterator[Mapping[str, LiveCamera]]:
     """Open all cameras, in the end asking all to stop before one is waited for. Raises `DeviceError`: one fails."""
 

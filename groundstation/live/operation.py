@@ -10,10 +10,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
-from groundstation.config import Config
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.hand_over import quick_hand_over
-from groundstation.keep_out import KeepOut
 from groundstation.live.board import Board, DeviceState, LiveStatus
 from groundstation.live.camera_words import clock_words, lost_words
 from groundstation.live.camera_worker import CameraWorker
@@ -26,13 +23,16 @@ from groundstation.live.pairing import Pairing, Shedding
 from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.station_file import StationFile
 from groundstation.messages import Event, Frame, PtuSample, TrackStatus
-from groundstation.pipeline import Pipeline
-from groundstation.pointing import HeadPilot
-from groundstation.rig import Rig
-from groundstation.search_pattern import SearchPattern
+from groundstation.pointing.keep_out import KeepOut
+from groundstation.pointing.pilot import HeadPilot
+from groundstation.pointing.search_pattern import SearchPattern
+from groundstation.rig.rig import Rig
 from groundstation.sinks.sink import Sink
 from groundstation.sources.cameras.live_camera import LiveCamera
-from groundstation.warm_up import warm_up
+from groundstation.thread_scheduling import quick_hand_over
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.warm_up import warm_up
 
 _WAIT_S = 0.01
 _STATUS_EVERY_S = 0.5  # and at once when time alone, or a lost process, has changed it

@@ -7,15 +7,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from groundstation.config import Config, config_to_mapping, config_to_toml
+from groundstation.files.text_file import AttachedFiles
 from groundstation.live.recent_rate import RecentRate
 from groundstation.live.station_file import StationFile
 from groundstation.recording.contents import CONFIG, RIG, SESSION, RecordingHeader
-from groundstation.reference_knowledge import ReferenceKnowledge, reference_knowledge
-from groundstation.rig import Rig
+from groundstation.recording.recorder import Recorder, RecorderConfig
+from groundstation.replay.reference_knowledge import ReferenceKnowledge, reference_knowledge
+from groundstation.rig.rig import Rig
 from groundstation.session.folder import read_session
-from groundstation.sinks.recorder import Recorder, RecorderConfig
-from groundstation.text_file import AttachedFiles
+from groundstation.tracking.config import Config, config_to_mapping, config_to_toml
 
 
 class LiveRecorder(Recorder):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from groundstation.errors import ConfigError
-from groundstation.toml_table import quoted
+from groundstation.files.toml_table import quoted
 
 Network = ipaddress.IPv4Network
 _UDP = re.compile(r"udp://([^:/\s]*):(\d{1,5})")

@@ -9,12 +9,12 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import LogError
-from groundstation.logs.fixes import DEFAULT_SIGMA_M, LogFix
-from groundstation.logs.gps_time import gps_from_civil
-from groundstation.logs.placement import place_log
-from groundstation.logs.read import GnssLog
 from groundstation.messages import DgpsFix, ReferenceFix
 from groundstation.session.folder import GeoOrigin
+from groundstation.session.logs.fixes import DEFAULT_SIGMA_M, LogFix
+from groundstation.session.logs.gps_time import gps_from_civil
+from groundstation.session.logs.placement import place_log
+from groundstation.session.logs.read import GnssLog
 
 # a radio link takes its time; what seems older, or is of the future, has another clock
 _OLDEST_S, _EARLIEST_S = 2.0, -0.5

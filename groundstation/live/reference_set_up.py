@@ -4,16 +4,16 @@ import dataclasses
 import time
 from pathlib import Path
 
-from groundstation.config import Config
 from groundstation.live.inbox import Inbox
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace
 from groundstation.live.reference_table import DgpsTable
 from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.station_file import StationFile
-from groundstation.logs.gps_time import TimeScale, civil_from_unix, gps_from_civil
-from groundstation.reference_knowledge import ReferenceKnowledge
-from groundstation.sinks.recorder import Recorder
+from groundstation.recording.recorder import Recorder
+from groundstation.replay.reference_knowledge import ReferenceKnowledge
+from groundstation.session.logs.gps_time import TimeScale, civil_from_unix, gps_from_civil
+from groundstation.tracking.config import Config
 
 DGPS_TABLE = "dgps.csv"
 

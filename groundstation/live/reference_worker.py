@@ -17,10 +17,10 @@ from groundstation.live.inbox import Said
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_line import ReferenceLine, open_reference_line
 from groundstation.live.reference_place import ReferencePlace
-from groundstation.logs.fixes import LogFix, LogOptions
-from groundstation.logs.nmea_stream import NmeaStream
 from groundstation.messages import DgpsFix
-from groundstation.seldom_said import SeldomSaid
+from groundstation.session.logs.fixes import LogFix, LogOptions
+from groundstation.session.logs.nmea_stream import NmeaStream
+from groundstation.tracking.log_throttle import SeldomSaid
 
 # so long after the last byte nothing more of the same moment comes
 _QUIET_S = 0.04

@@ -8,7 +8,7 @@ from groundstation.live.board import LiveStatus
 from groundstation.live.ending import Ending
 from groundstation.live.operation import StatusSink
 from groundstation.live.station_file import StationFile
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 from groundstation.sinks.sink import Sink
 
 # of the time for ending, for what is still to be drawn and for the viewer
@@ -39,8 +39,8 @@ def open_screen(
     """Open the operator's screen, "desktop", "browser" or "none"; returns what it has to say of itself."""
     if kind == "none":
         return lambda: ""
-    from groundstation.sinks.rerun_live import LiveView
-    from groundstation.sinks.rerun_viewer import open_live_stream, open_web_stream, stop_viewer
+    from groundstation.viewer.live import LiveView
+    from groundstation.viewer.viewer import open_live_stream, open_web_stream, stop_viewer
 
     if kind == "desktop":
         stream = open_live_stream("groundstation", os.environ, "--web shows the same in a browser")

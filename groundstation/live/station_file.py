@@ -7,15 +7,15 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from groundstation.config import config_from_mapping
 from groundstation.errors import ConfigError
-from groundstation.keep_out import Sector
+from groundstation.files.toml_table import Table, load_toml, quoted
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.reference_device import Network, ReferenceDevice, sender_networks
-from groundstation.pointing import PointingConfig
-from groundstation.search_pattern import SearchConfig
+from groundstation.pointing.keep_out import Sector
+from groundstation.pointing.pilot import PointingConfig
+from groundstation.pointing.search_pattern import SearchConfig
 from groundstation.session.folder import GeoOrigin, parse_origin
-from groundstation.toml_table import Table, load_toml, quoted
+from groundstation.tracking.config import config_from_mapping
 
 STATION_FORMAT = "groundstation-station/1"
 MAX_STATIONS = 16

@@ -12,7 +12,7 @@ from groundstation.geometry.aim import aim_at
 from groundstation.geometry.station import StationGeometry
 from groundstation.planning.error_sources import CAMERA_CLOCK, PTU_CLOCK, STATION_CLOCK, error_sources
 from groundstation.planning.site import Site
-from groundstation.rig import Station
+from groundstation.rig.rig import Station
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.errors import SiteError
+from groundstation.files.toml_table import Table, load_toml, quoted, shown
 from groundstation.geometry.camera import Lens
 from groundstation.planning.site import Aircraft, Requirement, Site
-from groundstation.rig import MAX_STATIONS, ClockModel, Rig, Station, load_rig
-from groundstation.rig_covariance import ParameterCovariance
-from groundstation.toml_table import Table, load_toml, quoted, shown
+from groundstation.rig.covariance import ParameterCovariance
+from groundstation.rig.rig import MAX_STATIONS, ClockModel, Rig, Station, load_rig
 
 SITE_FORMAT = "groundstation-site/1"
 MAX_FRAMES = 20_000

@@ -21,8 +21,8 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, McapRecord, Metadata, Schema
 
 from groundstation.errors import RecordingError
-from groundstation.recording.read_budget import ReadBudget
-from groundstation.toml_table import quoted, shown
+from groundstation.files.read_budget import ReadBudget
+from groundstation.files.toml_table import quoted, shown
 
 MAGIC = b"\x89MCAP0\r\n"
 # a chunk of ours is a megabyte and one picture, of 78 MB at most

@@ -11,9 +11,9 @@ import numpy as np
 
 from groundstation import __version__
 from groundstation.errors import RecordingError
+from groundstation.files.toml_table import Table, quoted
 from groundstation.messages import InitialState
 from groundstation.recording.container_reader import Contents
-from groundstation.toml_table import Table, quoted
 
 FORMAT = "groundstation-recording/1"
 ABOUT = "groundstation"

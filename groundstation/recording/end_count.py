@@ -4,8 +4,8 @@ import json
 import math
 from typing import Any
 
+from groundstation.files.read_budget import MAX_LINE_BYTES
 from groundstation.recording.contents import RecordingEnd
-from groundstation.recording.read_budget import MAX_LINE_BYTES
 
 
 class EndCount:

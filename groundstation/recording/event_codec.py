@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from groundstation.errors import RecordingError
+from groundstation.files.toml_table import quoted, shown
 from groundstation.messages import (
     BegunAnew,
     Epoch,
@@ -24,7 +25,6 @@ from groundstation.messages import (
     ReferenceFix,
 )
 from groundstation.picture import BayerPattern, clip
-from groundstation.toml_table import quoted, shown
 
 _MOST = 1e12
 _MAX_WHOLE = 2**53

@@ -8,8 +8,8 @@ from google.protobuf.message import DecodeError
 
 from groundstation.arrays import ImageArray
 from groundstation.errors import RecordingError
+from groundstation.files.png_file import png_size_px
 from groundstation.picture import BayerPattern
-from groundstation.png_file import png_size_px
 from groundstation.recording import schemas
 
 # runs of equal differences: on noisy pictures quicker than PNG's usual search, and no larger

@@ -4,9 +4,9 @@ import datetime
 from dataclasses import dataclass, field
 
 from groundstation.errors import InputError
-from groundstation.logs.fixes import LogOptions
-from groundstation.logs.gps_time import gps_from_datetime, gps_from_text
-from groundstation.toml_table import Table, quoted
+from groundstation.files.toml_table import Table, quoted
+from groundstation.session.logs.fixes import LogOptions
+from groundstation.session.logs.gps_time import gps_from_datetime, gps_from_text
 
 _KEYS = {"epoch_utc", "date", "height", "geoid_separation_m", "base", "instance"}
 

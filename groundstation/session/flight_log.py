@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray
+from groundstation.files.csv_table import CsvTable, Row
 from groundstation.geometry.geodesy import enu_from_geodetic
-from groundstation.session.tables import CsvTable, Row
 
 LOG_COLUMNS = ("timestamp", "Lat", "Lng", "Alt")
 MAX_LOG_ROWS = 1_000_000

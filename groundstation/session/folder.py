@@ -8,14 +8,14 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import GroundstationError, RecordingError, SessionError
+from groundstation.files.csv_table import CsvTable
+from groundstation.files.text_file import TextFolder
+from groundstation.files.toml_table import Table, load_toml, quoted
 from groundstation.messages import InitialState
 from groundstation.recording.contents import RecordingHeader
-from groundstation.rig import ClockModel, Rig, Station, load_rig, parse_clock
+from groundstation.rig.rig import ClockModel, Rig, Station, load_rig, parse_clock
 from groundstation.session.dgps_options import DgpsOptions, parse_dgps
 from groundstation.session.media import Medium, check_medium, find_media
-from groundstation.session.tables import CsvTable
-from groundstation.text_file import TextFolder
-from groundstation.toml_table import Table, load_toml, quoted
 
 # what [clocks] may name besides the stations
 CLOCKED_TABLES = ("frames", "detections", "ptu", "dgps", "truth")

@@ -4,12 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from groundstation.errors import SessionError
+from groundstation.files.text_file import AttachedFiles
 from groundstation.recording.container_reader import ContainerReader, Contents
 from groundstation.recording.contents import RIG, parse_end, parse_header
-from groundstation.rig import load_rig
+from groundstation.rig.rig import load_rig
 from groundstation.session.folder import Recorded, Session, load_folder, read_session
 from groundstation.session.media import Medium, MediumKind
-from groundstation.text_file import AttachedFiles
 
 
 def load_session(path: Path, rig_path: Path | None = None) -> Session:

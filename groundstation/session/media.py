@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 
 from groundstation.errors import SessionError
-from groundstation.image_header import IMAGE_SUFFIXES, MAX_PICTURE_PX, is_decodable
-from groundstation.rig import Rig
+from groundstation.files.image_header import IMAGE_SUFFIXES, MAX_PICTURE_PX, is_decodable
+from groundstation.files.matroska_tables import repeats_tables
+from groundstation.rig.rig import Rig
 
 # two of these for one station are a doubt that only the user can settle
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".webm", ".wmv")
@@ -73,6 +74,8 @@ def _medium(folder: Path, name: str) -> Medium | None:
 
 def open_video(path: Path) -> cv2.VideoCapture:
     """Open a video for decoding in one thread; ask `isOpened` whether that went well."""
+    if repeats_tables(path):
+        return cv2.VideoCapture()
     # FFmpeg alone: OpenCV's other readers would take a name with digits for a series of images. The cameras
     # already decode side by side; more threads each would only hold more frames in memory.
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
@@ -84,6 +87,8 @@ def open_video(path: Path) -> cv2.VideoCapture:
 
 def open_packets(path: Path) -> cv2.VideoCapture:
     """Open a video for its coded frames, in the order of coding, without decoding them."""
+    if repeats_tables(path):
+        return cv2.VideoCapture()
     return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
 
 

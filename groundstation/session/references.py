@@ -9,12 +9,12 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import SessionError
-from groundstation.logs.gps_time import utc_text
+from groundstation.files.csv_table import CsvTable, Row
+from groundstation.files.text_file import TextFile
 from groundstation.messages import DgpsFix
-from groundstation.rig import ClockModel
+from groundstation.rig.rig import ClockModel
 from groundstation.session.folder import Session
-from groundstation.session.tables import CsvTable, Row
-from groundstation.text_file import TextFile
+from groundstation.session.logs.gps_time import utc_text
 
 # instead of dgps.csv: a log as the receiver or the autopilot wrote it
 LOG_NAMES = ("dgps.nmea", "dgps.pos", "dgps.ulg", "dgps.bin", "dgps.tlog", "dgps.ubx")
@@ -74,7 +74,7 @@ def _read_dgps(session: Session, fixes: list[DgpsFix], on_note: Callable[[str], 
             _read_log(session, session.folder / logs[0], fixes, on_note)
         return
     # the readers of logs use this package's tables
-    from groundstation.logs.positions_table import has_positions
+    from groundstation.session.logs.positions_table import has_positions
 
     header = CsvTable(path, [])
     if "x_m" not in header.columns and has_positions(header.columns):
@@ -85,8 +85,8 @@ def _read_dgps(session: Session, fixes: list[DgpsFix], on_note: Callable[[str], 
 
 def _read_log(session: Session, path: TextFile, fixes: list[DgpsFix], on_note: Callable[[str], None]) -> None:
     """Add the fixes of a log of latitudes and longitudes, in the session's frame."""
-    from groundstation.logs.placement import midnight_before, place_log
-    from groundstation.logs.read import read_log
+    from groundstation.session.logs.placement import midnight_before, place_log
+    from groundstation.session.logs.read import read_log
 
     if not isinstance(path, Path):
         raise SessionError(str(path), got="a log inside a recording", wanted="dgps.csv there, or the log in a folder")

@@ -8,7 +8,7 @@ itself the *rms* of a reading's noise, without steps.
 import numpy as np
 
 from groundstation.geometry.camera import Lens
-from groundstation.rig import PARTS, ClockModel, Rig, Station
+from groundstation.rig.rig import PARTS, ClockModel, Rig, Station
 from groundstation.simulation.approach import bound_glide, weaving_approach
 from groundstation.simulation.camera import CameraModel, isotropic
 from groundstation.simulation.disturbance import drawn_deviation

@@ -9,7 +9,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import rotation_from_vector, wxyz_from_matrix
-from groundstation.rig import Rig, Station
+from groundstation.rig.rig import Rig, Station
 from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN
 from groundstation.simulation.approach import GLIDE_SLOPE_RAD, Flare, Glide
 from groundstation.simulation.camera import CameraModel

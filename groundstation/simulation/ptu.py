@@ -7,7 +7,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.messages import PtuSample
-from groundstation.rig import Station
+from groundstation.rig.rig import Station
 from groundstation.simulation.checks import require, require_finite, require_not_negative, require_positive
 from groundstation.simulation.pointing import IdealPointing, PointingHistory, PointingModel
 from groundstation.simulation.stamps import believed_times

@@ -13,7 +13,7 @@ import numpy as np
 from groundstation.arrays import Float32Array, FloatArray, ImageArray, MaskArray
 from groundstation.geometry.rotation import rotation_x, rotation_z
 from groundstation.picture import RawPicture
-from groundstation.rig import Station
+from groundstation.rig.rig import Station
 from groundstation.simulation import raster_kernels, render_kernels
 from groundstation.simulation.attitude import AircraftPose
 from groundstation.simulation.checks import require

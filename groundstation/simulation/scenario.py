@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 from groundstation.simulation.camera import CameraModel
 from groundstation.simulation.checks import require, require_not_negative, require_positive
 from groundstation.simulation.dgps import DgpsModel

@@ -7,7 +7,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.messages import DgpsFix, Epoch, Event, PixelMeasurement
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 from groundstation.simulation.camera import Looks, look
 from groundstation.simulation.dgps import take_fixes
 from groundstation.simulation.pointing import Parked, PointingHistory, pointing_history

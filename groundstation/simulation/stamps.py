@@ -3,7 +3,7 @@
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.rig import ClockModel
+from groundstation.rig.rig import ClockModel
 
 _EXACT = ClockModel()
 

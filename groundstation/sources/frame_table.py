@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import SessionError
+from groundstation.files.csv_table import CsvTable, Row
+from groundstation.files.toml_table import quoted
 from groundstation.session import Session
 from groundstation.session.folder import frames_table
-from groundstation.session.tables import CsvTable, Row
-from groundstation.toml_table import quoted
 
 _MAX_FRAMES = 50_000_000
 _MISSING = float("nan")

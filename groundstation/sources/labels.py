@@ -8,10 +8,10 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import SessionError
+from groundstation.files.toml_table import quoted
 from groundstation.messages import Epoch, Event, PixelMeasurement
 from groundstation.session import Session
 from groundstation.session.folder import detections_table
-from groundstation.toml_table import quoted
 
 
 def read_labels(session: Session) -> tuple[dict[str, FloatArray], SessionError | None]:

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import ImageArray
 from groundstation.errors import SessionError
-from groundstation.hand_over import give_way
+from groundstation.files.toml_table import shown
 from groundstation.session import Medium, MediumKind
 from groundstation.session.media import image_files, open_video, read_image, size_fault
 from groundstation.sources.frame_pool import FramePool
 from groundstation.sources.video_seek import seek
-from groundstation.toml_table import shown
+from groundstation.thread_scheduling import give_way
 
 QUEUE_FRAMES = 6
 # forward decoding of so few frames is as quick as a seek

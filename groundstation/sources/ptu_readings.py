@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from groundstation.errors import SessionError
+from groundstation.files.csv_table import CsvTable, Row
 from groundstation.messages import PtuSample
-from groundstation.ptu_axes import AxisCorrection
+from groundstation.rig.ptu_axes import AxisCorrection
 from groundstation.session import Session
 from groundstation.session.folder import ptu_table
-from groundstation.session.tables import CsvTable, Row
 
 
 class PtuReadings:

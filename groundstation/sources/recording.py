@@ -13,7 +13,8 @@ from types import TracebackType
 import numpy as np
 
 from groundstation.errors import RecordingError, SessionError
-from groundstation.image_header import MAX_PICTURE_PX
+from groundstation.files.image_header import MAX_PICTURE_PX
+from groundstation.files.read_budget import ReadBudget
 from groundstation.messages import Epoch, Event, Frame, PixelMeasurement
 from groundstation.picture import Kept, PartialPicture
 from groundstation.recording.container_reader import ContainerReader, TopicMessage
@@ -29,7 +30,6 @@ from groundstation.recording.event_codec import (
     part_inside,
 )
 from groundstation.recording.pixels import decoded
-from groundstation.recording.read_budget import ReadBudget
 from groundstation.session import Session
 from groundstation.session.folder import Recorded
 

@@ -13,7 +13,7 @@ TOOLS = {"groundstation.live.check", "ptu_drivers.monitor"}
 # passes commands on to a unit, or refuses them
 GUARD = "groundstation.live.keep_out_unit"
 # its heads are numbers
-VIRTUAL = "groundstation.live.rehearsal"
+VIRTUAL = "groundstation.simulation.rehearsal"
 
 
 def calls(tree: ast.AST, names: set[str]) -> set[str]:
@@ -50,7 +50,7 @@ def test_nobody_else_in_operation_holds_a_unit() -> None:
     makers = {"open_head", "open_ptu", "HeadWorker"}
     users = {}
     for name, path in modules().items():
-        if name.startswith("groundstation.") and not name.startswith("groundstation.cli"):
+        if name.startswith("groundstation.") and not name.startswith("groundstation.cli."):
             found = calls(ast.parse(path.read_text(encoding="utf-8")), makers)
             if found:
                 users[name] = found
@@ -71,5 +71,5 @@ def test_whoever_opens_a_head_keeps_its_lens_out_of_what_is_closed() -> None:
     }
     assert {name: found for name, found in openers.items() if "open_ptu" in found} == {
         "groundstation.live.head_device": {"open_ptu", "KeepOutUnit"},
-        "groundstation.cli_ptu_open": {"open_ptu"},
+        "groundstation.cli.ptu_open": {"open_ptu"},
     }

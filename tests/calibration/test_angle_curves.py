@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calibration.flight import FlightFit
-from calibration.flight_data import _curves
+from calibration.flight.fit import FlightFit
+from calibration.flight.observations import _curves
 
 
 def test_each_curve_reaches_from_one_gap_to_the_next() -> None:

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from calibration.flight import _LEAST_BLOCKS, _lasting_factor
+from calibration.flight.fit import _LEAST_BLOCKS, _lasting_factor
 
 
 def factor(parameters: int, blocks: int, times: float) -> np.ndarray:

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calibration.mount_session import _about
-from calibration.timing import _thin
+from calibration.clocks.fit import _thin
+from calibration.mount.calibrate import _about
 
 NAMES = ("runway_from_base.x", "head_from_camera.y", "camera_in_head.z")
 STILL, TURNED = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.8, 0.6, 0.0, 0.0])

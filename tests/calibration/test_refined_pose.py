@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calibration import survey_start
-from calibration.landmark_rejection import LandmarkFitError
-from calibration.survey_start import _refined
+from calibration.landmarks import survey_start
+from calibration.landmarks.rejection import LandmarkFitError
+from calibration.landmarks.survey_start import _refined
 
 LEVEL, OVER = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calibration.flight_pictures import _seen_part
+from calibration.flight.report_pictures import _seen_part
 
 
 def part(pixel_px: list[tuple[float, float]]) -> tuple[float, float, float, float]:

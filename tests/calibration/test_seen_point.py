@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from groundstation.simulation import StationErrors
-from tests.calibration.flights import approach, calibrated, run
+from tests.calibration.flight.flights import approach, calibrated, run
 
 OFF_M, SIGMA_M = 0.06, 0.05
 LOG = "dgps_clock.offset"

@@ -11,8 +11,8 @@ from birds.flights import Flight
 from birds.scoring import Score
 
 from groundstation.arrays import ImageArray
-from groundstation.detection.pixel_tracker import PixelTracker
 from groundstation.messages import Detection
+from groundstation.single_camera.pixel_tracker import PixelTracker
 from tests.detection.flying import RATE_HZ, SIZE, Film, panorama
 
 Box = tuple[float, float, float, float]

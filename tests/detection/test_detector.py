@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from groundstation.camera_tracker import silhouette_mask
 from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.config import Channel, DetectionConfig, TargetPoint
 from groundstation.detection.detector import Detector, warm_up
 from groundstation.messages import Detection, Miss, MissReason, Roi
+from groundstation.tracking.camera_tracker import silhouette_mask
 from tests.detection.painted import Painting, coverage, ground, look_at, paint, sky, whole
 
 SIZE = (260, 130)

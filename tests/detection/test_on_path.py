@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from groundstation.detection.target_view import _ON_PATH, _PATH_SIGMAS, on_path
+from groundstation.single_camera.target_view import _ON_PATH, _PATH_SIGMAS, on_path
 
 
 @pytest.mark.parametrize("wider_px", [0.0, 7.0])

@@ -15,7 +15,7 @@ from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.roi import place_roi
 from groundstation.evaluation.stated_parts import StatedErrors, flights_chi_square, noise_chi_square
 from groundstation.messages import Detection
-from groundstation.rig import load_rig
+from groundstation.rig.rig import load_rig
 
 FIRST, GROUND, SPAN_M, SIGMA_PX = 200, 276, 2.3, 5.0
 SIZE = (1280, 960)

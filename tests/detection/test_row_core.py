@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from groundstation.detection.fuselage import _core
-from groundstation.detection.pixel_identity import Identity
+from groundstation.single_camera.pixel_identity import Identity
 
 
 def test_the_mean_is_over_the_row_and_not_beyond_its_ends() -> None:

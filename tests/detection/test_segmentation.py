@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.config import load_config
 from groundstation.detection.config import DetectionConfig, LevelSetConfig, SegmentationMethod, SnakeConfig
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.roi import place_roi
 from groundstation.detection.segmentation import make_segmenter
 from groundstation.messages import Detection
+from groundstation.tracking.config import load_config
 from tests.detection.painted import Painting, look_at, paint, sky, whole
 
 SIZE = (260, 130)

@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from groundstation.detection.pixel_tracker import _LEAST_MISSES, PixelTracker
 from groundstation.detection.target_search import _VELOCITY_GAIN, _advance, _Hopeful
+from groundstation.single_camera.pixel_tracker import _LEAST_MISSES, PixelTracker
 
 
 @pytest.mark.parametrize(

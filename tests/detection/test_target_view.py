@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from groundstation.detection.pixel_motion import PixelMotion
-from groundstation.detection.pixel_target import PixelTarget
-from groundstation.detection.target_view import is_beside
 from groundstation.messages import Detection, Miss, MissReason
+from groundstation.single_camera.pixel_motion import PixelMotion
+from groundstation.single_camera.pixel_target import PixelTarget
+from groundstation.single_camera.target_view import is_beside
 
 
 def target(place_px: tuple[float, float], length_px: float) -> PixelTarget:

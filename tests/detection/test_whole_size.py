@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from groundstation.detection.local_search import CLEAR_SCORE
-from groundstation.detection.target_view import TargetView
+from groundstation.single_camera.target_view import TargetView
 
 
 def test_it_is_the_first_clear_sight_and_follows_later_ones_slowly() -> None:

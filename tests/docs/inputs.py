@@ -10,27 +10,27 @@ import numpy as np
 from landmark_study.simulated import look as look_at_landmarks
 from landmark_study.simulated import morning, write_landmarks, write_sightings
 
-from calibration.boards import parse_board
-from calibration.lens_fit import camera_matrix
+from calibration.lens.boards import parse_board
+from calibration.lens.fit import camera_matrix
 from groundstation.onboard.pose.files import Runways
-from groundstation.onboard_render import render_flight
-from groundstation.replay import ReplayRequest, replay
-from groundstation.rig import Rig
-from groundstation.rig_toml import rig_to_toml
+from groundstation.onboard.render import render_flight
+from groundstation.replay.replay import ReplayRequest, replay
+from groundstation.rig.rig import Rig
+from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation import Scenario, StationErrors, case_b, perturbed, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.dgps import DgpsModel
-from groundstation.sinks.session_folder import write_session_folder
-from tests.calibration.boards_seen import Pose, a_lens, a_pose, render
-from tests.calibration.flights import unknown
-from tests.calibration.mounts import look, marks_around, plain_station, spoiled
-from tests.calibration.swings import Recorder, Swing, small_station, write_session
+from groundstation.simulation.session_folder import write_session_folder
+from tests.calibration.clocks.swings import Recorder, Swing, small_station, write_session
+from tests.calibration.flight.flights import unknown
+from tests.calibration.lens.boards_seen import Pose, a_lens, a_pose, render
+from tests.calibration.mount.mounts import look, marks_around, plain_station, spoiled
 from tests.docs.pages import ROOT
-from tests.logs.writers import with_checksum
 from tests.onboard.pose.approaches import LENS, pose_on_approach, project
 from tests.onboard.pose.test_pose_command import CAMERA, write_runways
 from tests.replay.test_learning import LANDING, wrong_rig
 from tests.session.folder import rig_text, write_video
+from tests.session.logs.writers import with_checksum
 from tests.simulation.small_site import small_rig
 
 _BOARD = "charuco:7x5:0.04:0.03"

@@ -17,15 +17,15 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.cli import build_parser, main
-from groundstation.sinks import rerun_viewer
+from groundstation.cli.main import build_parser, main
+from groundstation.viewer import viewer as rerun_viewer
 from tests.docs.inputs import prepare
 from tests.docs.pages import PAGES, ROOT, Block, arguments, blocks, spoken_commands, text_of
 
 BLOCKS = {page: tuple(blocks(page)) for page in PAGES}
 # every line of a shell that the pages show and that is not run here, and why
 NOT_RUN = {
-    ("airstrip.md", "groundstation cameras list"): "fails without a camera; tests/test_cli_cameras.py",
+    ("airstrip.md", "groundstation cameras list"): "fails without a camera; tests/cli/test_cameras.py",
     ("airstrip.md", "groundstation ptu probe /dev/ttyUSB0"): "wants a unit; ptu.md runs it on a simulated one",
     ("airstrip.md", "groundstation check field.toml"): "wants cameras and units; tests/live/test_check_command.py",
     (
@@ -42,7 +42,7 @@ NOT_RUN = {
     ("rerun.md", "python -c"): "reads that picture; compiled below",
 }
 # pages whose lines another file runs, to look at what they leave as well
-RUN_ELSEWHERE = {"reproduce.md": "tests/test_reproduce.py"}
+RUN_ELSEWHERE = {"reproduce.md": "tests/experiments/test_reproduce.py"}
 RUN = [
     page for page in PAGES if any(not block.parsed_only for block in BLOCKS[page]) and page.name not in RUN_ELSEWHERE
 ]

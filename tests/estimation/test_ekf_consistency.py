@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from groundstation.config import Config
-from groundstation.pipeline import Pipeline
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 from tests.stereo_rig import STEP_RAD, flight_events, make_rig
 
 RUNS = 24

@@ -9,9 +9,9 @@ from scipy.stats import chi2
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.rig import Rig
+from groundstation.estimation.triangulation import View, triangulate
+from groundstation.rig.rig import Rig
 from groundstation.simulation import StationErrors, perturbed
-from groundstation.triangulation import View, triangulate
 from tests.stereo_rig import aim, make_rig
 
 POINT, VELOCITY = np.array([0.5, 250.0, 12.0]), np.array([0.2, -20.0, -1.0])

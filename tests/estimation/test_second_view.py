@@ -12,7 +12,7 @@ from groundstation.estimation.needle import Needle
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.recorded_ekf import RecordedEkf
 from groundstation.estimation.tape import Transition
-from groundstation.rig import Station
+from groundstation.rig.rig import Station
 from tests.stereo_rig import make_station
 
 RUNS = 40

@@ -11,9 +11,9 @@ from groundstation.errors import RigError
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
-from groundstation.rig import Rig, load_rig
-from groundstation.rig_covariance import ParameterCovariance
-from groundstation.rig_toml import rig_to_toml
+from groundstation.rig.covariance import ParameterCovariance
+from groundstation.rig.rig import Rig, load_rig
+from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation import standard_rig
 from tests.complaints import complaint
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from groundstation.config import Config
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.recorded_ekf import RecordedEkf
@@ -22,9 +21,10 @@ from groundstation.messages import (
     TrackEstimate,
     TrackStatus,
 )
-from groundstation.pipeline import Pipeline
 from groundstation.simulation import SimulatedFlight, StationErrors, case_b, perturbed, simulate
 from groundstation.simulation.cases import BOUND_PSD_M2_S3
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 from tests.simulation.test_consistency import drawn_start
 from tests.stereo_rig import flight_events, glide, make_rig
 

@@ -10,7 +10,7 @@ from groundstation.estimation.config import CalibrationUse, EstimationConfig
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.recorded_ekf import RecordedEkf
-from groundstation.rig import Station
+from groundstation.rig.rig import Station
 from tests.stereo_rig import make_station
 
 FLIGHTS = 24

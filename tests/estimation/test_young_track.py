@@ -8,14 +8,14 @@ import pytest
 from filter_flights import consistency
 from filter_flights.drive import Run, drawn_start, drive
 
-from groundstation.config import Config
 from groundstation.estimation.recorded_ekf import RecordedEkf
 from groundstation.estimation.young_track import YoungTrack
 from groundstation.messages import Event, InitialState, PixelMeasurement
-from groundstation.pipeline import Pipeline
 from groundstation.simulation import SimulatedFlight, simulate
 from groundstation.simulation.approach import Glide
-from groundstation.synchronise import SynchroniseConfig
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.synchronise import SynchroniseConfig
 from tests.stereo_rig import flight_events, glide, make_rig
 
 FLIGHTS = 10

@@ -24,7 +24,7 @@ from groundstation.messages import (
     Triangulation,
     TriangulationStatus,
 )
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 
 PSD = (0.3, 0.6, 0.3)
 

@@ -8,8 +8,8 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 
 from groundstation.evaluation import figure_style
 from groundstation.experiments.detection_plots import COLOURS
-from groundstation.sinks import rerun_tree as tree
-from groundstation.sinks.rerun_compare import RUN_COLOURS
+from groundstation.viewer import tree
+from groundstation.viewer.compare import RUN_COLOURS
 
 # Machado, Oliveira and Fernandes 2009, table 1, whole severity: linear RGB to linear RGB
 VISIONS = {

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from groundstation.cli import main
-from groundstation.compare import CompareRequest, compare, comparison_csv, comparison_json, load_summary
+from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.evaluation.comparison_text import format_comparison
 from groundstation.evaluation.figures_of_run import Moved, figures_of, moved_figures
 from groundstation.evaluation.table import format_accuracy_table
+from groundstation.replay.compare import CompareRequest, compare, comparison_csv, comparison_json, load_summary
 from groundstation.simulation import case_b, simulate
 from groundstation.simulation.approach import Glide
-from groundstation.sinks.session_folder import write_session_folder
+from groundstation.simulation.session_folder import write_session_folder
 from tests.peers import absent
 
 ROOT = Path(__file__).resolve().parents[2]

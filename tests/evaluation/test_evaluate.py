@@ -18,7 +18,7 @@ from groundstation.evaluation.report import report_page, write_report
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.evaluation.table import format_accuracy_table
 from groundstation.messages import DgpsFix, StepReport, TrackEvent
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 from tests.evaluation.synthetic import PSD, Path3D, Phase, approach, blind_report, fixes_of, reports_on, run_on
 
 RUN = RunDescription(

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-import groundstation.compare
-from groundstation import cli_evaluate
+import groundstation.replay.compare
+from groundstation.cli import evaluate as cli_evaluate
 from groundstation.errors import InputError
 
 
@@ -29,7 +29,7 @@ def test_lines_are_ended_when_the_comparison_fails(tmp_path: Path, monkeypatch: 
         raise InputError("two", got="nothing", wanted="a session")
 
     monkeypatch.setattr(cli_evaluate, "ProgressLine", Line)
-    monkeypatch.setattr(groundstation.compare, "compare", failing)
+    monkeypatch.setattr(groundstation.replay.compare, "compare", failing)
     options = argparse.Namespace(
         sources=[tmp_path], out=tmp_path, config=[], rig=None, baseline=None, csv=None, json=None
     )

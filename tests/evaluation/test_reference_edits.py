@@ -15,7 +15,7 @@ from groundstation.evaluation.reference_check import ExcludedSpan, ExclusionReas
 from groundstation.evaluation.series import PositionSeries
 from groundstation.evaluation.time_offset import NoOffset, TimeOffset
 from groundstation.messages import DgpsFix
-from groundstation.rig import Rig, load_rig
+from groundstation.rig.rig import Rig, load_rig
 from tests.evaluation.synthetic import Path3D, fixes_of, read_path, run_on
 
 OFFSET_S = 0.3

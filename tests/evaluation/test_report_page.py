@@ -22,7 +22,7 @@ from groundstation.experiments.experiment import Experiment, Findings, Paper, Pa
 from groundstation.experiments.page import paper_page
 from groundstation.experiments.tables import Table
 from groundstation.messages import CarriedError, DgpsFix
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
 from tests.browser import Browser, browser
 from tests.evaluation.synthetic import PSD, Path3D, Phase
 

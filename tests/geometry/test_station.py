@@ -221,7 +221,7 @@ def test_a_pixel_without_a_ray_is_an_error() -> None:
 
 def test_the_nose_of_the_bundled_landing(landing_1) -> None:
     """The documented chain puts truth's nose on truth's pixels: 0.01° of noise is about a pixel."""
-    from groundstation.rig import load_rig
+    from groundstation.rig.rig import load_rig
 
     rig = load_rig(landing_1 / "rig.toml")
     truth = np.genfromtxt(landing_1 / "truth.csv", delimiter=",", names=True)

@@ -4,7 +4,7 @@ import random
 import struct
 from collections.abc import Sequence
 
-from tests.logs.damage import altered, damaged, forged
+from tests.session.logs.damage import altered, damaged, forged
 
 # as long as what is repeated becomes at most
 MOST_BYTES = 200_000

@@ -7,14 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.lens_files import read_lens
+from calibration.lens.lens_files import read_lens
 from calibration.pictures import read_pictures
 from calibration.sightings import read_landmarks, read_sightings
 from groundstation.errors import SessionError
-from groundstation.filming import load_faults
 from groundstation.live.station_file import load_station
-from groundstation.logs.fixes import LogOptions
-from groundstation.logs.read import read_log
 from groundstation.onboard.approach.ground_track import read_ground_track
 from groundstation.onboard.approach.unit_file import load_unit, read_samples
 from groundstation.onboard.edges.camera_file import load_nose_camera
@@ -22,13 +19,16 @@ from groundstation.onboard.edges.imu_file import load_imu
 from groundstation.onboard.pose.files import Runways, read_corners
 from groundstation.planning.site_file import load_site
 from groundstation.session.flight_log import load_flight_log
+from groundstation.session.logs.fixes import LogOptions
+from groundstation.session.logs.read import read_log
 from groundstation.session.media import read_image
+from groundstation.simulation.filming import load_faults
 from groundstation.sinks.mp4_tables import mp4_fault
-from groundstation.sinks.rerun_merge import check_recording
-from groundstation.sinks.rerun_results import recording_of_results
-from tests.calibration.test_lens_files import KALIBR, ROS
-from tests.logs.damage import seeds
+from groundstation.viewer.recording_check import check_recording
+from groundstation.viewer.results import recording_of_results
+from tests.calibration.lens.test_lens_files import KALIBR, ROS
 from tests.session.damage import VIDEOS, session_targets
+from tests.session.logs.damage import seeds
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTIONS = LogOptions(geoid_separation_m=37.7, base_deg_m=(35.68, 139.76, 60.0))

@@ -15,10 +15,10 @@ from mcap.opcode import Opcode
 
 from groundstation.messages import Event, Frame, PixelMeasurement
 from groundstation.recording.container_reader import MAGIC
-from groundstation.sinks.recorder import PATIENT, Recorder
+from groundstation.recording.recorder import PATIENT, Recorder
 from tests.hostile.records import Record, attachment, container, metadata, record, text
-from tests.logs.damage import altered, damaged
 from tests.recording.recorded import events, header, looked_at, small_rig
+from tests.session.logs.damage import altered, damaged
 
 _HEAD = struct.Struct("<BQ")
 _NAMES = (

@@ -6,18 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.config import Config
 from groundstation.live.core import Taken, in_operation
 from groundstation.live.record import LiveRecorder, live_header
-from groundstation.live.rehearsal import Rehearsal
-from groundstation.live.simulated_day import simulated_set_up
 from groundstation.messages import BegunAnew, Epoch, Event, Frame, StepReport, TrackEvent, TrackStatus
-from groundstation.recorded_run import obeyed
-from groundstation.replay import ReplayRequest, ReplayResult, replay
-from groundstation.rig import Rig, load_rig
+from groundstation.recording.recorder import Recorder, RecorderConfig
+from groundstation.replay.recorded_run import obeyed
+from groundstation.replay.replay import ReplayRequest, ReplayResult, replay
+from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.approach import Glide
-from groundstation.sinks.recorder import Recorder, RecorderConfig
+from groundstation.simulation.rehearsal import Rehearsal
+from groundstation.simulation.simulated_day import simulated_set_up
 from groundstation.sinks.track_files import TrackFilesSink
+from groundstation.tracking.config import Config
 from tests.recording.recorded import events, header, looked_at, played, same, small_rig
 from tests.stereo_rig import make_rig, with_angle_noise
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.cli import main
+from groundstation.cli.main import main
 from groundstation.live import check
-from groundstation.rig import Rig
-from groundstation.rig_toml import rig_to_toml
-from ptu_drivers.simulated_axis import SimulatedAxis
+from groundstation.rig.rig import Rig
+from groundstation.rig.rig_toml import rig_to_toml
+from ptu_drivers.simulated.axis import SimulatedAxis
 from tests.live.test_heads import COUNT_RAD, pan_of, simulated_unit
 from tests.session.folder import SIZE, write_video
 from tests.simulation.small_site import small_rig

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import pytest
 
 from groundstation.live.check_disk import check_disk, searching_bytes_per_s
-from groundstation.live.simulated_day import simulated_set_up
-from groundstation.rig import load_rig
+from groundstation.rig.rig import load_rig
+from groundstation.simulation.simulated_day import simulated_set_up
 
 
 class Usage(NamedTuple):

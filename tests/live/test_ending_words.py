@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.cli import main
-from groundstation.cli_live import _words
+from groundstation.cli.live import _words
+from groundstation.cli.main import main
 from groundstation.live.command import LiveRequest, LiveResult
 from groundstation.live.ending import Ending
 from groundstation.live.operation import OperationResult
 from groundstation.live.out_folder import written_files
 from groundstation.live.screen import open_screen
-from groundstation.live.simulated_day import simulated_set_up
 from groundstation.simulation.cases import standard_rig
-from groundstation.sinks.rerun_viewer import ViewerError
+from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.viewer.viewer import ViewerError
 
 
 def ended(*, epochs: int = 40, tracked: int = 20, p50_ms: float = 9.0, tracking_p50_ms: float = 7.5) -> LiveResult:
@@ -35,7 +35,6 @@ def ended(*, epochs: int = 40, tracked: int = 20, p50_ms: float = 9.0, tracking_
             busy_s=1.0,
         ),
         files=(),
-        score=None,
     )
 
 
@@ -54,7 +53,7 @@ def test_delays_of_nothing_are_not_told() -> None:
 def test_without_a_display_it_names_an_option_that_it_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    request = LiveRequest(station=None, out=tmp_path / "out", simulate=True, screen="desktop")
+    request = LiveRequest(station=None, out=tmp_path / "out", screen="desktop")
     file = simulated_set_up(tmp_path, 30.0, None)
     with ExitStack() as opened, pytest.raises(ViewerError, match="no display for --view; --web shows the same"):
         open_screen(request.screen, standard_rig(), file, opened, Ending(lambda: False), [], [], lambda _: None)

@@ -16,12 +16,12 @@ from groundstation.live.heads import Heads
 from groundstation.live.inbox import Inbox, Item, Said
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from ptu_drivers.messages import Axis
-from ptu_drivers.simulated_axis import SimulatedAxis
-from ptu_drivers.simulated_flir import FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
-from ptu_drivers.simulated_server import SimulatedServer
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.simulated.axis import SimulatedAxis
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.pelco import PelcoModel, SimulatedPelco
+from ptu_drivers.simulated.server import SimulatedServer
 
 BAUD = 115200
 RATE_RAD_S = 0.1

@@ -17,10 +17,10 @@ from groundstation.live.heads import Heads
 from groundstation.live.inbox import Inbox
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Reading
-from ptu_drivers.simulated_flir import FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_server import SimulatedServer
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.server import SimulatedServer
 
 MODEL = FlirModel(arcsec=22.5, min_rate=0)
 COUNT_RAD = math.radians(22.5 / 3600.0)

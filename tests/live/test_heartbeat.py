@@ -6,20 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.config import Config
 from groundstation.live.board import LiveStatus
 from groundstation.live.core import HEARTBEAT_EVERY_S, LiveCore, Taken, in_operation
 from groundstation.live.heads import Heads
 from groundstation.live.inbox import Said
 from groundstation.live.operation import Operation
 from groundstation.live.pairing import Pairing
-from groundstation.live.rehearsal import Fault, FaultKind, Rehearsal
-from groundstation.live.simulated_day import simulated_set_up
 from groundstation.messages import Heartbeat, Kinematics, PtuSample, Purpose, StepReport, TrackState, TrackStatus
-from groundstation.pipeline import Pipeline
-from groundstation.rig import load_rig
-from groundstation.search_pattern import SearchConfig, SearchPattern
+from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
+from groundstation.rig.rig import load_rig
 from groundstation.simulation.approach import Glide
+from groundstation.simulation.rehearsal import Fault, FaultKind, Rehearsal
+from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 from tests.live.test_begun_anew import flown_and_replayed
 from tests.stereo_rig import make_rig, with_angle_noise
 

@@ -12,11 +12,15 @@ from unittest.mock import MagicMock
 
 import pytest
 
-from groundstation.cli import main
+from groundstation.cli.main import main
+from groundstation.cli.stop_request import StopAsked
 from groundstation.live.board import LiveStatus
 from groundstation.live.child import deaf_to_the_terminal
 from groundstation.live.command import LiveRequest, LiveResult, live
-from groundstation.stop_asked import StopAsked
+from groundstation.live.station_simulator import StationSimulator
+from groundstation.simulation.lent_range import LentRange
+from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
 from tests.live.test_ending_words import ended
 from tests.live.test_words import status
 
@@ -54,9 +58,10 @@ def test_the_first_child_is_as_deaf_and_so_is_the_librarys_own_process() -> None
 
 def test_what_is_not_wanted_any_more_is_not_opened(tmp_path: Path) -> None:
     said: list[str] = []
-    request = LiveRequest(station=None, out=tmp_path / "out", simulate=True)
+    request = LiveRequest(station=None, out=tmp_path / "out")
+    simulator = SimulatedStation(SimulatedStationConfig())
     with pytest.raises(KeyboardInterrupt):
-        live(request, lambda: True, lambda status: None, said.append)
+        live(request, lambda: True, lambda status: None, said.append, simulator)
     assert said == []
 
 
@@ -73,11 +78,11 @@ def test_what_hangs_before_operation_is_given_up_too(monkeypatch: pytest.MonkeyP
         given_up.set()
 
     monkeypatch.setattr("groundstation.live.command.warm_up", hangs)
-    monkeypatch.setattr("groundstation.live.command._range", lambda *_: None)
     monkeypatch.setattr("groundstation.live.command.Heads", lambda *_: MagicMock())
-    request = LiveRequest(station=None, out=tmp_path / "out", simulate=True, record=False)
+    request = LiveRequest(station=None, out=tmp_path / "out", record=False)
+    simulator = LentRange(MagicMock(truth={}), simulated_set_up(tmp_path / "range", 30.0, None), 0.0)
     with pytest.raises(KeyboardInterrupt):
-        live(request, asked.is_set, lambda status: None, lambda line: None, give_up=give_up)
+        live(request, asked.is_set, lambda status: None, lambda line: None, simulator, give_up)
     # nothing is recorded yet, and nothing is said of it
     assert said == ["did not end within 3 s and is ended by force; the heads' processes halt them now"]
 
@@ -115,6 +120,7 @@ def test_a_closed_terminal_lands_it_softly(dead_terminal: TextIO, monkeypatch: p
         stop: Callable[[], bool],
         tell: Callable[[LiveStatus], None],
         say: Callable[[str], None],
+        simulator: StationSimulator | None,
         give_up: Callable[[str], None],
     ) -> LiveResult:
         say("opening the PTUs")

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.cli import main
+from groundstation.cli.main import main
 from groundstation.errors import ConfigError
 from groundstation.live import head_device
 from groundstation.live.keep_out_set_up import sun_words, with_keep_out
 from groundstation.live.keep_out_unit import KeepOutUnit
 from groundstation.live.station_file import StationFile, load_station
-from groundstation.rig_toml import rig_to_toml
+from groundstation.rig.rig_toml import rig_to_toml
 from tests.complaints import complaint
 from tests.live.test_heads import pan_of, simulated_unit
 from tests.live.turning_unit import TurningUnit

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from groundstation.keep_out import KeepOut, LensAxis, Sector, SunZone
 from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
-from groundstation.sun import SunOverPlace
+from groundstation.pointing.keep_out import KeepOut, LensAxis, Sector, SunZone
+from groundstation.pointing.sun import SunOverPlace
 from ptu_drivers.health import DoubtReason, UnitState
 from ptu_drivers.lease import Lease, LeaseKind
 from ptu_drivers.messages import NoReading

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.config import Config, load_config
 from groundstation.live.record import live_header, live_reference, open_recorder
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_set_up import reference_tuning
-from groundstation.live.simulated_day import simulated_set_up
 from groundstation.messages import Epoch
-from groundstation.recorded_run import tuning
-from groundstation.reference_knowledge import reference_knowledge
-from groundstation.rig import load_rig
-from groundstation.rig_toml import rig_to_toml
+from groundstation.replay.recorded_run import tuning
+from groundstation.replay.reference_knowledge import reference_knowledge
+from groundstation.rig.rig import load_rig
+from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
+from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.tracking.config import Config, load_config
 
 
 def test_what_a_replay_needs_is_in_it(tmp_path: Path) -> None:

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.cli import main
+from groundstation.cli.main import main
 from groundstation.geometry.camera import Lens
 from groundstation.live.command import GuardedSink
 from groundstation.messages import ReferenceFix, StepReport
-from groundstation.rig import Rig
-from groundstation.rig_toml import rig_to_toml
+from groundstation.rig.rig import Rig
+from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_dgps, load_session
 from groundstation.simulation.cases import standard_rig
 from groundstation.sources.session_source import session_source

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.cli import main
+from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.live.out_folder import require_free, taken_back_unless_begun
-from groundstation.rig_toml import rig_to_toml
+from groundstation.rig.rig_toml import rig_to_toml
 from tests.live.test_operation import small_rig
 
 

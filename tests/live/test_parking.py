@@ -4,13 +4,13 @@ import math
 
 import pytest
 
-from groundstation.config import Config
 from groundstation.live.core import LiveCore
 from groundstation.live.pairing import Pairing
 from groundstation.messages import PtuSample
-from groundstation.pipeline import Pipeline
-from groundstation.pointing import AxisLimits, HeadLimits, HeadPilot, PointingConfig
-from groundstation.search_pattern import SearchConfig, SearchPattern
+from groundstation.pointing.pilot import AxisLimits, HeadLimits, HeadPilot, PointingConfig
+from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 from tests.stereo_rig import make_rig
 
 WITHIN_RAD = 0.01

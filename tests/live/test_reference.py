@@ -22,14 +22,14 @@ from groundstation.live.reference_line import open_reference_line
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace, Refusal
 from groundstation.live.reference_table import DgpsTable
 from groundstation.live.reference_worker import ReferenceWorker
-from groundstation.live.simulated_receiver import SIMULATED_ORIGIN, ReceiverModel, SimulatedReceiver, sentences
-from groundstation.logs.fixes import LogFix, LogOptions
-from groundstation.logs.gps_time import TimeScale, civil_from_unix, gps_from_civil
-from groundstation.logs.nmea_stream import NmeaStream
-from groundstation.logs.read import read_log
 from groundstation.messages import DgpsFix, ReferenceFix
+from groundstation.session.logs.fixes import LogFix, LogOptions
+from groundstation.session.logs.gps_time import TimeScale, civil_from_unix, gps_from_civil
+from groundstation.session.logs.nmea_stream import NmeaStream
+from groundstation.session.logs.read import read_log
+from groundstation.simulation.simulated_receiver import SIMULATED_ORIGIN, ReceiverModel, SimulatedReceiver, sentences
 from tests.complaints import complaint
-from tests.logs.writers import UNIX_S, flight, gga, gst, rmc
+from tests.session.logs.writers import UNIX_S, flight, gga, gst, rmc
 
 SIGMA_M = (0.015, 0.02, 0.03)
 ZERO_UTC_S = 1_700_000_000.0

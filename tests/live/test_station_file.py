@@ -10,7 +10,7 @@ from groundstation.live.devices import camera_of, check_against_rig
 from groundstation.live.head_device import head_settings
 from groundstation.live.reference_device import ReferenceDevice, sender_networks
 from groundstation.live.station_file import load_station
-from groundstation.rig import load_rig
+from groundstation.rig.rig import load_rig
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "station-example.toml"
 ORIGIN = """[origin]

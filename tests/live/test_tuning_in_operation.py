@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from groundstation.config import Config
 from groundstation.live.core import in_operation
+from groundstation.tracking.config import Config
 
 
 def test_half_a_period_is_not_waited_for_unless_something_else_is_given() -> None:

@@ -13,22 +13,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.cli_live import StatusBlock
-from groundstation.config import Config
-from groundstation.count_words import count_words
+from groundstation.cli.live import StatusBlock
 from groundstation.live.board import LiveStatus
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.inbox import Inbox
 from groundstation.live.record import LiveRecorder
 from groundstation.live.status_watch import StatusWatch
 from groundstation.messages import Epoch, TrackStatus
-from groundstation.pipeline import Pipeline
+from groundstation.recording.recorder import RecorderConfig
+from groundstation.recording.recorder_rates import RateBook
 from groundstation.simulation.cases import standard_rig
-from groundstation.sinks.recorder import RecorderConfig
-from groundstation.sinks.recorder_rates import RateBook
-from groundstation.sinks.rerun_live import LiveView
 from groundstation.sources.cameras.camera import CameraCare, CameraDevice, CameraTiming, Grab, SettingsReadBack
 from groundstation.sources.cameras.live_camera import LiveCamera
+from groundstation.tracking.config import Config
+from groundstation.tracking.count_descriptions import count_words
+from groundstation.tracking.pipeline import Pipeline
+from groundstation.viewer.live import LiveView
 from tests.recording.recorded import events, header, looked_at, small_rig
 
 

@@ -4,9 +4,9 @@ import pytest
 
 pytest.importorskip("jsbsim")
 
+from groundstation.onboard.render import drawn_flight
 from groundstation.onboard.scenes import jsbsim_flight
 from groundstation.onboard.scenes.sequences import SEQUENCES
-from groundstation.onboard_render import drawn_flight
 
 
 def test_the_flight_models_flight_is_of_the_scene_and_as_long_as_wanted(monkeypatch: pytest.MonkeyPatch) -> None:

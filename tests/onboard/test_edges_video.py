@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from groundstation.cli import main
+from groundstation.cli.main import main
 from groundstation.onboard.edges.camera_file import CameraFileError, load_nose_camera
 from groundstation.onboard.edges.edges_file import EDGE_COLUMNS
 from groundstation.onboard.edges.flat_picture import FlatPicture

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from groundstation import onboard_fly_sinks
-from groundstation.cli import main
+from groundstation.cli.main import main
 from groundstation.errors import InputError
+from groundstation.onboard import fly_sinks as onboard_fly_sinks
 from groundstation.onboard.approach.corner_finder import NoCorners
 from groundstation.onboard.approach.ground_track import GroundTrackError, read_ground_track
 from groundstation.onboard.approach.navigator import NoseFix, NoseReport

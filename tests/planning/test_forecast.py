@@ -14,7 +14,7 @@ from groundstation.planning.observer import Observer
 from groundstation.planning.site import Site
 from groundstation.planning.site_file import load_site
 from groundstation.planning.table import format_plan, plan_csv, verdict
-from groundstation.rig import ClockModel, Rig
+from groundstation.rig.rig import ClockModel, Rig
 from tests.complaints import complaint, only
 from tests.mutation import damaged
 from tests.stereo_rig import make_rig

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.cli import main
+from groundstation.cli.main import main
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "site-example.toml"
 

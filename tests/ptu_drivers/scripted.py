@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from ptu_drivers.simulated_peer import SimulatedPeer
+from ptu_drivers.simulated.peer import SimulatedPeer
 
 
 class ScriptedPeer(SimulatedPeer):

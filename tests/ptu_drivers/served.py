@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_peer import SimulatedPeer
-from ptu_drivers.simulated_server import SimulatedServer
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.peer import SimulatedPeer
+from ptu_drivers.simulated.server import SimulatedServer
 
 
 @contextmanager

@@ -15,15 +15,15 @@ from ptu_drivers import PROTOCOLS, open_ptu
 from ptu_drivers.errors import NoAnswerError, ProtocolError, PtuError
 from ptu_drivers.halt_only import HALTS, HaltLine, halt_once
 from ptu_drivers.messages import Axis
-from ptu_drivers.simulated_alpaca import SimulatedMount
-from ptu_drivers.simulated_axis import SimulatedAxis
-from ptu_drivers.simulated_dynamixel import SimulatedDynamixel
-from ptu_drivers.simulated_flir import FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_peer import SimulatedPeer
-from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
-from ptu_drivers.simulated_server import SimulatedServer
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.simulated.alpaca import SimulatedMount
+from ptu_drivers.simulated.axis import SimulatedAxis
+from ptu_drivers.simulated.dynamixel import SimulatedDynamixel
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.peer import SimulatedPeer
+from ptu_drivers.simulated.pelco import PelcoModel, SimulatedPelco
+from ptu_drivers.simulated.server import SimulatedServer
 from ptu_drivers.transport import SerialTransport
 
 SPEEDS = {"speeds_deg_s": {8: 5.0, 63: 40.0}}

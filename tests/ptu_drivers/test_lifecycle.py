@@ -12,15 +12,15 @@ import pytest
 
 from ptu_drivers import LineError, ProtocolError, Reading, RefusedError, UnitSettings, open_ptu
 from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.flir import connect
+from ptu_drivers.flir.setup import connect
 from ptu_drivers.health import DoubtReason, HealthCounter, UnitState
 from ptu_drivers.messages import Axis, AxisDescription, Capability, UnitDescription
 from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.preemption import LineLock
-from ptu_drivers.simulated_flir import FlirModel, Said
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_server import SimulatedServer
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.simulated.flir import FlirModel, Said
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.server import SimulatedServer
 
 CHILD = Path(__file__).with_name("lifecycle_child.py")
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,15 +8,15 @@ import pytest
 
 from ptu_drivers import Axis, NoReading, PanTiltUnit, UnitSettings
 from ptu_drivers.errors import LineError
-from ptu_drivers.flir import connect
+from ptu_drivers.flir.setup import connect
 from ptu_drivers.messages import Reading
 from ptu_drivers.monitor import Moved, format_moved, halted, move
-from ptu_drivers.pelco import PelcoOptions, connect_pelco
-from ptu_drivers.pelco_codec import PelcoFraming
-from ptu_drivers.simulated_flir import FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.pelco.codec import PelcoFraming
+from ptu_drivers.pelco.unit import PelcoOptions, connect_pelco
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.pelco import PelcoModel, SimulatedPelco
 
 FAR_RAD = 2.5
 

@@ -14,9 +14,9 @@ from ptu_drivers.errors import NoAnswerError
 from ptu_drivers.halt_only import HaltLine
 from ptu_drivers.messages import Axis
 from ptu_drivers.motion_guard import HALTING_S, LEASE_S, Expiry, GuardReport, HaltingThread, MotionLeases, serve_guard
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
-from ptu_drivers.simulated_server import SimulatedServer
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.pelco import PelcoModel, SimulatedPelco
+from ptu_drivers.simulated.server import SimulatedServer
 
 LINE = HaltLine(url="nowhere")
 

@@ -6,14 +6,14 @@ import random
 import pytest
 
 from ptu_drivers import DoubtReason, NoReading, Reading, UnitSettings
-from ptu_drivers.flir import connect
+from ptu_drivers.flir.setup import connect
 from ptu_drivers.instants import DeviceClock, Latency, of_query
 from ptu_drivers.messages import AngleSource
 from ptu_drivers.plausibility import Plausibility, Point, Verdict
-from ptu_drivers.simulated_axis import SimulatedAxis
-from ptu_drivers.simulated_flir import FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.simulated.axis import SimulatedAxis
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
 
 
 def at(t_s: float, angle: float) -> Point:

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.cli import main
+from groundstation.cli.main import main
 from ptu_drivers import PanTiltUnit, UnitSettings, open_ptu
 from ptu_drivers.errors import LineError
 from ptu_drivers.health import DoubtReason
 from ptu_drivers.messages import AngleSource, NoReading, Reading
-from ptu_drivers.simulated_flir import FlirModel
-from ptu_drivers.simulated_line import VirtualLine
-from ptu_drivers.simulated_pelco import PelcoModel, SimulatedPelco
-from ptu_drivers.simulated_server import SimulatedServer
-from ptu_drivers.simulated_unit import LineModel, SimulatedUnit
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.pelco import PelcoModel, SimulatedPelco
+from ptu_drivers.simulated.server import SimulatedServer
 from tests.ptu_drivers.rfc2217_server import DeviceServer
 from tests.ptu_drivers.served import served
 

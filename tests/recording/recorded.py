@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from groundstation.files.text_file import AttachedFiles
 from groundstation.messages import (
     CameraReport,
     DetectionStatus,
@@ -23,10 +24,9 @@ from groundstation.messages import (
 )
 from groundstation.picture import BayerPattern, Picture, RawPicture
 from groundstation.recording.contents import RecordingHeader
-from groundstation.rig import Rig, load_rig
+from groundstation.rig.rig import Rig, load_rig
 from groundstation.session import load_session
 from groundstation.sources.recording import RecordingSource
-from groundstation.text_file import AttachedFiles
 from tests.session.folder import SESSION, SIZE, rig_text
 
 STATIONS = ("left", "right")

@@ -5,9 +5,9 @@ import struct
 import pytest
 
 from groundstation.errors import RecordingError
+from groundstation.files.read_budget import ReadBudget
 from groundstation.recording.container_reader import _Inside
 from groundstation.recording.event_codec import _Line, line
-from groundstation.recording.read_budget import ReadBudget
 
 
 @pytest.mark.parametrize("data", [b"\x05", b"\x05" + struct.pack("<Q", 100) + b"short", b"\x05" + bytes(8)])

@@ -12,8 +12,8 @@ from mcap.writer import CompressionType, Writer
 from groundstation.errors import InputError, RecordingError
 from groundstation.recording import container_reader
 from groundstation.recording.container_reader import MAGIC, ContainerReader
-from groundstation.recover import recover
-from groundstation.sinks.recorder import PATIENT, Recorder
+from groundstation.recording.recorder import PATIENT, Recorder
+from groundstation.recording.recover import recover
 from tests.recording.recorded import events, header, looked_at, played, same, small_rig
 
 PAIRS = 25

@@ -21,7 +21,7 @@ from mcap.reader import make_reader
 
 from groundstation.messages import CameraReport, Kinematics, StepReport
 from groundstation.recording import schemas
-from groundstation.sinks.recorder import Recorder, RecorderConfig
+from groundstation.recording.recorder import Recorder, RecorderConfig
 from tests.recording.recorded import events, header, looked_at, small_rig
 
 PAIRS = 20

@@ -19,7 +19,7 @@ from groundstation.errors import InputError, RecordingError
 from groundstation.recording import container_reader
 from groundstation.recording.container_reader import MAGIC, ContainerReader
 from groundstation.recording.contents import RecordingHeader
-from groundstation.sinks.recorder import Recorder, RecorderConfig
+from groundstation.recording.recorder import Recorder, RecorderConfig
 from tests.complaints import complaint
 from tests.recording.recorded import header, small_rig
 
@@ -194,7 +194,7 @@ def test_the_makers_own_writer_is_within_all_bounds(tmp_path: Path) -> None:
 def test_a_file_too_large_to_be_attached_is_refused(less: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: one line, no file that is in the way of the next attempt; at the bound it is attached whole."""
     size = 2 * MIB + 1 - less
-    monkeypatch.setattr("groundstation.sinks.recorder_messages._MAX_FILE_BYTES", 2 * MIB)
+    monkeypatch.setattr("groundstation.recording.recorder_messages._MAX_FILE_BYTES", 2 * MIB)
     path, plain = tmp_path / "flight.mcap", header()
     made = RecordingHeader(name=plain.name, files={**plain.files, "dgps.csv": bytes(size)})
 

@@ -15,8 +15,8 @@ from mcap.records import Channel, Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from groundstation.errors import RecordingError
-from groundstation.recover import Recovered, recover
-from groundstation.sinks.recorder import Recorder, RecorderConfig
+from groundstation.recording.recorder import Recorder, RecorderConfig
+from groundstation.recording.recover import Recovered, recover
 from tests.recording.recorded import events, header, looked_at, small_rig
 
 PAGE = 4096

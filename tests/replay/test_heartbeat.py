@@ -20,8 +20,8 @@ from groundstation.messages import (
     TrackState,
     TrackStatus,
 )
-from groundstation.pipeline import Pipeline
-from groundstation.synchronise import IN_FLIGHT_S, SynchroniseConfig, Synchroniser
+from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.synchronise import IN_FLIGHT_S, SynchroniseConfig, Synchroniser
 from tests.replay.test_pipeline_scenarios import config
 from tests.stereo_rig import flight_events, glide, make_rig
 

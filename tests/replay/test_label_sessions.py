@@ -11,7 +11,7 @@ import pytest
 from groundstation.errors import InputError
 from groundstation.evaluation.table import format_accuracy_table
 from groundstation.messages import PixelMeasurement, PtuSample
-from groundstation.replay import ReplayRequest, replay
+from groundstation.replay.replay import ReplayRequest, replay
 from tests.stereo_rig import BASELINE_M, FOCAL_PX, STEP_RAD, flight_events, glide, make_rig
 
 PLACES = {"left": (-BASELINE_M / 2, 0.0), "right": (BASELINE_M / 2, 0.0), "third": (40.0, 100.0)}

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.config import Config
 from groundstation.estimation.parameters import DGPS_CLOCK, ParameterPrior
 from groundstation.estimation.recorded_ekf import RecordedEkf
 from groundstation.messages import (
@@ -23,10 +22,11 @@ from groundstation.messages import (
     ReferenceFix,
     TrackStatus,
 )
-from groundstation.pipeline import Pipeline
 from groundstation.session import load_session
 from groundstation.sources.replay import ReplaySource
-from groundstation.synchronise import AnglesAt, ReadyFrame, SynchroniseConfig, Synchroniser
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.synchronise import AnglesAt, ReadyFrame, SynchroniseConfig, Synchroniser
 from tests.stereo_rig import flight_events, glide, make_rig
 
 RECORDING = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"

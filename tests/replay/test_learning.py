@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from groundstation.errors import SessionError
-from groundstation.replay import ReplayRequest, replay
-from groundstation.rig import load_rig
-from groundstation.rig_toml import rig_to_toml
+from groundstation.replay.replay import ReplayRequest, replay
+from groundstation.rig.rig import load_rig
+from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation import StationErrors, perturbed
 
 LANDING = Path(__file__).parents[2] / "recordings" / "landing-1"

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from groundstation.config import Config
 from groundstation.messages import (
     CameraReport,
     DetectionStatus,
@@ -22,8 +21,9 @@ from groundstation.messages import (
     TrackStatus,
     TriangulationStatus,
 )
-from groundstation.pipeline import Pipeline
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 from tests.stereo_rig import flight_events, glide, make_rig, with_angle_noise
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.cli import main
+from groundstation.cli.main import main
 from groundstation.recording.container_reader import ContainerReader
 from groundstation.recording.contents import TRACK_TOPIC
 from groundstation.recording.event_codec import line
-from groundstation.replay import ReplayRequest, replay
+from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.sinks.identity import IdentitySink
 
 FROM_S, TO_S = 19.0, 21.5

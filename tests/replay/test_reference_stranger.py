@@ -8,8 +8,8 @@ import pytest
 
 from groundstation.estimation.parameters import DGPS_CLOCK, ParameterPrior
 from groundstation.messages import Event, PixelMeasurement, ReferenceFix, TrackEstimate, TrackEvent, TrackStatus
-from groundstation.pipeline import Pipeline
-from groundstation.rig import Rig
+from groundstation.rig.rig import Rig
+from groundstation.tracking.pipeline import Pipeline
 from tests.replay.test_late_data import START, tuning
 from tests.stereo_rig import flight_events, glide, make_rig
 

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from calibrated_replays import Split, by_pixels, replayed_as, splits, spoilt_rig, truth_rmse
 
-from calibration.flight_session import FlightRequest, calibrate_flight
-from groundstation.replay import ReplayRequest, replay
-from groundstation.rig import load_rig
-from groundstation.rig_toml import rig_to_toml
+from calibration.flight.calibrate import FlightRequest, calibrate_flight
+from groundstation.replay.replay import ReplayRequest, replay
+from groundstation.rig.rig import load_rig
+from groundstation.rig.rig_toml import rig_to_toml
 
 
 @dataclass(frozen=True)

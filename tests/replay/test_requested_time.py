@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from groundstation.config import Config
 from groundstation.messages import Kinematics
-from groundstation.pipeline import Pipeline
 from groundstation.simulation import SimulatedFlight, case_b, simulate
 from groundstation.simulation.cases import BOUND_PSD_M2_S3
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 from tests.simulation.test_consistency import drawn_start
 
 AHEAD_S = (0.0, 0.05, 0.11, 0.2)

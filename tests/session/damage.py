@@ -10,31 +10,31 @@ from pathlib import Path
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from groundstation.compare import CompareRequest, compare, comparison_csv, comparison_json
-from groundstation.config import load_config
+from groundstation.conversion.angle_table import ptu_csv
+from groundstation.conversion.session_clock import SessionClock
+from groundstation.conversion.video_stamps import read_video_stamps
 from groundstation.errors import InputError, RecordingError, SessionError
 from groundstation.evaluation.comparison_text import format_comparison
 from groundstation.experiments.scenes import Silhouettes
-from groundstation.importing.angle_table import ptu_csv
-from groundstation.importing.session_clock import SessionClock
-from groundstation.importing.video_stamps import read_video_stamps
-from groundstation.logs.gps_time import gps_from_text
 from groundstation.messages import Event, Frame
 from groundstation.picture import PictureError
 from groundstation.recording.container_reader import ContainerReader
-from groundstation.recover import recover
-from groundstation.rig import load_rig
+from groundstation.recording.recorder import PATIENT, Recorder
+from groundstation.recording.recover import recover
+from groundstation.replay.compare import CompareRequest, compare, comparison_csv, comparison_json
+from groundstation.rig.rig import load_rig
 from groundstation.session import Session, load_dgps, load_session, load_truth
-from groundstation.sinks.recorder import PATIENT, Recorder
-from groundstation.sinks.rerun_media import VideoAsset, load_video
+from groundstation.session.logs.gps_time import gps_from_text
 from groundstation.sources.frame_table import read_frames
 from groundstation.sources.labels import read_labels
 from groundstation.sources.ptu_readings import PtuReadings
 from groundstation.sources.session_source import session_source
 from groundstation.sources.video_file import VideoFile
-from tests.logs.damage import altered, damaged
+from groundstation.tracking.config import load_config
+from groundstation.viewer.media import VideoAsset, load_video
 from tests.recording.recorded import WINDOW, events, header, looked_at, small_rig
 from tests.session.folder import Tiny, write_video
+from tests.session.logs.damage import altered, damaged
 
 _SESSION = """name = "tiny"
 [origin]

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from groundstation.errors import InputError
-from tests.logs.damage import altered, damaged
 from tests.session.damage import SLOW, Parts, session_targets
+from tests.session.logs.damage import altered, damaged
 
 
 def test_only_our_own_errors_come_out(tmp_path: Path) -> None:

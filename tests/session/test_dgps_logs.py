@@ -9,10 +9,10 @@ import pytest
 from groundstation.errors import LogError, SessionError
 from groundstation.session import Session, load_dgps, load_session
 from tests.complaints import complaint
-from tests.logs.writers import dataflash, flight, nmea_log, tlog, ubx_log, ulog
 from tests.session.folder import Tiny
+from tests.session.logs.writers import dataflash, flight, nmea_log, tlog, ubx_log, ulog
 
-DATA = Path(__file__).parents[1] / "logs" / "data"
+DATA = Path(__file__).parent / "logs" / "data"
 ORIGIN = "[origin]\nlat_deg = 35.68\nlon_deg = 139.76\nheight_m = 60.0\ny_axis_azimuth_deg = 0\n"
 DGPS = "[dgps]\nepoch_utc = 2025-05-08T11:59:50Z\ngeoid_separation_m = 37.726\n"
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from groundstation.errors import InputError, SessionError
-from groundstation.rig import ClockModel
+from groundstation.rig.rig import ClockModel
 from groundstation.session import MediumKind, load_session
 from tests.complaints import complaint, only
 from tests.mutation import damaged

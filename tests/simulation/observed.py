@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from groundstation.estimation.triangulation import View, triangulate
 from groundstation.geometry.angles import wrap_rad
 from groundstation.messages import Epoch, PixelMeasurement, PtuSample
 from groundstation.simulation import SimulatedFlight
-from groundstation.triangulation import View, triangulate
 
 
 def triangulated(flight: SimulatedFlight) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
-from groundstation.rig import Rig, Station
+from groundstation.rig.rig import Rig, Station
 from groundstation.simulation.airframe import Airframe, trainer
 from groundstation.simulation.flights import site_rig
 from groundstation.simulation.optics import Optics

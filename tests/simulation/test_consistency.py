@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from groundstation.config import Config
 from groundstation.messages import Epoch, InitialState, TrackEstimate
-from groundstation.pipeline import Pipeline
 from groundstation.simulation import Scenario, SimulatedFlight, case_b, case_c, simulate
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.camera import CameraModel
 from groundstation.simulation.cases import BASELINE_M, BOUND_PSD_M2_S3, FOCAL_PX, STEP_RAD
 from groundstation.simulation.ptu import PtuModel
+from groundstation.tracking.config import Config
+from groundstation.tracking.pipeline import Pipeline
 from tests.simulation.observed import triangulated
 
 AROUND_200_M = Glide(start_y_m=210.0, end_y_m=190.0)

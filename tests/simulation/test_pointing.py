@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from groundstation.errors import ScenarioError
-from groundstation.rig import ClockModel
+from groundstation.rig.rig import ClockModel
 from groundstation.simulation.approach import Glide, weaving_approach
 from groundstation.simulation.cases import STEP_RAD, standard_rig, standard_station
 from groundstation.simulation.disturbance import drawn_deviation

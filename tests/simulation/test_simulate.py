@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from groundstation.errors import ScenarioError
 from groundstation.messages import Epoch, PixelMeasurement, PtuSample
-from groundstation.rig import ClockModel
+from groundstation.rig.rig import ClockModel
 from groundstation.simulation import (
     Scenario,
     SimulatedFlight,

@@ -9,15 +9,15 @@ import pytest
 import rerun as rr
 
 from groundstation.errors import SessionError
+from groundstation.replay.view import ViewRequest, prepare_view
 from groundstation.session import load_session
-from groundstation.sinks import rerun_media
 from groundstation.sinks.mp4_parts import Mp4Samples, mp4_samples
 from groundstation.sinks.mp4_tables import mp4_fault
-from groundstation.sinks.rerun_merge import Align
-from groundstation.sinks.rerun_unplayed import recording_of_session
-from groundstation.view import ViewRequest, prepare_view
+from groundstation.viewer import media as rerun_media
+from groundstation.viewer.merge import Align
+from groundstation.viewer.unplayed import recording_of_session
 from tests.session.folder import write_video
-from tests.sinks.test_rerun_view import Recording
+from tests.viewer.test_view import Recording
 
 LANDING = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
 # a decoder can begin at two frames of it; it has frames that are shown in another order than decoded

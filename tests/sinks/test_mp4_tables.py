@@ -7,7 +7,7 @@ import pytest
 
 from groundstation.errors import SessionError
 from groundstation.sinks.mp4_tables import mp4_fault
-from groundstation.sinks.rerun_media import VideoAsset, load_video
+from groundstation.viewer.media import VideoAsset, load_video
 from tests.session.folder import write_video
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from groundstation.errors import SessionError
+from groundstation.files.csv_table import CsvTable, Row
 from groundstation.messages import Frame
 from groundstation.session import load_session
-from groundstation.session.tables import CsvTable, Row
 from groundstation.sources.ptu_readings import PtuReadings
 from groundstation.sources.replay import ReplaySource
 from tests.complaints import complaint

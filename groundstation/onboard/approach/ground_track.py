@@ -6,10 +6,10 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.files.csv_table import CsvTable
+from groundstation.files.text_file import absence
+from groundstation.files.toml_table import finite_number, shown
 from groundstation.onboard.pose.agreement import PositionSeries
-from groundstation.session.tables import CsvTable
-from groundstation.text_file import absence
-from groundstation.toml_table import finite_number, shown
 
 _PLACE = ("x_m", "y_m", "z_m")
 _COVARIANCE = ("cov_xx_m2", "cov_xy_m2", "cov_xz_m2", "cov_yy_m2", "cov_yz_m2", "cov_zz_m2")

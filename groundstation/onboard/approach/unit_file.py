@@ -7,13 +7,13 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.files.csv_table import CsvTable
+from groundstation.files.toml_table import Table, load_toml
 from groundstation.onboard.approach.config import ApproachConfig
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera
 from groundstation.onboard.pose.inertial import CameraMount, ImuSample, InertialConfig
 from groundstation.onboard.pose.inertial_kernel import GRAVITY_M_S2
 from groundstation.onboard.pose.simulated_approach import BODY_FROM_FORWARD_CAMERA
-from groundstation.session.tables import CsvTable
-from groundstation.toml_table import Table, load_toml
 
 SAMPLE_COLUMNS = (
     *("t_s", "force_x_m_s2", "force_y_m_s2", "force_z_m_s2"),

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.errors import InputError
+from groundstation.files.image_header import MAX_PICTURE_PX
+from groundstation.files.toml_table import Table, load_toml
 from groundstation.geometry.camera import Lens
-from groundstation.image_header import MAX_PICTURE_PX
 from groundstation.onboard.edges.pose import Attitude, CameraPose, RunwayPlace, nose_pose
 from groundstation.onboard.edges.search_band import RunwayGuess, position_by_height
-from groundstation.toml_table import Table, load_toml
 
 _KEYS = frozenset(
     {"image_size_px", "focal_px", "principal_point_px", "distortion", "mount_deg", "runway", "start", "imu"},

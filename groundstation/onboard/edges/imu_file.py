@@ -8,10 +8,10 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.files.text_file import absence
+from groundstation.files.toml_table import shown
 from groundstation.onboard.edges.camera_file import NoseCamera
 from groundstation.onboard.edges.pose import Attitude, CameraPose, nose_pose, threshold_position
-from groundstation.text_file import absence
-from groundstation.toml_table import shown
 
 _ATTITUDE = ("roll_deg", "pitch_deg", "yaw_deg")
 _EARTH = ("lat_deg", "lon_deg", "alt_m")

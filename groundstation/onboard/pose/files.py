@@ -13,11 +13,11 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.files.csv_table import CsvTable
+from groundstation.files.text_file import absence
+from groundstation.files.toml_table import quoted, shown
 from groundstation.onboard.pose.runway import Runway, runway_from_geodetic
 from groundstation.onboard.pose.solve import RunwayPose
-from groundstation.session.tables import CsvTable
-from groundstation.text_file import absence
-from groundstation.toml_table import quoted, shown
 
 POSE_COLUMNS = (
     "filename", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "range_m", "reprojection_px", "status",

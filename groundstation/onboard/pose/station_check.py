@@ -10,7 +10,7 @@ from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, parameter
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.pose.inertial import rotation_vector
 from groundstation.onboard.pose.solve import PoseStatus, RunwayPose, SeenPoints, solve_pose
-from groundstation.rig import Station
+from groundstation.rig.rig import Station
 
 FALSE_ALARM = 0.01
 # steps of the numeric derivative: m, rad and px are all of this size or larger

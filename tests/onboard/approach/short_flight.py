@@ -7,10 +7,10 @@ import numpy as np
 from groundstation.arrays import ImageArray
 from groundstation.onboard.approach.navigator import NoseNavigator
 from groundstation.onboard.edges.pose import Attitude, nose_pose
+from groundstation.onboard.fly import series_of
 from groundstation.onboard.pose.agreement import PositionSeries
 from groundstation.onboard.scenes.nose_flight import CAMERA_PITCH_DEG, NoseFlight, nose_flight, nose_setup, said_poses
 from groundstation.onboard.scenes.sequences import SEQUENCES
-from groundstation.onboard_fly import series_of
 
 FRAMES = 24
 

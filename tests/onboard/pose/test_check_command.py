@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.cli import main
-from groundstation.rig import Rig, Station
-from groundstation.rig_toml import rig_to_toml
+from groundstation.cli.main import main
+from groundstation.rig.rig import Rig, Station
+from groundstation.rig.rig_toml import rig_to_toml
 from tests.onboard.pose.test_station_check import CORNERS, PAN, TILT, pixels, station, turned
 
 NAMES = ("near left", "far left", "far right", "near right")

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.cli import main
+from groundstation.cli.main import main
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.pose.files import POSE_COLUMNS, Runways
 from groundstation.onboard.pose.runway import orders_by_row, rectangle, runway_from_geodetic

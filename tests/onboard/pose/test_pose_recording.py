@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.pose.files import Runways
-from groundstation.onboard_pose_sinks import CAMERA, IMAGE, PLACE, RANGE, REPROJECTION, TIMELINE
+from groundstation.onboard.pose_sinks import CAMERA, IMAGE, PLACE, RANGE, REPROJECTION, TIMELINE
 from tests.onboard.pose.approaches import LENS, project
 from tests.onboard.pose.test_pose_command import run, work
 

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
 from groundstation.onboard.pose.station_check import check_station
-from groundstation.rig import Station
+from groundstation.rig.rig import Station
 from tests.stereo_rig import make_station
 
 # a runway before the station, in its own frame, and a camera that sees all of it

@@ -1,0 +1,163 @@
+"""The whole job of `groundstation calibrate timing`: a session in, a rig with its clocks out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from calibration.clocks.fit import TimingFit, solve_timing
+from calibration.clocks.image_motion import StationMotion, gather_motion
+from calibration.flight.fit import FlightFit, solve_flight
+from calibration.flight.observations import gather_flight
+from calibration.flight.parameters import FLOOR_CLOCK_S, KNOWN_CLOCK_S, choose_parameters
+from calibration.flight.problem import DGPS_OFFSET, FlightProblem
+from calibration.flight.rig import solved_rig
+from groundstation.errors import InputError
+from groundstation.rig.rig import ClockModel, Rig, Station
+from groundstation.rig.rig_toml import rig_to_toml
+from groundstation.session import Session, load_session
+
+_CLOCKS = ("camera_clock.offset", "ptu_clock.offset", DGPS_OFFSET)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimingRequest:
+    """What to find and from what.
+
+    ``pictures``, ``flight``: by image motion, by the aircraft's track, or by both. ``one_ptu_clock``: all PTUs are
+    stamped by one clock with one delay, so that what differs are the cameras' clocks. Times in s of the session.
+    """
+
+    session: Path
+    out: Path
+    rig: Path | None = None
+    detections: Path | None = None
+    from_s: float | None = None
+    to_s: float | None = None
+    pictures: bool = True
+    flight: bool = False
+    one_ptu_clock: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockDifference:
+    """Seconds, with one sigma."""
+
+    value_s: float
+    sigma_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimingCalibration:
+    """What was found.
+
+    Attributes
+    ----------
+    by_pictures, motions : by station; empty where no pictures were asked for.
+    by_flight : the solution of the flight with clocks alone free, or None.
+    rig : with the clocks found; the pictures' where there are both.
+    """
+
+    session: Session
+    by_pictures: dict[str, TimingFit]
+    motions: dict[str, StationMotion]
+    by_flight: FlightFit | None
+    rig: Rig
+
+    def flight_ptu(self, name: str) -> ClockDifference | None:
+        """Return by how much the flight has a PTU's readings later than its camera's clock says."""
+        return self._flight({f"{name}.ptu_clock.offset": 1.0, f"{name}.camera_clock.offset": -1.0})
+
+    def flight_cameras(self, first: str, other: str) -> ClockDifference | None:
+        """Return by how much the flight has another camera's exposures later than its clock says, by the first's."""
+        return self._flight({f"{other}.camera_clock.offset": 1.0, f"{first}.camera_clock.offset": -1.0})
+
+    def _flight(self, weights: dict[str, float]) -> ClockDifference | None:
+        fit = self.by_flight
+        if fit is None or not set(weights) & set(fit.problem.names):
+            return None
+        row = np.array([weights.get(name, 0.0) for name in fit.problem.names])
+        return ClockDifference(value_s=float(row @ fit.change), sigma_s=float(np.sqrt(row @ fit.covariance @ row)))
+
+
+def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = lambda _: None) -> TimingCalibration:
+    """Find the clocks and write the rig file; raises `GroundstationError`, one line, where they cannot be told."""
+    if request.out.is_dir() or request.out.suffix != ".toml":
+        raise InputError(str(request.out), got="no name of a TOML file", wanted="--out rig.toml")
+    session = load_session(request.session, request.rig)
+    session.rig.require_known()
+    flight = _by_flight(session, request) if request.flight else None
+    antenna = session.target.antenna_in_body_m
+    rig = session.rig if flight is None else solved_rig(session.rig, flight, session.name, antenna)
+    fits, motions = {}, {}
+    if request.pictures:
+        found = gather_motion(session, request.from_s, request.to_s, progress)
+        motions = {one.station.name: one for one in found}
+        fits = {
+            name: solve_timing(name, one.readings, one.motion, one.station.angle_sigma_rad)
+            for name, one in motions.items()
+        }
+        rig = timed_rig(session.rig, fits, request.one_ptu_clock)
+    _write(request.out, session.name, rig)
+    return TimingCalibration(session=session, by_pictures=fits, motions=motions, by_flight=flight, rig=rig)
+
+
+def timed_rig(rig: Rig, fits: dict[str, TimingFit], one_ptu_clock: bool = False) -> Rig:
+    """Return the rig with the PTUs' clocks found; with one clock of all PTUs, the first's, and the cameras' by it."""
+    if not one_ptu_clock or len(fits) < 2:
+        return replace(rig, stations=tuple(_ptu_timed(s, fits[s.name]) if s.name in fits else s for s in rig.stations))
+    reference = next(iter(fits.values()))
+    stations = []
+    for station in rig.stations:
+        fit = fits.get(station.name)
+        if fit is None:
+            stations.append(station)
+            continue
+        timed = _ptu_timed(station, reference)
+        if fit is not reference:
+            # the PTU is right by the first camera; this camera's clock shows more by the difference
+            camera = station.camera_clock or ClockModel()
+            sigma = max(float(np.hypot(fit.sigma_s, reference.sigma_s)), FLOOR_CLOCK_S)
+            later = reference.offset_s - fit.offset_s
+            timed = replace(timed, camera_clock=replace(camera, offset_s=camera.offset_s + later, sigma_s=sigma))
+        stations.append(timed)
+    return replace(rig, stations=tuple(stations))
+
+
+def _ptu_timed(station: Station, fit: TimingFit) -> Station:
+    before, drift = station.ptu_clock, fit.drift
+    # the drift was found about the middle of the recording, a clock's stands for zero of the device's time
+    offset = before.offset_s * (1.0 + drift) + fit.offset_s - drift * fit.middle_s
+    scale = (1.0 + before.drift_ppm * 1e-6) * (1.0 + drift)
+    clock = ClockModel(offset_s=offset, drift_ppm=(scale - 1.0) * 1e6, sigma_s=max(fit.sigma_s, FLOOR_CLOCK_S))
+    return replace(station, ptu_clock=clock, ptu_clock_given=True)
+
+
+def _by_flight(session: Session, request: TimingRequest) -> FlightFit:
+    """Return the flight's solution with nothing free but clocks."""
+    chosen = choose_parameters(session.rig, ("camera_clock", "ptu_clock"), dgps_clock_open=not session.has_clocks)
+    keep = [k for k, name in enumerate(chosen.names) if name.endswith(_CLOCKS)]
+    if not session.has_clocks:
+        # a common shift of all clocks is the DGPS clock's: the first camera is the session's clock
+        keep.remove(chosen.names.index(f"{session.rig.names[0]}.camera_clock.offset"))
+    data = gather_flight(session, request.detections, request.from_s, request.to_s)
+    antenna = session.target.antenna_in_body_m
+    problem = FlightProblem(
+        stations={s.name: s for s in session.rig.stations},
+        looks=data.looks,
+        track=data.track,
+        antenna_in_body_m=np.zeros(3) if antenna is None else antenna,
+        names=tuple(chosen.names[k] for k in keep),
+        # a clock that the rig calls exact is what is asked for here
+        prior_sigma=np.maximum(chosen.prior_sigma[keep], KNOWN_CLOCK_S),
+    )
+    return solve_flight(problem)
+
+
+def _write(path: Path, session: str, rig: Rig) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"# clocks found in session {session!r}\n" + rig_to_toml(rig), encoding="utf-8")
+    except OSError as error:
+        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error

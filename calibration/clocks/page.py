@@ -1,0 +1,117 @@
+"""report.html of a calibration of clocks: the pictures' motion against the encoders', as stamped and as found."""
+
+import io
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from calibration.clocks.calibrate import TimingCalibration
+from calibration.clocks.fit import TimingFit
+from calibration.clocks.image_motion import StationMotion
+from calibration.clocks.report import format_timing
+from calibration.report.page import report_figure, report_page
+from calibration.report.picture import ReportPicture, write_page
+from groundstation.arrays import FloatArray
+from groundstation.errors import InputError
+
+_BLUE, _ORANGE, _GREY = "#0072B2", "#D55E00", "#9aa0a6"
+_AXES = ("pan", "tilt")
+# more than this of a recording is a picture without detail
+_SHOWN_S = 6.0
+_STYLE: dict[Any, Any] = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}
+_MOTION = (
+    "Dots: how fast the head turns by the pictures, each between two frames. Grey: by the readings as they are "
+    "stamped, with what the rig said before. Blue: the same readings {later:+.1f} ms later, as found. "
+    "The quickest {shown:.0f} s."
+)
+_LEFT = (
+    "What is left over between pictures and readings, against how quickly the head changed its speed. Grey: as "
+    "stamped; blue: as found. A clock that is off shows as a slope. Orange, left out: the scene moved, or did not fit."
+)
+
+
+def write_timing_page(folder: Path, found: TimingCalibration) -> list[Path]:
+    """Write report.html and its pictures as PNG into ``folder``, made if missing; returns what was written."""
+    pictures, parts = [], []
+    for name, fit in found.by_pictures.items():
+        own = [_motion(name, fit, found.motions[name]), _left_over(name, fit, found.motions[name])]
+        figures = "".join(report_figure(p.title, p.caption, p.png) for p in own)
+        parts.append(f"<h2>Station {escape(name)}</h2><div class='pictures'>{figures}</div>")
+        pictures += own
+    if not parts:
+        parts.append("<p>The flight alone was asked for: no pictures were compared with the readings.</p>")
+    head = f"<p class='soft'>Groundstation · clocks</p><h1>{escape(found.session.name)}</h1>"
+    text = f"<h2>In words</h2><div class='wide'><pre>{escape(format_timing(found))}</pre></div>"
+    try:
+        return write_page(folder, report_page(f"{found.session.name} – clocks", head + "".join(parts) + text), pictures)
+    except OSError as error:
+        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
+
+
+def turned_by_readings(one: StationMotion, later_s: float) -> FloatArray:
+    """Return by how much (n, 2), rad, the readings have the head turn in each pair, were they ``later_s`` later."""
+    t, first = np.unique(one.readings[:, 0], return_index=True)
+    angles = np.unwrap(one.readings[first, 1:], axis=0)
+    ends = (
+        np.stack([np.interp(at - later_s, t, angles[:, k]) for k in range(2)], axis=1)
+        for at in (one.motion.from_s, one.motion.to_s)
+    )
+    before, after = ends
+    return np.asarray(after - before)
+
+
+def _motion(name: str, fit: TimingFit, one: StationMotion) -> ReportPicture:
+    motion = one.motion
+    middle, gap = 0.5 * (motion.from_s + motion.to_s), motion.to_s - motion.from_s
+    centre = _quickest(middle, np.linalg.norm(motion.turn_rad, axis=1) / gap)
+    inside = np.abs(middle - centre) <= 0.5 * _SHOWN_S
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(6.4, 5.4), layout="constrained")
+        for k, plot in enumerate(figure.subplots(2, 1, sharex=True)):
+            for later, colour in ((0.0, _GREY), (fit.offset_s, _BLUE)):
+                rate = np.degrees(turned_by_readings(one, later)[:, k] / gap)
+                plot.plot(middle[inside], rate[inside], "-", lw=1.6, color=colour)
+            seen = np.degrees(motion.turn_rad[:, k] / gap)
+            plot.plot(middle[inside & fit.kept], seen[inside & fit.kept], ".", ms=5, color="#1b1f24")
+            plot.plot(middle[inside & ~fit.kept], seen[inside & ~fit.kept], "x", color=_ORANGE)
+            plot.set_ylabel(f"{_AXES[k]}, deg/s")
+        plot.set_xlabel("session time, s")
+        png = _png(figure)
+    caption = _MOTION.format(later=1e3 * fit.offset_s, shown=min(_SHOWN_S, float(np.ptp(middle))))
+    return ReportPicture(name=f"{name}-motion", title="Pictures against encoder", caption=caption, png=png)
+
+
+def _left_over(name: str, fit: TimingFit, one: StationMotion) -> ReportPicture:
+    motion = one.motion
+    gap = motion.to_s - motion.from_s
+    # a late clock is off by what the rate has changed between the frames
+    found = turned_by_readings(one, fit.offset_s)
+    ahead, behind = turned_by_readings(one, fit.offset_s - 0.01), turned_by_readings(one, fit.offset_s + 0.01)
+    speeding = np.degrees((ahead - behind) / 0.02 / gap[:, None])
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(6.4, 5.4), layout="constrained")
+        for k, plot in enumerate(figure.subplots(2, 1)):
+            for turned, colour in ((turned_by_readings(one, 0.0), _GREY), (found, _BLUE)):
+                off = np.degrees(motion.turn_rad - turned)[:, k]
+                plot.plot(speeding[fit.kept, k], off[fit.kept], ".", ms=5, color=colour)
+            plot.plot(speeding[~fit.kept, k], np.degrees(motion.turn_rad - found)[~fit.kept, k], "x", color=_ORANGE)
+            limit = 1.3 * float(np.abs(np.degrees(motion.turn_rad - turned_by_readings(one, 0.0))[fit.kept]).max())
+            plot.set(ylim=(-limit, limit), xlabel=f"{_AXES[k]} speeds up, deg/s²", ylabel=f"{_AXES[k]} left over, deg")
+        png = _png(figure)
+    return ReportPicture(name=f"{name}-left-over", title="What is left over", caption=_LEFT, png=png)
+
+
+def _quickest(t_s: FloatArray, rate: FloatArray) -> float:
+    """Return the middle of the window in which the head turns most."""
+    sums = [float(np.sum(rate[np.abs(t_s - at) <= 0.5 * _SHOWN_S] ** 2)) for at in t_s]
+    return float(t_s[int(np.argmax(sums))])
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
+    return buffer.getvalue()

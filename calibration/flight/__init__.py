@@ -1,0 +1,1 @@
+"""The rig's errors from a flight whose aircraft had a reference receiver."""

@@ -1,0 +1,205 @@
+"""The whole job of `groundstation calibrate flight`: a session in, a better rig out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from calibration.flight.fit import FlightFit, FlightFitError, FlightSolution, find_solution, judged
+from calibration.flight.observations import FlightData, gather_flight
+from calibration.flight.page import FlightPage, write_flight_page
+from calibration.flight.parameters import (
+    KNOWN_POSITION_M,
+    POINT_SIGMA_M,
+    FreeParameters,
+    choose_parameters,
+    free_words,
+)
+from calibration.flight.problem import FlightProblem
+from calibration.flight.report import format_flight_report, rig_header
+from calibration.flight.rig import solved_rig
+from calibration.flight.start import Start, find_start
+from calibration.flight.verdict import judge_flight
+from groundstation.errors import InputError
+from groundstation.rig.rig import Rig
+from groundstation.rig.rig_toml import rig_to_toml
+from groundstation.session import Session, load_session
+
+# pixels off by more of the picture's width than this are no fit, whatever their number
+_WORST_RMS_SHARE = 0.01
+_WORST_EXCLUDED_SHARE = 0.4
+# a pose of which nothing was known has to come out better than this, one sigma
+_WORST_ROTATION_RAD = float(np.radians(2.0))
+_WORST_POSITION_M = 10.0
+# what a rig states of a pose, and how well, is not overruled by one flight that is this far off
+_POSES = ("runway_from_base.", "head_from_camera.", "ptu_position.")
+_MOST_SIGMAS_OFF = 5.0
+# what is doubted first, and what only where that is not all; a lens only where the position is surveyed: without
+# one, focal length and distance go together
+_DOUBTED = (("position", "readout", "drift"), ("position", "readout", "drift", "lens"))
+_FAR_BETTER = 0.7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightRequest:
+    """What to calibrate.
+
+    ``free`` is the list of --free, times are the session's, in s; ``hold`` trusts all that is known; ``report`` is a
+    folder for report.html and its pictures. ``point_sigma_m`` is how far along the body the point that pixels are of
+    may lie from the nose, and so from the antenna, beside what session.toml says; the same all the time, 1 sigma. None
+    is `POINT_SIGMA_M` for ``detections``, which a program found, and nothing for pixels that the session itself gives.
+    """
+
+    session: Path
+    out: Path
+    rig: Path | None = None
+    detections: Path | None = None
+    from_s: float | None = None
+    to_s: float | None = None
+    free: str = ""
+    hold: bool = False
+    report: Path | None = None
+    point_sigma_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightCalibration:
+    """What was found: the fit, the rig with it, the words for a person, and the files written."""
+
+    fit: FlightFit
+    rig: Rig
+    report: str
+    files: tuple[Path, ...]
+
+
+def calibrate_flight(request: FlightRequest) -> FlightCalibration:
+    """Calibrate, and write the rig file; raises `GroundstationError`, one line, where the flight cannot do it."""
+    words = free_words(request.free)
+    session = load_session(request.session, request.rig)
+    if request.out.is_dir() or request.out.suffix != ".toml":
+        raise InputError(str(request.out), got="no name of a TOML file", wanted="--out rig.toml")
+    free = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
+    data = gather_flight(session, request.detections, request.from_s, request.to_s)
+    antenna = session.target.antenna_in_body_m
+    start = find_start(_problem(session, data, free))
+    found = find_solution(start.problem, start.change)
+    notes: list[str] = []
+    new = [s.name for s in session.rig.stations if not {"orientation", "position"} <= set(s.known)]
+    if new and not request.hold:
+        surveyed = all("position" in s.known for s in session.rig.stations)
+        for doubted in _DOUBTED if surveyed else _DOUBTED[:1]:
+            found, note = _doubted(session, start, found, (*words, *doubted))
+            notes += note
+    usual_m = POINT_SIGMA_M if request.detections is not None else 0.0
+    fit = judged(found, usual_m if request.point_sigma_m is None else request.point_sigma_m)
+    _require_fit(session, fit)
+    rig = solved_rig(session.rig, fit, session.name, antenna)
+    verdict = judge_flight(rig, fit)
+    report = "\n".join([*notes, format_flight_report(session.rig, rig, fit, data.excluded, antenna, verdict)])
+    _write(request.out, rig_header(session.name, fit) + rig_to_toml(rig))
+    written = [request.out]
+    if request.report is not None:
+        content = FlightPage(
+            session=session.name,
+            before=session.rig,
+            after=rig,
+            fit=fit,
+            verdict=verdict,
+            notes=notes,
+            excluded=data.excluded,
+            antenna_m=antenna,
+        )
+        written += _write_page(request.report, content)
+    return FlightCalibration(fit=fit, rig=rig, report=report, files=tuple(written))
+
+
+def _write_page(folder: Path, content: FlightPage) -> list[Path]:
+    try:
+        return write_flight_page(folder, content)
+    except OSError as error:
+        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
+
+
+def _problem(session: Session, data: FlightData, free: FreeParameters) -> FlightProblem:
+    antenna = session.target.antenna_in_body_m
+    return FlightProblem(
+        stations={s.name: s for s in session.rig.stations},
+        looks=data.looks,
+        track=data.track,
+        antenna_in_body_m=np.zeros(3) if antenna is None else antenna,
+        names=free.names,
+        prior_sigma=free.prior_sigma,
+    )
+
+
+def _doubted(
+    session: Session, start: Start, held: FlightSolution, words: Sequence[str]
+) -> tuple[FlightSolution, list[str]]:
+    """Return a solution with surveyed positions, shutters … free where that explains the pixels far better, and why.
+
+    A station that nobody has calibrated yet has a position off a map or a tape: it is known, but not to a pixel. The
+    start is the first one's: what is freed here moves no pose's first guess.
+    """
+    more = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)
+    names = held.joint.problem.names
+    if set(more.names) <= set(names):
+        return held, []
+    problem = replace(start.problem, names=more.names, prior_sigma=more.prior_sigma)
+    first = np.array([start.problem.value(start.change, name) for name in more.names])
+    freed = find_solution(problem, first)
+    better = [
+        name
+        for name, station in freed.stations.items()
+        if station.noise_factor < _FAR_BETTER * held.stations[name].noise_factor
+    ]
+    if not better:
+        return held, []
+    return freed, [
+        f"note: freed {', '.join(words)}: within {KNOWN_POSITION_M:g} m, 1 % of the focal length and so on, the"
+        f" pixels of {', '.join(better)} fit at least {1.0 / _FAR_BETTER:.1f} times as well (--hold keeps them)"
+    ]
+
+
+def _require_fit(session: Session, fit: FlightFit) -> None:
+    """Raise `FlightFitError` where the answer is none."""
+    for name, station in fit.stations.items():
+        width = session.rig[name].lens.image_size_px[0]
+        usable, kept = int(station.usable.sum()), int(station.kept.sum())
+        wanted = "pixels and DGPS of the same flight and aircraft, and a lens and clocks that are right"
+        if station.rms_px > _WORST_RMS_SHARE * width:
+            got = f"pixels that fit to {station.rms_px:.0f} px only"
+            raise FlightFitError(f"station {name}: got {got}; wanted {wanted}")
+        if kept < (1.0 - _WORST_EXCLUDED_SHARE) * usable:
+            got = f"{usable - kept} of {usable} pixels that do not fit"
+            raise FlightFitError(f"station {name}: got {got}; wanted {wanted}")
+    for name, sigma, prior in zip(fit.problem.names, fit.sigma, fit.problem.prior_sigma, strict=True):
+        limit = {"runway_from_base": _WORST_ROTATION_RAD, "ptu_position": _WORST_POSITION_M}
+        worst = next((value for part, value in limit.items() if f".{part}." in name), np.inf)
+        if not np.isfinite(prior) and not sigma <= worst:
+            unit = f"{np.degrees(sigma):.3g}°" if "runway_from_base" in name else f"{sigma:.3g} m"
+            wanted = "a flight that moves more across this station's view, or this part known"
+            raise FlightFitError(f"{name}: got ± {unit} from this flight; wanted {wanted}")
+    _require_agreement(session, fit)
+
+
+def _require_agreement(session: Session, fit: FlightFit) -> None:
+    """Raise `FlightFitError` where the flight contradicts what the rig itself states of a pose, and how well."""
+    for k, name in enumerate(fit.problem.names):
+        station, _, short = name.partition(".")
+        stated = station in session.rig.names and short in session.rig[station].covariance_parameters
+        off = abs(fit.change[k]) / fit.problem.prior_sigma[k]
+        if stated and short.startswith(_POSES) and off > _MOST_SIGMAS_OFF:
+            prior = fit.problem.prior_sigma[k]
+            unit = f"{prior:.3g} m" if short.startswith("ptu_position") else f"{np.degrees(prior):.3g}°"
+            got = f"{off:.0f} sigmas from what {session.rig.path or 'the rig'} says (± {unit})"
+            wanted = "DGPS in the rig's own frame and of the same flight; or a larger sigma there, if it has moved"
+            raise FlightFitError(f"{name}: got {got}; wanted {wanted}")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error

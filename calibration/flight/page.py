@@ -1,0 +1,98 @@
+"""report.html of a flight's calibration: the verdict first, then parameters, residuals, what was left out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from calibration.flight.fit import FlightFit
+from calibration.flight.report import gross_times, parameter_row
+from calibration.flight.report_pictures import flight_pictures
+from calibration.flight.verdict import FlightVerdict
+from calibration.report.page import report_figure, report_list, report_page, report_table
+from calibration.report.picture import ReportPicture, write_page
+from groundstation.arrays import FloatArray
+from groundstation.rig.rig import Rig
+
+_WORDS = (1,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightPage:
+    """What the page shows.
+
+    ``notes`` are lines of what was decided on the way; ``excluded`` of what was left out; ``antenna_m`` (3,) as the
+    session has it.
+    """
+
+    session: str
+    before: Rig
+    after: Rig
+    fit: FlightFit
+    verdict: FlightVerdict
+    notes: Sequence[str]
+    excluded: Sequence[str]
+    antenna_m: FloatArray | None
+
+
+def write_flight_page(folder: Path, content: FlightPage) -> list[Path]:
+    """Write report.html and the pictures as PNG into ``folder``, made if missing; returns what was written."""
+    pictures = flight_pictures(content.after, content.fit, content.verdict)
+    return write_page(folder, flight_page(content, pictures), pictures)
+
+
+def flight_page(content: FlightPage, pictures: Sequence[ReportPicture]) -> str:
+    """Return the page; it loads nothing from anywhere."""
+    verdict, fit = content.verdict, content.fit
+    shown = "".join(report_figure(p.title, p.caption, p.png) for p in pictures)
+    parts = [
+        f"<p class='soft'>Groundstation · calibrated on a flight</p><h1>{escape(content.session)}</h1>",
+        f"<p class='verdict'>{escape(verdict.summary)}</p>",
+    ]
+    if verdict.apart:
+        parts.append("<h2>What this flight could not tell</h2>" + report_list(verdict.apart))
+    parts += [
+        "<h2>What to do next</h2>" + report_list(verdict.next_steps),
+        _ranges(verdict),
+        "<h2>Notes</h2>" + report_list([*content.notes, *verdict.notes]),
+        f"<h2>Pictures</h2><div class='pictures'>{shown}</div>",
+        "<h2>What was found</h2>" + _parameters(content),
+        "<h2>How the pixels fit</h2>" + _stations(fit),
+        "<h2>What was left out</h2>" + report_list(content.excluded or ["nothing of the DGPS"]),
+    ]
+    return report_page(f"{content.session} – flight", "\n".join(parts))
+
+
+def _ranges(verdict: FlightVerdict) -> str:
+    if not verdict.ranges:
+        return ""
+    rows = []
+    for q in verdict.ranges:
+        where = f"{q.range_m:.0f} m" + ("" if q.flown else ", not flown")
+        numbers = [f"{v:.3f}" for v in (*q.calibration_m, *q.noise_m)]
+        rows.append([where, *numbers, "yes" if q.good else "no"])
+    heads = ["range", *(f"{axis}, m" for axis in ("along", "across", "up")), "one fix along, m", "across, m", "up, m"]
+    return (
+        "<h2>What that is in the air</h2><p class='soft'>One sigma of what is left of the calibration's error, beside"
+        " the noise of one fix by pixels and encoders; good where the first is not above the second.</p>"
+        + report_table([*heads, "good"], rows)
+    )
+
+
+def _parameters(content: FlightPage) -> str:
+    fit, rows = content.fit, []
+    for k, name in enumerate(fit.problem.names):
+        row = parameter_row(content.before, content.after, fit, k, content.antenna_m)
+        rows.append([name, row.value, row.sigma, row.change, row.unit, f"{fit.lasting_factor[k]:.1f}"])
+    heads = ["parameter", "value", "1 σ", "change", "unit", "raised by"]
+    note = "so many times the sigma of noise that averages out, because of errors that last longer than a frame"
+    return report_table(heads, rows) + f"<p class='soft'>Raised by: {note}.</p>"
+
+
+def _stations(fit: FlightFit) -> str:
+    rows = []
+    for name, station in fit.stations.items():
+        usable, kept, looks = int(station.usable.sum()), int(station.kept.sum()), len(station.usable)
+        numbers = [f"{station.rms_px:.2f}", str(kept), str(usable - kept), str(looks - usable)]
+        rows.append([name, *numbers, gross_times(fit, name).strip(" ()")])
+    return report_table(["station", "rms, px", "pixels", "gross", "without angle or DGPS", "when"], rows)

@@ -1,0 +1,343 @@
+"""Residuals of a flight in which the paths of the aircraft and of the heads are unknown (docs/derivation.md, 16).
+
+What is known of a path are its noisy samples (fixes, readings) and that it is smooth; the pixels tell of it, too. For
+each change of the calibration the paths that fit best are found on the way (variable projection), so that neither the
+fixes' nor the encoders' noise passes for motion, and what frames and stations share of it is counted once:
+
+    r = (W (h(c, θ) − z), (B θ − y) / σ, D θ / s),    θ(c) = argmin |r|²,    dr/dc = (I − A A⁺) J_c   (Kaufman 1975)
+
+with A the derivative by the paths' coefficients θ. Its information is that of the pixels with all paths integrated out.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.sparse import block_diag, csr_matrix, diags, vstack
+from scipy.sparse.linalg import SuperLU, splu
+
+from calibration.flight.problem import SLOW_S, AngleCurve, FlightProblem, Predicted
+from calibration.flight.smooth_path import PathBasis, Smoothness, find_smoothness, path_basis
+from groundstation.arrays import FloatArray, MaskArray
+
+# knots of a head stand so many readings apart; where these are slow, so long: what a head does between two of them is
+# unknown, and no coarser for that
+_READINGS_EACH_KNOT = 2.0
+_SLOW_KNOT_S = 0.04
+_ROUNDS = 2
+_PROBES = 16
+_LARGEST = 50
+# heads in mrad beside metres: both then are numbers of one size
+_MILLI = 1e3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PathPart:
+    """One stretch of one path with d axes: the antenna's (``station`` None, m) or a head's (rad, in mrad inside).
+
+    ``t_s`` (n,), ``samples`` (n, d), ``sigma`` (n, d); ``first`` is where its d · K coefficients begin, axis by axis.
+    """
+
+    station: str | None
+    basis: PathBasis
+    t_s: FloatArray
+    samples: FloatArray
+    sigma: FloatArray
+    smoothness: tuple[Smoothness, ...]
+    first: int
+
+    @property
+    def size(self) -> int:
+        """d · K."""
+        return self.basis.count * self.samples.shape[1]
+
+    def known(self) -> tuple[csr_matrix, FloatArray]:
+        """Return design and data of samples and smoothness, in sigmas."""
+        design = self.basis.at(self.t_s)
+        rows, data = [], []
+        for axis, smooth in enumerate(self.smoothness):
+            weight = 1.0 / (self.sigma[:, axis] * smooth.noise_factor)
+            differences = self.basis.differences(smooth.order)
+            rows.append(vstack([design.multiply(weight[:, None]), diags(1.0 / smooth.difference) @ differences]))
+            data += [self.samples[:, axis] * weight, np.zeros(differences.shape[0])]
+        return block_diag(rows, format="csr"), np.concatenate(data)
+
+    def coefficients(self, theta: FloatArray) -> FloatArray:
+        """Return (d, K) of all coefficients."""
+        return theta[self.first : self.first + self.size].reshape(-1, self.basis.count)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PathSamples:
+    """Samples of one stretch of a path, as in `PathPart`, and the time between knots."""
+
+    station: str | None
+    t_s: FloatArray
+    samples: FloatArray
+    sigma: FloatArray
+    step_s: float
+
+
+def path_samples(problem: FlightProblem) -> list[PathSamples]:
+    """Return what is known of the antenna between gaps of the fixes, and of each head where it has a curve."""
+    step_s = problem.track.step_s
+    found = [
+        PathSamples(station=None, t_s=fixes.t_s, samples=fixes.position_m, sigma=fixes.sigma_m, step_s=step_s)
+        for fixes in problem.track.stretches
+    ]
+    for name, looks in problem.looks.items():
+        sigma = problem.stations[name].angle_sigma_rad
+        for curve in problem.curves(name) if sigma > 0 else ():
+            inside = (looks.readings_s >= curve.from_s) & (looks.readings_s <= curve.to_s)
+            t, angles = looks.readings_s[inside], looks.readings_rad[inside]
+            found.append(
+                PathSamples(
+                    station=name,
+                    t_s=t,
+                    samples=_MILLI * angles,
+                    sigma=np.full(angles.shape, _MILLI * sigma),
+                    step_s=_head_step_s(t),
+                )
+            )
+    return found
+
+
+def _head_step_s(readings_s: FloatArray) -> float:
+    usual = float(np.median(np.diff(readings_s)))
+    return _SLOW_KNOT_S if usual > SLOW_S else _READINGS_EACH_KNOT * usual
+
+
+def path_parts(problem: FlightProblem) -> tuple[PathPart, ...]:
+    """Return the paths of a flight, each as smooth as its samples say."""
+    parts: list[PathPart] = []
+    first = 0
+    for own in path_samples(problem):
+        t = own.t_s
+        basis = path_basis(float(t[0]), float(t[-1]), own.step_s)
+        axes = zip(own.samples.T, own.sigma.T, strict=True)
+        parts.append(
+            PathPart(
+                station=own.station,
+                basis=basis,
+                t_s=t,
+                samples=own.samples,
+                sigma=own.sigma,
+                smoothness=tuple(find_smoothness(basis, t, samples, sigma) for samples, sigma in axes),
+                first=first,
+            )
+        )
+        first += parts[-1].size
+    return tuple(parts)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Linear:
+    """Pixels at one point: predictions, whitened residuals (2n,), derivatives by coefficients (2n, K) and change."""
+
+    predicted: dict[str, Predicted]
+    residual: FloatArray
+    by_path: csr_matrix
+    by_change: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Solved:
+    """The paths' coefficients at one change, pixels linearised there, and the factors of the normal matrix."""
+
+    theta: FloatArray
+    linear: _Linear
+    root: SuperLU
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BlockScores:
+    """Parts of the gradient by blocks of time (n, p), and their covariance by noise alone (n, p, p)."""
+
+    seen: FloatArray
+    expected: FloatArray
+
+
+@dataclass(slots=True, eq=False)
+class PathResiduals:
+    """Residuals in sigmas and their derivatives by a change (p,) of the calibration, the paths found on the way.
+
+    ``factors`` are the pixels' noise found over assumed and ``kept`` the looks, by station; ``at`` is the change at
+    which the pixels' weights are taken. Rows: pixels by station, then what is known of the paths, then the priors.
+    """
+
+    problem: FlightProblem
+    factors: Mapping[str, float]
+    kept: Mapping[str, MaskArray]
+    at: FloatArray
+    parts: tuple[PathPart, ...] = ()
+    _known: csr_matrix = None
+    _data: FloatArray = field(default_factory=lambda: np.zeros(0))
+    _normal: csr_matrix = None
+    _alone: FloatArray = field(default_factory=lambda: np.zeros(0))
+    _white: dict[str, FloatArray] = field(default_factory=dict)
+    _done: bytes = b""
+    _last: _Solved | None = None
+
+    def __post_init__(self) -> None:
+        self.parts = self.parts or path_parts(self.problem)
+        pieces = [part.known() for part in self.parts]
+        self._known = block_diag([design for design, _ in pieces], format="csr")
+        self._data = np.concatenate([data for _, data in pieces])
+        self._normal = (self._known.T @ self._known).tocsc()
+        self._alone = np.asarray(splu(self._normal).solve(self._known.T @ self._data))
+        along = self._along(self._alone)
+        for name in along.looks:
+            own = along.predict(name, self.at).own_px2[self.kept[name]] * self.factors[name] ** 2
+            self._white[name] = np.linalg.inv(np.linalg.cholesky(own))
+
+    @property
+    def base(self) -> float:
+        """What fixes, readings and smoothness leave over without the pixels, in squared sigmas."""
+        return float(np.sum((self._known @ self._alone - self._data) ** 2))
+
+    def residual(self, change: FloatArray) -> FloatArray:
+        """Return all residuals."""
+        at = self._solve(change)
+        known = np.isfinite(self.problem.prior_sigma)
+        paths = self._known @ at.theta - self._data
+        return np.concatenate([at.linear.residual, paths, (change / self.problem.prior_sigma)[known]])
+
+    def jacobian(self, change: FloatArray) -> FloatArray:
+        """Return their derivatives (n, p) with the paths following."""
+        at = self._solve(change)
+        linear = at.linear
+        moved = at.root.solve(np.asarray(linear.by_path.T @ linear.by_change))
+        prior = np.diag(1.0 / self.problem.prior_sigma)[np.isfinite(self.problem.prior_sigma)]
+        pixels = linear.by_change - linear.by_path @ moved
+        return np.vstack([pixels, -(self._known @ moved), prior])
+
+    def noise(self, change: FloatArray) -> dict[str, float]:
+        """Return each station's noise found over assumed: what its pixels leave over, and may."""
+        at = self._solve(change)
+        found, first = {}, 0
+        rng = np.random.default_rng(0)
+        for name, kept in self.kept.items():
+            rows = slice(first, first + 2 * int(kept.sum()))
+            first = rows.stop
+            residual, A = at.linear.residual[rows], at.linear.by_path[rows]
+            # the trace of A N⁻¹ Aᵀ (Hutchinson 1990)
+            signs = rng.choice([-1.0, 1.0], (len(residual), _PROBES))
+            through = np.asarray(A.T @ signs)
+            taken = float(np.sum(through * at.root.solve(through))) / _PROBES
+            free = max(len(residual) - taken, 0.1 * len(residual))
+            found[name] = self.factors[name] * float(np.sqrt(residual @ residual / free))
+        return found
+
+    def loosened(self, change: FloatArray) -> tuple[PathPart, ...]:
+        """Return the paths of the antenna set free where pixels and fixes together say that they break."""
+        at = self._solve(change)
+        return tuple(self._loosened(part, at) if part.station is None else part for part in self.parts)
+
+    def _loosened(self, part: PathPart, at: _Solved) -> PathPart:
+        smooth = list(part.smoothness)
+        for axis, coefficients in enumerate(part.coefficients(at.theta)):
+            first = part.first + axis * part.basis.count
+            D = part.basis.differences(smooth[axis].order)
+            found, taken = D @ coefficients, np.zeros(D.shape[0])
+            # only the largest can break the path, and each costs a solution
+            largest = np.argsort(np.abs(found) / smooth[axis].difference)[-_LARGEST:]
+            columns = np.zeros((len(at.theta), len(largest)))
+            columns[first : first + part.basis.count] = D[largest].T.toarray()
+            taken[largest] = np.sum(columns * at.root.solve(columns), axis=0)
+            judged = np.zeros(len(found))
+            judged[largest] = found[largest]
+            smooth[axis] = smooth[axis].loosened(judged, taken)
+        return replace(part, smoothness=tuple(smooth))
+
+    def scores(self, change: FloatArray, covariance: FloatArray, block_s: float) -> "BlockScores":
+        """Return what each block of time has to say against a solution, and what noise alone would.
+
+        The covariance (p, p) is that of a fit whose noise is as assumed. What a path takes up it takes up in its
+        neighbour, too: blocks go against each other, and only the expectation tells what is too much.
+        """
+        at = self._solve(change)
+        linear = at.linear
+        times = np.concatenate([seen.reference_s[self.kept[name]] for name, seen in linear.predicted.items()])
+        _, block = np.unique(np.floor((times - times.min()) / block_s), return_inverse=True)
+        block = np.repeat(block, 2)
+        count, p = int(block.max()) + 1, len(change)
+        projected = self.jacobian(change)[: len(linear.residual)]
+        seen, expected = np.zeros((count, p)), np.zeros((count, p, p))
+        for k in range(count):
+            own = np.flatnonzero(block == k)
+            J, A = linear.by_change[own], linear.by_path[own]
+            seen[k] = J.T @ linear.residual[own]
+            of_paths = np.asarray(A.T @ J)
+            cross = J.T @ projected[own]
+            expected[k] = J.T @ J - of_paths.T @ at.root.solve(of_paths) - cross @ covariance @ cross.T
+        return BlockScores(seen=seen, expected=expected)
+
+    def _along(self, theta: FloatArray) -> FlightProblem:
+        """Return the problem with the paths of these coefficients."""
+        tracks = []
+        curves: dict[str, list[AngleCurve]] = {name: [] for name in self.problem.looks}
+        for part in self.parts:
+            found = [part.basis.spline(c) for c in part.coefficients(theta)]
+            if part.station is None:
+                tracks.append(found)
+            else:
+                pan, tilt = (part.basis.spline(c / _MILLI) for c in part.coefficients(theta))
+                curves[part.station].append(
+                    AngleCurve(from_s=part.basis.from_s, to_s=part.basis.to_s, axes=(pan, tilt))
+                )
+        looks = {name: replace(seen, curves=tuple(curves[name])) for name, seen in self.problem.looks.items()}
+        return replace(self.problem, looks=looks, track=self.problem.track.along(tracks))
+
+    def _solve(self, change: FloatArray) -> _Solved:
+        if self._last is not None and change.tobytes() == self._done:
+            return self._last
+        theta = self._alone
+        for _ in range(_ROUNDS):
+            linear = self._linearised(theta, change)
+            root = self._factors(linear)
+            aim = linear.by_path.T @ (linear.by_path @ theta - linear.residual) + self._known.T @ self._data
+            theta = np.asarray(root.solve(aim))
+        linear = self._linearised(theta, change)
+        self._last, self._done = _Solved(theta=theta, linear=linear, root=self._factors(linear)), change.tobytes()
+        return self._last
+
+    def _factors(self, linear: _Linear) -> SuperLU:
+        return splu(self._normal + (linear.by_path.T @ linear.by_path).tocsc())
+
+    def _linearised(self, theta: FloatArray, change: FloatArray) -> _Linear:
+        along = self._along(theta)
+        predicted, residuals, by_path, by_change = {}, [], [], []
+        for name, looks in along.looks.items():
+            seen, kept = along.predict(name, change), self.kept[name]
+            predicted[name] = seen
+            # a look that lost its reference meanwhile pulls nowhere
+            white = self._white[name] * seen.usable[kept][:, None, None]
+            off = (seen.pixel_px - looks.pixel_px)[kept]
+            residuals.append(np.einsum("nij,nj->ni", white, off).ravel())
+            by_change.append((white @ seen.jacobian[kept]).reshape(-1, len(change)))
+            blocks = [self._by_part(part, name, seen, kept, white) for part in self.parts]
+            by_path.append(csr_matrix(_beside(blocks)))
+        return _Linear(
+            predicted=predicted,
+            residual=np.concatenate(residuals),
+            by_path=vstack(by_path, format="csr"),
+            by_change=np.concatenate(by_change),
+        )
+
+    def _by_part(self, part: PathPart, name: str, seen: Predicted, kept: MaskArray, white: FloatArray) -> csr_matrix:
+        """Return the derivatives (2n, d · K) of a station's whitened pixels by one path's coefficients."""
+        axes = part.samples.shape[1]
+        if part.station is None:
+            times, by = seen.reference_s[kept], white @ seen.by_point_px_m[kept]
+        elif part.station == name:
+            times, by = seen.reading_s[kept], white @ seen.by_angle_px_rad[kept] / _MILLI
+        else:
+            return csr_matrix((2 * int(kept.sum()), part.size))
+        inside = (times >= part.basis.from_s) & (times <= part.basis.to_s)
+        basis = part.basis.at(times).multiply(inside[:, None]).tocsr()
+        doubled = basis[np.repeat(np.arange(len(times)), 2)]
+        return _beside([doubled.multiply(by[:, :, axis].reshape(-1, 1)).tocsr() for axis in range(axes)])
+
+
+def _beside(blocks: list[csr_matrix]) -> csr_matrix:
+    return csr_matrix(vstack([block.T for block in blocks]).T)

@@ -1,0 +1,1 @@
+"""Where stations stand and look, from landmarks; and whether that still holds."""

@@ -1,0 +1,84 @@
+"""The pictures of a check: where each landmark was expected by the rig, and where it was seen."""
+
+import io
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from calibration.landmarks.angles import LandmarkLooks
+from calibration.landmarks.check import Check
+from calibration.report.picture import ReportPicture
+from groundstation.arrays import FloatArray, MaskArray
+
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+_STYLE: dict[Any, Any] = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}
+_LEAST_SPAN_DEG = 0.015
+_CAPTION = (
+    "The cross is where the rig expects every landmark; small dots are the sightings, large ones each landmark's mean, "
+    "hollow those left out. The ring is {alarm:g} deg. All off alike: the mount has turned in pan or tilt; off by "
+    "different amounts: it leans, or a landmark is not where the table says."
+)
+
+
+def check_pictures(check: Check, alarm_deg: float) -> list[ReportPicture]:
+    """Draw one picture for each station that was looked at; needs no window system."""
+    expected, first, pictures = expected_px(check), 0, []
+    for looks in check.fit.problem.looks:
+        rows = slice(first, first + len(looks))
+        first += len(looks)
+        if not looks.today:
+            continue
+        off = _off_deg(check, looks, expected[rows])
+        with mpl.rc_context(_STYLE):
+            figure = Figure(figsize=(6.4, 5.4), layout="constrained")
+            _draw(figure.subplots(), check, looks.landmark, off, check.fit.kept[rows], alarm_deg)
+            buffer = io.BytesIO()
+            figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
+        pictures.append(
+            ReportPicture(
+                name=f"{looks.station}-landmarks",
+                title=f"{looks.station}: expected and seen",
+                caption=_CAPTION.format(alarm=alarm_deg),
+                png=buffer.getvalue(),
+            )
+        )
+    return pictures
+
+
+def expected_px(check: Check) -> FloatArray:
+    """Return where all looks (n, 2) would have seen their landmarks, had nothing moved since the rig was calibrated."""
+    problem, unknowns = check.fit.problem, check.fit.unknowns.copy()
+    for movement in check.movements:
+        for place in problem.places(f"{movement.station}.moved"):
+            unknowns[np.flatnonzero(problem.spread[place])] = 0.0
+    return problem.evaluate(unknowns).pixel_px
+
+
+def _off_deg(check: Check, looks: LandmarkLooks, expected: FloatArray) -> FloatArray:
+    """Return seen − expected (m, 2) to the right and up, deg."""
+    focal = check.rig[looks.station].lens.focal_px
+    return np.asarray(np.degrees((looks.pixel_px - expected) / focal) * (1.0, -1.0))
+
+
+def _draw(
+    ax: Axes, check: Check, landmark: NDArray[np.int64], off: FloatArray, kept: MaskArray, alarm_deg: float
+) -> None:
+    names = [mark.name for mark in check.fit.problem.landmarks]
+    for colour, k in zip(_COLOURS * 11, np.unique(landmark), strict=False):
+        own = landmark == k
+        ax.plot(*off[own].T, ".", ms=4, alpha=0.35, color=colour)
+        used = own & kept
+        fill = colour if used.any() else "none"
+        ax.plot(*off[used if used.any() else own].mean(axis=0), "o", ms=9, mfc=fill, color=colour, label=names[int(k)])
+    turn = np.linspace(0.0, 2.0 * np.pi, 100)
+    ax.plot(alarm_deg * np.cos(turn), alarm_deg * np.sin(turn), "-", lw=1, color="#9aa0a6")
+    ax.plot(0.0, 0.0, "+", ms=18, mew=2, color="#1b1f24")
+    span = 1.15 * max(float(np.abs(off[kept]).max(initial=0.0)), alarm_deg, _LEAST_SPAN_DEG)
+    ax.set(xlim=(-span, span), ylim=(-span, span), xlabel="to the right of where expected, deg", ylabel="above it, deg")
+    ax.set_aspect("equal")
+    ax.grid(color="#e6e6e6", lw=0.7)
+    ax.legend(frameon=False, fontsize=10, loc="upper right", ncols=2)

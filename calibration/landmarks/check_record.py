@@ -1,0 +1,98 @@
+"""The record of checks: one line of JSON for each, beside the rig, also for those that ended in an error."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibration.landmarks.check import FALSE_ALARM, Check, Movement
+from calibration.sightings import Sighting
+from groundstation.errors import InputError
+
+RECORD_FORMAT = "groundstation-check/1"
+_AXES = (("pan", 2), ("tilt", 0), ("roll", 1))
+
+
+def record_path(rig: Path) -> Path:
+    """Return where the record of a rig stands if nobody says: rig.toml has rig.checks.jsonl beside it."""
+    return rig.with_suffix(".checks.jsonl")
+
+
+def check_record(
+    files: dict[str, Path], sightings: Sequence[Sighting], check: Check | None, decision: str, reason: str = ""
+) -> dict[str, Any]:
+    """Return one check as JSON has it.
+
+    Parameters
+    ----------
+    files : what was read, by role; each is named with the beginning of its SHA-256, so that it can be told later.
+    check : None where the check ended in an error, which ``reason`` then is.
+    """
+    times = [s.t_s for s in sightings if s.t_s is not None]
+    record: dict[str, Any] = {
+        "format": RECORD_FORMAT,
+        "files": {role: {"name": path.name, "sha256": _digest(path)} for role, path in files.items()},
+        "from_s": min(times, default=None),
+        "to_s": max(times, default=None),
+        "seen": _counts(sightings),
+        "decision": decision,
+        "reason": reason,
+        "false_alarm": FALSE_ALARM,
+        "stations": {},
+    }
+    if check is not None:
+        record["stations"] = {m.station: _station(check, m) for m in check.movements}
+        record["not_checked"] = list(check.unseen)
+        record["left_out"] = {
+            "landmarks": list(check.fit.rejected_landmarks),
+            "sightings": int((~check.fit.kept).sum()),
+        }
+    return record
+
+
+def append_record(path: Path, record: dict[str, Any]) -> None:
+    """Append a record as one line; raises `InputError` where the file cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a", encoding="utf-8") as stream:
+            stream.write(json.dumps(record, ensure_ascii=False, allow_nan=False) + "\n")
+    except OSError as error:
+        raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
+
+
+def _counts(sightings: Sequence[Sighting]) -> dict[str, dict[str, int]]:
+    counts: dict[str, dict[str, int]] = {}
+    for s in sightings:
+        own = counts.setdefault(s.station, {})
+        own[s.landmark] = own.get(s.landmark, 0) + 1
+    return counts
+
+
+def _station(check: Check, movement: Movement) -> dict[str, Any]:
+    degrees = {
+        what: {axis: round(float(np.degrees(values[k])), 6) for axis, k in _AXES}
+        for what, values in (
+            ("turned_deg", movement.turned_rad),
+            ("sigma_deg", movement.sigma_rad),
+            ("would_have_found_deg", movement.detectable_rad),
+        )
+    }
+    return {
+        "moved": movement.moved,
+        "part": movement.group,
+        **degrees,
+        "chi_square": round(movement.statistic, 3),
+        "alarm_above": round(movement.threshold, 3),
+        "along_at_400_m": check.along_m[movement.station],
+        "landmarks": list(movement.landmarks),
+    }
+
+
+def _digest(path: Path) -> str | None:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    except OSError:
+        return None

@@ -1,0 +1,103 @@
+"""What a check has found, in a line for each station, and as a page."""
+
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from calibration.landmarks.check import EFFECT_RANGE_M, Check, Movement
+from calibration.landmarks.check_pictures import check_pictures
+from calibration.landmarks.survey_report import rejected
+from calibration.report.page import report_figure, report_list, report_page, report_table
+from calibration.report.picture import write_page
+from groundstation.errors import InputError
+from groundstation.rig.rig import Rig
+
+_AXES = (("pan", 2), ("tilt", 0), ("roll", 1))
+TABLE_HEAD = ("station", "pan", "tilt", "roll", "chi-square", "alarm above", "would have found, pan / tilt / roll")
+
+
+def format_check(check: Check, alarm_deg: float, decision: str) -> str:
+    """Return a line for each station, what was left out and what the check could not see."""
+    lines = [station_line(check, m) for m in check.movements]
+    lines += [f"{name}: not looked at, not checked" for name in check.unseen]
+    lines += [f"left out: {text}" for text in rejected(check.fit)]
+    lines += [f"note: {text}" for text in notes(check, alarm_deg)]
+    return "\n".join([*lines, decision])
+
+
+def station_line(check: Check, movement: Movement) -> str:
+    """Return the verdict on one station."""
+    parts = ", ".join(f"{axis} {_turn(movement, k)}" for axis, k in _AXES)
+    if not movement.moved:
+        return f"{movement.station}: as calibrated ({parts}; {len(movement.landmarks)} landmarks)"
+    axis, k = max(_AXES, key=lambda pair: abs(movement.turned_rad[pair[1]]) / movement.sigma_rad[pair[1]])
+    degrees = abs(float(np.degrees(movement.turned_rad[k])))
+    along = check.along_m[movement.station]
+    effect = "" if along is None else f": {along:.1f} m along the runway at {EFFECT_RANGE_M:g} m"
+    what = "camera has turned on its head by" if movement.group == "head_from_camera" else "mount has turned"
+    return f"{movement.station}: {what} {degrees:.3f} deg in {axis}{effect} ({parts})"
+
+
+def notes(check: Check, alarm_deg: float) -> list[str]:
+    """Return what the reader must know of the check itself: what it would not have seen."""
+    found = []
+    for movement in check.movements:
+        least = np.degrees(movement.detectable_rad)
+        blind = [f"{axis} {least[k]:.3f}" for axis, k in _AXES[:2] if least[k] > alarm_deg]
+        if blind and not movement.moved:
+            found.append(
+                f"{movement.station}: a turn of {alarm_deg:g} deg could have been missed, this check surely sees "
+                f"{' and '.join(blind)} deg: more readings, better or farther landmarks, or --reference"
+            )
+    if check.fit.raised > 1.0:
+        found.append(
+            f"residuals are {check.fit.raised:.1f} times what their noise allows: all sigmas are raised by that"
+        )
+    silent = [s.name for s in check.rig.stations if not _says(check.rig, s.name)]
+    if silent:
+        found.append(f"the rig does not say how well {', '.join(silent)} is oriented: taken as exact")
+    return found
+
+
+def _says(rig: Rig, name: str) -> bool:
+    return any(n.startswith(f"{name}.runway_from_base.") for n in rig.calibration_covariance().names)
+
+
+def _turn(movement: Movement, k: int) -> str:
+    turned, sigma = np.degrees(movement.turned_rad[k]), np.degrees(movement.sigma_rad[k])
+    return f"{turned:+.4f} ± {sigma:.4f} deg"
+
+
+def table_rows(check: Check) -> list[tuple[str, ...]]:
+    """Return the figures of every station as text."""
+    return [
+        (
+            m.station,
+            *(_turn(m, k) for _, k in _AXES),
+            f"{m.statistic:.1f}",
+            f"{m.threshold:.1f}",
+            " / ".join(f"{np.degrees(m.detectable_rad[k]):.3f}" for _, k in _AXES) + " deg",
+        )
+        for m in check.movements
+    ]
+
+
+def write_check_report(folder: Path, check: Check, alarm_deg: float, decision: str, name: str) -> list[Path]:
+    """Write report.html and its pictures into ``folder``, made if missing; returns what was written."""
+    pictures = check_pictures(check, alarm_deg)
+    figures = "".join(report_figure(p.title, p.caption, p.png) for p in pictures)
+    body = "\n".join(
+        [
+            f"<p class='soft'>Groundstation · check before a session</p><h1>{escape(name)}</h1>",
+            f"<p class='verdict'>{escape(decision)}</p>",
+            report_list([station_line(check, m) for m in check.movements]),
+            f"<h2>Where landmarks were seen</h2><div class='pictures'>{figures}</div>",
+            "<h2>Figures</h2>" + report_table(TABLE_HEAD, table_rows(check)),
+            "<h2>Notes</h2>" + report_list([*notes(check, alarm_deg), *rejected(check.fit)] or ["none"]),
+        ]
+    )
+    try:
+        return write_page(folder, report_page(f"{name} – check", body), pictures)
+    except OSError as error:
+        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error

@@ -1,0 +1,123 @@
+"""Solving stations and landmarks: robustly, then without what does not fit, with its covariance."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from calibration.landmarks.problem import LandmarkProblem
+from calibration.landmarks.rejection import LandmarkFitError, contradiction, single_sightings
+from calibration.landmarks.solver import Weighted, solve_kept, white_residuals, whitening_of
+from groundstation.arrays import FloatArray, MaskArray
+
+_MOST_REJECTIONS = 60
+# a fit is worse than its noise allows, and its sigmas are raised, if chance does it this rarely
+_MISFIT_PROBABILITY = 0.01
+_LEAST_INFORMATION = 1e-14
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LandmarkFit:
+    """The solution of a `LandmarkProblem` of p parameters, q unknowns and n looks.
+
+    Attributes
+    ----------
+    change, covariance : (p,), (p, p) what was found, rotations as small angles about the solution.
+    information : (q, q) of the unknowns, those known before included, noise as stated.
+    kept : (n,) looks that were used; ``length`` (n,) of the residuals in sigmas, ``residual_px`` (n, 2).
+    rejected_landmarks : name to how many sigmas its coordinates are off.
+    chi_square, freedom : of what was kept, and its degrees of freedom.
+    raised : the factor on all sigmas for a fit that is worse than its noise, else 1.
+    """
+
+    problem: LandmarkProblem
+    unknowns: FloatArray
+    change: FloatArray
+    covariance: FloatArray
+    information: FloatArray
+    kept: MaskArray
+    length: FloatArray
+    residual_px: FloatArray
+    rejected_landmarks: dict[str, float]
+    chi_square: float
+    freedom: int
+    raised: float
+
+    def sigma(self, name: str) -> float:
+        """Return one sigma of a parameter."""
+        k = self.problem.names.index(name)
+        return float(np.sqrt(self.covariance[k, k]))
+
+    def block(self, names: Sequence[str]) -> FloatArray:
+        """Return the covariance (m, m) of some parameters."""
+        places = [self.problem.names.index(name) for name in names]
+        return np.asarray(self.covariance[np.ix_(places, places)])
+
+
+def solve_landmarks(problem: LandmarkProblem, start: FloatArray | None = None) -> LandmarkFit:
+    """Find the unknowns, zero at the start if not given (q,); leaves out looks and landmarks that do not fit."""
+    unknowns = np.zeros(len(problem.known)) if start is None else start
+    kept = np.ones(len(problem.pixel_px), dtype=np.bool_)
+    rejected: dict[str, float] = {}
+    for robust in (True, False):
+        for _ in range(_MOST_REJECTIONS):
+            unknowns = solve_kept(problem, unknowns, kept, robust=robust)
+            single = single_sightings(problem, unknowns, kept)
+            if single.any():
+                kept = kept & ~single
+                continue
+            found = contradiction(problem, unknowns, kept)
+            if found.nothing:
+                break
+            rejected.update(found.landmarks)
+            kept = kept & ~found.looks
+            if not kept.any():
+                raise LandmarkFitError("sightings: got none that fits another; wanted landmarks at their coordinates")
+    return _finished(problem, unknowns, kept, rejected)
+
+
+def _finished(
+    problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, rejected: dict[str, float]
+) -> LandmarkFit:
+    whitening = whitening_of(problem, unknowns)
+    weighted = Weighted(problem=problem, whitening=whitening, kept=kept)
+    residual, jacobian = weighted.residual(unknowns), weighted.jacobian(unknowns)
+    information = jacobian.T @ jacobian
+    chi_square, freedom = float(residual @ residual), len(residual) - len(unknowns)
+    misfit = freedom > 0 and chi_square > chi2.ppf(1.0 - _MISFIT_PROBABILITY, freedom)
+    raised = float(np.sqrt(chi_square / freedom)) if misfit else 1.0
+    return LandmarkFit(
+        problem=problem,
+        unknowns=unknowns,
+        change=problem.spread @ unknowns,
+        covariance=problem.spread @ inverted(information) @ problem.spread.T * raised**2,
+        information=information,
+        kept=kept,
+        length=np.linalg.norm(white_residuals(problem, unknowns), axis=1),
+        residual_px=problem.evaluate(unknowns).pixel_px - problem.pixel_px,
+        rejected_landmarks=rejected,
+        chi_square=chi_square,
+        freedom=freedom,
+        raised=raised,
+    )
+
+
+def inverted(information: FloatArray) -> FloatArray:
+    """Return the inverse of an information (q, q); where nothing is known, a variance far beyond all others."""
+    values, vectors = np.linalg.eigh(information)
+    values = np.maximum(values, _LEAST_INFORMATION * max(float(values.max()), 1e-300))
+    return np.asarray(vectors / values @ vectors.T)
+
+
+def information_with(
+    problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, *, pixel: float = 1.0, angle: float = 1.0
+) -> FloatArray:
+    """Return the information (q, q) that the same looks would give with other noise: factors on the variances."""
+    seen = problem.evaluate(unknowns)
+    by_pixel, by_angle = problem.variances
+    noise = pixel * by_pixel[:, None, None] * np.eye(2)
+    noise = noise + angle * by_angle[:, None, None] * seen.by_angle @ np.swapaxes(seen.by_angle, 1, 2)
+    use = kept & seen.usable
+    gain = np.swapaxes(seen.jacobian[use], 1, 2) @ np.linalg.inv(noise[use])
+    return np.asarray((gain @ seen.jacobian[use]).sum(axis=0) + np.diag(problem.known.astype(np.float64)))

@@ -1,0 +1,182 @@
+"""What does not fit: single sightings beside their own stop, landmarks that contradict the others.
+
+A far landmark with a wrong coordinate can pull a free position so that others look wrong, and no convex loss helps. So
+each landmark, and each station's sightings of it, is left out in turn, and the one goes without which the rest fits.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.landmarks.problem import LandmarkProblem
+from calibration.landmarks.solver import Weighted, solve_kept, white_residuals, whitening_of
+from groundstation.arrays import FloatArray, MaskArray
+from groundstation.errors import GroundstationError
+
+# of a two-dimensional normal length one in 25 000 exceeds this; of a landmark's three coordinates one in 6000
+GROSS_SIGMA = 4.5
+_MEDIAN_LENGTH = 1.1774
+_LEAST_GROUP = 3
+_MOST_TRIED = 40
+# chi-square by which another explanation must be worse to be none, and by which leaving out more must be better
+_CLEARLY = 15.0
+
+
+class LandmarkFitError(GroundstationError):
+    """The sightings do not determine what is asked for, or contradict each other."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rejection:
+    """Looks (n,) to leave out, and landmarks with how many sigmas they are off; nothing where all fit."""
+
+    looks: MaskArray
+    landmarks: dict[str, float]
+
+    @property
+    def nothing(self) -> bool:
+        """Whether everything fits."""
+        return not self.looks.any()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Left:
+    """One try: what is left out, its names, how well the rest fits, and whether nothing gross remains."""
+
+    looks: MaskArray
+    landmark: int
+    whole: bool
+    excess: float
+    clean: bool
+
+
+def single_sightings(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> MaskArray:
+    """Return looks (n,) that are off the median of the same station's other looks at the same landmark.
+
+    That is true whatever the pose: a slip of one picture, not of the landmark.
+    """
+    white = white_residuals(problem, unknowns)
+    off = kept & ~np.isfinite(white).all(axis=1)
+    for group in _groups(problem):
+        own = group & kept & ~off
+        if own.sum() >= _LEAST_GROUP:
+            length = np.linalg.norm(white[own] - np.median(white[own], axis=0), axis=1)
+            scale = max(1.0, float(np.median(length)) / _MEDIAN_LENGTH)
+            off[np.flatnonzero(own)[length > GROSS_SIGMA * scale]] = True
+    return off
+
+
+def contradiction(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> Rejection:
+    """Return which landmark, or which station's sightings of one, the rest contradicts.
+
+    Raises `LandmarkFitError` where leaving out another one would explain it as well.
+    """
+    nothing = Rejection(looks=np.zeros(len(kept), dtype=np.bool_), landmarks={})
+    if not _gross(problem, unknowns, kept):
+        return nothing
+    tried = [_try(problem, unknowns, kept, k, looks, whole) for k, looks, whole in _parts(problem, unknowns, kept)]
+    if not tried:
+        raise LandmarkFitError(
+            "landmarks: got two that contradict each other; wanted three or more to tell which is wrong"
+        )
+    best = min(tried, key=lambda t: t.excess)
+    # the smaller part where it does as well
+    best = min(
+        (t for t in tried if t.landmark == best.landmark and t.excess <= best.excess + _CLEARLY),
+        key=lambda t: (int(t.looks.sum()), t.excess),
+    )
+    others = {t.landmark for t in tried if t.excess <= best.excess + _CLEARLY} - {best.landmark}
+    if best.clean and others:
+        names = ", ".join(problem.landmarks[k].name for k in sorted({best.landmark, *others}))
+        got = f"landmarks that contradict each other, one of {names}"
+        raise LandmarkFitError(
+            f"landmarks: got {got}; wanted right coordinates, and more landmarks to tell which is wrong"
+        )
+    name = problem.landmarks[best.landmark].name
+    return Rejection(looks=best.looks, landmarks={name: _off(problem, unknowns, kept, best)} if best.whole else {})
+
+
+def _groups(problem: LandmarkProblem) -> Iterator[MaskArray]:
+    """Yield the looks (n,) of each station, day and landmark."""
+    total, start = sum(len(looks) for looks in problem.looks), 0
+    for looks in problem.looks:
+        for k in np.unique(looks.landmark):
+            group = np.zeros(total, dtype=np.bool_)
+            group[start : start + len(looks)] = looks.landmark == k
+            yield group
+        start += len(looks)
+
+
+def _landmark_numbers(problem: LandmarkProblem) -> FloatArray:
+    return np.concatenate([looks.landmark for looks in problem.looks])
+
+
+def _lengths(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> tuple[FloatArray, FloatArray]:
+    """Return lengths in sigmas: of each group's median residual, and of each landmark's shift."""
+    white = white_residuals(problem, unknowns)
+    groups = [float(np.linalg.norm(np.median(white[g & kept], axis=0))) for g in _groups(problem) if (g & kept).any()]
+    change = problem.spread @ unknowns
+    shifts = np.zeros(len(problem.landmarks))
+    for k, landmark in enumerate(problem.landmarks):
+        places = problem.places(f"landmark {landmark.name}")
+        if places:
+            sigma = np.where(landmark.sigma > 0.0, landmark.sigma, np.inf)
+            shifts[k] = float(np.linalg.norm(change[places] / sigma))
+    return np.array(groups), shifts
+
+
+def _gross(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> bool:
+    groups, shifts = _lengths(problem, unknowns, kept)
+    scale = max(
+        1.0, float(np.median(np.linalg.norm(white_residuals(problem, unknowns)[kept], axis=1))) / _MEDIAN_LENGTH
+    )
+    return bool(groups.max(initial=0.0) > GROSS_SIGMA * scale or shifts.max(initial=0.0) > GROSS_SIGMA)
+
+
+def _parts(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> Iterator[tuple[int, MaskArray, bool]]:
+    """Yield what may be left out: landmark, looks (n,), and whether that is all of the landmark's."""
+    numbers = _landmark_numbers(problem)
+    present = np.unique(numbers[kept])
+    if len(present) < 3:
+        return
+    _, shifts = _lengths(problem, unknowns, kept)
+    for k in sorted(present, key=lambda k: -shifts[k])[:_MOST_TRIED]:
+        own = kept & (numbers == k)
+        groups = [g & own for g in _groups(problem) if (g & own).any()]
+        yield int(k), own, True
+        if len(groups) > 1:
+            for group in groups:
+                yield int(k), group, False
+
+
+def _try(
+    problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, landmark: int, looks: MaskArray, whole: bool
+) -> _Left:
+    rest = kept & ~looks
+    solved = solve_kept(problem, unknowns, rest, robust=False)
+    residual = Weighted(problem=problem, whitening=whitening_of(problem, solved), kept=rest).residual(solved)
+    return _Left(
+        looks=looks,
+        landmark=landmark,
+        whole=whole,
+        excess=float(residual @ residual) - len(residual),
+        clean=not _gross(problem, solved, rest),
+    )
+
+
+def _off(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, left: _Left) -> float:
+    """Return by how many sigmas of one sighting and of its own coordinates a landmark misses, by what is left."""
+    solved = solve_kept(problem, unknowns, kept & ~left.looks, robust=False)
+    seen = problem.evaluate(solved)
+    by_pixel, by_angle = problem.variances
+    places = problem.places(f"landmark {problem.landmarks[left.landmark].name}")
+    worst = 0.0
+    for k in np.flatnonzero(left.looks & seen.usable):
+        noise = by_pixel[k] * np.eye(2) + by_angle[k] * seen.by_angle[k] @ seen.by_angle[k].T
+        if places:
+            by_place = seen.jacobian[k] @ problem.spread[places].T / problem.landmarks[left.landmark].sigma.clip(1e-9)
+            noise = noise + by_place @ by_place.T
+        off = seen.pixel_px[k] - problem.pixel_px[k]
+        worst = max(worst, float(np.sqrt(off @ np.linalg.solve(noise, off))))
+    return worst

@@ -1,0 +1,152 @@
+"""What a survey has found, as text and as a page with pictures."""
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from calibration.landmarks.fit import LandmarkFit
+from calibration.landmarks.rejection import GROSS_SIGMA
+from calibration.landmarks.survey import Survey, kept_landmarks, looks_of
+from calibration.landmarks.survey_advice import TABLE_HEAD, SurveyAdvice, advise_survey
+from calibration.landmarks.survey_pictures import survey_pictures
+from calibration.report.page import report_figure, report_list, report_page, report_table
+from groundstation.errors import InputError
+from groundstation.files.output_names import below
+
+_MOST_REJECTED = 12
+
+
+def format_survey(survey: Survey) -> str:
+    """Return parameters, residuals, what was left out, notes, verdict and next steps as text."""
+    advice = advise_survey(survey)
+    lines = [f"{'parameter':<32}{'value':>12}{'sigma':>12}  unit"]
+    lines += [f"{name:<32}{value:>12}{sigma:>12}  {unit}" for name, value, sigma, unit in parameter_rows(survey)]
+    lines += ["", *fit_lines(survey), *(f"left out: {text}" for text in rejected(survey.fit))]
+    lines += [f"note: {text}" for text in survey.notes]
+    if advice.table:
+        lines += ["", "by what is left of the calibration's error, 1 sigma:"]
+        lines += ["  " + "".join(f"{cell:>15}" for cell in row) for row in (TABLE_HEAD, *advice.table)]
+    lines += ["", "verdict:", *(f"  {text}" for text in advice.verdict)]
+    return "\n".join([*lines, "next:", *(f"  {text}" for text in advice.next_steps)])
+
+
+def parameter_rows(survey: Survey) -> list[tuple[str, str, str, str]]:
+    """Return name, value, sigma and unit of every parameter but the landmarks'; a rotation has no value."""
+    rows = []
+    for k, name in enumerate(survey.fit.problem.names):
+        if name.startswith("landmark "):
+            continue
+        station, group, *axis = name.split(".")
+        sigma = float(np.sqrt(survey.fit.covariance[k, k]))
+        own = survey.rig[station]
+        if group in ("runway_from_base", "head_from_camera"):
+            change = "found" if group == "runway_from_base" else f"{np.degrees(survey.fit.change[k]):+.4f}"
+            rows.append((name, change, f"{np.degrees(sigma):.4f}", "deg"))
+            continue
+        values = {
+            "ptu_position": own.ptu_position_m,
+            "camera_in_head": own.camera_in_head_m,
+            "focal": own.lens.focal_px,
+            "principal_point": own.lens.principal_point_px,
+            "distortion": own.lens.distortion,
+        }[group]
+        place = ("k1", "k2", "p1", "p2", "k3").index(axis[0]) if group == "distortion" else "xyz".index(axis[0])
+        unit = {"ptu_position": "m", "camera_in_head": "m", "distortion": ""}.get(group, "px")
+        rows.append((name, f"{values[place]:.4f}", f"{sigma:.4f}", unit))
+    return rows
+
+
+def fit_lines(survey: Survey) -> list[str]:
+    """Return one line for each station: how well its looks fit, and what noise was taken for them."""
+    lines = []
+    for name in survey.rig.names:
+        for looks, rows in looks_of(survey.fit, name):
+            kept = survey.fit.kept[rows]
+            rms = float(np.sqrt(np.mean(np.sum(survey.fit.residual_px[rows][kept] ** 2, axis=1))))
+            station = survey.rig[name]
+            noise = (
+                "fixed"
+                if station.fixed
+                else (
+                    f"encoder {np.degrees(station.ptu_sigma_rad):.4g}° and steps of "
+                    f"{np.degrees(station.ptu_resolution_rad):.4g}°"
+                )
+            )
+            pixel = float(np.sqrt(np.median(looks.pixel_variance)))
+            lines.append(
+                f"{name}: {int(kept.sum())} of {len(looks)} sightings of {len(kept_landmarks(survey.fit, name))} "
+                f"landmarks, {rms:.2f} px rms; noise taken: {noise}, pixel {pixel:.2g} px"
+            )
+    lines.append(
+        f"chi-square {survey.fit.chi_square:.1f} of {survey.fit.freedom} degrees of freedom, encoder noise in each "
+        "sighting's weight"
+    )
+    return lines
+
+
+def rejected(fit: LandmarkFit) -> list[str]:
+    """Return what was left out and why."""
+    lines = [
+        f"landmark {name}: its coordinates are {value:.0f} sigma off what the others say"
+        for name, value in fit.rejected_landmarks.items()
+    ]
+    start = 0
+    single = []
+    for looks in fit.problem.looks:
+        for k, sighting in enumerate(looks.sightings):
+            if not fit.kept[start + k] and sighting.landmark not in fit.rejected_landmarks:
+                length = fit.length[start + k]
+                why = f"{length:.0f} sigma off" if np.isfinite(length) else "behind the camera"
+                single.append(
+                    f"line {sighting.line}, {looks.station} to {sighting.landmark}: {why}, {GROSS_SIGMA:g} allowed"
+                )
+        start += len(looks)
+    more = [f"{len(single) - _MOST_REJECTED} more sightings"] if len(single) > _MOST_REJECTED else []
+    return [*lines, *single[:_MOST_REJECTED], *more]
+
+
+def rig_header(survey: Survey, sightings: str, landmarks: str) -> str:
+    """Return the comment at the head of the rig file."""
+    return (
+        f"# found by a survey: {sightings!r} of {landmarks!r}\n"
+        f"# covariance: joint over stations and landmarks, sigmas times {survey.fit.raised:.2f} by the fit, with floors"
+        " for mounts that settle\n"
+    )
+
+
+def write_survey_report(folder: Path, survey: Survey, name: str) -> list[Path]:
+    """Write report.html and its pictures as PNG into ``folder``, made if missing; returns what was written."""
+    pictures = survey_pictures(survey)
+    page = survey_page(
+        survey, advise_survey(survey), [report_figure(p.title, p.caption, p.png) for p in pictures], name
+    )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        written = [folder / "report.html"]
+        written[0].write_text(page, encoding="utf-8")
+        for picture in pictures:
+            written.append(below(folder, f"{picture.name}.png"))
+            written[-1].write_bytes(picture.png)
+    except OSError as error:
+        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
+    return written
+
+
+def survey_page(survey: Survey, advice: SurveyAdvice, figures: Sequence[str], name: str) -> str:
+    """Return the page; it loads nothing from anywhere."""
+    left_out = rejected(survey.fit)
+    body = "\n".join(
+        [
+            f"<p class='soft'>Groundstation · survey of stations</p><h1>{escape(name)}</h1>",
+            "".join(f"<p class='verdict'>{escape(line[:1].upper() + line[1:])}.</p>" for line in advice.verdict),
+            "<h2>What to do next</h2>" + report_list(advice.next_steps),
+            "<h2>What that is in the air</h2>" + report_table(TABLE_HEAD, advice.table) if advice.table else "",
+            "<h2>How it fits</h2>" + report_list([*fit_lines(survey), *survey.notes]),
+            "<h2>What was left out</h2>" + report_list(left_out) if left_out else "",
+            "<h2>Pictures</h2><div class='pictures'>" + "".join(figures) + "</div>",
+            "<h2>Parameters</h2>" + report_table(("", "value", "1 σ", "unit"), parameter_rows(survey)),
+        ]
+    )
+    return report_page(f"{name} – survey", body)

@@ -1,0 +1,248 @@
+"""Where a station stands and looks, from landmarks and no guess at all: the start of the bundle adjustment."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.landmarks.angles import LandmarkLooks, stops_of
+from calibration.landmarks.fit import LandmarkFit, solve_landmarks
+from calibration.landmarks.problem import pose_problem
+from calibration.landmarks.rejection import LandmarkFitError
+from calibration.orientation import PoseGuess, bearings_in_base, find_orientation, find_position, kabsch
+from calibration.sightings import Landmark
+from groundstation.arrays import FloatArray, MaskArray
+from groundstation.geometry.rotation import matrix_from_wxyz, wxyz_from_matrix
+from groundstation.rig.covariance import ParameterCovariance
+from groundstation.rig.rig import Station
+
+# bearings, or places, spread by less than this are one
+ONE_BEARING_RAD = float(np.radians(0.2))
+# of a line's length: nearer to it than this, places are on it
+_ON_A_LINE = 0.005
+_MOST_TRIPLES = 250
+_SEED = 20240501
+_FAR_M = 1e8
+# a pose whose bearings miss by more is none: another landmark, or other angles
+_MOST_MISS_RAD = float(np.radians(2.0))
+# three bearings and points leave up to four poses; these many are followed to the end
+_FOLLOWED = 6
+_SAME_PLACE_M, _SAME_TURN_RAD = 0.05, 1e-3
+# a base stands on a tripod: of two poses that fit alike, the one that is level to this
+_LEVEL = float(np.cos(np.radians(30.0)))
+_AS_GOOD = 9.0
+_OFF_AXIS = float(np.cos(np.radians(80.0)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Seen:
+    """One bearing (n, 3) of each stop, base frame, the landmark's number (n,), its point (n, 3); ``far`` (n,)."""
+
+    bearings: FloatArray
+    landmark: NDArray[np.int64]
+    points_m: FloatArray
+    far: MaskArray
+
+
+def find_station(
+    station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark], before: ParameterCovariance
+) -> Station:
+    """Return the station with an orientation, and a position if it has none, that its looks at landmarks agree with.
+
+    Raises `LandmarkFitError`, which says what is missing.
+    """
+    known = "position" in station.known
+    _require_enough(station, looks, landmarks, known)
+    # angles and pixels mean bearings in the base's frame, whatever the rig says of its orientation
+    seen = _seen(station, looks, landmarks)
+    if known:
+        towards = np.where(seen.far[:, None], station.ptu_position_m + seen.points_m, seen.points_m)
+        guesses = [find_orientation(seen.bearings, towards, station.ptu_position_m)]
+    else:
+        guesses = list(_poses(station.name, seen))
+    best = min((g.median_rad for g in guesses), default=np.inf)
+    if best > _MOST_MISS_RAD:
+        got = "no pose that fits" if not guesses else f"bearings that miss by {np.degrees(best):.2g}° at best"
+        wanted = "sightings of the landmarks they name, with this rig's angles and lens"
+        raise LandmarkFitError(f"station {station.name}: got {got}; wanted {wanted}")
+    near = [g for g in guesses if g.median_rad <= max(10.0 * best, 2e-3)]
+    moved = [_moved(station, g) for g in _different(sorted(near, key=lambda g: g.median_rad))[:_FOLLOWED]]
+    return _refined(moved, looks, landmarks, before)
+
+
+def _require_enough(station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark], known: bool) -> None:
+    """Raise `LandmarkFitError` where fewer landmarks were seen than there are unknowns."""
+    numbers = np.unique(looks.landmark)
+    points = [k for k in numbers if landmarks[k].kind == "point"]
+    name = station.name
+    if known:
+        if len(numbers) < 2:
+            got = _count(len(numbers))
+            raise LandmarkFitError(f"station {name}: got {got}; wanted two or more, in different directions")
+        return
+    if len(numbers) < 3 or (len(points) < 3 and not (len(points) and len(numbers) - len(points) >= 2)):
+        got = _count(len(numbers)) + (f", {len(points)} of them at a known place" if len(points) < len(numbers) else "")
+        wanted = 'three or more that are not in a line, or a surveyed position (known = ["position"])'
+        raise LandmarkFitError(f"station {name}: got {got}; wanted {wanted}")
+    places = np.array([landmarks[k].place for k in points])
+    spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    if len(points) == len(numbers) and spread[1] < _ON_A_LINE * spread[0]:
+        wanted = "another one, well beside that line, or a surveyed position of the station"
+        raise LandmarkFitError(f"station {name}: got {_count(len(points))}, all in one line; wanted {wanted}")
+
+
+def _count(n: int) -> str:
+    return "one landmark" if n == 1 else f"{n or 'no'} landmarks"
+
+
+def _seen(station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark]) -> _Seen:
+    bearings = bearings_in_base(station.geometry(), looks.pixel_px, looks.angles_rad)
+    stops = stops_of(looks.sightings, station)
+    means, numbers = [], []
+    for stop in np.unique(stops):
+        own = (stops == stop) & np.isfinite(bearings).all(axis=1)
+        if own.any():
+            mean = np.median(bearings[own], axis=0)
+            means.append(mean / np.linalg.norm(mean))
+            numbers.append(int(looks.landmark[own][0]))
+    if len(set(numbers)) < 2:
+        wanted = "pixels of two landmarks or more that the lens model has rays for"
+        raise LandmarkFitError(f"station {station.name}: got {_count(len(set(numbers)))}; wanted {wanted}")
+    far = np.array([landmarks[k].kind == "direction" for k in numbers])
+    points = np.array([landmarks[k].place for k in numbers]) * np.where(far, _FAR_M, 1.0)[:, None]
+    found = _Seen(bearings=np.array(means), landmark=np.array(numbers), points_m=points, far=far)
+    _require_spread(station.name, found)
+    return found
+
+
+def _require_spread(name: str, seen: _Seen) -> None:
+    """Raise `LandmarkFitError` where everything was seen along one bearing."""
+    middle = np.median(seen.bearings, axis=0)
+    off = np.linalg.norm(np.cross(seen.bearings, middle / np.linalg.norm(middle)), axis=1)
+    if float(off.max()) < ONE_BEARING_RAD and (seen.bearings @ middle > 0).all():
+        got = f"landmarks all along one bearing, within {np.degrees(off.max()):.2g}°"
+        raise LandmarkFitError(f"station {name}: got {got}; wanted another one, far to the side")
+
+
+def _poses(name: str, seen: _Seen) -> Iterator[PoseGuess]:
+    """Yield poses from three bearings each, or from two far directions and a point."""
+    far = np.unique(seen.landmark[seen.far])
+    if len(far) >= 2:
+        turned = kabsch(seen.bearings[seen.far], seen.points_m[seen.far] / _FAR_M)
+        near = ~seen.far
+        yield _judged(seen, turned, find_position(seen.bearings[near] @ turned.T, seen.points_m[near]))
+    where = {int(k): np.flatnonzero((seen.landmark == k) & ~seen.far) for k in np.unique(seen.landmark)}
+    numbers = [k for k, rows in where.items() if len(rows)]
+    triples = list(combinations(numbers, 3))
+    generator = np.random.default_rng(_SEED)
+    if len(triples) > _MOST_TRIPLES:
+        triples = [triples[k] for k in generator.choice(len(triples), _MOST_TRIPLES, replace=False)]
+    for triple in triples:
+        rows = [int(generator.choice(where[k])) for k in triple]
+        yield from _three_points(seen, rows)
+
+
+def _three_points(seen: _Seen, rows: list[int]) -> Iterator[PoseGuess]:
+    """Yield the poses from which three points appear under their bearings (OpenCV's AP3P)."""
+    bearings, points = seen.bearings[rows], seen.points_m[rows]
+    origin = points.mean(axis=0)
+    spread = np.linalg.svd(points - origin, compute_uv=False)
+    middle = bearings.sum(axis=0)
+    length = float(np.linalg.norm(middle))
+    if length < 1e-6 or spread[1] < _ON_A_LINE * spread[0]:
+        return
+    middle /= length
+    side = np.cross(middle, np.eye(3)[int(np.argmin(np.abs(middle)))])
+    side /= np.linalg.norm(side)
+    picture_from_base = np.stack([side, np.cross(middle, side), middle])
+    rays = bearings @ picture_from_base.T
+    if rays[:, 2].min() < _OFF_AXIS:
+        return
+    plane = np.ascontiguousarray(rays[:, :2] / rays[:, 2:])
+    _, turns, shifts = cv2.solveP3P(points - origin, plane, np.eye(3), None, flags=cv2.SOLVEPNP_AP3P)
+    for turn, shift in zip(turns, shifts, strict=True):
+        picture_from_runway = cv2.Rodrigues(turn)[0]
+        position = origin - picture_from_runway.T @ shift.ravel()
+        turned = picture_from_runway.T @ picture_from_base
+        if np.isfinite(position).all() and np.isfinite(turned).all():
+            yield _judged(seen, turned, position)
+
+
+def _judged(seen: _Seen, runway_from_base: FloatArray, position_m: FloatArray) -> PoseGuess:
+    towards = np.where(seen.far[:, None], seen.points_m, seen.points_m - position_m)
+    towards = towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-9)
+    miss = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(seen.bearings @ runway_from_base.T - towards, axis=1), 0, 1))
+    return PoseGuess(runway_from_base=runway_from_base, position_m=position_m, median_rad=float(np.median(miss)))
+
+
+def _different(guesses: list[PoseGuess]) -> list[PoseGuess]:
+    """Return the guesses without those that are nearly one that comes before."""
+    kept: list[PoseGuess] = []
+    for guess in guesses:
+        if all(
+            np.linalg.norm(guess.position_m - other.position_m) > 10.0 * _SAME_PLACE_M
+            or np.linalg.norm(guess.runway_from_base - other.runway_from_base) > 10.0 * _SAME_TURN_RAD
+            for other in kept
+        ):
+            kept.append(guess)
+    return kept
+
+
+def _moved(station: Station, guess: PoseGuess) -> Station:
+    return replace(
+        station,
+        runway_from_base_wxyz=wxyz_from_matrix(guess.runway_from_base),
+        ptu_position_m=guess.position_m,
+    )
+
+
+def _refined(
+    candidates: list[Station], looks: LandmarkLooks, landmarks: Sequence[Landmark], before: ParameterCovariance
+) -> Station:
+    """Return the candidate that fits its own looks best; raises `LandmarkFitError` where another fits as well."""
+    found: list[tuple[float, Station]] = []
+    for station in candidates:
+        fit = _own_fit(station, looks, landmarks, before)
+        cost = float((np.minimum(fit.length, 10.0) ** 2).sum())
+        change = fit.problem.station_change(fit.change, station.name, today=False)
+        # of what was known before only the pose moves: the rest stays where that knowledge is centred
+        change[3 if "position" in station.known else 6 :] = 0.0
+        found.append((cost, station.changed(change)))
+    found.sort(key=lambda pair: pair[0])
+    best = [station for cost, station in found if cost <= found[0][0] + _AS_GOOD]
+    first = best[0]
+    others = [s for s in best[1:] if not _same(first, s)]
+    if not others:
+        return first
+    level = [s for s in best if matrix_from_wxyz(s.runway_from_base_wxyz)[2, 2] > _LEVEL]
+    if not level or any(not _same(level[0], s) for s in level[1:]):
+        got = f"{len(others) + 1} poses that fit its {len(np.unique(looks.landmark))} landmarks alike"
+        raise LandmarkFitError(f"station {first.name}: got {got}; wanted another landmark, or a surveyed position")
+    return level[0]
+
+
+def _same(a: Station, b: Station) -> bool:
+    apart = float(np.linalg.norm(a.ptu_position_m - b.ptu_position_m))
+    turned = matrix_from_wxyz(a.runway_from_base_wxyz) - matrix_from_wxyz(b.runway_from_base_wxyz)
+    return apart < _SAME_PLACE_M and float(np.linalg.norm(turned)) < _SAME_TURN_RAD
+
+
+def _own_fit(
+    station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark], before: ParameterCovariance
+) -> LandmarkFit:
+    groups = ["runway_from_base", *([] if "position" in station.known else ["ptu_position"])]
+    free = [f"{station.name}.{group}.{axis}" for group in groups for axis in "xyz"]
+    return solve_landmarks(pose_problem({station.name: station}, [looks], landmarks, free, before))
+
+
+def found_stations(
+    stations: Mapping[str, Station],
+    looks: Sequence[LandmarkLooks],
+    landmarks: Sequence[Landmark],
+    before: ParameterCovariance,
+) -> dict[str, Station]:
+    """Return every station with a pose, each found by itself."""
+    return {own.station: find_station(stations[own.station], own, landmarks, before) for own in looks}

@@ -1,0 +1,1 @@
+"""How a camera sits on its pan-tilt head, from sightings at known angles."""

@@ -1,0 +1,131 @@
+"""What sightings determine of a mount, what they do not, and how well: information, held parameters, covariance."""
+
+import numpy as np
+
+from calibration.flight.problem import left_jacobian
+from calibration.landmarks.angles import reading_variances
+from calibration.mount.problem import MountProblem, Sought
+from calibration.mount.standstills import with_shared_error
+from groundstation.arrays import FloatArray, MaskArray
+
+# a parameter is determined if it is known so much better than before, and to this
+_TAUGHT = 0.5
+_WORST_ROTATION_RAD = float(np.radians(0.5))
+BORESIGHT = tuple(f"head_from_camera.{axis}" for axis in "xyz")
+BASE = tuple(f"runway_from_base.{axis}" for axis in "xyz")
+
+
+def whitened(problem: MountProblem, sought: Sought, kept: MaskArray) -> tuple[FloatArray, FloatArray]:
+    """Return residuals and Jacobian of what is kept, in sigmas and uncorrelated, and behind them what was known."""
+    seen = problem.sightings
+    own = np.flatnonzero(kept)
+    own = own[np.argsort(seen.pointing[own], kind="stable")]
+    _, first, counts = np.unique(seen.pointing[own], return_index=True, return_counts=True)
+    lasting, fleeting = reading_variances(problem.station)
+    off = (sought.pixel_px - seen.pixel_px)[:, :, None]
+    both = np.concatenate([off, sought.jacobian, sought.by_angle], axis=2)
+    parts, stands = [], []
+    # readings of as many sightings at once
+    for count in np.unique(counts):
+        rows = own[first[counts == count][:, None] + np.arange(count)]
+        size = 2 * int(count)
+        by_angle = sought.by_angle[rows].reshape(len(rows), size, 2)
+        covariance = fleeting * by_angle @ np.swapaxes(by_angle, 1, 2)
+        covariance[:, np.arange(size), np.arange(size)] += np.repeat(seen.sigma_px[rows] ** 2, 2, axis=1)
+        white = np.linalg.solve(np.linalg.cholesky(covariance), both[rows].reshape(len(rows), size, -1))
+        parts.append(white.reshape(len(rows) * size, -1))
+        stands.append(np.repeat(problem.stand[rows], 2))
+    white = np.concatenate(parts)
+    if lasting > 0.0:
+        white[:, :-2] = with_shared_error(white[:, :-2], white[:, -2:], np.concatenate(stands), lasting)
+    return white[:, 0], white[:, 1:-2]
+
+
+def information(problem: MountProblem, change: FloatArray, kept: MaskArray) -> FloatArray:
+    """Return what the kept sightings say of the free parameters (p, p), without what was known before."""
+    _, jacobian = whitened(problem, problem.predict(change), kept)
+    return np.asarray(jacobian.T @ jacobian)
+
+
+def _inverse(known: FloatArray) -> FloatArray:
+    """Return the inverse, infinite variances where there is none."""
+    scale = np.sqrt(np.maximum(np.diag(known), 1e-300))
+    unit = known / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(unit)
+    bad = values < 1e-13
+    inverse = (vectors[:, ~bad] / values[~bad]) @ vectors[:, ~bad].T
+    lost = np.abs(vectors[:, bad]).max(axis=1, initial=0.0) > 1e-3
+    inverse = inverse / np.outer(scale, scale)
+    inverse[lost, lost] = np.inf
+    return np.asarray(inverse)
+
+
+def undetermined(problem: MountProblem, change: FloatArray, kept: MaskArray) -> dict[str, float]:
+    """Return the parameters that are hardly better known than before, with what they are taken to have.
+
+    One after the other, the worst first: with it held, the others may be determined after all.
+    """
+    held: dict[str, float] = {}
+    known = information(problem, change, kept)
+    with np.errstate(divide="ignore"):
+        known = known + np.diag(1.0 / problem.prior_sigma**2)
+    free = [k for k, name in enumerate(problem.names)]
+    own = [k for k, name in enumerate(problem.names) if not name.startswith(("mark ", "ptu_position"))]
+    while True:
+        covariance = _inverse(known[np.ix_(free, free)])
+        worst, worst_ratio = None, 1.0
+        for place, k in enumerate(free):
+            if k not in own:
+                continue
+            limit = _TAUGHT * problem.prior_sigma[k]
+            if problem.names[k] in (*BORESIGHT, *BASE):
+                limit = min(limit, _WORST_ROTATION_RAD)
+            ratio = float(np.sqrt(covariance[place, place])) / limit if limit < np.inf else 0.0
+            if ratio > worst_ratio:
+                worst, worst_ratio = k, ratio
+        if worst is None:
+            return held
+        held[problem.names[worst]] = float(problem.prior_sigma[worst])
+        free.remove(worst)
+
+
+def considered(
+    problem: MountProblem,
+    freed: MountProblem,
+    change: FloatArray,
+    kept: MaskArray,
+    held: dict[str, float],
+    factor: float,
+) -> FloatArray:
+    """Return the covariance of what is free and, behind it, of the held ones, which what is free has to bear."""
+    full = np.zeros(len(problem.names))
+    places = [problem.names.index(name) for name in freed.names]
+    full[places] = change
+    known = factor**-2 * information(problem, full, kept)
+    own = known[np.ix_(places, places)]
+    with np.errstate(divide="ignore"):
+        own = own + np.diag(1.0 / freed.prior_sigma**2)
+    covariance = np.linalg.pinv(own, hermitian=True, rcond=1e-16) if not well_conditioned(own) else scaled_inverse(own)
+    lasting = [problem.names.index(name) for name in held]
+    gain = covariance @ known[np.ix_(places, lasting)]
+    held_covariance = np.diag(np.square(np.array(list(held.values()), dtype=np.float64)))
+    both = -gain @ held_covariance
+    covariance = np.block([[covariance + gain @ held_covariance @ gain.T, both], [both.T, held_covariance]])
+    turned = np.eye(len(change) + len(lasting))
+    for group in (BORESIGHT, BASE):
+        where = [freed.names.index(name) for name in group if name in freed.names]
+        if len(where) == 3:
+            turned[np.ix_(where, where)] = left_jacobian(change[where])
+    return np.asarray(turned @ covariance @ turned.T)
+
+
+def well_conditioned(known: FloatArray) -> bool:
+    """Return whether an information matrix can be inverted, its parameters scaled to unit diagonal."""
+    scale = np.sqrt(np.diag(known))
+    return bool(np.all(scale > 0) and np.linalg.cond(known / np.outer(scale, scale)) < 1e13)
+
+
+def scaled_inverse(known: FloatArray) -> FloatArray:
+    """Return the inverse of an information matrix."""
+    scale = np.sqrt(np.diag(known))
+    return np.asarray(np.linalg.inv(known / np.outer(scale, scale)) / np.outer(scale, scale))

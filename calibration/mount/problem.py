@@ -1,0 +1,274 @@
+"""A camera on its pan-tilt head as a least-squares problem: what each parameter does to each sighting.
+
+Parameters are differences from the station that one starts from, in rad, m and without unit: those of
+`groundstation.geometry.calibration` (``runway_from_base``, ``ptu_position``, ``head_from_camera``, ``camera_in_head``),
+the fields of `groundstation.rig.ptu_axes.PtuAxes` without their unit (``lean``, ``pan_scale``, …), and for each mark
+``mark NAME.part``.
+Equations: docs/derivation.md, section on the mount.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+
+from calibration.flight.problem import left_jacobian
+from calibration.mount.standstills import standstills
+from groundstation.arrays import FloatArray, IntArray, MaskArray
+from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
+from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration_many
+from groundstation.geometry.kernels import MIN_DEPTH_M
+from groundstation.geometry.rotation import rotation_from_vector
+from groundstation.rig.ptu_axes import PtuAxes
+from groundstation.rig.rig import Station
+
+AXES = ("pan_zero", "tilt_zero", "pan_scale", "tilt_scale", "lean", "pan_backlash", "tilt_backlash")
+_FAR_M = 1e8
+_TURNS = (slice(0, 3), slice(6, 9))
+
+
+class MarkKind(Enum):
+    """What is known of a mark: its place; its direction; that it is a point, a direction, or a board somewhere."""
+
+    POINT = "point"
+    DIRECTION = "direction"
+    UNKNOWN_POINT = "point of unknown place"
+    UNKNOWN_DIRECTION = "direction, unknown"
+    BOARD = "board of unknown place"
+
+    @property
+    def known(self) -> bool:
+        """Whether it ties the station to the runway frame."""
+        return self in (MarkKind.POINT, MarkKind.DIRECTION)
+
+
+_PARTS = {
+    MarkKind.POINT: ("x", "y", "z"),
+    MarkKind.DIRECTION: ("across", "up"),
+    MarkKind.UNKNOWN_POINT: ("across", "up", "log_distance"),
+    MarkKind.UNKNOWN_DIRECTION: ("across", "up"),
+    MarkKind.BOARD: ("turn.x", "turn.y", "turn.z", "x", "y", "z"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mark:
+    """Something that does not move, as it is taken to stand.
+
+    Attributes
+    ----------
+    place_m : (3,) runway frame; of a direction a unit vector; of a board its origin.
+    sigma : (3,) one sigma of each component of a known place (m) or direction (rad).
+    runway_from_board : (3, 3), a board's only.
+    """
+
+    name: str
+    kind: MarkKind
+    place_m: FloatArray
+    sigma: FloatArray
+    runway_from_board: FloatArray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its parameters."""
+        return tuple(f"mark {self.name}.{part}" for part in _PARTS[self.kind])
+
+    def points(self, change: FloatArray, station_m: FloatArray, body_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return points (n, 3), runway frame, and their derivatives (n, 3, k) for a change (k,) of its parameters.
+
+        ``station_m`` (3,) is where the axes meet, ``body_m`` (n, 3) which points of a board.
+        """
+        n = len(body_m)
+        if self.kind is MarkKind.POINT:
+            return np.tile(self.place_m + change, (n, 1)), np.tile(np.eye(3), (n, 1, 1))
+        if self.kind is MarkKind.BOARD:
+            turned = body_m @ (rotation_from_vector(change[:3]) @ self.runway_from_board).T
+            derivative = np.zeros((n, 3, 6))
+            derivative[:, :, 3:] = np.eye(3)
+            # exp([θ]×) b moves by θ × b
+            derivative[:, :, :3] = -_cross_matrices(turned) @ left_jacobian(change[:3])
+            return turned + self.place_m + change[3:], derivative
+        if self.kind is MarkKind.UNKNOWN_POINT:
+            away = self.place_m - station_m
+            distance = float(np.linalg.norm(away))
+            scale = distance * np.exp(change[2])
+            unit, across = _direction(away / distance, change[:2])
+            derivative = np.column_stack([scale * across, scale * unit])
+            return np.tile(station_m + scale * unit, (n, 1)), np.tile(derivative, (n, 1, 1))
+        unit, across = _direction(self.place_m, change[:2])
+        return np.tile(station_m + _FAR_M * unit, (n, 1)), np.tile(_FAR_M * across, (n, 1, 1))
+
+
+def _direction(unit: FloatArray, change: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a changed unit vector (3,) and its derivative (3, 2)."""
+    frame = np.linalg.svd(unit[None])[2][1:].T
+    vector = unit + frame @ change
+    length = float(np.linalg.norm(vector))
+    changed = vector / length
+    return changed, (np.eye(3) - np.outer(changed, changed)) @ frame / length
+
+
+def _cross_matrices(vectors: FloatArray) -> FloatArray:
+    """Return [v]× (n, 3, 3) of vectors (n, 3)."""
+    matrix = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    matrix[:, 0, 1], matrix[:, 0, 2], matrix[:, 1, 2] = -z, y, -x
+    matrix[:, 1, 0], matrix[:, 2, 0], matrix[:, 2, 1] = z, -y, x
+    return matrix
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MountSightings:
+    """What one station saw, n sightings.
+
+    Attributes
+    ----------
+    reading_rad : (n, 2) pan and tilt as read; ``sense`` (n, 2) how each axis moved last, +1, −1 or 0.
+    pixel_px : (n, 2); ``sigma_px`` (n,) of u and of v.
+    pointing : (n,) number of the reading: sightings of one share all of its errors.
+    mark : (n,) number of the mark; ``body_m`` (n, 3) which point of a board, zero else.
+    label : (n,) where it comes from, as the user knows it.
+    """
+
+    reading_rad: FloatArray
+    sense: FloatArray
+    pixel_px: FloatArray
+    sigma_px: FloatArray
+    pointing: IntArray
+    mark: IntArray
+    body_m: FloatArray
+    label: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.pixel_px)
+
+    def keep(self, mask: MaskArray) -> "MountSightings":
+        """Return the sightings of ``mask`` (n,)."""
+        return MountSightings(
+            reading_rad=self.reading_rad[mask],
+            sense=self.sense[mask],
+            pixel_px=self.pixel_px[mask],
+            sigma_px=self.sigma_px[mask],
+            pointing=self.pointing[mask],
+            mark=self.mark[mask],
+            body_m=self.body_m[mask],
+            label=tuple(text for text, kept in zip(self.label, mask, strict=True) if kept),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sought:
+    """Predicted pixels (n, 2), ``jacobian`` (n, 2, p), ``by_angle`` (n, 2, 2); ``usable`` (n,) which are in front."""
+
+    pixel_px: FloatArray
+    jacobian: FloatArray
+    by_angle: FloatArray
+    usable: MaskArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MountProblem:
+    """A station, its sightings, the marks, and p free parameters with one sigma (p,) before (inf: nothing known).
+
+    ``stand`` (n,) numbers the standstills of the sightings, over which what a step hides stays the same.
+    """
+
+    station: Station
+    sightings: MountSightings
+    marks: tuple[Mark, ...]
+    names: tuple[str, ...]
+    prior_sigma: FloatArray
+    stand: IntArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        seen = self.sightings
+        object.__setattr__(self, "stand", standstills(seen.reading_rad, seen.sense, self.station))
+
+    def value(self, change: FloatArray, name: str) -> float:
+        """Return one parameter of a change (p,); 0 where it is not free."""
+        return float(change[self.names.index(name)]) if name in self.names else 0.0
+
+    def without(self, held: Sequence[str]) -> "MountProblem":
+        """Return the problem with parameters held where they are."""
+        keep = [k for k, name in enumerate(self.names) if name not in held]
+        return replace(self, names=tuple(self.names[k] for k in keep), prior_sigma=self.prior_sigma[keep])
+
+    def axes(self, change: FloatArray) -> PtuAxes:
+        """Return the changed axes."""
+        before = self.station.ptu_axes
+        fields = {name: name if name.endswith("scale") else f"{name}_rad" for name in AXES}
+        return PtuAxes(**{f: float(getattr(before, f)) + self.value(change, n) for n, f in fields.items()})
+
+    def station_at(self, change: FloatArray) -> Station:
+        """Return the changed station."""
+        full = np.zeros(CALIBRATION_SIZE)
+        for k, name in enumerate(self.names):
+            if name in CALIBRATION_PARAMETERS:
+                full[CALIBRATION_PARAMETERS.index(name)] = change[k]
+        return replace(self.station.changed(full), ptu_axes=self.axes(change))
+
+    def predict(self, change: FloatArray) -> Sought:
+        """Predict all sightings with a change (p,)."""
+        seen, n = self.sightings, len(self.sightings)
+        station = self.station_at(change)
+        packed = station.geometry().packed
+        axes = station.ptu_axes
+        angles = axes.angles_many(seen.reading_rad, seen.sense)
+        points, by_mark = np.zeros((n, 3)), []
+        for number, mark in enumerate(self.marks):
+            own = np.flatnonzero(seen.mark == number)
+            part = np.array([self.value(change, name) for name in mark.names])
+            points[own], derivative = mark.points(part, self.station.ptu_position_m, seen.body_m[own])
+            by_mark.append((own, mark.names, derivative))
+        pixel, by_state, by_rig = np.zeros((n, 2)), np.zeros((n, 2, 5)), np.zeros((n, 2, CALIBRATION_SIZE))
+        depth = np.zeros(n)
+        project_calibration_many(packed, points, angles, pixel, by_state, by_rig, depth)
+        by_angle = by_state[:, :, 3:].copy()
+        columns = self._axis_columns(by_angle, by_rig, angles[:, 1], station.camera_in_head_m)
+        self._left(change, by_rig)
+        jacobian = np.zeros((n, 2, len(self.names)))
+        for k, name in enumerate(self.names):
+            if name in columns:
+                jacobian[:, :, k] = columns[name]
+            elif name in CALIBRATION_PARAMETERS:
+                jacobian[:, :, k] = by_rig[:, :, CALIBRATION_PARAMETERS.index(name)]
+        for own, names, derivative in by_mark:
+            moved = by_state[own][:, :, :3] @ derivative
+            for part_number, name in enumerate(names):
+                if name in self.names:
+                    jacobian[own, :, self.names.index(name)] = moved[:, :, part_number]
+        usable = depth > MIN_DEPTH_M
+        jacobian[~usable], by_angle[~usable] = 0.0, 0.0
+        return Sought(pixel_px=pixel, jacobian=jacobian, by_angle=by_angle, usable=usable)
+
+    def _axis_columns(
+        self, by_angle: FloatArray, by_rig: FloatArray, tilt: FloatArray, camera_m: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Return ∂pixel/∂ of the errors of the axes, (n, 2) each."""
+        reading, sense = self.sightings.reading_rad, self.sightings.sense
+        by_pan, by_tilt = by_angle[:, :, 0], by_angle[:, :, 1]
+        # the lean turns the head about Rx(tilt)ᵀ e_y; a boresight turns about the same axis, but not the lever arm
+        axis = np.column_stack([np.zeros(len(tilt)), np.cos(tilt), -np.sin(tilt)])
+        lean = np.einsum("nij,nj->ni", by_rig[:, :, 6:9], axis)
+        lean = lean - np.einsum("nij,nj->ni", by_rig[:, :, 9:12], np.cross(camera_m, axis))
+        return {
+            "pan_zero": by_pan,
+            "tilt_zero": by_tilt,
+            "pan_scale": by_pan * reading[:, :1],
+            "tilt_scale": by_tilt * reading[:, 1:],
+            "lean": lean,
+            "pan_backlash": -0.5 * by_pan * sense[:, :1],
+            "tilt_backlash": -0.5 * by_tilt * sense[:, 1:],
+        }
+
+    def _left(self, change: FloatArray, by_rig: FloatArray) -> None:
+        """Turn the kernel's small angles into those about what has been turned already."""
+        full = np.array([self.value(change, name) for name in CALIBRATION_PARAMETERS])
+        for part in _TURNS:
+            by_rig[:, :, part] = by_rig[:, :, part] @ left_jacobian(full[part])
+
+    def covariance_px2(self, by_angle: FloatArray) -> FloatArray:
+        """Return the covariance (n, 2, 2) of each sighting alone: pixel noise and that of its readings."""
+        noise = self.sightings.sigma_px[:, None, None] ** 2 * np.eye(2)
+        return np.asarray(noise + self.station.angle_sigma_rad**2 * by_angle @ np.swapaxes(by_angle, 1, 2))

@@ -1,0 +1,28 @@
+"""Pictures of a report, inside the page and beside it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from groundstation.files.output_names import below
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportPicture:
+    """One picture: file ``name`` without suffix, ``title``, ``caption``, and the PNG file's bytes."""
+
+    name: str
+    title: str
+    caption: str
+    png: bytes
+
+
+def write_page(folder: Path, text: str, pictures: Sequence[ReportPicture]) -> list[Path]:
+    """Write report.html and the pictures as PNG into ``folder``, made if missing; returns what was written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = [folder / "report.html"]
+    written[0].write_text(text, encoding="utf-8")
+    for picture in pictures:
+        written.append(below(folder, f"{picture.name}.png"))
+        written[-1].write_bytes(picture.png)
+    return written

@@ -1,0 +1,154 @@
+"""The command line of what is calibrated on landmarks: `groundstation calibrate survey` and `check`."""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from groundstation.cli.paths import READ, REPORT_FOLDER, WRITTEN_FILE
+
+if TYPE_CHECKING:
+    from calibration.landmarks.jobs import Opinion
+    from calibration.sightings import Landmark, Sighting
+    from groundstation.rig.rig import Rig
+
+_SURVEY = """Where stations stand and look, from surveyed landmarks seen through them: all
+stations and landmarks in one adjustment, no first guess needed."""
+_SURVEY_MORE = """example:
+  groundstation calibrate survey sightings.csv --landmarks landmarks.csv \\
+      --rig lenses.toml --out rig.toml --report out/survey
+
+how: aim each station at four or more landmarks in different directions; at
+each, wait until it stands and note 40 or more rows of angles and pixel; leave
+for the next one, and come back to the first at the end. A station's position is
+found too unless the rig has known = ["position", ...]; its covariance there is
+how well. The sightings are kept beside the rig, for check. LIST, with commas:
+position, boresight, focal: find these within what the rig says of them (else
+0.3 m, 1 deg, 1 %), though they are known.
+Tables: docs/formats.md
+
+exit code: 0 done; 1 the tables are at fault or cannot tell a pose, and no rig
+is written; 2 wrong usage"""
+_CHECK = """Two minutes before a session: whether any mount has moved since the rig was
+calibrated, by two or more landmarks from each station."""
+_CHECK_MORE = """examples:
+  groundstation calibrate check today.csv --landmarks landmarks.csv --rig rig.toml
+  groundstation calibrate check today.csv --landmarks landmarks.csv \\
+      --rig rig.toml --out today.toml
+
+how: from each station aim at the landmarks (the runway's corners will do) and
+note 40 or more rows at each, six landmarks better than two. They are compared
+with the sightings of the survey, which it has kept beside the rig (rig.toml has
+rig.sightings.csv), or with another such table, --reference: errors of the
+landmarks' coordinates then do not matter, and six times 40 rows find 0.01 deg
+about any axis. Without any (--reference none) only 0.03 deg or so are seen.
+False alarms: at most 1 in 100 checks, over all stations and axes together.
+Without --out, a mount that moved is refused; with it, a corrected rig is
+written. Every check adds a line to the record.
+
+exit code: 0 as calibrated, or corrected; 1 refused, or a table at fault;
+2 wrong usage"""
+
+
+def add_landmark_kinds(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `survey` and `check`."""
+    survey = _add(kinds, "survey", "from surveyed landmarks: positions and orientations", _SURVEY, _SURVEY_MORE)
+    survey.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the rig file to write")
+    survey.add_argument("--free", default="", metavar="LIST", help="find these as well")
+    survey.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
+    check = _add(kinds, "check", "before a session: has a mount moved?", _CHECK, _CHECK_MORE)
+    check.add_argument(
+        "--out", type=WRITTEN_FILE, metavar="FILE", help="write the rig there, corrected where mounts moved"
+    )
+    check.add_argument(
+        "--reference",
+        type=READ,
+        metavar="FILE",
+        help="sightings of the same landmarks when the rig was calibrated (default: beside the rig, .sightings.csv)",
+    )
+    check.add_argument(
+        "--record",
+        type=WRITTEN_FILE,
+        metavar="FILE",
+        help="where to add the record (default: beside the rig, .checks.jsonl)",
+    )
+    check.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
+    check.add_argument(
+        "--runway",
+        metavar="NAMES",
+        help="these landmarks, four or more with commas, are the runway's corners, all seen in one look: each camera's "
+        "pose by them must agree with the rig's, too, or the rig is refused",
+    )
+    check.add_argument(
+        "--alarm-deg",
+        type=float,
+        default=0.01,
+        metavar="DEG",
+        help="say so if a turn this small could have been missed (default 0.01)",
+    )
+
+
+def _add(
+    kinds: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, short: str, description: str, more: str
+) -> argparse.ArgumentParser:
+    parser = kinds.add_parser(
+        name,
+        help=short,
+        description=description,
+        epilog=more,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("sightings", type=READ, metavar="SIGHTINGS", help="table of what was seen: sightings.csv")
+    parser.add_argument("--landmarks", type=READ, required=True, metavar="FILE", help="table of the landmarks")
+    parser.add_argument("--rig", type=READ, required=True, metavar="FILE", help="the rig file")
+    return parser
+
+
+def run_calibrate_survey(options: argparse.Namespace) -> int:
+    """Survey, print what was found and the paths."""
+    from calibration.landmarks.jobs import SurveyRequest, run_survey
+
+    done = run_survey(
+        SurveyRequest(
+            sightings=options.sightings,
+            landmarks=options.landmarks,
+            rig=options.rig,
+            out=options.out,
+            free=options.free,
+            report=options.report,
+        )
+    )
+    print(done.text)
+    print()
+    for path in done.written:
+        print(f"wrote {path}")
+    return 0
+
+
+def run_calibrate_check(options: argparse.Namespace) -> int:
+    """Check, print the verdict; 1 where the rig is refused."""
+    from calibration.landmarks.jobs import CheckRequest, run_check
+
+    names = None if options.runway is None else [name.strip() for name in options.runway.split(",")]
+
+    def ask(rig: "Rig", seen: "Sequence[Sighting]", marks: "Mapping[str, Landmark]") -> "Opinion":
+        from groundstation.cli.calibrate_runway import ask_runway
+
+        return ask_runway(rig, seen, marks, names or (), options.sightings)
+
+    done = run_check(
+        CheckRequest(
+            sightings=options.sightings,
+            landmarks=options.landmarks,
+            rig=options.rig,
+            out=options.out,
+            reference=options.reference,
+            record=options.record,
+            report=options.report,
+            alarm_deg=options.alarm_deg,
+        ),
+        None if names is None else ask,
+    )
+    print(done.text)
+    for path in done.written:
+        print(f"wrote {path}")
+    return 0 if done.good else 1

@@ -1,0 +1,189 @@
+"""The part of the command line about live cameras: `groundstation cameras list` and `show`."""
+
+import argparse
+import math
+import os
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from groundstation.cli.paths import READ_TEXT, WRITTEN_FILE
+from groundstation.errors import InputError
+
+if TYPE_CHECKING:
+    from groundstation.picture import Picture
+
+_PICTURES = (".png", ".jpg", ".tif")
+
+_LIST = """Look for cameras: GigE Vision on every network (extra gige), GenTL producers
+(extra genicam), video devices of Linux."""
+_LIST_MORE = """example:
+  groundstation cameras list --cti /opt/vendor/producer.cti
+
+exit code: 0 there are cameras; 1 there is none; 2 wrong usage"""
+_SHOW = """Open a camera as `live` would, and say what it is set to, how fast and how
+regularly its frames come, and how well its clock is known."""
+_SHOW_MORE = """examples:
+  groundstation cameras show gige:192.168.1.10 --seconds 10 --exposure-ms 4
+  groundstation cameras show "genicam:12345678?cti=/opt/vendor/producer.cti"
+  groundstation cameras show rtsp://192.168.1.20/stream1 --save picture.png
+
+URL: genicam:SERIAL?cti=FILE, gige:ADDRESS, opencv:0, opencv:/dev/video0,
+rtsp://..., http://..., file:PATH. A setting that is not given stays as the camera has
+it; one that the camera does not keep is an error. More: docs/cameras.md
+
+exit code: 0 frames came; 1 none came, or the camera is not there or refuses a
+setting; 2 wrong usage; 130 interrupted"""
+
+
+def add_cameras(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `cameras` and what can be asked of them."""
+    cameras = commands.add_parser("cameras", help="which live cameras there are, and what one delivers")
+    kinds = cameras.add_subparsers(dest="cameras", metavar="WHAT", required=True)
+    listing = kinds.add_parser(
+        "list",
+        help="which cameras there are",
+        description=_LIST,
+        epilog=_LIST_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    listing.add_argument(
+        "--cti", type=READ_TEXT, action="append", default=[], metavar="FILE", help="a GenTL producer; may be repeated"
+    )
+    show = kinds.add_parser(
+        "show",
+        help="settings, rate, jitter and clock of one",
+        description=_SHOW,
+        epilog=_SHOW_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    show.add_argument("url", type=READ_TEXT, metavar="URL", help="which camera, see below")
+    show.add_argument("--seconds", type=_positive, default=5.0, metavar="S", help="how long to look (default: 5)")
+    show.add_argument("--exposure-ms", type=_positive, metavar="MS", help="exposure")
+    show.add_argument("--gain", type=_number, metavar="G", help="gain, in the camera's unit")
+    show.add_argument("--roi", type=_region, metavar="X,Y,W,H", help="region of the sensor, px")
+    show.add_argument("--trigger", metavar="INPUT", help="off, or the input that triggers, as Line1")
+    show.add_argument("--format", dest="pixel_format", metavar="NAME", help="pixel format, as BayerRG8")
+    show.add_argument("--rate", type=_positive, metavar="HZ", help="frames per second")
+    show.add_argument(
+        "--stamp", choices=("start", "middle", "end"), default="start", help="what the camera's stamp means"
+    )
+    show.add_argument(
+        "--save", type=WRITTEN_FILE, metavar="FILE", help="write the last picture there: .png, .jpg, .tif"
+    )
+
+
+def run_cameras(options: argparse.Namespace) -> int:
+    """Run one of them; returns the exit code."""
+    return _list(options) if options.cameras == "list" else _show(options)
+
+
+def _list(options: argparse.Namespace) -> int:
+    """Print the cameras that were found."""
+    from groundstation.sources.cameras.listing import list_cameras
+
+    found = list_cameras(options.cti, os.environ, Path("/dev"))
+    width = max((len(url) for url, _ in found.cameras), default=0)
+    for url, text in found.cameras:
+        print(f"{url:<{width}}  {text}")
+    for notice in found.notices:
+        print(f"groundstation: {notice}", file=sys.stderr)
+    if not found.cameras:
+        print("groundstation: no camera found", file=sys.stderr)
+    return 0 if found.cameras else 1
+
+
+def _show(options: argparse.Namespace) -> int:
+    """Open a camera, look for a while, print what was found."""
+    from groundstation.sources.cameras.camera import CameraEvent, CameraSettings, CameraTiming, StampPoint
+    from groundstation.sources.cameras.open_camera import open_camera
+    from groundstation.sources.cameras.rate_report import (
+        FrameTimes,
+        format_rate,
+        format_settings,
+        rate_report,
+        times_of,
+    )
+
+    if options.save is not None:
+        _check_writable(options.save)
+    settings = CameraSettings(
+        exposure_s=None if options.exposure_ms is None else options.exposure_ms * 1e-3,
+        gain=options.gain,
+        roi_px=options.roi,
+        trigger=options.trigger,
+        pixel_format=options.pixel_format,
+        rate_hz=options.rate,
+    )
+    start = time.monotonic()
+
+    def tell(event: CameraEvent) -> None:
+        print(f"{event.t_s - start:8.2f} s  {event.kind}: {event.text}", file=sys.stderr)
+
+    frames: list[FrameTimes] = []
+    picture = None
+    timing = CameraTiming(stamp=StampPoint(options.stamp))
+    with open_camera(options.url, settings, clock=time.monotonic, tell=tell, timing=timing) as camera:
+        end = time.monotonic() + options.seconds
+        while not camera.ended and time.monotonic() < end:
+            frame = camera.read(0.2)
+            if frame is not None:
+                frames.append(times_of(frame))
+                picture = frame.picture
+        found, counts, clock = camera.read_back, camera.counts, camera.clock_state
+    if found is not None:
+        print(format_settings(found))
+    print(format_rate(rate_report(frames), counts, clock))
+    if picture is None:
+        print("groundstation: no frame came", file=sys.stderr)
+        return 1
+    if options.save is not None:
+        _save(options.save, picture)
+        print(f"wrote {options.save}")
+    return 0
+
+
+def _check_writable(path: Path) -> None:
+    """Raise `InputError` before the camera is opened, if the picture could not be written."""
+    if path.suffix.lower() not in _PICTURES:
+        raise InputError(str(path), got=f"ending {path.suffix!r}", wanted=", ".join(_PICTURES))
+    if not path.parent.is_dir():
+        raise InputError(str(path), got="no such folder", wanted="a folder that exists")
+
+
+def _save(path: Path, picture: "Picture") -> None:
+    """Write a picture in colour."""
+    import cv2
+
+    good, data = cv2.imencode(path.suffix.lower(), picture.whole())
+    if not good:
+        raise InputError(str(path), got="a picture that cannot be coded so", wanted=", ".join(_PICTURES))
+    path.write_bytes(data.tobytes())
+
+
+def _positive(text: str) -> float:
+    value = _number(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0")
+    return value
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number")
+    return value
+
+
+def _region(text: str) -> tuple[int, int, int, int]:
+    try:
+        x, y, w, h = (int(part) for part in text.split(","))
+    except ValueError:
+        x = y = w = h = -1
+    if min(x, y) < 0 or min(w, h) <= 0:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted X,Y,W,H in whole px")
+    return x, y, w, h

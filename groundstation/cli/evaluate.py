@@ -1,0 +1,95 @@
+"""The part of the command line that compares runs: `groundstation evaluate SESSION|OUT…`."""
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from groundstation.cli.paths import READ, READ_TEXT, WRITTEN_FILE, WrittenFolder
+from groundstation.cli.progress import ProgressLine
+
+_EVALUATE = """Compare runs: many sessions, many tunings, or what was replayed before with what
+is replayed now. For each: errors per axis and range, ANEES, NIS, coverage,
+delay, misses by reason; and the difference to the first, or to --baseline."""
+_MORE = """examples:
+  groundstation evaluate out/monday out/tuesday
+  groundstation evaluate recordings/landing-1 --config soft.toml --config stiff.toml
+  groundstation evaluate recordings/landing-1 --baseline out/last-month --json now.json
+
+SOURCE is the output folder of a replay, a session folder, a recording (.mcap) or a
+live run's folder with its flight.mcap; the last three are replayed first, once with
+each --config. The columns "± %" say by how much an error is larger (+) or smaller (−)
+than the baseline's. Runs of other length are compared as they are, and a note says so.
+
+exit code: 0 done; 1 a source is at fault; 2 wrong usage; 130 interrupted"""
+
+
+def add_evaluate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `evaluate`."""
+    evaluate = commands.add_parser(
+        "evaluate",
+        help="many runs in, one table of their figures and differences out",
+        description=_EVALUATE,
+        epilog=_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    evaluate.add_argument("sources", type=READ, nargs="+", metavar="SOURCE", help="what to compare; see below")
+    evaluate.add_argument(
+        "--config", type=READ, action="append", default=[], metavar="FILE", help="tuning for what is replayed; repeat"
+    )
+    evaluate.add_argument("--rig", type=READ, metavar="FILE", help="another rig for what is replayed")
+    evaluate.add_argument(
+        "--baseline", type=READ_TEXT, metavar="RUN", help="a run's name, or a folder of results (default: the first)"
+    )
+    evaluate.add_argument(
+        "--out", type=WrittenFolder(), metavar="DIR", help="keep what is replayed there, a folder for each run"
+    )
+    evaluate.add_argument("--csv", type=WRITTEN_FILE, metavar="FILE", help="write every figure as a table")
+    evaluate.add_argument("--json", type=WRITTEN_FILE, metavar="FILE", help="write every figure as JSON")
+
+
+def run_evaluate(options: argparse.Namespace) -> int:
+    """Evaluate, print the tables and the paths; returns the exit code."""
+    from groundstation.evaluation.comparison_text import format_comparison
+    from groundstation.replay.compare import (
+        CompareRequest,
+        check_folders,
+        compare,
+        comparison_csv,
+        comparison_json,
+        write_comparison_files,
+    )
+
+    # said before anything is replayed for nothing
+    check_folders([path for path in (options.csv, options.json) if path is not None])
+    lines: dict[str, ProgressLine] = {}
+    with tempfile.TemporaryDirectory(prefix="groundstation-evaluate-") as folder:
+        request = CompareRequest(
+            sources=tuple(options.sources),
+            work=options.out or Path(folder),
+            configs=tuple(options.config),
+            rig=options.rig,
+            baseline=options.baseline,
+        )
+        try:
+            result = compare(
+                request,
+                lambda name, done, total: lines.setdefault(name, ProgressLine(sys.stderr, name)).update(done, total),
+            )
+        finally:
+            for line in lines.values():
+                line.__exit__()
+    print(format_comparison(result.runs, result.baseline))
+    for note in result.notes:
+        print(f"note: {note}", file=sys.stderr)
+    files = []
+    if options.csv is not None:
+        files.append((options.csv, comparison_csv(result)))
+    if options.json is not None:
+        files.append((options.json, comparison_json(result)))
+    write_comparison_files(files)
+    if files:
+        print()
+    for path, _ in files:
+        print(f"wrote {path}")
+    return 0

@@ -1,0 +1,298 @@
+"""The part of the command line that operates a station: `groundstation live` and `groundstation check`."""
+
+import argparse
+import math
+import os
+import shutil
+import sys
+import textwrap
+import threading
+from collections.abc import Collection
+from typing import TYPE_CHECKING, TextIO
+
+from groundstation.cli.output import say
+from groundstation.cli.paths import NEW_FOLDER, READ
+from groundstation.cli.simulate import pairs_per_s, whole_number, wind_m_s
+from groundstation.cli.stop_request import StopAsked
+
+if TYPE_CHECKING:
+    from groundstation.live.board import LiveStatus
+    from groundstation.live.command import LiveResult
+    from groundstation.messages import TrackStatus
+    from groundstation.simulation.simulated_day import DayScore
+
+_RATE_HZ = 30.0
+# where nobody watches: a line so often, and sooner where the track's status is another
+_LINE_EVERY_S, _CHANGE_EVERY_S = 5.0, 0.5
+_LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, live; heads
+follow it, everything is recorded. Ctrl-C parks the heads and ends it within 3 s,
+before it has begun once the step under way is done; parking may take longer
+(park_s in the station file). So does a terminal that is
+closed (unless nohup says otherwise); a second Ctrl-C does not park."""
+_LIVE_MORE = """examples:
+  groundstation live field.toml --view
+  groundstation live field.toml --for 1800 --web
+  groundstation live --simulate --out out/live --for 60 --web
+  groundstation live --simulate --out out/gusts --for 60 --aircraft jsbsim --wind 6
+
+--simulate needs no hardware: simulated PTUs on real serial lines (ptys), rendered
+cameras that look where the PTUs look, one landing after the other.
+--faults takes the file of `groundstation simulate`; its times count from the
+moment the first landing begins. Of its faults there are here camera_lost,
+camera_frozen, camera_late (pictures come late, with their right stamps),
+camera_clock_step, ptu_silent, and with --dgps dgps_gap and dgps_clock_step; what
+else befalls a PTU's line is --ptu-fault.
+The station file: docs/live.md
+
+exit code: 0 done; 1 a device or a file is at fault, nothing at all could be
+recorded, or a process that drives the heads was lost, even if it was begun
+again; 2 wrong usage; 130 interrupted before it had begun"""
+_CHECK = """Test each device of a station before the flight: is it there, does it answer,
+how fast, does its clock hold; one line each, and what to do about it."""
+_CHECK_MORE = """example:
+  groundstation check field.toml
+
+The heads are read, not moved; --move turns each by half a degree and back.
+
+exit code: 0 all is well; 1 something is not; 2 wrong usage"""
+
+
+def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `live` and `check`."""
+    live = commands.add_parser(
+        "live",
+        help="operate a station: track, point, record, live",
+        description=_LIVE,
+        epilog=_LIVE_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    live.add_argument("station", type=READ, nargs="?", metavar="STATION", help="station file, TOML")
+    live.add_argument("--out", type=NEW_FOLDER, metavar="DIR", help="where it is recorded; new or empty")
+    live.add_argument("--for", type=_seconds, dest="seconds", metavar="S", help="end after so many seconds")
+    live.add_argument("--simulate", action="store_true", help="with a range that is not there")
+    live.add_argument("--rig", type=READ, metavar="FILE", help="with --simulate: another rig than the built-in one")
+    live.add_argument(
+        "--rate", type=pairs_per_s, default=_RATE_HZ, metavar="HZ", help="with --simulate: pairs a second (30)"
+    )
+    live.add_argument("--seed", type=whole_number, default=0, metavar="N", help="with --simulate: of noise and weather")
+    live.add_argument(
+        "--wind", type=wind_m_s, default=0.0, metavar="M_S", help="with --simulate: gusts, as in simulate"
+    )
+    live.add_argument(
+        "--aircraft",
+        choices=("waves", "jsbsim"),
+        default="waves",
+        help="with --simulate: what moves it in the wind: waves, or JSBSim's C172 in turbulence, an optional extra",
+    )
+    live.add_argument(
+        "--ptu-fault",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="with --simulate: strikes each PTU's line six times a minute once it flies; may be repeated",
+    )
+    live.add_argument(
+        "--faults", type=READ, metavar="FILE", help="with --simulate: what fails when, TOML as in simulate; see below"
+    )
+    live.add_argument("--dgps", action="store_true", help="with --simulate: a reference receiver on the aircraft")
+    live.add_argument("--no-record", action="store_true", help="keep the track, not the pictures")
+    screen = live.add_mutually_exclusive_group()
+    screen.add_argument("--view", action="store_true", help="the operator's screen in the desktop viewer")
+    screen.add_argument("--web", action="store_true", help="the operator's screen in a browser on this machine")
+    check = commands.add_parser(
+        "check",
+        help="test each device of a station before the flight",
+        description=_CHECK,
+        epilog=_CHECK_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    check.add_argument("station", type=READ, metavar="STATION", help="station file, TOML")
+    check.add_argument("--for", type=_seconds, default=3.0, dest="seconds", metavar="S", help="look so long (3)")
+    check.add_argument("--move", action="store_true", help="turn each head by half a degree and back")
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 < value < 1e7:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0")
+    return value
+
+
+def run_live(options: argparse.Namespace) -> int:
+    """Operate until the time is over or somebody says so."""
+    from groundstation.live.command import LiveRequest, live
+    from groundstation.live.status_watch import StatusWatch
+    from groundstation.simulation.fault_timetable import range_faults
+    from groundstation.simulation.filming import load_faults
+    from groundstation.simulation.flights import Aircraft
+    from groundstation.simulation.simulated_receiver import ReceiverModel
+    from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
+    from ptu_drivers.simulated.faults import FAULTS
+
+    wrong = _wrong_usage(options, FAULTS)
+    if wrong:
+        print(f"groundstation live: {wrong}", file=sys.stderr)
+        return 2
+    failing = range_faults(
+        () if options.faults is None else load_faults(options.faults),
+        ReceiverModel() if options.dgps else None,
+        str(options.faults),
+    )
+    request = LiveRequest(
+        station=options.station,
+        out=options.out,
+        seconds=options.seconds,
+        screen="desktop" if options.view else "browser" if options.web else "none",
+        record=not options.no_record,
+    )
+    simulator = None
+    if options.simulate:
+        simulator = SimulatedStation(
+            SimulatedStationConfig(
+                seconds=options.seconds,
+                rig=options.rig,
+                rate_hz=options.rate,
+                seed=options.seed,
+                ptu_faults=tuple(options.ptu_fault),
+                receiver=failing.receiver,
+                timetable=failing.timetable,
+                wind_m_s=options.wind,
+                aircraft=Aircraft(options.aircraft),
+            )
+        )
+    block = StatusBlock(sys.stderr)
+    with StopAsked() as stop, StatusWatch(block.silent) as watch:
+
+        def tell(status: "LiveStatus") -> None:
+            watch.told()
+            block.show(status)
+
+        result = live(request, stop, tell, lambda text: say(f"{text} …", sys.stderr), simulator, end_by_force)
+        say(_words(result, None if simulator is None else simulator.score(result.begin_s)), sys.stdout)
+    if result.lost:
+        say("groundstation: nothing could be recorded", sys.stderr)
+    for line in result.losses:
+        say(f"groundstation: {line}", sys.stderr)
+    return 1 if result.lost or result.losses else 0
+
+
+def end_by_force(line: str) -> None:
+    """End this process at once: its end hangs in a thread that nothing can be done about."""
+    say(f"groundstation: {line}", sys.stderr)
+    os._exit(1)
+
+
+def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
+    """Return what is wrong with options that each by itself are right; "" for nothing."""
+    if not options.simulate:
+        if options.station is None:
+            return "got no STATION; wanted a station file, or --simulate"
+        defaults: dict[str, object] = {
+            "rig": None,
+            "rate": _RATE_HZ,
+            "seed": 0,
+            "wind": 0.0,
+            "aircraft": "waves",
+            "ptu_fault": [],
+            "faults": None,
+            "dgps": False,
+        }
+        alone = [name for name, default in defaults.items() if getattr(options, name) != default]
+        return f"got --{alone[0].replace('_', '-')} without --simulate; wanted both" if alone else ""
+    if options.station is not None:
+        return f"got {options.station} and --simulate; wanted one of them: what is simulated has no station file"
+    if options.out is None:
+        return "got no --out; wanted a folder for what is recorded"
+    unknown = [name for name in options.ptu_fault if name not in faults]
+    return f"--ptu-fault: got {unknown[0]!r}; wanted one of {', '.join(faults)}" if unknown else ""
+
+
+class StatusBlock:
+    """The status on a terminal: a line for each device, over and over in the same place.
+
+    Where nobody watches, in one line every five seconds, and where the track's status is another, at most one in half a
+    second. Two threads may show something.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._shown = threading.Lock()
+        self._rows: list[str] = []
+        self._lines = 0
+        self._said_s = -math.inf
+        self._said: TrackStatus | None = None
+        self._silent_s = 0.0
+
+    def show(self, status: "LiveStatus") -> None:
+        """Show it."""
+        with self._shown:
+            self._silent_s = 0.0
+            if self._stream.isatty():
+                width = max(shutil.get_terminal_size().columns - 1, 20)
+                self._rows = [r for line in status.lines for r in textwrap.wrap(line, width, subsequent_indent="    ")]
+                self._draw(self._rows)
+                return
+            since_s = status.t_s - self._said_s
+            if since_s >= _LINE_EVERY_S or (status.track is not self._said and since_s >= _CHANGE_EVERY_S):
+                self._said_s, self._said = status.t_s, status.track
+                say(f"{status.t_s:7.1f} s  {status.one_line()}", self._stream)
+
+    def silent(self, age_s: float) -> None:
+        """Show that no status has come for so long: what is shown is old."""
+        with self._shown:
+            text = f"NO STATUS for {age_s:.0f} s: the last one is old, the aircraft may be anywhere"
+            if self._stream.isatty():
+                self._draw([*self._rows, text])
+            elif age_s >= self._silent_s:
+                self._silent_s = age_s + _LINE_EVERY_S
+                say(text, self._stream)
+
+    def _draw(self, rows: list[str]) -> None:
+        up = f"\x1b[{self._lines}F\x1b[J" if self._lines else ""
+        say(up + "\n".join(rows), self._stream)
+        self._lines = len(rows)
+
+
+def _words(result: "LiveResult", score: "DayScore | None" = None) -> str:
+    """Return how it went, for a person."""
+    from groundstation.live.board import dropped_words
+    from groundstation.simulation.simulated_day import format_score
+    from groundstation.tracking.count_descriptions import count_words
+
+    done = result.operation
+    share = 100.0 * done.tracked / done.epochs if done.epochs else 0.0
+    lines = [f"{done.epochs} pairs in {done.elapsed_s:.1f} s, tracking in {share:.1f} % of them"]
+    if done.latency_p99_ms:
+        lines.append(
+            f"delay from a pair's first frame to its answer: median {done.latency_p50_ms:.1f} ms, "
+            f"99 % within {done.latency_p99_ms:.1f} ms"
+        )
+    if done.tracking_p99_ms:
+        lines.append(
+            f"the same while tracking: median {done.tracking_p50_ms:.1f} ms, 99 % within {done.tracking_p99_ms:.1f} ms"
+        )
+    lines.append(f"the pipeline computed {100 * done.busy_s / done.elapsed_s:.0f} % of the time")
+    if result.recorded:
+        lines.append(f"recorded: {result.recorded}")
+    if done.dropped:
+        lines.append(dropped_words(done.dropped))
+    lines += [f"counted: {what}" for what in count_words(done.counts)]
+    if score is not None:
+        lines += ["", format_score(score)]
+    lines += ["", *(f"wrote {path}" for path in result.files)]
+    lines += [f"not whole: {what}" for what in result.not_whole]
+    return "\n".join(lines)
+
+
+def run_check(options: argparse.Namespace) -> int:
+    """Test each device and print a line for it."""
+    from groundstation.live.check import check_station
+
+    wrong = 0
+    for line in check_station(options.station, options.seconds, move=options.move):
+        print(("ok     " if line.good else "WRONG  ") + line.text, flush=True)
+        wrong += not line.good
+    return 1 if wrong else 0

@@ -1,0 +1,102 @@
+"""`groundstation reproduce`: the papers' figures and tables on our recordings."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from groundstation.cli.paths import READ, WrittenFolder
+from groundstation.cli.span import add_span, require_span
+from groundstation.errors import InputError
+
+_REPRODUCE = """Do the papers' experiments on our recordings: every figure and table that they allow,
+numbered as in the paper, ours beside theirs, with the differences in set-up named."""
+_REPRODUCE_MORE = """examples:
+  groundstation reproduce --out out/reproduce
+  groundstation reproduce --only roi ekf
+  groundstation reproduce --only online --take-off flights/take-off
+  groundstation reproduce --list
+
+DIR gets reproduce.html, a CSV for each table and a PNG for each figure. All but
+processor times repeats to the last digit. The whole takes some minutes.
+
+exit code: 0 done; 1 the session is at fault; 2 wrong usage; 130 interrupted"""
+
+
+def add_reproduce(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add `reproduce`."""
+    reproduce = commands.add_parser(
+        "reproduce",
+        help="the papers' experiments on our recordings, ours beside theirs",
+        description=_REPRODUCE,
+        epilog=_REPRODUCE_MORE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    reproduce.add_argument(
+        "--out",
+        type=WrittenFolder(("*.html", "*.csv", "*.png")),
+        default=Path("out/reproduce"),
+        metavar="DIR",
+        help="where page, tables and figures go; made if missing (default: out/reproduce)",
+    )
+    reproduce.add_argument("--only", nargs="+", default=[], metavar="NAME", help="only these experiments (see --list)")
+    reproduce.add_argument("--list", action="store_true", help="say which experiments there are, and do none")
+    reproduce.add_argument(
+        "--session",
+        type=READ,
+        metavar="SESSION",
+        help="a rendered session with truth.csv and masks.npz (default: the bundled landing)",
+    )
+    reproduce.add_argument(
+        "--take-off",
+        type=READ,
+        metavar="SESSION",
+        help="a rendered take-off of that kind, for `online` (default: its pixels are simulated)",
+    )
+    add_span(reproduce)
+
+
+def run_reproduce(options: argparse.Namespace) -> int:
+    """Do the experiments, print their tables' titles and the paths; returns the exit code."""
+    from groundstation.experiments.registry import EXPERIMENTS
+    from groundstation.experiments.reproduce import ReproduceRequest, reproduce
+
+    require_span(options)
+    names = [e.name for e in EXPERIMENTS]
+    if options.list:
+        name_width, number_width = max(map(len, names)), max(len(e.numbers) for e in EXPERIMENTS)
+        for e in EXPERIMENTS:
+            print(f"{e.name:<{name_width}}  {e.numbers:<{number_width}}  {e.title} ({e.paper.value})")
+        return 0
+    unknown = [name for name in options.only if name not in names]
+    if unknown:
+        raise InputError("--only", got=unknown[0], wanted="one of " + ", ".join(names))
+    request = ReproduceRequest(
+        out=options.out,
+        only=tuple(options.only),
+        session=options.session,
+        from_s=options.from_s,
+        to_s=options.to_s,
+        take_off=options.take_off,
+    )
+    with _Saying() as saying:
+        done = reproduce(request, saying.say)
+    for (experiment, findings), elapsed_s in zip(done.found, done.elapsed_s, strict=True):
+        print(f"{experiment.title} ({experiment.numbers}): {len(findings.tables)} tables, {elapsed_s:.0f} s")
+    print(f"wrote {done.files[0]} and {len(done.files) - 1} files beside it")
+    return 0
+
+
+class _Saying:
+    """One line on the terminal that says what is being done; nothing where it is no terminal."""
+
+    def __enter__(self) -> "_Saying":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.say("")
+
+    def say(self, words: str) -> None:
+        """Replace the line."""
+        if sys.stderr.isatty():
+            sys.stderr.write(f"\r\x1b[2K{words}")
+            sys.stderr.flush()

@@ -1,0 +1,38 @@
+"""Where the program begins: Ctrl-C ends it quietly from here on, also while it is still being read."""
+
+import contextlib
+import os
+import sys
+from typing import NoReturn
+
+# The libraries of linear algebra start a thread for each core, and those wait by counting. Matrices here have ten to
+# some hundred rows, too few to share: the threads would only take cores from what has to be done in time.
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
+
+
+def main() -> int:
+    """Run the command line; returns the exit code."""
+    # what the user has set stays; it is read when numpy is first imported
+    os.environ.update(ONE_THREAD | os.environ)
+    try:
+        from groundstation.cli.main import main as run
+
+        code = run()
+    except KeyboardInterrupt:
+        print("groundstation: interrupted", file=sys.stderr)
+        return 130
+    if sys.argv[1:2] == ["live"]:
+        leave(code)
+    return code
+
+
+def leave(code: int) -> NoReturn:
+    """End the program now: a station has closed all that it opened, and has a bounded time to end.
+
+    Taking the interpreter apart, with all its libraries, takes half a second of a core, and longer on a busy machine.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        # a terminal that is gone
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)

@@ -1,0 +1,114 @@
+"""Between the two forms of a session: a plain folder and a recording."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from groundstation.conversion.recorded_session import header_of
+from groundstation.conversion.unpacked_folder import Unpacked, UnpackedFolder
+from groundstation.errors import InputError
+from groundstation.files.output_names import below
+from groundstation.messages import Epoch, Event
+from groundstation.recording.recorder import PATIENT, Recorder
+from groundstation.session import Session, load_session
+from groundstation.sources.recording import RecordingSource
+from groundstation.sources.replay import ReplaySource
+from groundstation.sources.session_source import session_source
+from groundstation.tracking.config import load_config
+
+Source = ReplaySource | RecordingSource
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Converted:
+    """What was written, and in words what the new form does not have."""
+
+    out: Path
+    events: int
+    notes: tuple[str, ...]
+    fault: InputError | None
+
+
+def convert(
+    source: Path,
+    out: Path,
+    *,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Converted:
+    """Turn a session folder into a recording (``out`` ends in .mcap) or a recording into a folder.
+
+    Into a recording whole frames go, without loss; into a folder what a recording has, as PNG. Raises `InputError`.
+    """
+    session = load_session(source)
+    packs = out.suffix == ".mcap"
+    if packs is (session.recorded is not None):
+        got = f"{source.name} and {out.name}, both {'recordings' if packs else 'folders'}"
+        raise InputError(str(out), got=got, wanted="a folder and a file that ends in .mcap")
+    session.rig.require_known()
+    with session_source(session, from_s, to_s) as stream:
+        if packs:
+            return _packed(session, stream, out, progress)
+        return _unpacked(session, stream, out, progress)
+
+
+def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> Converted:
+    """Write a recording of whole frames, set up as a replay of the folder would be."""
+    header = header_of(session, None, load_config(None), initial=session.initial, taught=False)
+    with Recorder(out, session.rig, header, PATIENT, whole_frames=True) as recorder:
+        events, fault = _pass_on(stream, recorder.take, progress)
+    notes = (recorder.status.line(),) if recorder.status.trouble else ()
+    return Converted(out=out, events=events, notes=notes, fault=fault)
+
+
+def _unpacked(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> Converted:
+    """Write a folder."""
+    files = {} if session.recorded is None else session.recorded.header.files
+    for name in files:
+        # before anything is written, not after
+        below(out, name)
+    folder = UnpackedFolder(out, session)
+    events, fault = _pass_on(stream, folder.take, progress)
+    remark = _partial(folder.done)
+    folder.finish(files, "".join(remark))
+    return Converted(out=out, events=events, notes=(*remark, *_notes(folder.done, stream)), fault=fault)
+
+
+def _pass_on(
+    stream: Source, take: Callable[[Event], None], progress: Callable[[int, int], None]
+) -> tuple[int, InputError | None]:
+    """Hand over all events; returns how many, and the fault that ended them."""
+    events = epochs = 0
+    try:
+        for event in stream:
+            take(event)
+            events += 1
+            if isinstance(event, Epoch):
+                epochs += 1
+                progress(epochs, stream.epoch_count)
+    except InputError as fault:
+        return events, fault
+    return events, None
+
+
+def _partial(done: Unpacked) -> tuple[str, ...]:
+    """Say that pictures are not whole, if any is not."""
+    if not done.partial:
+        return ()
+    return (f"{done.partial} of {done.frames} pictures hold only what detection read; the rest is black",)
+
+
+def _notes(done: Unpacked, stream: Source) -> list[str]:
+    """Say what the folder does not have."""
+    notes = []
+    if isinstance(stream, RecordingSource) and stream.missing:
+        missing = stream.missing
+        notes.append(f"the recording lacks the pictures of {missing.frames} frames and {missing.events} events")
+    if done.out_of_order:
+        notes.append(f"{done.out_of_order} records came twice or out of order, which a folder cannot say")
+    if done.references:
+        notes.append(f"{done.references} positions that the filter learnt from are not in the folder, only dgps.csv")
+    if done.heartbeats:
+        notes.append(f"{done.heartbeats} heartbeats are not in the folder, which has no time but that of its records")
+    return notes

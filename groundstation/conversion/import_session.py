@@ -1,0 +1,247 @@
+"""Videos, a log and tables made into a session folder that replays, or refused in one line with nothing written."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.conversion.angle_table import ptu_csv
+from groundstation.conversion.pairing import frames_csv, paired
+from groundstation.conversion.request import Imported, ImportRequest
+from groundstation.conversion.session_clock import SessionClock, session_clock
+from groundstation.conversion.video_stamps import VideoStamps, read_video_stamps
+from groundstation.errors import InputError, SessionError
+from groundstation.files.csv_table import CsvTable
+from groundstation.files.output_names import below
+from groundstation.messages import DgpsFix
+from groundstation.rig.rig import Rig, load_rig
+from groundstation.session import load_session
+from groundstation.session.logs.gps_time import utc_text
+from groundstation.session.logs.placement import place_log
+from groundstation.session.logs.positions_table import has_positions
+from groundstation.session.logs.read import GnssLog, read_log
+from groundstation.sources.frame_table import read_frames
+from groundstation.tracking.config import config_to_toml
+
+_MAX_TABLE_BYTES = 2_000_000_000
+
+
+@dataclass(slots=True)
+class _Parts:
+    """What goes into the folder, checked but not yet written."""
+
+    texts: dict[str, str]
+    copies: dict[str, Path]
+    summary: list[str]
+    remarks: list[str]
+
+
+def import_session(request: ImportRequest, progress: Callable[[int], None] = lambda _: None) -> Imported:
+    """Make the folder.
+
+    Raises `InputError` (one line: where, got, wanted) for anything that cannot be right; then no folder is made.
+    """
+    _check_paths(request)
+    rig = load_rig(request.rig)
+    _check_rig(request, rig)
+    log = _log(request)
+    clock = session_clock(request, log)
+    parts = _Parts(texts={}, copies={}, summary=[], remarks=[] if log is None else list(log.remarks))
+    span = _frames(request, rig, clock, parts, progress)
+    if any(not station.fixed for station in rig.stations):
+        if request.ptu is None:
+            raise InputError("--ptu", got="nothing", wanted="the table of angles of the stations that turn")
+        parts.texts["ptu.csv"], rows = ptu_csv(request.ptu, rig, clock, *span)
+        parts.summary.append(f"{request.ptu.name}: {rows} readings")
+    if request.dgps is not None:
+        _positions(request, rig, log, clock, span, parts)
+    parts.texts["session.toml"] = config_to_toml(_session(request, clock)) + "\n"
+    parts.copies["rig.toml"] = request.rig
+    files = _write(request, parts)
+    return Imported(folder=request.out, files=files, summary=tuple(parts.summary), remarks=tuple(parts.remarks))
+
+
+def _check_paths(request: ImportRequest) -> None:
+    if request.out.exists() and (not request.out.is_dir() or any(request.out.iterdir())):
+        raise InputError(str(request.out), got="something that is there already", wanted="a new or an empty folder")
+
+
+def _check_rig(request: ImportRequest, rig: Rig) -> None:
+    if set(request.videos) != set(rig.names):
+        got = f"videos of {', '.join(request.videos) or 'nothing'}"
+        raise InputError(request.rig.name, got=got, wanted=f"one for each station: {', '.join(rig.names)}")
+    for name in request.starts:
+        if name not in rig.names:
+            raise InputError("--start", got=f"station {name!r}", wanted=f"one of {', '.join(rig.names)}")
+
+
+def _log(request: ImportRequest) -> GnssLog | None:
+    """Read a log of places on Earth; None for none, or for a table in the session's frame."""
+    path = request.dgps
+    if path is None:
+        return None
+    if path.suffix.lower() == ".csv" and path.is_file() and not has_positions(CsvTable(path, []).columns):
+        return None
+    if request.origin_deg_m is None or request.azimuth_deg is None:
+        got = "no --origin" if request.origin_deg_m is None else "no --azimuth"
+        wanted = "where the session's frame lies on Earth, and where its +y points"
+        raise InputError(path.name, got=got, wanted=wanted)
+    return read_log(path, request.reading)
+
+
+def _frames(
+    request: ImportRequest, rig: Rig, clock: SessionClock, parts: _Parts, progress: Callable[[int], None]
+) -> tuple[float, float]:
+    """Add frames.csv and the videos; returns first and last time."""
+    for name in rig.names:
+        path = request.videos[name]
+        parts.copies[f"{name}{path.suffix.lower()}"] = path
+    if request.frames is not None:
+        return _given_frames(request, rig, parts)
+    stamps: dict[str, FloatArray] = {}
+    done = 0
+    for name in rig.names:
+        video = read_video_stamps(request.videos[name], partial(_after, progress, done))
+        done += len(video.t_s)
+        _check_size(video, rig, name)
+        stamps[name] = video.t_s + clock.starts_s[name]
+        parts.summary.append(f"{name}: {video.summary()}")
+        parts.remarks.extend(video.remarks)
+    first, last = max(float(t[0]) for t in stamps.values()), min(float(t[-1]) for t in stamps.values())
+    if first >= last:
+        got = ", ".join(f"{n} from {t[0]:.2f} to {t[-1]:.2f} s" for n, t in stamps.items())
+        raise InputError("the videos", got=got, wanted="videos that ran at the same time; look at their starts")
+    parts.texts["frames.csv"] = frames_csv(stamps)
+    total = max(len(t) for t in stamps.values())
+    parts.summary.append(f"{paired(stamps)} pairs of frames, of {total}")
+    return min(float(t[0]) for t in stamps.values()), max(float(t[-1]) for t in stamps.values())
+
+
+def _after(progress: Callable[[int], None], done: int, count: int) -> None:
+    """Report frames on top of those of the videos before."""
+    progress(done + count)
+
+
+def _check_size(video: VideoStamps, rig: Rig, name: str) -> None:
+    wanted = rig[name].lens.image_size_px
+    if video.size_px != wanted:
+        got = f"{video.size_px[0]}×{video.size_px[1]} px"
+        raise InputError(
+            video.path.name, got=got, wanted=f"{wanted[0]}×{wanted[1]} px, as station {name} has in the rig"
+        )
+
+
+def _given_frames(request: ImportRequest, rig: Rig, parts: _Parts) -> tuple[float, float]:
+    """Take the user's table as it is; whether it fits the videos, loading the session tells."""
+    path = request.frames
+    if path is None or not path.is_file() or path.stat().st_size > _MAX_TABLE_BYTES:
+        raise InputError(str(path), got="no such file, or a huge one", wanted="a table such as frames.csv")
+    table = CsvTable(path, ["index", *(f"{n}_t_s" for n in rig.names)])
+    times = [t for row in table for n in rig.names if (t := table.optional_number(row, f"{n}_t_s")) is not None]
+    if len(times) < 2:
+        raise InputError(path.name, got=f"{len(times)} times", wanted="two or more")
+    parts.copies["frames.csv"] = path
+    parts.summary.append(f"{path.name}: times {min(times):.2f} to {max(times):.2f} s")
+    return min(times), max(times)
+
+
+def _positions(
+    request: ImportRequest, rig: Rig, log: GnssLog | None, clock: SessionClock, span: tuple[float, float], parts: _Parts
+) -> None:
+    """Add dgps.csv; a log that has no time in common with the videos is refused."""
+    path = request.dgps
+    if path is None:
+        return
+    if log is None or clock.epoch_gps_s is None or request.origin_deg_m is None or request.azimuth_deg is None:
+        parts.copies["dgps.csv"] = path
+        parts.summary.append(f"{path.name}: taken as it is, in the session's frame and clock")
+        return
+    fixes = place_log(log, request.origin_deg_m, request.azimuth_deg, clock.epoch_gps_s)
+    inside = [fix for fix in fixes if span[0] <= fix.t_s <= span[1]]
+    if not inside:
+        got = f"positions from {utc_text(float(log.gps_s[0]))} to {utc_text(float(log.gps_s[-1]))}"
+        ran = " to ".join(utc_text(clock.epoch_gps_s + t) for t in span)
+        raise InputError(path.name, got=got, wanted=f"some while the cameras ran, {ran}")
+    kinds = {word: sum(fix.status == word for fix in inside) for word in sorted({fix.status for fix in inside})}
+    words = ", ".join(f"{count} {word}" for word, count in kinds.items())
+    distance = np.linalg.norm([fix.position_runway_m for fix in inside], axis=1)
+    ranges = f"{distance.min():.0f} to {distance.max():.0f} m from the origin"
+    parts.summary.append(
+        f"{path.name}: {len(fixes)} positions, {len(inside)} while the cameras ran ({words}), {ranges}"
+    )
+    parts.remarks += _behind(inside, rig, request.azimuth_deg, path.name)
+    parts.texts["dgps.csv"] = _dgps_csv(fixes)
+
+
+def _behind(fixes: list[DgpsFix], rig: Rig, azimuth_deg: float, name: str) -> list[str]:
+    """Say where most positions lie behind the stations, which look along +y, and which azimuth puts them before."""
+    stations_m = min(float(s.ptu_position_m[1]) for s in rig.stations)
+    behind = sum(float(fix.position_runway_m[1]) < stations_m for fix in fixes)
+    if 2 * behind <= len(fixes):
+        return []
+    other = (azimuth_deg + 180.0) % 360.0
+    return [
+        f"{name}: {behind} of {len(fixes)} positions lie behind the stations at --azimuth {azimuth_deg:g}; if the "
+        f"runway is the other way round, it is --azimuth {other:g}"
+    ]
+
+
+def _dgps_csv(fixes: list[DgpsFix]) -> str:
+    lines = ["t_s,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m,status"]
+    for fix in fixes:
+        sigma = np.zeros(3) if fix.sigma_m is None else fix.sigma_m
+        numbers = [f"{fix.t_s:.6f}", *(f"{v:.4f}" for v in (*fix.position_runway_m, *sigma))]
+        lines.append(",".join([*numbers, fix.status]))
+    return "\n".join(lines) + "\n"
+
+
+def _session(request: ImportRequest, clock: SessionClock) -> dict[str, Any]:
+    """Return session.toml as tables of plain values."""
+    tables: dict[str, Any] = {"name": request.name or request.out.resolve().name}
+    if request.origin_deg_m is not None and request.azimuth_deg is not None:
+        keys = ("lat_deg", "lon_deg", "height_m", "y_axis_azimuth_deg")
+        tables["origin"] = dict(zip(keys, (*request.origin_deg_m, request.azimuth_deg), strict=True))
+    target: dict[str, Any] = {}
+    if request.span_m is not None:
+        target["span_m"] = request.span_m
+    if request.antenna_in_body_m is not None:
+        target["antenna_in_body_m"] = list(request.antenna_in_body_m)
+    if target:
+        tables["target"] = target
+    if clock.epoch_gps_s is not None:
+        tables["dgps"] = {"epoch_utc": clock.epoch_text()}
+    return tables
+
+
+def _write(request: ImportRequest, parts: _Parts) -> tuple[Path, ...]:
+    """Write all beside the folder, load it as a replay would, and only then give it its name."""
+    draft = request.out.with_name(request.out.name + ".partial")
+    if draft.exists():
+        raise InputError(str(draft), got="what an interrupted import has left", wanted="it removed")
+    try:
+        draft.mkdir(parents=True)
+        for name, text in parts.texts.items():
+            below(draft, name).write_text(text, encoding="utf-8", newline="\n")
+        for name, source in parts.copies.items():
+            if request.link and name.rpartition(".")[0] in request.videos:
+                below(draft, name).symlink_to(source.resolve())
+            else:
+                shutil.copyfile(source, below(draft, name))
+        session = load_session(draft)
+        table = read_frames(session)
+        if table.fault is not None:
+            raise table.fault
+        if request.out.is_dir():
+            request.out.rmdir()
+        draft.rename(request.out)
+    except OSError as fault:
+        raise SessionError(str(request.out), got=str(fault), wanted="a folder that can be written") from fault
+    finally:
+        if draft.exists():
+            shutil.rmtree(draft)
+    return tuple(request.out / name for name in (*parts.texts, *parts.copies))

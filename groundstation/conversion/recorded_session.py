@@ -1,0 +1,30 @@
+"""A session's own files as the header of a recording."""
+
+from groundstation.files.text_file import TextFile
+from groundstation.messages import InitialState
+from groundstation.recording.contents import CONFIG, REFERENCES, RIG, SESSION, RecordingHeader
+from groundstation.session import Session
+from groundstation.tracking.config import Config, config_to_mapping, config_to_toml
+
+
+def header_of(
+    session: Session, rig_file: TextFile | None, config: Config, *, initial: InitialState | None, taught: bool
+) -> RecordingHeader:
+    """Return the header of a run on a session; ``rig_file`` None is the session's own."""
+    rig = session.folder / RIG if rig_file is None else rig_file
+    files = {
+        SESSION: (session.folder / SESSION).read_bytes(),
+        RIG: rig.read_bytes(),
+        CONFIG: config_to_toml(config_to_mapping(config)).encode() + b"\n",
+    }
+    for name in REFERENCES:
+        if (session.folder / name).is_file():
+            files[name] = (session.folder / name).read_bytes()
+    return RecordingHeader(
+        name=session.name,
+        files=files,
+        pictures=not session.detections_only,
+        initial=initial,
+        taught=taught,
+        left_out=tuple(sorted(session.left_out)),
+    )

@@ -1,0 +1,213 @@
+"""Events as a plain session folder: tables in each device's own clock, pictures as PNG.
+
+Numbers are written so that reading the folder gives every time and angle of the events again, bit for bit.
+"""
+
+import math
+from array import array
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from groundstation.arrays import ImageArray
+from groundstation.errors import InputError
+from groundstation.files.output_names import below
+from groundstation.messages import Event, Frame, Heartbeat, PixelMeasurement, PtuSample, ReferenceFix
+from groundstation.picture import PartialPicture, Picture, Window
+from groundstation.rig.rig import ClockModel
+from groundstation.session import Session
+
+# what colours at a kept part's border lean on beyond it, in px
+_BORDER_PX = 4
+_NEIGHBOURS = 64
+
+
+@dataclass(slots=True, kw_only=True)
+class Unpacked:
+    """What went into the folder, and what a folder cannot say."""
+
+    frames: int = 0
+    partial: int = 0
+    readings: int = 0
+    pixels: int = 0
+    out_of_order: int = 0
+    references: int = 0
+    heartbeats: int = 0
+
+
+class UnpackedFolder:
+    """Writes events into ``folder``, new or empty; `finish` writes the tables.
+
+    Raises `InputError` if the folder cannot be written, or has something in it.
+    """
+
+    def __init__(self, folder: Path, session: Session) -> None:
+        self._folder = folder
+        self._session = session
+        self._stations = {s.name: s for s in session.rig.stations}
+        self._rows: dict[int, dict[str, float]] = {}
+        self._readings = {s.name: array("d") for s in session.rig.stations if not s.fixed}
+        self._pixels: dict[str, list[tuple[float, float, float]]] = {}
+        self.done = Unpacked()
+        with _writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            if any(folder.iterdir()):
+                raise InputError(str(folder), got="a folder that is not empty", wanted="a new or an empty one")
+            if not session.detections_only:
+                for name in self._stations:
+                    below(folder, name).mkdir()
+
+    def take(self, event: Event) -> None:
+        """Take one event; pictures are written at once."""
+        if isinstance(event, PtuSample):
+            t_s = _device_time(self._session.ptu_clock(self._stations[event.station]), event.t_s)
+            self._readings[event.station].extend([t_s, _degrees(event.pan_rad), _degrees(event.tilt_rad)])
+            self.done.readings += 1
+        elif isinstance(event, Frame):
+            self._frame(event)
+        elif isinstance(event, PixelMeasurement):
+            t_s = _device_time(self._session.camera_clock(self._stations[event.station]), event.t_s)
+            self._pixels.setdefault(event.station, []).append((t_s, event.u_px, event.v_px))
+            self.done.pixels += 1
+        elif isinstance(event, ReferenceFix):
+            self.done.references += 1
+        elif isinstance(event, Heartbeat):
+            self.done.heartbeats += 1
+
+    def finish(self, files: Mapping[str, bytes], note: str) -> None:
+        """Write the session's own files and the tables; ``note`` goes on top of session.toml as a remark."""
+        with _writing(self._folder):
+            for name, data in files.items():
+                remark = f"# {note}\n".encode() if note and name == "session.toml" else b""
+                # "x": the folder was empty, so that a name which is there already is one of ours, or a link
+                with below(self._folder, name).open("xb") as file:
+                    file.write(remark + data.removeprefix(b"\xef\xbb\xbf"))
+            if self._session.detections_only:
+                self._table("detections.csv", ["t_s", "station", "u_px", "v_px"], self._pixel_rows())
+            else:
+                self._table("frames.csv", ["index", *(f"{n}_t_s" for n in self._stations)], self._frame_rows())
+            if self._readings:
+                columns = [f"{n}_{axis}_deg" for n in self._readings for axis in ("pan", "tilt")]
+                self._table("ptu.csv", ["t_s", *columns], self._reading_rows())
+
+    def _frame(self, frame: Frame) -> None:
+        stamps = self._rows.setdefault(frame.epoch, {})
+        if frame.station in stamps:
+            self.done.out_of_order += 1
+            return
+        stamps[frame.station] = _device_time(self._session.camera_clock(self._stations[frame.station]), frame.t_s)
+        image, whole = _whole_or_black(frame.image)
+        self.done.frames += 1
+        self.done.partial += not whole
+        path = below(below(self._folder, frame.station), f"{frame.epoch:06d}.png")
+        with _writing(self._folder):
+            path.write_bytes(cv2.imencode(".png", image, (cv2.IMWRITE_PNG_COMPRESSION, 1))[1].tobytes())
+
+    def _frame_rows(self) -> Iterable[list[str]]:
+        """Return the rows of frames.csv; a stamp that does not grow is left out, as a folder cannot have it."""
+        newest = dict.fromkeys(self._stations, -math.inf)
+        for epoch in sorted(self._rows):
+            cells = [str(epoch)]
+            for name in self._stations:
+                t_s = self._rows[epoch].get(name)
+                if t_s is not None and t_s <= newest[name]:
+                    self.done.out_of_order += 1
+                    t_s = None
+                newest[name] = newest[name] if t_s is None else t_s
+                cells.append("" if t_s is None else repr(t_s))
+            yield cells
+
+    def _reading_rows(self) -> Iterable[list[str]]:
+        """Return the rows of ptu.csv; units whose stamps are the same share one."""
+        tables = {n: np.array(v, np.float64).reshape(-1, 3) for n, v in self._readings.items()}
+        by_time: dict[str, dict[float, tuple[float, float]]] = {
+            n: {float(t): (float(pan), float(tilt)) for t, pan, tilt in rows} for n, rows in tables.items()
+        }
+        self.done.out_of_order += sum(len(tables[n]) - len(by_time[n]) for n in tables)
+        for t_s in sorted(set().union(*by_time.values())):
+            cells = [repr(t_s)]
+            for rows in by_time.values():
+                angles = rows.get(t_s)
+                cells += ["", ""] if angles is None else [repr(angle) for angle in angles]
+            yield cells
+
+    def _pixel_rows(self) -> Iterable[list[str]]:
+        for name, rows in self._pixels.items():
+            newest = -math.inf
+            for t_s, u, v in sorted(rows):
+                if t_s > newest:
+                    yield [repr(t_s), name, repr(u), repr(v)]
+                else:
+                    self.done.out_of_order += 1
+                newest = max(newest, t_s)
+
+    def _table(self, name: str, columns: list[str], rows: Iterable[list[str]]) -> None:
+        with below(self._folder, name).open("x", encoding="utf-8", newline="\n") as file:
+            file.write(",".join(columns) + "\n")
+            file.writelines(",".join(cells) + "\n" for cells in rows)
+
+
+class _writing:  # noqa: N801 - reads as what it is: with _writing(folder)
+    """Turns what the system says of a folder into our error."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: object, fault: BaseException | None, trace: object) -> None:
+        if isinstance(fault, OSError):
+            raise InputError(str(self._folder), got=str(fault.strerror), wanted="a folder to write to") from fault
+
+
+def _whole_or_black(picture: Picture) -> tuple[ImageArray, bool]:
+    """Return a picture in colour, black where it was not kept, and whether all of it was."""
+    w, h = picture.size_px
+    if not isinstance(picture, PartialPicture):
+        return picture.whole(), True
+    if picture.has_all:
+        return picture.whole(), True
+    image = np.zeros((h, w, 3), np.uint8)
+    for window in picture.kept_windows:
+        inner = window if picture.pattern is None else _inner(window, picture.size_px)
+        if inner[2] > inner[0] and inner[3] > inner[1]:
+            pixels, (x, y) = picture.window(inner)
+            image[y : y + pixels.shape[0], x : x + pixels.shape[1]] = pixels
+    return image, False
+
+
+def _inner(window: Window, size_px: tuple[int, int]) -> Window:
+    """Return the part of a raw window whose colours do not lean on what lies outside it."""
+    x0, y0 = (v + _BORDER_PX if v else 0 for v in window[:2])
+    x1, y1 = (v - _BORDER_PX if v < size else v for v, size in zip(window[2:], size_px, strict=True))
+    return x0, y0, x1, y1
+
+
+def _device_time(clock: ClockModel, t_s: float) -> float:
+    """Return the device's stamp that reads as ``t_s`` of the session."""
+    guess = (t_s - clock.offset_s) / (1.0 + 1e-6 * clock.drift_ppm)
+    return _near(guess, lambda stamp: clock.session_from_device(stamp) == t_s)
+
+
+def _degrees(angle_rad: float) -> float:
+    """Return the angle in degrees that reads as ``angle_rad``."""
+    guess = float(np.degrees(angle_rad))
+    return _near(round(guess, 9), lambda deg: float(np.radians(deg)) == angle_rad, guess)
+
+
+def _near(guess: float, good: Callable[[float], bool], otherwise: float | None = None) -> float:
+    """Return the number nearest to a guess that is good; the guess itself where rounding leaves none."""
+    around = guess if otherwise is None else otherwise
+    if good(guess):
+        return guess
+    below = above = around
+    for _ in range(_NEIGHBOURS):
+        for value in (below, above):
+            if good(value):
+                return value
+        below, above = math.nextafter(below, -math.inf), math.nextafter(above, math.inf)
+    return around

@@ -1,0 +1,1 @@
+"""Which station contradicts the others, and leaving it out."""

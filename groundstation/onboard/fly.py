@@ -1,0 +1,228 @@
+"""A nose camera's video and the inertial unit's log in, the trajectory relative to the runway out."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from groundstation.arrays import ImageArray
+from groundstation.errors import InputError
+from groundstation.onboard.approach.config import ApproachConfig, CornerMethod
+from groundstation.onboard.approach.corner_finder import FoundCorners
+from groundstation.onboard.approach.ground_track import read_ground_track
+from groundstation.onboard.approach.navigator import NoseFix, NoseNavigator, NoseReport
+from groundstation.onboard.approach.outcome_words import why_unused
+from groundstation.onboard.approach.track_file import NoseFiles, agreement_words, write_agreement
+from groundstation.onboard.approach.unit_file import has_poses, load_unit, read_samples
+from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
+from groundstation.onboard.edges.flat_picture import FlatPicture
+from groundstation.onboard.edges.imu_file import PoseLog, load_imu
+from groundstation.onboard.edges.motion import VisualOdometry
+from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.fly_sinks import FlyRecording, draw_sight
+from groundstation.onboard.pose.agreement import PositionSeries, compare_positions
+from groundstation.onboard.pose.files import Runways
+from groundstation.onboard.pose.inertial import ImuSample
+from groundstation.onboard.pose.runway import Runway, rectangle
+from groundstation.sinks.overlay_video import OverlayVideo
+from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other_times
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundTrack:
+    """The ground's track: its file, where the threshold is in its frame (3 numbers, m), sigma where it says none, m."""
+
+    path: Path
+    threshold_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sigma_m: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlyRequest:
+    """What the user asked for; ``runway`` is (table, airport, runway) or None for the camera file's rectangle."""
+
+    video: Path
+    camera: Path
+    imu: Path
+    out: Path
+    runway: tuple[Path, str, str] | None = None
+    corners: CornerMethod = CornerMethod.EDGES
+    ground: GroundTrack | None = None
+    rerun: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlyResult:
+    """What came of it: pictures by outcome, epochs by the filter's status, agreement, files, a fault.
+
+    ``agrees`` is True where there is no ground track to disagree with; ``agreement`` says it in words. ``unused`` says
+    why no picture's pose was used; empty where one was. ``damage`` says in words which pictures could not be decoded,
+    None where all could.
+    """
+
+    outcomes: dict[str, int]
+    statuses: dict[str, int]
+    agreement: str
+    agrees: bool
+    unused: str
+    files: tuple[Path, ...]
+    fault: InputError | None
+    damage: str | None
+
+
+def fly_video(request: FlyRequest, progress: Callable[[int, int | None], None] = lambda done, total: None) -> FlyResult:
+    """Follow the runway through a video and write the trajectory.
+
+    Raises `InputError` where nothing can be done at all; a fault met on the way is in the result.
+    """
+    camera = load_nose_camera(request.camera)
+    if request.runway is None and camera.unsaid:
+        raise CameraFileError(
+            f"{request.camera}: runway",
+            got=f"no {' and no '.join(camera.unsaid)}",
+            wanted="the runway's own size in m, or --runways FILE and --runway AIRPORT_RUNWAY",
+        )
+    samples = read_samples(request.imu)
+    log = load_imu(request.imu, camera) if has_poses(request.imu) else None
+    if log is None and camera.start is None:
+        raise CameraFileError(
+            f"{request.camera}: start", got="nothing", wanted="a [start] table, or attitude and place in --imu"
+        )
+    ground = None
+    if request.ground is not None:
+        said = request.ground
+        ground = read_ground_track(said.path, np.array(said.threshold_m), said.sigma_m)
+    video = VideoFile(request.video)
+    refuse_other_times(request.imu, (samples[0].t_s, samples[-1].t_s), video)
+    if ground is not None and request.ground is not None:
+        refuse_other_times(request.ground.path, (float(ground.t_s[0]), float(ground.t_s[-1])), video)
+    if video.size_px != camera.lens.image_size_px:
+        w, h = video.size_px
+        wanted = "×".join(str(n) for n in camera.lens.image_size_px) + " px as in the camera file"
+        raise InputError(str(request.video), got=f"pictures of {w}×{h} px", wanted=wanted)
+    try:
+        request.out.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InputError(str(request.out), got=str(fault.strerror), wanted="a folder that can be made") from fault
+    unit = load_unit(request.camera, camera)
+    navigator = NoseNavigator(
+        _runway(request, camera), camera.lens, unit.mount, ApproachConfig(inertial=unit.config, corners=request.corners)
+    )
+    return _Flight(request, video, camera, navigator, log).run(samples, ground, progress)
+
+
+def _runway(request: FlyRequest, camera: NoseCamera) -> Runway:
+    if request.runway is None:
+        return rectangle(camera.guess.length_m, camera.guess.width_m)
+    table, airport, name = request.runway
+    return Runways(table).find(airport, name)
+
+
+class _Flight:
+    """One run: pictures and samples in order of time through the navigator into the files."""
+
+    def __init__(
+        self, request: FlyRequest, video: VideoFile, camera: NoseCamera, navigator: NoseNavigator, log: PoseLog | None
+    ) -> None:
+        self._request, self._video, self._camera = request, video, camera
+        self._navigator, self._log = navigator, log
+        self._flat = FlatPicture(camera.lens)
+        self._odometry: VisualOdometry | None = None
+        if log is None and camera.start is not None:
+            self._odometry = VisualOdometry(self._flat.kappa, camera.start)
+
+    def run(
+        self,
+        samples: Sequence[ImuSample],
+        ground: PositionSeries | None,
+        progress: Callable[[int, int | None], None],
+    ) -> FlyResult:
+        """Go through the video."""
+        request, out = self._request, self._request.out
+        outcomes: Counter[str] = Counter()
+        statuses: Counter[str] = Counter()
+        fixes: list[NoseFix] = []
+        fault = None
+        files = [out / "fly.mp4"]
+        with ExitStack() as opened:
+            tables = opened.enter_context(NoseFiles(out, self._camera.heading_rad))
+            overlay = opened.enter_context(OverlayVideo(files[0], self._video.size_px, self._video.rate_hz))
+            recording = None
+            if request.rerun:
+                files.append(out / "fly.rrd")
+                runway = self._navigator.runway
+                recording = opened.enter_context(FlyRecording(files[1], request.video.name, runway.corners_m, ground))
+            try:
+                for frame, report in self._reports(samples):
+                    corners = report.corners
+                    seen = self._flat.original(corners.seen_px) if isinstance(corners, FoundCorners) else None
+                    tables.write(frame.index, report, seen)
+                    overlay.write(draw_sight(frame.image, frame.index, report, seen, self._flat))
+                    if recording is not None:
+                        recording.write(frame.image, report, seen, self._flat)
+                    outcomes[report.outcome] += 1
+                    statuses["waiting" if report.fix is None else report.fix.status.value] += 1
+                    if report.fix is not None:
+                        fixes.append(report.fix)
+                    progress(frame.index + 1, self._video.count)
+            except InputError as error:
+                fault = error
+        words, agrees = "", True
+        if ground is not None:
+            both = compare_positions(ground, series_of(fixes)) if len(fixes) > 1 else None
+            words = agreement_words(both)
+            if both is not None:
+                agrees = both.agree
+                files.append(out / "agreement.csv")
+                write_agreement(files[-1], both)
+        return FlyResult(
+            outcomes=dict(outcomes),
+            statuses=dict(statuses),
+            agreement=words,
+            agrees=agrees,
+            unused=why_unused(outcomes, self._navigator.runway.length_m, self._navigator.runway.width_m),
+            files=(*tables.files, *files),
+            fault=fault,
+            damage=self._video.lost_line(),
+        )
+
+    def _reports(self, samples: Sequence[ImuSample]) -> Iterator[tuple[VideoFrame, NoseReport]]:
+        """Yield each frame with what came of it; samples up to its time have been felt before."""
+        fed = 0
+        for frame in self._video.frames():
+            while fed < len(samples) and samples[fed].t_s <= frame.t_s:
+                self._navigator.feel(samples[fed])
+                fed += 1
+            image = self._flat.flat(frame.image)
+            report = self._navigator.see(frame.t_s, image, self._outside(frame.t_s, image))
+            yield frame, report
+
+    def _outside(self, t_s: float, image: ImageArray) -> CameraPose | None:
+        """Return a pose from the log, or from the pictures' motion as long as the filter needs one."""
+        if self._log is not None:
+            return self._log.pose(t_s)
+        if self._odometry is None or self._navigator.stands_alone:
+            return None
+        return self._odometry.step(image)
+
+
+def series_of(fixes: Sequence[NoseFix]) -> PositionSeries:
+    """Return the camera's positions as a series to compare."""
+    return PositionSeries(
+        t_s=np.array([fix.t_s for fix in fixes]),
+        position_m=np.array([fix.position_m for fix in fixes]),
+        covariance_m2=np.array([fix.covariance[:3, :3] for fix in fixes]),
+    )
+
+
+def format_fly_summary(result: FlyResult) -> str:
+    """Return what came of it, in lines for a person."""
+    pictures = sum(result.outcomes.values())
+    lines = [
+        f"{pictures} pictures: " + ", ".join(f"{name} {n}" for name, n in sorted(result.outcomes.items())),
+        "trajectory: " + ", ".join(f"{name} {n}" for name, n in sorted(result.statuses.items())),
+    ]
+    return "\n".join([*lines, result.agreement] if result.agreement else lines)

@@ -1,0 +1,114 @@
+"""A rendered approach as files: nose.avi without loss, nose.toml, imu.csv, truth.csv."""
+
+import csv
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.errors import InputError
+from groundstation.files.overwriting import refuse_existing
+from groundstation.geometry.rotation import wxyz_from_matrix
+from groundstation.onboard.approach.unit_file import SAMPLE_COLUMNS
+from groundstation.onboard.scenes.nose_flight import (
+    CAMERA_PITCH_DEG,
+    NoseFlight,
+    attitude_of,
+    nose_flight,
+    nose_setup,
+    said_poses,
+)
+from groundstation.onboard.scenes.sequences import SEQUENCES
+
+_FFV1 = sum(ord(c) << 8 * i for i, c in enumerate("FFV1"))
+_LOG_COLUMNS = (*SAMPLE_COLUMNS, "roll_deg", "pitch_deg", "yaw_deg", "x_m", "y_m", "z_m")
+TRUTH_COLUMNS = ("t_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "roll_deg", "pitch_deg", "yaw_deg")
+
+
+def drawn_flight(scene: int, seed: int, frames: int = 130, motion: str = "waves") -> NoseFlight:
+    """Return the flight of a scene, `SEQUENCES`' number, and a seed; ``motion`` is waves or jsbsim."""
+    sequence = SEQUENCES[scene]
+    sequence = replace(sequence, seed=sequence.seed + 10_000 * seed)
+    setup = nose_setup(sequence)
+    setup = replace(setup, duration_s=frames / setup.camera_hz)
+    if motion == "jsbsim":
+        from groundstation.onboard.scenes.jsbsim_flight import jsbsim_nose_flight
+
+        return jsbsim_nose_flight(sequence, setup)
+    return nose_flight(sequence, setup)
+
+
+def render_flight(
+    folder: Path,
+    scene: int,
+    seed: int,
+    frames: int,
+    motion: str = "waves",
+    progress: Callable[[int, int | None], None] = lambda done, total: None,
+) -> tuple[Path, ...]:
+    """Write a flight's files; returns them.
+
+    Raises `InputError` where the folder cannot be written, or one of the files is there already.
+    """
+    files = tuple(folder / name for name in ("nose.avi", "nose.toml", "imu.csv", "truth.csv"))
+    refuse_existing(files)
+    flight = drawn_flight(scene, seed, frames, motion)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        said = said_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
+        files[1].write_text(camera_file(flight, *said), encoding="utf-8")
+        _write(files[2], _LOG_COLUMNS, _log_rows(flight, *said))
+        _write(files[3], TRUTH_COLUMNS, _truth_rows(flight))
+    except OSError as fault:
+        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
+    video = cv2.VideoWriter(str(files[0]), _FFV1, float(flight.setup.camera_hz), flight.setup.lens.image_size_px)
+    if not video.isOpened():
+        raise InputError(str(files[0]), got="a video that OpenCV cannot write", wanted="the FFV1 codec")
+    try:
+        for number, (_, image) in enumerate(flight.pictures(), start=1):
+            video.write(image)
+            progress(number, len(flight.frames))
+    finally:
+        video.release()
+    return files
+
+
+def camera_file(flight: NoseFlight, attitude_rad: FloatArray, place_m: FloatArray) -> str:
+    """Return the camera file's text; it starts where the navigation said (n, 3), (n, 3) that the first picture was."""
+    lens, field, first = flight.setup.lens, flight.sequence.airfield, flight.frames[0]
+    x, y, z = place_m[first]
+    roll, pitch, yaw = np.degrees(attitude_rad[first])
+    return (
+        f"image_size_px = {list(lens.image_size_px)}\n"
+        f"focal_px = {lens.focal_px.tolist()}\n"
+        f"principal_point_px = {lens.principal_point_px.tolist()}\n"
+        f"mount_deg = [0.0, {CAMERA_PITCH_DEG}, 0.0]\n\n"
+        f"[runway]\nwidth_m = {field.width_m}\nlength_m = {field.length_m}\n\n"
+        f"[start]\nheight_m = {z:.3f}\ndistance_m = {y:.3f}\nlateral_m = {x:.3f}\n"
+        f"roll_deg = {roll:.3f}\npitch_deg = {pitch:.3f}\nyaw_deg = {yaw:.3f}\n\n"
+        f"[imu]\ncamera_in_body_m = {flight.setup.mount.camera_in_body_m.tolist()}\n"
+    )
+
+
+def _log_rows(flight: NoseFlight, attitude_rad: FloatArray, place_m: FloatArray) -> Iterable[list[float]]:
+    for sample, angles, at in zip(flight.motion.samples, np.degrees(attitude_rad), place_m, strict=True):
+        yield [sample.t_s, *sample.force_m_s2, *np.degrees(sample.rate_rad_s), *angles, *at]
+
+
+def _truth_rows(flight: NoseFlight) -> Iterable[list[float]]:
+    """Yield the camera's exact place at each picture."""
+    for k in flight.frames:
+        motion = flight.motion
+        angles = np.degrees(attitude_of(wxyz_from_matrix(motion.runway_from_body[k])))
+        place = flight.pose(k).camera_threshold_m
+        yield [float(motion.t_s[k]), *place, *motion.velocity_m_s[k], *angles]
+
+
+def _write(path: Path, columns: tuple[str, ...], rows: Iterable[list[float]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        out = csv.writer(stream, lineterminator="\n")
+        out.writerow(columns)
+        out.writerows([f"{value:.9g}" for value in row] for row in rows)

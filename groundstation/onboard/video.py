@@ -1,0 +1,151 @@
+"""Runway edges in a nose camera's video: open, track, write the table, the overlay and the Rerun recording."""
+
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from groundstation.errors import InputError
+from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
+from groundstation.onboard.edges.config import TrackerConfig
+from groundstation.onboard.edges.edges_file import NO_POSE, EdgesFile, corner_pixels
+from groundstation.onboard.edges.flat_picture import FlatPicture
+from groundstation.onboard.edges.imu_file import PoseLog, load_imu
+from groundstation.onboard.edges.motion import VisualOdometry
+from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.report import EdgeReport
+from groundstation.onboard.edges.tracker import EdgeTracker
+from groundstation.onboard.sinks import EdgesRecording, draw_edges
+from groundstation.sinks.overlay_video import OverlayVideo
+from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other_times
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgesRequest:
+    """What the user asked for: video, camera file, IMU table or None, output folder, Rerun or not."""
+
+    video: Path
+    camera: Path
+    imu: Path | None
+    out: Path
+    rerun: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgesResult:
+    """What came of it: frames by status, frames without a measurement by reason, files, and a fault on the way.
+
+    ``damage`` says in words which frames could not be decoded, None where all could; they have no row.
+    """
+
+    statuses: dict[str, int]
+    misses: dict[str, int]
+    files: tuple[Path, ...]
+    fault: InputError | None
+    damage: str | None
+
+
+def track_edges(
+    request: EdgesRequest, progress: Callable[[int, int | None], None] = lambda done, total: None
+) -> EdgesResult:
+    """Track the edges through a video.
+
+    Raises `InputError` where nothing can be done at all; a fault met on the way is in the result.
+    """
+    camera = load_nose_camera(request.camera)
+    poses = None if request.imu is None else load_imu(request.imu, camera)
+    if poses is None and camera.start is None:
+        raise CameraFileError(f"{request.camera}: start", got="nothing", wanted="a [start] table, or --imu")
+    video = VideoFile(request.video)
+    if poses is not None and request.imu is not None:
+        refuse_other_times(request.imu, poses.span_s, video)
+    if video.size_px != camera.lens.image_size_px:
+        w, h = video.size_px
+        wanted = "×".join(str(n) for n in camera.lens.image_size_px) + " px as in the camera file"
+        raise InputError(str(request.video), got=f"pictures of {w}×{h} px", wanted=wanted)
+    try:
+        request.out.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InputError(str(request.out), got=str(fault.strerror), wanted="a folder that can be made") from fault
+    return _run(request, video, camera, poses, progress)
+
+
+@dataclass(slots=True)
+class _Tally:
+    frames: int = 0
+    statuses: Counter[str] = field(default_factory=Counter)
+    misses: Counter[str] = field(default_factory=Counter)
+
+    def count(self, report: EdgeReport | None) -> None:
+        self.frames += 1
+        self.statuses[NO_POSE if report is None else report.status.value] += 1
+        if report is not None:
+            self.misses[report.miss.value] += 1
+
+
+class _Poses:
+    """A pose for each frame: the log's, or from the pictures where there is no log."""
+
+    def __init__(self, camera: NoseCamera, log: PoseLog | None, flat: FlatPicture) -> None:
+        self._log = log
+        self._odometry = None
+        if log is None and camera.start is not None:
+            self._odometry = VisualOdometry(flat.kappa, camera.start)
+
+    def of(self, frame: VideoFrame, picture: FlatPicture) -> CameraPose | None:
+        if self._log is not None:
+            return self._log.pose(frame.t_s)
+        return None if self._odometry is None else self._odometry.step(picture.flat(frame.image))
+
+
+def _run(
+    request: EdgesRequest,
+    video: VideoFile,
+    camera: NoseCamera,
+    log: PoseLog | None,
+    progress: Callable[[int, int | None], None],
+) -> EdgesResult:
+    flat = FlatPicture(camera.lens)
+    poses = _Poses(camera, log, flat)
+    tracker = EdgeTracker(flat.kappa, camera.lens.image_size_px, TrackerConfig(guess=camera.guess))
+    files = [request.out / "edges.csv", request.out / "edges.mp4"]
+    tally, fault = _Tally(), None
+    with ExitStack() as opened:
+        table = opened.enter_context(EdgesFile(files[0]))
+        overlay = opened.enter_context(OverlayVideo(files[1], video.size_px, video.rate_hz))
+        recording = None
+        if request.rerun:
+            files.append(request.out / "edges.rrd")
+            recording = opened.enter_context(EdgesRecording(files[2], request.video.name, camera.guess.length_m))
+        try:
+            for frame in video.frames():
+                pose = poses.of(frame, flat)
+                report = None if pose is None else tracker.step(flat.flat(frame.image), pose)
+                edges = None if report is None else report.edges
+                corners = None if edges is None else flat.original(corner_pixels(edges))
+                table.write(frame.index, frame.t_s, report, corners)
+                overlay.write(draw_edges(frame.image, frame.index, frame.t_s, report, corners))
+                if recording is not None:
+                    recording.write(frame.image, frame.t_s, report, corners, pose)
+                tally.count(report)
+                progress(tally.frames, video.count)
+        except InputError as error:
+            fault = error
+    return EdgesResult(
+        statuses=dict(tally.statuses),
+        misses=dict(tally.misses),
+        files=tuple(files),
+        fault=fault,
+        damage=video.lost_line(),
+    )
+
+
+def format_edges_summary(result: EdgesResult) -> str:
+    """Return what came of it, in lines for a person."""
+    frames = sum(result.statuses.values())
+    lines = [f"{frames} frames: " + ", ".join(f"{name} {count}" for name, count in sorted(result.statuses.items()))]
+    misses = {name: count for name, count in result.misses.items() if name != "none"}
+    if misses:
+        lines.append("without a measurement: " + ", ".join(f"{name} {n}" for name, n in sorted(misses.items())))
+    return "\n".join(lines)

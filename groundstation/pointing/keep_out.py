@@ -1,0 +1,251 @@
+"""Where a lens must not look: around the Sun, and into sectors of a head's angles that the user has closed.
+
+A zone is known by its clearance: how far the lens is outside it, rad, negative inside. A turn of the head by
+(δpan, δtilt) changes no clearance by more than |δpan| + |δtilt|, since neither axis moves the optical axis by more
+than its own angle.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.geometry.rotation import rotation_y
+from groundstation.geometry.station import StationGeometry
+from groundstation.pointing.sun import SunOverPlace
+
+# below it, refraction (0.6°) and the disc's radius (0.3°) counted, nothing of the Sun is over the horizon
+_SUN_SET_RAD = math.radians(-1.0)
+# cells of a box that are smaller than this are taken for points
+_LEAST_CELL_RAD = math.radians(0.01)
+_STEP_RAD = math.radians(0.5)
+# of rounding and of the ways between two points that were looked at, which are straight in angles and not on the sphere
+_TOLERANCE_RAD = math.radians(0.002)
+_ROUNDING_RAD = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sector:
+    """Angles of a head that its lens is kept out of, rad, as the head's readings count; pan is taken modulo a turn."""
+
+    pan_rad: tuple[float, float]
+    tilt_rad: tuple[float, float]
+
+    def clearance(self, pan_rad: FloatArray, tilt_rad: FloatArray) -> FloatArray:
+        """Return how far angles (…) are outside, rad."""
+        pan_half, tilt_half = (0.5 * (b - a) for a, b in (self.pan_rad, self.tilt_rad))
+        pan = np.abs((pan_rad - sum(self.pan_rad) / 2.0 + math.pi) % math.tau - math.pi) - pan_half
+        tilt = np.abs(tilt_rad - sum(self.tilt_rad) / 2.0) - tilt_half
+        outside = np.hypot(np.maximum(pan, 0.0), np.maximum(tilt, 0.0))
+        return np.asarray(np.where(outside > 0.0, outside, np.maximum(pan, tilt)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LensAxis:
+    """How a head carries its lens: ``base_from_runway`` (3, 3), the optical axis (3,) in the head, the lean, rad."""
+
+    base_from_runway: FloatArray
+    axis_head: FloatArray
+    lean_rad: float
+
+    @classmethod
+    def of(cls, geometry: StationGeometry) -> "LensAxis":
+        """Return a calibrated station's."""
+        base_from_runway = geometry.packed[0:9].reshape(3, 3).T.copy()
+        return cls(
+            base_from_runway=base_from_runway,
+            axis_head=geometry.packed[12:21].reshape(3, 3)[:, 2].copy(),
+            lean_rad=geometry.lean_rad,
+        )
+
+    def angle_to(self, direction_runway: FloatArray, pan_rad: FloatArray, tilt_rad: FloatArray) -> FloatArray:
+        """Return the angle between the optical axis and a unit direction (3,), rad, at angles (…) of the head."""
+        x, y, z = self.base_from_runway @ direction_runway
+        lean = rotation_y(self.lean_rad)
+        # Rx(tilt) a = (ax, 0, 0) + cos(tilt) (0, ay, az) + sin(tilt) (0, −az, ay)
+        level = lean @ np.array([self.axis_head[0], 0.0, 0.0])
+        forward = lean @ np.array([0.0, self.axis_head[1], self.axis_head[2]])
+        upward = lean @ np.array([0.0, -self.axis_head[2], self.axis_head[1]])
+        c, s = np.cos(tilt_rad), np.sin(tilt_rad)
+        # the axis in a base that does not pan
+        bx, by, bz = (level[k] + c * forward[k] + s * upward[k] for k in range(3))
+        along = np.cos(pan_rad) * (x * bx + y * by) + np.sin(pan_rad) * (y * bx - x * by) + z * bz
+        return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SunZone:
+    """A cone about the Sun, of so many rad from its middle to the optical axis."""
+
+    sun: SunOverPlace
+    angle_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class KeepOut:
+    """All that one station's lens is kept out of.
+
+    Attributes
+    ----------
+    lens : how the head carries it.
+    sun : the cone about the Sun, None where it is not avoided.
+    sectors : closed to the head.
+    utc_zero_s : the Unix time at zero of the clock that times ``t_s`` are of.
+    """
+
+    lens: LensAxis
+    sun: SunZone | None
+    sectors: tuple[Sector, ...]
+    utc_zero_s: float
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to keep out of."""
+        return self.sun is None and not self.sectors
+
+    def since(self, zero_s: float) -> "KeepOut":
+        """Return the same for a clock that shows zero when this one's shows ``zero_s``."""
+        return replace(self, utc_zero_s=self.utc_zero_s + zero_s)
+
+    def zones(self, t_s: float) -> "Zones":
+        """Return what is closed at one time."""
+        direction = None
+        if self.sun is not None:
+            direction = self.sun.sun.direction_runway(self.utc_zero_s + t_s)
+            if direction[2] < math.sin(_SUN_SET_RAD):
+                direction = None
+        return Zones(keep_out=self, sun_runway=direction)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Zones:
+    """What is closed to a lens at one time; ``sun_runway`` (3,) is None while the Sun is down or not avoided."""
+
+    keep_out: KeepOut
+    sun_runway: FloatArray | None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is closed now."""
+        return self.sun_runway is None and not self.keep_out.sectors
+
+    def clearance(self, pan_rad: FloatArray, tilt_rad: FloatArray) -> FloatArray:
+        """Return how far the lens is outside all zones at angles (…), rad; infinite where there are none."""
+        out = np.full(np.broadcast_shapes(np.shape(pan_rad), np.shape(tilt_rad)), np.inf)
+        if self.sun_runway is not None and self.keep_out.sun is not None:
+            off = self.keep_out.lens.angle_to(self.sun_runway, pan_rad, tilt_rad)
+            out = np.minimum(out, off - self.keep_out.sun.angle_rad)
+        for sector in self.keep_out.sectors:
+            out = np.minimum(out, sector.clearance(pan_rad, tilt_rad))
+        return np.asarray(out)
+
+    def at(self, angles_rad: tuple[float, float]) -> float:
+        """Return how far the lens is outside all zones at (pan, tilt), rad."""
+        return float(self.clearance(np.array(angles_rad[0]), np.array(angles_rad[1])))
+
+    def words(self, angles_rad: tuple[float, float]) -> str:
+        """Return in words which zone is nearest to the lens at (pan, tilt), and how near."""
+        pan, tilt = np.array(angles_rad[0]), np.array(angles_rad[1])
+        found: list[tuple[float, str]] = []
+        if self.sun_runway is not None and self.keep_out.sun is not None:
+            off, kept = float(self.keep_out.lens.angle_to(self.sun_runway, pan, tilt)), self.keep_out.sun.angle_rad
+            found.append((off - kept, f"the Sun ({math.degrees(off):.1f}° off it; {math.degrees(kept):.1f}° are kept)"))
+        for n, sector in enumerate(self.keep_out.sectors):
+            away = float(sector.clearance(pan, tilt))
+            where = f"{math.degrees(away):.1f}° outside" if away >= 0 else f"{math.degrees(-away):.1f}° inside"
+            found.append((away, f"sector {n + 1} ({where})"))
+        return min(found)[1] if found else "nothing"
+
+    def box_is_clear(self, begin: tuple[float, float], end: tuple[float, float], margin_rad: float) -> bool:
+        """Return whether a head may go from angles to others, each axis at a speed of its own: by any way between.
+
+        Where it begins inside a zone, or nearer than the margin, no part of any way may lead further in.
+        """
+        if self.is_empty:
+            return True
+        (pan_0, tilt_0), (pan_1, tilt_1) = begin, end
+        here = self.at(begin) - margin_rad
+        if here > abs(pan_1 - pan_0) + abs(tilt_1 - tilt_0):
+            return True
+        if here < 0.0:
+            return self._leads_out(begin, end, margin_rad)
+        centres = np.array([[0.5 * (pan_0 + pan_1), 0.5 * (tilt_0 + tilt_1)]])
+        half = np.array([0.5 * abs(pan_1 - pan_0), 0.5 * abs(tilt_1 - tilt_0)])
+        if self.at(end) < margin_rad:
+            return False
+        while True:
+            values = self.clearance(centres[:, 0], centres[:, 1]) - margin_rad
+            if np.any(values < 0.0):
+                return False
+            centres = centres[values < half.sum()]
+            if not len(centres) or half.sum() < _LEAST_CELL_RAD:
+                return True
+            longer = int(half[1] > half[0])
+            half = half.copy()
+            half[longer] *= 0.5
+            shift = np.zeros(2)
+            shift[longer] = half[longer]
+            centres = np.concatenate([centres - shift, centres + shift])
+
+    def _leads_out(self, begin: tuple[float, float], end: tuple[float, float], margin_rad: float) -> bool:
+        """Return whether what is inside never gets deeper along either axis, and what is outside stays so."""
+        counts = [min(max(math.ceil(abs(b - a) / _STEP_RAD), 1), 240) + 1 for a, b in zip(begin, end, strict=True)]
+        pan, tilt = (np.linspace(a, b, n) for a, b, n in zip(begin, end, counts, strict=True))
+        depth = np.minimum(self.clearance(pan[:, None], tilt[None, :]) - margin_rad, 0.0)
+        never_deeper = np.all(np.diff(depth, axis=0) >= -_TOLERANCE_RAD) and np.all(
+            np.diff(depth, axis=1) >= -_TOLERANCE_RAD
+        )
+        return bool(never_deeper and _ends_no_deeper(depth.ravel()))
+
+    def way_is_clear(self, way_rad: FloatArray, margin_rad: float) -> bool:
+        """Return whether a head may go along points (n, 2) that lie close together, from the first on.
+
+        Where it begins inside a zone, or nearer than the margin, it may not get deeper.
+        """
+        if self.is_empty:
+            return True
+        depth = np.minimum(self.clearance(way_rad[:, 0], way_rad[:, 1]) - margin_rad, 0.0)
+        if depth[0] >= 0.0:
+            return bool(np.all(depth == 0.0))
+        return bool(np.all(np.diff(depth) >= -_TOLERANCE_RAD) and _ends_no_deeper(depth))
+
+
+def _ends_no_deeper(depth_rad: FloatArray) -> bool:
+    """Return whether a way ends no deeper than it began: many short ones, each within the tolerance, lead nowhere."""
+    return bool(depth_rad[-1] >= depth_rad[0] - _ROUNDING_RAD and np.all(depth_rad >= depth_rad[0] - _TOLERANCE_RAD))
+
+
+def coasting_way(
+    angles_rad: FloatArray, rates_rad_s: FloatArray, hold_s: float, brakes_rad_s2: FloatArray
+) -> FloatArray:
+    """Return where a head gets to, (n, 2) rad: rates (2,) held for a time, then each axis braked to rest."""
+    speeds = np.abs(rates_rad_s)
+    stopping_s = float(np.max(speeds / brakes_rad_s2))
+    reach = float(np.sum(speeds * hold_s + 0.5 * speeds**2 / brakes_rad_s2))
+    count = min(max(math.ceil(reach / _STEP_RAD), 4), 240)
+    t = np.linspace(0.0, hold_s + stopping_s, count + 1)[:, None]
+    braked = np.minimum(np.maximum(t - hold_s, 0.0), speeds / brakes_rad_s2)
+    moved = rates_rad_s * (np.minimum(t, hold_s) + braked) - 0.5 * np.sign(rates_rad_s) * brakes_rad_s2 * braked**2
+    return np.asarray(angles_rad + moved)
+
+
+def rates_are_clear(
+    zones: Zones,
+    angles_rad: FloatArray,
+    rates_rad_s: list[FloatArray],
+    hold_s: float,
+    brakes_rad_s2: FloatArray,
+    margin_rad: float,
+) -> bool:
+    """Return whether a head that turns at some of these rates (2,), or between them, may hold them and then brake."""
+    if zones.is_empty:
+        return True
+    ways = list(rates_rad_s)
+    for one, other in pairwise(rates_rad_s):
+        ways += [one + share * (other - one) for share in (0.25, 0.5, 0.75)]
+    farthest = max(float(np.sum(np.abs(v) * hold_s + 0.5 * v**2 / brakes_rad_s2)) for v in ways)
+    if zones.at((float(angles_rad[0]), float(angles_rad[1]))) - margin_rad > farthest:
+        return True
+    return all(zones.way_is_clear(coasting_way(angles_rad, v, hold_s, brakes_rad_s2), margin_rad) for v in ways)

@@ -1,0 +1,113 @@
+"""Turning a head round zones that its lens is kept out of: rates that come near none, and where to wait.
+
+What the unit would refuse (`groundstation.live.keep_out_unit`) is not asked for here: the margin is wider, and rates
+towards a zone are those from which the head still stops before it.
+"""
+
+import math
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.pointing.detour import Detour, Wayfinder, slope_of
+from groundstation.pointing.keep_out import KeepOut, Zones, rates_are_clear
+
+# kept by the plan, and by the rates that it may ask for; the unit's own margin is smaller than both
+PLAN_MARGIN_RAD = math.radians(1.0)
+_RATE_MARGIN_RAD = math.radians(0.6)
+# besides the unit's lease a rate is held so long at most before the head brakes: its look and a late reading
+_LATE_S = 0.4
+_UNKNOWN_BRAKES_RAD_S2 = math.radians(30.0)
+_SHARES = (1.0, 0.6, 0.3, 0.1)
+_STEP_SHARES = (*_SHARES, 0.03, 0.01)
+
+
+class KeepOutPilot:
+    """One head's.
+
+    Parameters
+    ----------
+    keep_out : at session times.
+    lows_rad, highs_rad, brakes_rad_s2 : (2,) of pan and tilt; what the unit does not tell is infinite.
+    lease_s : the unit holds a rate for so long after the last command.
+    """
+
+    def __init__(
+        self,
+        keep_out: KeepOut,
+        lows_rad: FloatArray,
+        highs_rad: FloatArray,
+        brakes_rad_s2: FloatArray,
+        *,
+        lease_s: float = 0.5,
+    ) -> None:
+        self.held = ""
+        """Where the head is held, in words; "" while it is not."""
+        self._keep_out = keep_out
+        self._held_s = lease_s + _LATE_S
+        self._brakes = np.where(np.isfinite(brakes_rad_s2), brakes_rad_s2, _UNKNOWN_BRAKES_RAD_S2)
+        self._ways = Wayfinder(lows_rad, highs_rad, PLAN_MARGIN_RAD)
+        self._told = np.zeros(2)
+
+    def zones(self, t_s: float) -> Zones:
+        """Return what is closed at a session time."""
+        return self._keep_out.zones(t_s)
+
+    def allows(self, t_s: float, angles_rad: tuple[float, float]) -> bool:
+        """Return whether the head may look at (pan, tilt) then."""
+        return self.zones(t_s).at(angles_rad) >= PLAN_MARGIN_RAD
+
+    def next(self, t_s: float, here_rad: FloatArray, wanted_rad: FloatArray) -> Detour:
+        """Return where to turn from angles (2,) to get to others; notes where the head is ``held``."""
+        zones = self.zones(t_s)
+        self.held = ""
+        if zones.is_empty:
+            return Detour(angles_rad=wanted_rad, reaches=True)
+        found = self._ways.next(t_s, zones, here_rad, wanted_rad)
+        wanted = (float(wanted_rad[0]), float(wanted_rad[1]))
+        if zones.at(wanted) < PLAN_MARGIN_RAD:
+            self.held = f"held outside {zones.words((float(here_rad[0]), float(here_rad[1])))}"
+        elif not found.reaches and np.array_equal(found.angles_rad, here_rad):
+            self.held = f"held: no way round {zones.words(wanted)}"
+        return found
+
+    def slowed(self, t_s: float, here_rad: FloatArray, rates_rad_s: FloatArray) -> FloatArray:
+        """Return as much of rates (2,) as lets the head stop before any zone, or leave the one that it is in."""
+        zones = self.zones(t_s)
+        if zones.is_empty:
+            return rates_rad_s
+        for share in _SHARES:
+            ways = [self._told, share * rates_rad_s] if np.any(self._told) else [share * rates_rad_s]
+            if rates_are_clear(zones, here_rad, ways, self._held_s, self._brakes, _RATE_MARGIN_RAD):
+                return share * rates_rad_s
+        return np.zeros(2)
+
+    def told(self, rates_rad_s: FloatArray) -> None:
+        """Note the rates (2,) that were commanded."""
+        self._told = rates_rad_s
+
+    def step_towards(self, t_s: float, here_rad: FloatArray, goal_rad: FloatArray) -> FloatArray:
+        """Return angles (2,) on the way to others that a unit may be sent to, whichever axis is the faster."""
+        zones = self.zones(t_s)
+        here = (float(here_rad[0]), float(here_rad[1]))
+        for share in _STEP_SHARES:
+            there = here_rad + share * (goal_rad - here_rad)
+            if zones.box_is_clear(here, (float(there[0]), float(there[1])), _RATE_MARGIN_RAD):
+                return np.asarray(there)
+        return here_rad
+
+    def turned_aside(self, t_s: float, here: FloatArray, rates: FloatArray) -> FloatArray:
+        """Return rates (2,) whose part towards the nearest zone can be braked in the room that is left before it."""
+        zones = self.zones(t_s)
+        if zones.is_empty:
+            return rates
+        room = zones.at((float(here[0]), float(here[1]))) - PLAN_MARGIN_RAD
+        slope = slope_of(zones, here)
+        size = float(slope @ slope)
+        if size < 1e-6:
+            return rates
+        brakes = float(self._brakes.min())
+        late = brakes * (self._held_s + 0.1)
+        least = late - math.sqrt(late * late + 2.0 * brakes * room) if room > 0.0 else -room
+        lacking = least - float(slope @ rates)
+        return rates if lacking <= 0.0 else rates + lacking / size * slope

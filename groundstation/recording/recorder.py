@@ -1,0 +1,242 @@
+"""The recorder: exactly what the pipeline consumed, in its order, and what it answered, in a crash-safe file.
+
+A thread of its own writes; whoever hands over events and reports never waits. Where the disk cannot follow, recording
+degrades: pictures are first no longer packed, then dropped, the oldest first, each noted in the file; everything else
+only when the disk takes nothing for minutes. What is in the file is at the operating system within a quarter of a
+second (a killed process loses no more), and on the disk itself within another half (a power cut).
+"""
+
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from groundstation.errors import InputError
+from groundstation.messages import BegunAnew, Event, Frame, StepReport
+from groundstation.recording.contents import RecordingHeader
+from groundstation.recording.event_codec import event_values
+from groundstation.recording.recorder_messages import RecordingMessages
+from groundstation.recording.recorder_output import RawOutput, RetriedOutput, new_file
+from groundstation.recording.recorder_queue import Answer, EventLine, FramePixels, RecorderQueue
+from groundstation.recording.recorder_rates import RateBook
+from groundstation.recording.recorder_status import (
+    PATIENT,
+    RecorderConfig,
+    RecorderState,
+    RecorderStatus,
+    left_to_recover,
+)
+from groundstation.recording.recorder_writer import RecorderWriter
+from groundstation.recording.windows import merged
+from groundstation.rig.rig import Rig
+from groundstation.thread_scheduling import give_way
+
+_PATIENT_FILL = 0.5
+_PATIENT_S = 0.005
+
+__all__ = ["PATIENT", "Recorder", "RecorderConfig", "RecorderState", "RecorderStatus"]
+
+
+class Recorder:
+    """A sink of events and of reports. Give it each event before the pipeline takes it, and each report after.
+
+    Parameters
+    ----------
+    path : a file that does not exist yet, .mcap.
+    whole_frames : keep all of every picture at once, whatever is read of it: for converting.
+    output, free_bytes, clock : stand-ins for the file, the disk's free space and the time, for tests.
+
+    Raises `InputError` where the file cannot be made. Later faults are in `status`, never raised.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        rig: Rig,
+        header: RecordingHeader,
+        config: RecorderConfig | None = None,
+        *,
+        whole_frames: bool = False,
+        output: RawOutput | None = None,
+        free_bytes: Callable[[], int] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        config = RecorderConfig() if config is None else config
+        self._config = config
+        self._path = path
+        self._whole_frames = whole_frames
+        raw = new_file(path) if output is None else output
+        self._output = RetriedOutput(raw)
+        try:
+            self._messages = RecordingMessages(self._output, rig, header, config.chunk_bytes)
+        except InputError:
+            # nothing has been recorded: an empty file would only be in the way of the next attempt
+            raw.close()
+            path.unlink(missing_ok=True)
+            raise
+        self._queue = RecorderQueue(max_picture_bytes=config.queue_picture_bytes, max_items=config.queue_items)
+        self._free_bytes = free_bytes if free_bytes is not None else lambda: _free_bytes(path.parent)
+        self._clock = clock
+        self._number = 0
+        self._unseen: dict[tuple[str, int], deque[tuple[int, Frame]]] = {}
+        self._state, self._reason = RecorderState.RECORDING, ""
+        self._free: int | None = None
+        self._rates = RateBook()
+        self._closed = False
+        self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # ------------------------------------------------------------------------------ the pipeline's side
+    @property
+    def status(self) -> RecorderStatus:
+        """How recording goes."""
+        pictures, records, events = self._queue.counts()
+        return RecorderStatus(
+            state=self._state,
+            reason=self._reason,
+            written_bytes=self._output.written_bytes,
+            fill=self._queue.fill(),
+            pictures_dropped=pictures,
+            records_lost=records,
+            events_lost=events,
+            free_bytes=self._free,
+            rates=self._rates.rates,
+        )
+
+    def take(self, event: Event) -> None:
+        """Record an event; of a frame the pixels follow once its report says that it has been looked at.
+
+        Raises `InputError` only if it is patient and the disk takes nothing.
+        """
+        if self._config.patient:
+            self._wait()
+        number = self._number
+        self._number += 1
+        self._queue.put(EventLine(n=number, t_s=float(event.t_s), values=event_values(number, event)))
+        if isinstance(event, BegunAnew):
+            # who held frames until now will not report on them
+            self._put_unseen()
+        if not isinstance(event, Frame):
+            return
+        if self._whole_frames:
+            self._put_pixels(number, event, whole=True)
+        else:
+            self._unseen.setdefault((event.station, event.epoch), deque()).append((number, event))
+
+    def taken(self, events: Iterable[Event]) -> Iterator[Event]:
+        """Pass events on, each recorded before."""
+        for event in events:
+            self.take(event)
+            yield event
+
+    def write(self, report: StepReport) -> None:
+        """Record what one step answered, and of the frames that it looked at what was read."""
+        for camera in report.cameras:
+            waiting = self._unseen.get((camera.station, camera.epoch))
+            if waiting:
+                number, frame = waiting.popleft()
+                if not waiting:
+                    del self._unseen[camera.station, camera.epoch]
+                self._put_pixels(number, frame, whole=frame.image.whole_read)
+            self._queue.put(Answer(content=replace(camera, image=None)))
+        for estimate in report.estimates:
+            self._queue.put(Answer(content=estimate))
+        for state in report.states:
+            self._queue.put(Answer(content=state))
+        for event in report.events:
+            self._queue.put(Answer(content=event))
+
+    def attach(self, name: str, data: bytes) -> None:
+        """Add a file that is known only now, as the DGPS log of a flight."""
+        self._queue.put(Answer(content=(name, data)))
+
+    def close(self) -> None:
+        """Write everything that waits, close the file; closing twice is allowed."""
+        if self._closed:
+            return
+        self._closed = True
+        self._put_unseen()
+        self._queue.close()
+        self._thread.join(self._config.close_s)
+        if self._thread.is_alive():
+            self._state = RecorderState.FAILED
+            self._reason = "the disk did not answer at the end" + left_to_recover(self._output.written_bytes)
+
+    def _wait(self) -> None:
+        """Wait while much is to be written; raises `InputError` if that will not be."""
+        while self._state is RecorderState.RECORDING and self._queue.fill() > _PATIENT_FILL:
+            time.sleep(_PATIENT_S)
+        if self._state is not RecorderState.RECORDING:
+            raise InputError(str(self._path), got=self.status.line(), wanted="a disk with space for the recording")
+
+    def _put_unseen(self) -> None:
+        """Hand over what was read of the frames that no report is to be expected of."""
+        for waiting in self._unseen.values():
+            for number, frame in waiting:
+                self._put_pixels(number, frame, whole=frame.image.whole_read)
+        self._unseen.clear()
+
+    def _put_pixels(self, number: int, frame: Frame, *, whole: bool) -> None:
+        """Hand over what is to be kept of a frame; windows are copied, so that the picture's memory is free again."""
+        image = frame.image
+        item = FramePixels(of=number, station=frame.station, t_s=frame.t_s, pattern=image.pattern, source=None)
+        if self._queue.refuse_pictures and (whole or image.read):
+            self._queue.drop_picture(item, self._queue.refuse_pictures)
+        elif whole:
+            channels = 1 if image.pattern is not None else 3
+            item.source, item.size_bytes = image, channels * image.size_px[0] * image.size_px[1]
+        else:
+            kept = [image.kept(window) for window in merged(image.read)]
+            item.source, item.size_bytes = kept, sum(part.pixels.nbytes for part in kept)
+        self._queue.put(item)
+
+    # ------------------------------------------------------------------------------- the writer's side
+    def _work(self) -> None:
+        give_way()
+        try:
+            RecorderWriter(
+                self._queue,
+                self._output,
+                self._messages,
+                self._config,
+                self._look,
+                self._clock,
+                self._say,
+                self._rates,
+            ).run()
+        except Exception as fault:  # noqa: BLE001 - whatever happens to the recording, the flight goes on
+            self._say(RecorderState.FAILED, f"{type(fault).__name__}: {fault}")
+            self._queue.refuse_pictures = "failed"
+        finally:
+            self._output.close()
+
+    def _look(self) -> int:
+        """Return how much is free on the disk, and remember it for the status."""
+        try:
+            self._free = self._free_bytes()
+        except OSError:
+            self._free = None
+            raise
+        return self._free
+
+    def _say(self, state: RecorderState, reason: str) -> None:
+        self._state, self._reason = state, reason
+
+
+def _free_bytes(folder: Path) -> int:
+    """Return what is free for us on a folder's disk."""
+    space = os.statvfs(folder)
+    return space.f_bavail * space.f_frsize

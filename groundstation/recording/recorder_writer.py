@@ -1,0 +1,125 @@
+"""The recorder's own thread: from the queue into the file, and what to do when the disk does not take it."""
+
+import time
+from collections.abc import Callable
+
+from groundstation.messages import TrackEstimate
+from groundstation.recording.recorder_messages import RecordingMessages
+from groundstation.recording.recorder_output import RetriedOutput
+from groundstation.recording.recorder_queue import Answer, RecorderQueue
+from groundstation.recording.recorder_rates import RateBook
+from groundstation.recording.recorder_status import RecorderConfig, RecorderState, left_to_recover
+
+
+class RecorderWriter:
+    """Runs in the recorder's thread; ``say`` is told how it goes."""
+
+    def __init__(
+        self,
+        queue: RecorderQueue,
+        output: RetriedOutput,
+        messages: RecordingMessages,
+        config: RecorderConfig,
+        free_bytes: Callable[[], int],
+        clock: Callable[[], float],
+        say: Callable[[RecorderState, str], None],
+        rates: RateBook,
+    ) -> None:
+        self._queue = queue
+        self._output = output
+        self._messages = messages
+        self._config = config
+        self._free_bytes = free_bytes
+        self._clock = clock
+        self._say = say
+        self._rates = rates
+        self._flushed_s = self._synced_s = clock()
+        self._looked_s = -1e9
+        self._give_up_s: float | None = None
+        self._refused = ""
+
+    def run(self) -> None:
+        """Write until the queue is closed and empty, then the index."""
+        while True:
+            if not self._may_write():
+                if self._out_of_time():
+                    self._fail()
+                    return
+                time.sleep(self._config.retry_s)
+                continue
+            item = self._queue.take(self._config.chunk_s / 4)
+            for first, last in self._queue.take_lost():
+                self._messages.note_lost(first, last)
+            if item is not None:
+                self._messages.put(item, png=self._queue.fill() < self._config.png_fill)
+                if isinstance(item, Answer) and isinstance(item.content, TrackEstimate):
+                    self._rates.answered(item.content, self._output.tell())
+            elif self._queue.drained:
+                break
+            self._flush()
+        self._messages.finish()
+        while not self._commit(sync=True):
+            if self._out_of_time():
+                self._fail()
+                return
+            time.sleep(self._config.retry_s)
+        self._say(RecorderState.CLOSED, "")
+
+    def _fail(self) -> None:
+        """Say why nothing more was taken, and what is left to do."""
+        why = f"the disk took nothing at the end ({self._refused})"
+        self._say(RecorderState.FAILED, why + left_to_recover(self._output.written_bytes))
+
+    def _out_of_time(self) -> bool:
+        """Return whether closing has waited long enough for a disk that takes nothing."""
+        if not self._queue.closed:
+            return False
+        if self._give_up_s is None:
+            self._give_up_s = self._clock() + 0.5 * self._config.close_s
+        return self._clock() > self._give_up_s
+
+    def _flush(self) -> None:
+        """Close the chunk when it is old, and bring full ones to the file."""
+        now_s = self._clock()
+        if now_s - self._flushed_s >= self._config.chunk_s:
+            self._flushed_s = now_s
+            self._messages.flush()
+        # where nothing more comes, what came last is to reach the disk all the same
+        sync = now_s - self._synced_s >= self._config.sync_s
+        if (self._output.waiting_bytes or sync) and self._commit(sync=sync) and sync:
+            self._synced_s = now_s
+
+    def _may_write(self) -> bool:
+        """Return whether the disk takes something; looks at its free space once a second."""
+        now_s = self._clock()
+        if now_s - self._looked_s >= 1.0 or self._output.waiting_bytes:
+            self._looked_s = now_s
+            try:
+                free = self._free_bytes()
+            except OSError as fault:
+                return self._refuse(f"the disk is gone ({fault.strerror})")
+            if free < self._config.stop_free_bytes:
+                return self._refuse(f"disk full, {free / 1e6:.0f} MB free")
+            if free < self._config.keep_free_bytes:
+                self._queue.refuse_pictures = "disk nearly full"
+                self._say(RecorderState.NO_PICTURES, f"disk nearly full, {free / 1e6:.0f} MB free")
+            else:
+                self._queue.refuse_pictures = ""
+                self._say(RecorderState.RECORDING, "")
+        return self._commit(sync=False) if self._output.waiting_bytes else True
+
+    def _refuse(self, reason: str) -> bool:
+        self._refused = reason
+        self._queue.refuse_pictures = reason
+        self._say(RecorderState.WAITING, reason)
+        return False
+
+    def _commit(self, *, sync: bool) -> bool:
+        """Bring everything to the file; where that fails, say so: it is tried again."""
+        try:
+            self._output.commit()
+            if sync:
+                self._output.sync()
+        except OSError as fault:
+            return self._refuse(f"the disk takes nothing ({fault.strerror or fault})")
+        return True

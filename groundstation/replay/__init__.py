@@ -1,0 +1,1 @@
+"""Replaying recorded sessions: load, run, compare, view."""

@@ -1,0 +1,210 @@
+"""Evaluating several runs together: replay what is not yet, take the figures, set each against a baseline."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from groundstation.errors import InputError
+from groundstation.evaluation.comparison_text import ScoredRun, format_comparison, scored
+from groundstation.evaluation.figures_of_run import moved_figures
+from groundstation.evaluation.summary import SUMMARY_FORMAT
+from groundstation.files.toml_table import quoted, shown
+from groundstation.replay.compared_runs import (
+    SUMMARY,
+    PlannedRun,
+    SourceKind,
+    planned_runs,
+    refuse_replaying_onto,
+    results_of,
+)
+
+COMPARISON_FORMAT = "groundstation-comparison/1"
+# the same pairs, though their stamps may have been read otherwise: number, first and last time in s
+_ALIKE = (0.0, 0.02, 0.02)
+_COLUMNS = ("run", "figure", "value", "baseline", "difference", "percent")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompareRequest:
+    """What the user asked for; sessions are replayed into ``work``, with each of ``configs``.
+
+    ``baseline`` is the name of a run or a folder of results; None takes the first run.
+    """
+
+    sources: tuple[Path, ...]
+    work: Path
+    configs: tuple[Path, ...] = ()
+    rig: Path | None = None
+    baseline: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompareResult:
+    """The runs, the one of them that the others are held against, and what is to be said."""
+
+    runs: tuple[ScoredRun, ...]
+    baseline: ScoredRun
+    notes: tuple[str, ...]
+
+
+def compare(
+    request: CompareRequest, progress: Callable[[str, int, int], None] = lambda name, done, total: None
+) -> CompareResult:
+    """Evaluate every run; raises `InputError` for what is no run or was not finished."""
+    runs = planned_runs(request.sources, request.configs)
+    refuse_replaying_onto((*request.sources, *request.configs, request.rig), runs, request.work)
+    if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
+        raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
+    before = None
+    if request.baseline is not None and request.baseline not in {run.name for run in runs}:
+        names = ", ".join(run.name for run in runs)
+        if not Path(request.baseline).exists():
+            raise InputError(request.baseline, got="no such run or folder", wanted=f"one of {names}, or a folder")
+        # a folder of results that is not among the runs comes before them
+        before = Path(request.baseline)
+    notes: list[str] = []
+    found = [_scored(run, request, progress, notes) for run in runs]
+    if before is not None:
+        (first,) = planned_runs([before])
+        name = first.name if first.name not in {run.name for run in runs} else "baseline"
+        known = PlannedRun(name=name, source=first.source, kind=first.kind)
+        found.insert(0, _scored(known, request, progress, notes))
+    wanted = request.baseline if before is None else found[0].name
+    baseline = next((run for run in found if run.name == wanted), found[0])
+    notes += [note for run in found if run is not baseline for note in _other_part(run, baseline)]
+    return CompareResult(runs=tuple(found), baseline=baseline, notes=tuple(notes))
+
+
+def _other_part(run: ScoredRun, baseline: ScoredRun) -> Iterator[str]:
+    """Say where a run's pairs are not the baseline's: its errors may differ for that alone."""
+    if any(abs(a - b) > most for a, b, most in zip(_part(run), _part(baseline), _ALIKE, strict=True)):
+        yield (
+            f"{run.name} has {_part_in_words(run)}, {baseline.name} {_part_in_words(baseline)}: not the same pairs, so "
+            "compare ranges rather than all (of one session, `replay --from` and `--to` make the parts alike)"
+        )
+
+
+def _part(run: ScoredRun) -> tuple[float, float, float]:
+    """Return how many pairs a run has, and the first and last of their times in s."""
+    session = run.summary["session"]
+    return float(session["epochs"]), float(session["from_s"]), float(session["to_s"])
+
+
+def _part_in_words(run: ScoredRun) -> str:
+    pairs, from_s, to_s = _part(run)
+    return f"{pairs:.0f} pairs from {from_s:g} to {to_s:g} s"
+
+
+def _scored(
+    run: PlannedRun, request: CompareRequest, progress: Callable[[str, int, int], None], notes: list[str]
+) -> ScoredRun:
+    """Return one run with its figures, replaying it if it has to be."""
+    folder, fault = results_of(
+        run,
+        request.work,
+        rig=request.rig,
+        rerun=False,
+        progress=lambda done, total: progress(run.name, done, total),
+    )
+    if fault is not None:
+        notes.append(f"{run.name}: fault in the recording: {fault}")
+    return _with_figures(run, folder / SUMMARY)
+
+
+def _with_figures(run: PlannedRun, path: Path) -> ScoredRun:
+    """Return a run with the figures of its summary; raises `InputError` if some are missing or are no numbers."""
+    summary = load_summary(path)
+    wanted = "a summary.json as `groundstation replay` wrote it"
+    try:
+        found = scored(run.name, str(run.source), summary)
+        # what the tables take of it is all there, or it is said here
+        format_comparison((found,), found)
+        _part(found)
+        parts = (summary["session"]["name"], summary["configuration"].items(), summary["versions"].items())
+    except (KeyError, TypeError, AttributeError, ValueError, ArithmeticError) as fault:
+        raise InputError(str(path), got=f"not all of it as it should be: {fault}", wanted=wanted) from fault
+    odd = [name for name, value in found.figures.items() if not math.isfinite(value)]
+    if odd or not isinstance(parts[0], str):
+        raise InputError(str(path), got=f"no number for {', '.join(odd[:3]) or 'session.name'}", wanted=wanted)
+    return found
+
+
+def load_summary(path: Path) -> dict[str, Any]:
+    """Read a summary.json; raises `InputError` if it is missing or none of ours."""
+    wanted = "the summary.json of a replay that was finished"
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"), parse_float=_finite, parse_constant=_finite)
+    except OSError as fault:
+        raise InputError(str(path), got=str(fault.strerror), wanted=wanted) from fault
+    except (ValueError, RecursionError) as fault:
+        raise InputError(str(path), got=f"no JSON ({shown(str(fault))})", wanted=wanted) from fault
+    if not isinstance(summary, dict) or summary.get("format") != SUMMARY_FORMAT:
+        got = summary.get("format") if isinstance(summary, dict) else type(summary).__name__
+        raise InputError(str(path), got=f"format {quoted(got)}", wanted=f"{SUMMARY_FORMAT!r}")
+    return summary
+
+
+def _finite(text: str) -> float:
+    """Return a number of a file; no comparison can be written with one that is none."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:20]} is no finite number")
+    return value
+
+
+def comparison_csv(result: CompareResult) -> str:
+    """Return the comparison as a table: one row for each run and figure; empty where there is nothing."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(_COLUMNS)
+    for run in result.runs:
+        for name, moved in moved_figures(result.baseline.figures, run.figures).items():
+            both = moved.before is not None and moved.after is not None
+            difference = moved.after - moved.before if both else None  # type: ignore[operator]
+            values = (moved.after, moved.before, difference, moved.percent)
+            table.writerow([run.name, name, *("" if v is None else f"{v:.9g}" for v in values)])
+    return text.getvalue()
+
+
+def comparison_json(result: CompareResult) -> str:
+    """Return the comparison as JSON: figures of each run, and each run's differences to the baseline."""
+    tables = [
+        {
+            "name": run.name,
+            "source": run.source,
+            "session": run.summary["session"]["name"],
+            "figures": dict(run.figures),
+            "difference": _differences(run, result.baseline),
+            "configuration": run.summary["configuration"],
+            "versions": run.summary["versions"],
+        }
+        for run in result.runs
+    ]
+    whole = {"format": COMPARISON_FORMAT, "baseline": result.baseline.name, "runs": tables}
+    return json.dumps(whole, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _differences(run: ScoredRun, baseline: ScoredRun) -> dict[str, float]:
+    shared = {name: (value, run.figures[name]) for name, value in baseline.figures.items() if name in run.figures}
+    return {name: after - before for name, (before, after) in shared.items()}
+
+
+def check_folders(paths: Sequence[Path]) -> None:
+    """Raise `InputError` for a file whose folder is not there: a slip of the pen shall not make one."""
+    for path in paths:
+        if not path.parent.is_dir():
+            raise InputError(str(path), got=f"no folder {path.parent}", wanted="a file in a folder that is there")
+
+
+def write_comparison_files(files: Sequence[tuple[Path, str]]) -> None:
+    """Write texts into files; raises `InputError` if one cannot be written."""
+    for path, text in files:
+        try:
+            path.write_text(text, encoding="utf-8", newline="")
+        except OSError as fault:
+            raise InputError(str(path), got=str(fault.strerror), wanted="a file that can be written") from fault

@@ -1,0 +1,69 @@
+"""What a replay takes from a recording, and what it says of one; of a folder all of this is nothing."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from groundstation.conversion.recorded_session import header_of
+from groundstation.messages import BegunAnew, Event, InitialState, ReferenceFix
+from groundstation.recording.contents import CONFIG
+from groundstation.recording.recorder import PATIENT, Recorder
+from groundstation.session import Session
+from groundstation.sources.recording import RecordingSource
+from groundstation.sources.replay import ReplaySource
+from groundstation.tracking.config import Config, load_config
+
+
+def tuning(session: Session, path: Path | None) -> Config:
+    """Return the tuning of a file, else that of the recording, else the defaults."""
+    if path is None and session.recorded is not None:
+        return load_config(session.folder / CONFIG)
+    return load_config(path)
+
+
+def untaught(events: Iterable[Event]) -> Iterator[Event]:
+    """Pass on all but the recorded reference positions: others are to be learnt from."""
+    return (event for event in events if not isinstance(event, ReferenceFix))
+
+
+def obeyed(events: Iterable[Event]) -> Iterator[Event]:
+    """Leave out each event at which the filter failed in operation, and let the pipeline begin anew there again.
+
+    It had brought forth nothing; where it fails again, or on another machine does not, the track stays the same.
+    """
+    held: Event | None = None
+    for event in events:
+        if isinstance(event, BegunAnew) and event.in_vain:
+            held = replace(event, in_vain=False)
+            continue
+        if held is not None:
+            yield held
+        held = event
+    if held is not None:
+        yield held
+
+
+def recorder_for(
+    path: Path, session: Session, rig: Path | None, config: Config, initial: InitialState | None, taught: bool
+) -> Recorder:
+    """Return the recorder of a replay, which waits for its disk instead of dropping pictures.
+
+    Raises `InputError` where the file exists or cannot be made.
+    """
+    header = header_of(session, rig, config, initial=initial, taught=taught)
+    return Recorder(path, session.rig, header, PATIENT)
+
+
+def recording_notes(source: ReplaySource | RecordingSource, recorder: Recorder | None) -> list[str]:
+    """Return what the recording that was read does not have, and what went wrong with the one written."""
+    notes = []
+    if isinstance(source, RecordingSource) and source.missing:
+        missing = source.missing
+        first = "" if missing.first_epoch is None else f", from epoch {missing.first_epoch} on"
+        notes.append(
+            f"the recording lacks the pictures of {missing.frames} frames and {missing.events} events: "
+            f"what follows cannot be the same as it was live{first}"
+        )
+    if recorder is not None and recorder.status.trouble:
+        notes.append(f"the recording is not whole: {recorder.status.line()}")
+    return notes

@@ -1,0 +1,299 @@
+"""Replaying a recorded session: load, track, write the result files, evaluate, report.
+
+It ends cleanly whatever the recording does: what was usable is written before the fault is raised.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from groundstation.errors import InputError, RigError, SessionError
+from groundstation.evaluation.collector import ResultCollector
+from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_reference_tums, write_summary
+from groundstation.evaluation.report import write_report
+from groundstation.evaluation.run_description import RunDescription
+from groundstation.messages import DgpsFix, InitialState, ReferenceFix
+from groundstation.replay.recorded_run import obeyed, recorder_for, recording_notes, tuning, untaught
+from groundstation.replay.reference_knowledge import ReferenceKnowledge, reference_knowledge
+from groundstation.replay.run import RunOutcome, run
+from groundstation.session import Session, load_dgps, load_session, load_truth
+from groundstation.sinks.identity import Identity, IdentitySink
+from groundstation.sinks.sink import Sink
+from groundstation.sinks.smoothed_track import SmoothedTrackSink
+from groundstation.sinks.track_files import TrackFilesSink
+from groundstation.sources.reference import reference_fixes, with_reference
+from groundstation.sources.session_source import session_source
+from groundstation.thread_scheduling import quick_hand_over
+from groundstation.tracking.config import Config, Start, config_to_mapping
+from groundstation.tracking.count_descriptions import count_words
+from groundstation.tracking.pipeline import Pipeline
+from groundstation.tracking.warm_up import warm_up
+from groundstation.viewer.session import reference_tracks, session_view
+
+# a start from DGPS is only as good as its clock: so much time may lie between the two
+_DGPS_CLOCK_SIGMA_S = 0.5
+_DGPS_START_SPAN_S = 1.0
+_MIN_BASELINE_M = 0.1
+_CLOCKS_APART_S = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayRequest:
+    """What the user asked for; ``rig`` and ``config`` None take the session's rig and tuning (or the defaults).
+
+    Up to ``learn_until_s`` of its clock the DGPS corrects the track and teaches the rig's errors; None compares only.
+    ``smooth`` writes the track once more, smoothed over the whole flight. ``record`` is a recording to write. Without
+    ``report`` there is no report.html, whose figures take longer than a short replay.
+    """
+
+    session: Path
+    out: Path
+    rig: Path | None = None
+    config: Path | None = None
+    from_s: float | None = None
+    to_s: float | None = None
+    learn_until_s: float | None = None
+    rerun: bool = True
+    smooth: bool = False
+    record: Path | None = None
+    report: bool = True
+
+    @property
+    def changes_nothing(self) -> bool:
+        """Whether a recording is to be replayed as it was made."""
+        return all(v is None for v in (self.rig, self.config, self.from_s, self.to_s, self.learn_until_s))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReplayResult:
+    """What came of it: the evaluation, the files written, and the fault that cut the run short, if any.
+
+    ``identity`` tells of a recording that was replayed as it was made whether it gave the same track again.
+    """
+
+    evaluation: Evaluation
+    files: tuple[Path, ...]
+    fault: InputError | None
+    identity: Identity | None = None
+
+
+def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda done, total: None) -> ReplayResult:
+    """Replay one session; ``progress`` is told epochs done and epochs in all.
+
+    Raises `InputError` where nothing can be done at all. A fault met on the way is in the result.
+    """
+    began = time.perf_counter()
+    session = _usable_session(request)
+    config = tuning(session, request.config)
+    # a broken reference does not stop the run
+    broken: list[SessionError] = []
+    notes: list[str] = []
+    dgps = load_dgps(session, broken.append, notes.append)
+    faults = [f"{fault}; rows of DGPS before that: {len(dgps)}" for fault in broken] + notes
+    broken.clear()
+    truth = load_truth(session, broken.append)
+    faults += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
+    faults += _clock_notes(session)
+    known = reference_knowledge(session, config.estimation)
+    faults += known.notes
+    with ExitStack() as opened:
+        opened.enter_context(quick_hand_over())
+        check = IdentitySink() if session.recorded is not None and request.changes_nothing else None
+        told = check.recorded if check is not None else lambda line: None
+        source = session_source(session, request.from_s, request.to_s, told)
+        opened.enter_context(source)
+        taught = _lessons(request, session, dgps, known)
+        given = session.recorded.header if session.recorded is not None else None
+        learns = bool(taught) or (given is not None and given.taught and request.learn_until_s is None)
+        initial = _initial(request, config, session, dgps, source.span_s[0])
+        _make_folder(request.out)
+        warm_up()
+        collector = ResultCollector()
+        files = opened.enter_context(TrackFilesSink(request.out))
+        view = session_view(request.out / "session.rrd", session) if request.rerun else None
+        smoothed = SmoothedTrackSink() if request.smooth else None
+        recorder = None
+        if request.record is not None:
+            recorder = recorder_for(request.record, session, request.rig, config, initial, learns)
+            opened.enter_context(recorder)
+        optional = (recorder, view, smoothed, check)
+        sinks: list[Sink] = [collector, files, *(sink for sink in optional if sink is not None)]
+        pipeline = Pipeline(
+            session.rig,
+            config,
+            span_m=session.target.span_m,
+            initial=initial,
+            stopwatch=time.perf_counter,
+            reference_errors=known.errors if learns else None,
+            keep_images=view is not None and view.wants_pictures,
+        )
+        if smoothed is not None:
+            smoothed.want = pipeline.smooth(smoothed.found)
+        prepared_s = time.perf_counter() - began
+        total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
+        given_events = obeyed(source) if session.recorded is not None else source
+        events = with_reference(untaught(given_events) if taught else given_events, taught)
+        if recorder is not None:
+            events = recorder.taken(events)
+        outcome = run(events, pipeline, sinks, lambda done: progress(done, total))
+    pipeline.finish_smoothing()
+    if outcome.fault is not None:
+        faults.append(str(outcome.fault))
+    faults += recording_notes(source, recorder)
+    faults += count_words(pipeline.counts)
+    if taught and pipeline.taught_until_s is None:
+        faults.append("nothing was learnt from DGPS: no target was held while it was there, or nothing may be learnt")
+    description = RunDescription(
+        name=session.name,
+        phases=session.phases,
+        antenna_in_body_m=known.antenna_in_body_m,
+        clocks_given=session.has_clocks,
+        acceleration_psd_m2_s3=config.estimation.acceleration_psd_m2_s3,
+        configuration=config_to_mapping(config),
+        speed=_speed(outcome, span_s, prepared_s),
+        faults=tuple(faults),
+        carried_errors=pipeline.carried_errors,
+        learnt_until_s=_by_dgps_clock(pipeline.taught_until_s, known),
+        fused_late=pipeline.fused_late,
+    )
+    if pipeline.taught_until_s is not None:
+        # what the filter was told is no proof of what it knows
+        until_s = pipeline.taught_until_s + known.offset_s
+        dgps = tuple(fix for fix in dgps if fix.t_s > until_s)
+    given_all = None if smoothed is None else smoothed.collected()
+    evaluation = evaluate_run(
+        collector,
+        description,
+        rig=session.rig,
+        config=config.evaluation,
+        dgps=dgps,
+        truth=truth,
+        smoothed=given_all,
+    )
+    # the fixes of an hour, one object each, would stand beside the figures
+    del dgps
+    written = ["track.csv", "triangulation.csv", "detections.csv", "track.tum"]
+    if smoothed is not None:
+        smoothed.save(request.out / "smoothed.csv")
+        written.append("smoothed.csv")
+    if view is not None:
+        view.write_reference(reference_tracks(evaluation, given_all))
+        view.close()
+        written.append("session.rrd")
+    write_summary(request.out / "summary.json", evaluation)
+    written += [path.name for path in write_reference_tums(request.out, evaluation)]
+    written += ["summary.json"]
+    if request.report:
+        written += [path.name for path in write_report(request.out / "report.html", evaluation, config.evaluation)]
+    paths = [request.out / name for name in written] + ([] if request.record is None else [request.record])
+    identity = None if check is None else check.result()
+    return ReplayResult(evaluation=evaluation, files=tuple(paths), fault=outcome.fault, identity=identity)
+
+
+def _lessons(
+    request: ReplayRequest, session: Session, dgps: Sequence[DgpsFix], known: ReferenceKnowledge
+) -> list[ReferenceFix]:
+    """Return the DGPS positions that the filter may learn from; none unless asked for."""
+    if request.learn_until_s is None:
+        return []
+    taught = reference_fixes(dgps, known.antenna_in_body_m, request.learn_until_s, known.offset_s)
+    if not taught:
+        got = f"no DGPS fix up to {request.learn_until_s:g} s" if dgps else "no DGPS at all"
+        raise SessionError(session.name, got=got, wanted="some, for --learn-until")
+    return taught
+
+
+def _usable_session(request: ReplayRequest) -> Session:
+    """Load the session and refuse what cannot be tracked, or what would write over the recording."""
+    session = load_session(request.session, request.rig)
+    if len(session.rig.stations) < 2:
+        raise RigError(session.rig.path, got="one station", wanted="two or more: one alone sees no distance")
+    session.rig.require_known()
+    places = np.array([s.ptu_position_m for s in session.rig.stations])
+    if float(np.ptp(places, axis=0).max()) < _MIN_BASELINE_M:
+        raise RigError(session.rig.path, got="all stations in one place", wanted="stations that stand apart")
+    if request.out.resolve() == request.session.resolve():
+        got = "the session folder itself"
+        raise InputError(str(request.out), got=got, wanted="another folder: results would replace recordings")
+    return session
+
+
+def _by_dgps_clock(t_s: float | None, known: ReferenceKnowledge) -> float | None:
+    return None if t_s is None else t_s + known.offset_s
+
+
+def _clock_notes(session: Session) -> list[str]:
+    """Say where a station's camera and PTU are put so far apart in time that it is likely a slip."""
+    notes = []
+    for station in session.rig.stations:
+        camera = station.camera_clock.offset_s if station.camera_clock is not None else 0.0
+        if not station.fixed and session.has_clocks and abs(camera - station.ptu_clock.offset_s) > _CLOCKS_APART_S:
+            notes.append(
+                f"station {station.name}: [clocks] moves its camera by {camera:g} s, and its PTU is moved by "
+                f"{station.ptu_clock.offset_s:g} s (ptu_clock in the rig): is that meant?"
+            )
+    return notes
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
+
+
+def _speed(outcome: RunOutcome, span_s: float, prepared_s: float) -> dict[str, float]:
+    """Return the figures on processing speed; preparation is imports, compilation and opening."""
+    elapsed = max(outcome.elapsed_s, 1e-9)
+    return {
+        "preparation_s": prepared_s,
+        "replay_s": outcome.elapsed_s,
+        "epochs_per_s": outcome.epochs / elapsed,
+        "times_real_time": span_s / elapsed,
+    }
+
+
+def _initial(
+    request: ReplayRequest, config: Config, session: Session, dgps: Sequence[DgpsFix], first_s: float
+) -> InitialState | None:
+    """Return the start that was recorded, or that the tuning asks for if that, or the part replayed, is another."""
+    if session.recorded is not None and request.config is None and request.from_s is None:
+        return session.recorded.header.initial
+    return _start(config.start, session, dgps, first_s)
+
+
+def _start(kind: Start, session: Session, dgps: Sequence[DgpsFix], first_s: float) -> InitialState | None:
+    """Return the state to start from, or None to search."""
+    if kind is Start.SEARCH or (kind is Start.AUTO and session.initial is None):
+        return None
+    if kind in (Start.AUTO, Start.INITIAL):
+        if session.initial is None:
+            raise SessionError(f"{session.name}: session.toml", got="no [initial]", wanted="one, for start = 'initial'")
+        return session.initial
+    return start_from_dgps(dgps, first_s, session.name)
+
+
+def start_from_dgps(dgps: Sequence[DgpsFix], first_s: float, name: str) -> InitialState:
+    """Return position and velocity by a straight line through the first second of DGPS in the range.
+
+    The two clocks may differ by an offset not known yet; it goes into sigma along the direction of flight.
+    """
+    near = [f for f in dgps if first_s <= f.t_s <= first_s + _DGPS_START_SPAN_S]
+    if len(near) < 2:
+        raise SessionError(
+            f"{name}: dgps.csv", got=f"{len(near)} fixes in the first second", wanted="2 or more, for start = 'dgps'"
+        )
+    t = np.array([f.t_s for f in near])
+    points = np.array([f.position_runway_m for f in near])
+    velocity, at_start = np.polyfit(t - t[0], points, 1)
+    return InitialState(
+        t_s=float(t[0]),
+        position_runway_m=np.asarray(at_start, dtype=np.float64),
+        velocity_runway_m_s=np.asarray(velocity, dtype=np.float64),
+        sigma_position_m=1.0 + _DGPS_CLOCK_SIGMA_S * np.abs(velocity),
+        sigma_velocity_m_s=np.full(3, 2.0),
+    )

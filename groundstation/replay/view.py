@@ -1,0 +1,192 @@
+"""Looking at runs: one, or several side by side on one runway, in the viewer, in a browser, or as a file."""
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from groundstation.errors import InputError, RigError, SessionError
+from groundstation.files.output_names import below
+from groundstation.files.overwriting import Output
+from groundstation.replay.compared_runs import (
+    RECORDING,
+    PlannedRun,
+    SourceKind,
+    planned_runs,
+    refuse_replaying_onto,
+    results_of,
+)
+from groundstation.session import load_session
+from groundstation.viewer.compare import (
+    ShownRun,
+    event_at,
+    event_words,
+    shown_runs,
+    together_in_time,
+    write_comparison,
+)
+from groundstation.viewer.merge import Align
+from groundstation.viewer.recording_check import check_recording
+from groundstation.viewer.results import recording_of_results
+from groundstation.viewer.unplayed import recording_of_session
+
+_VIEW = "view.rrd"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewRequest:
+    """What the user asked for; ``align`` None moves runs to their start only if they have no time in common.
+
+    ``work`` is where sessions are replayed to and what is shown is written. ``save`` is a file for it.
+    """
+
+    sources: tuple[Path, ...]
+    work: Path
+    configs: tuple[Path, ...] = ()
+    rig: Path | None = None
+    align: Align | None = None
+    save: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewResult:
+    """The recording to open, the names of the runs in it, how they are aligned, and what is to be said.
+
+    ``event_s`` is the time at which the start or touchdown of each is, or what is in its stead, as ``event`` says;
+    None where nothing is aligned.
+    """
+
+    recording: Path
+    names: tuple[str, ...]
+    align: Align
+    notes: tuple[str, ...]
+    event_s: float | None = None
+    event: str = ""
+
+
+def prepare_view(
+    request: ViewRequest, progress: Callable[[str, int, int], None] = lambda name, done, total: None
+) -> ViewResult:
+    """Replay what has to be, and write the one recording that shows it all.
+
+    Raises `InputError` for what is no run, or cannot be shown beside others.
+    """
+    runs = planned_runs(request.sources, request.configs)
+    saved = Output(path=request.work / _VIEW) if request.save is None else Output(path=request.save, option="--save")
+    tables = [Output(path=below(request.work, f"{run.name}.rrd")) for run in runs]
+    refuse_replaying_onto((*request.sources, *request.configs, request.rig), runs, request.work, (saved, *tables))
+    if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
+        raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
+    notes: list[str] = []
+    recordings: dict[str, Path] = {}
+    for run in runs:
+        recordings[run.name] = _recording(run, request, progress, notes)
+    made = {name for name, path in recordings.items() if path == below(request.work, f"{name}.rrd")}
+    unplayed = {run.name for run in runs if run.name in made and run.kind is SourceKind.SESSION}
+    for name, path in recordings.items():
+        if name not in made:
+            check_recording(path)
+    # one made of tables has no layout of its own
+    if len(recordings) == 1 and request.align in (None, Align.NONE) and runs[0].name not in made:
+        path = next(iter(recordings.values()))
+        return ViewResult(
+            recording=_kept(path, request.save), names=tuple(recordings), align=Align.NONE, notes=tuple(notes)
+        )
+    shown = shown_runs(recordings, request.align or Align.NONE)
+    align = request.align or Align.NONE
+    if request.align is None and not together_in_time(shown):
+        align = Align.START
+        notes.append("the runs have no time in common: shown from each one's start (--align none keeps their times)")
+        shown = shown_runs(recordings, align)
+    notes += _missing([run for run in shown if run.name not in unplayed], align)
+    path = request.save if request.save is not None else request.work / _VIEW
+    _make_folder(path.parent)
+    write_comparison(path, shown, align)
+    return ViewResult(
+        recording=path,
+        names=tuple(recordings),
+        align=align,
+        notes=tuple(notes),
+        event_s=event_at(shown, align),
+        event=event_words(shown, align),
+    )
+
+
+def _recording(
+    run: PlannedRun, request: ViewRequest, progress: Callable[[str, int, int], None], notes: list[str]
+) -> Path:
+    """Return the Rerun recording of a run, replaying or making it if there is none."""
+    if run.kind is SourceKind.RERUN:
+        return run.source
+    try:
+        folder, fault = results_of(
+            run,
+            request.work,
+            rig=request.rig,
+            rerun=True,
+            smooth=True,
+            progress=lambda done, total: progress(run.name, done, total),
+        )
+    except (RigError, SessionError) as unusable:
+        return _unplayed(run, request, unusable, notes)
+    if fault is not None:
+        notes.append(f"{run.name}: fault in the recording: {fault}")
+    if (folder / RECORDING).is_file():
+        return folder / RECORDING
+    made = below(request.work, f"{run.name}.rrd")
+    _make_folder(made.parent)
+    recording_of_results(folder, made, run.name)
+    notes.append(f"{run.name}: replayed without a Rerun recording; its tables are shown")
+    return made
+
+
+def _unplayed(run: PlannedRun, request: ViewRequest, why: InputError, notes: list[str]) -> Path:
+    """Return a recording of what a session holds that cannot be replayed; raises ``why`` where that is nothing."""
+    made = below(request.work, f"{run.name}.rrd")
+    _make_folder(made.parent)
+    shown = recording_of_session(load_session(run.source, request.rig), made)
+    if not shown:
+        raise why
+    notes.append(f"{run.name}: not replayed, so {', '.join(shown)} alone: {why}")
+    return made
+
+
+def _missing(shown: Sequence[ShownRun], align: Align) -> list[str]:
+    """Say which runs have no track, and how they are put in time."""
+    where = "" if align is Align.NONE else ", put by the first time in it"
+    notes = [f"{run.name}: no estimate in it, so no track{where}" for run in shown if not len(run.track)]
+    for run in shown:
+        if align is Align.TOUCHDOWN and len(run.track) and not run.track.touches_down:
+            lowest_m = float(run.track.position_runway_m[:, 2].min())
+            notes.append(
+                f"{run.name}: no touchdown in it, the track is never below {lowest_m:.0f} m: put by the time at which "
+                "it comes within 0.5 m of that (--align start puts it by its first estimate)"
+            )
+    return notes
+
+
+def _kept(path: Path, save: Path | None) -> Path:
+    """Copy a recording to where it shall be saved."""
+    if save is None:
+        return path
+    _make_folder(save.parent)
+    try:
+        shutil.copyfile(path, save)
+    except OSError as fault:
+        raise InputError(str(save), got=str(fault.strerror), wanted="a file that can be written") from fault
+    return save
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InputError(str(folder), got=str(fault.strerror), wanted="a folder that can be written") from fault
+
+
+def names_line(result: ViewResult, sources: Sequence[Path]) -> str:
+    """Return one line that says what is shown and how."""
+    if len(result.names) == 1:
+        return f"showing {sources[0]}"
+    how = "each in its own time" if result.event_s is None else f"{result.event} of each at {result.event_s:.0f} s"
+    return f"showing {', '.join(result.names)} on one runway, {how}"

@@ -1,0 +1,66 @@
+"""What a rig file knows of the DGPS: how its clock stands to the session's, and where its antenna is.
+
+A flight that calibrates a rig finds both, and a recording is never edited: the rig file carries them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.errors import RigError
+from groundstation.files.toml_table import Table
+
+_MOST_NAME_CHARACTERS = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigReference:
+    """The table ``[reference]`` of a rig file; every part may be missing.
+
+    Attributes
+    ----------
+    session : name of the recording that the clock belongs to; empty, it holds for all.
+    offset_s, offset_sigma_s : t_dgps = t_session + offset, and one sigma; None where nothing is said.
+    antenna_in_body_m, antenna_sigma_m : (3,) from the nose: x forward, y right, z down; None where nothing is said.
+    """
+
+    session: str = ""
+    offset_s: float | None = None
+    offset_sigma_s: float = 0.0
+    antenna_in_body_m: FloatArray | None = None
+    antenna_sigma_m: FloatArray | None = None
+
+    def clock_for(self, session: str) -> float | None:
+        """Return the offset in s if it holds for a recording of that name, else None."""
+        return self.offset_s if self.session in ("", session) else None
+
+
+def read_reference(table: Table) -> RigReference:
+    """Read ``[reference]``; raises `RigError` for an unknown key or a number that cannot be."""
+    table.refuse_unknown({"session", "dgps_clock", "antenna_in_body_m", "antenna_sigma_m"})
+    session = table.text("session", "")
+    if len(session) > _MOST_NAME_CHARACTERS:
+        raise table.fail("session", f"{len(session)} characters", f"at most {_MOST_NAME_CHARACTERS}")
+    offset: float | None = None
+    sigma = 0.0
+    if "dgps_clock" in table:
+        clock = table.table("dgps_clock")
+        clock.refuse_unknown({"offset_s", "sigma_s"})
+        offset, sigma = clock.number("offset_s"), clock.number("sigma_s", 0.0, minimum=0.0)
+    antenna: FloatArray | None = None
+    antenna_sigma: FloatArray | None = None
+    if "antenna_in_body_m" in table:
+        antenna = table.vector("antenna_in_body_m", 3)
+        antenna_sigma = table.vector("antenna_sigma_m", 3, (0.0, 0.0, 0.0))
+        if np.any(antenna_sigma < 0.0):
+            raise table.fail("antenna_sigma_m", str(antenna_sigma.tolist()), "three numbers >= 0")
+    elif "antenna_sigma_m" in table:
+        raise RigError(table.where, got="antenna_sigma_m alone", wanted="antenna_in_body_m with it")
+    return RigReference(
+        session=session,
+        offset_s=offset,
+        offset_sigma_s=sigma,
+        antenna_in_body_m=antenna,
+        antenna_sigma_m=antenna_sigma,
+    )

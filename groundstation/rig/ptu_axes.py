@@ -1,0 +1,147 @@
+"""How a pan-tilt head's readings differ from its angles: zero, scale, play of the gears, and a leaning tilt axis.
+
+The angle of an axis is reading · (1 + scale) + zero − sense · backlash / 2, sense +1 or −1 as the axis moved last: the
+head lags behind its motor. The lean belongs to the geometry: base_from_head = Rz(pan) · Ry(lean) · Rx(tilt).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.files.toml_table import Table
+
+# no head that turns is worse; beyond it, someone meant another unit
+MAX_ZERO_DEG = 360.0
+MAX_SCALE_PPM = 100_000.0
+MAX_LEAN_DEG = 10.0
+MAX_BACKLASH_DEG = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PtuAxes:
+    """Errors of a head's axes; all zero for an ideal one. Angles in rad, scales without unit."""
+
+    pan_zero_rad: float = 0.0
+    tilt_zero_rad: float = 0.0
+    pan_scale: float = 0.0
+    tilt_scale: float = 0.0
+    lean_rad: float = 0.0
+    pan_backlash_rad: float = 0.0
+    tilt_backlash_rad: float = 0.0
+
+    @property
+    def reads_true(self) -> bool:
+        """Whether a reading is the angle: no error but, perhaps, a leaning axis."""
+        return replace(self, lean_rad=0.0) == IDEAL_AXES
+
+    def angles(self, pan_rad: float, tilt_rad: float, pan_from: float, tilt_from: float) -> tuple[float, float]:
+        """Return pan and tilt, rad, of two readings, rad; the senses are +1, −1 or between (0: not known)."""
+        return (
+            pan_rad * (1.0 + self.pan_scale) + self.pan_zero_rad - 0.5 * pan_from * self.pan_backlash_rad,
+            tilt_rad * (1.0 + self.tilt_scale) + self.tilt_zero_rad - 0.5 * tilt_from * self.tilt_backlash_rad,
+        )
+
+    def angles_many(self, readings_rad: FloatArray, senses: FloatArray) -> FloatArray:
+        """Return pan and tilt (n, 2), rad, of readings (n, 2), rad, and senses (n, 2)."""
+        scale = np.array([self.pan_scale, self.tilt_scale])
+        zero = np.array([self.pan_zero_rad, self.tilt_zero_rad])
+        backlash = np.array([self.pan_backlash_rad, self.tilt_backlash_rad])
+        return np.asarray(readings_rad * (1.0 + scale) + zero - 0.5 * senses * backlash)
+
+    def readings(self, pan_rad: float, tilt_rad: float, pan_from: float, tilt_from: float) -> tuple[float, float]:
+        """Return the readings, rad, at which the head has two angles, rad: the inverse of `angles`."""
+        return (
+            (pan_rad - self.pan_zero_rad + 0.5 * pan_from * self.pan_backlash_rad) / (1.0 + self.pan_scale),
+            (tilt_rad - self.tilt_zero_rad + 0.5 * tilt_from * self.tilt_backlash_rad) / (1.0 + self.tilt_scale),
+        )
+
+
+IDEAL_AXES = PtuAxes()
+
+
+class Play:
+    """What loose gears leave of a motion: the sense, −1 to 1, in which one axis leans on its gears.
+
+    The classical play: an axis that turns round first crosses its backlash, in which the head stands still, so that the
+    sense goes over from −1 to 1 along with the reading. Noise smaller than the play moves nothing. Until the axis has
+    moved, the sense is not known, 0.
+    """
+
+    __slots__ = ("_half", "_head")
+
+    def __init__(self, backlash_rad: float) -> None:
+        self._half = 0.5 * backlash_rad
+        self._head: float | None = None
+
+    def sense(self, reading_rad: float) -> float:
+        """Take the next reading and return the sense after it."""
+        if self._half <= 0.0:
+            return 0.0
+        if self._head is None:
+            self._head = reading_rad
+        self._head = min(max(self._head, reading_rad - self._half), reading_rad + self._half)
+        return (reading_rad - self._head) / self._half
+
+
+class AxisCorrection:
+    """Turns one station's readings, in order of time, into the angles that they mean."""
+
+    __slots__ = ("_axes", "_ideal", "_pan", "_tilt")
+
+    def __init__(self, axes: PtuAxes) -> None:
+        self._axes = axes
+        # the readings of an ideal head stay what they are, to the last bit
+        self._ideal = axes.reads_true
+        self._pan, self._tilt = Play(axes.pan_backlash_rad), Play(axes.tilt_backlash_rad)
+
+    def angles(self, pan_rad: float, tilt_rad: float) -> tuple[float, float]:
+        """Return pan and tilt, rad, of the next pair of readings, rad."""
+        if self._ideal:
+            return pan_rad, tilt_rad
+        return self._axes.angles(pan_rad, tilt_rad, self._pan.sense(pan_rad), self._tilt.sense(tilt_rad))
+
+
+_PPM = 1e-6
+_LIMITS = {
+    "pan_zero_deg": MAX_ZERO_DEG,
+    "tilt_zero_deg": MAX_ZERO_DEG,
+    "pan_scale_ppm": MAX_SCALE_PPM,
+    "tilt_scale_ppm": MAX_SCALE_PPM,
+    "lean_deg": MAX_LEAN_DEG,
+    "pan_backlash_deg": MAX_BACKLASH_DEG,
+    "tilt_backlash_deg": MAX_BACKLASH_DEG,
+}
+AXES_KEYS = tuple(_LIMITS)
+
+
+def axes_from_file_units(values: dict[str, float]) -> PtuAxes:
+    """Return the axes for keys of `AXES_KEYS` in degrees and ppm; what is left out is zero."""
+    given = {_field(key): value * (_PPM if key.endswith("_ppm") else np.radians(1.0)) for key, value in values.items()}
+    return PtuAxes(**{name: float(value) for name, value in given.items()})
+
+
+def axes_in_file_units(axes: PtuAxes) -> dict[str, float]:
+    """Return the axes as numbers in degrees and ppm, by `AXES_KEYS`."""
+    units = {key: _PPM if key.endswith("_ppm") else np.radians(1.0) for key in AXES_KEYS}
+    return {key: float(getattr(axes, _field(key)) / unit) for key, unit in units.items()}
+
+
+def read_axes(table: Table) -> PtuAxes:
+    """Read the table ``ptu_axes`` of a station; raises `RigError` for a key or number that cannot be."""
+    table.refuse_unknown(set(AXES_KEYS))
+    values = {}
+    for key, limit in _LIMITS.items():
+        least = 0.0 if "backlash" in key else -limit
+        values[key] = table.number(key, 0.0, minimum=least, maximum=limit)
+    return axes_from_file_units(values)
+
+
+def axes_to_toml(axes: PtuAxes) -> str:
+    """Return the inline table of rig.toml."""
+    numbers = (f"{key} = {value:.12g}" for key, value in axes_in_file_units(axes).items() if value != 0.0)
+    return "{ " + ", ".join(numbers) + " }"
+
+
+def _field(key: str) -> str:
+    return key.removesuffix("_deg") + "_rad" if key.endswith("_deg") else key.removesuffix("_ppm")

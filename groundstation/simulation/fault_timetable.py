@@ -1,0 +1,69 @@
+"""A timetable of faults, as `groundstation simulate --faults` has it, for a range that flies in real time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from groundstation.errors import InputError
+from groundstation.rig.rig import Rig
+from groundstation.simulation.faults import Fault, FaultKind
+from groundstation.simulation.simulated_receiver import ReceiverModel
+from groundstation.simulation.timed_faults import (
+    CAMERA_CLOCK_STEPPED,
+    CAMERA_FROZEN,
+    CAMERA_LATE,
+    CAMERA_LOST,
+    PTU_SILENT,
+    TimedFault,
+)
+
+_OF_STATIONS = {
+    FaultKind.CAMERA_LOST: CAMERA_LOST,
+    FaultKind.CAMERA_FROZEN: CAMERA_FROZEN,
+    FaultKind.CAMERA_LATE: CAMERA_LATE,
+    FaultKind.CAMERA_CLOCK_STEP: CAMERA_CLOCK_STEPPED,
+    FaultKind.PTU_SILENT: PTU_SILENT,
+}
+_OF_THE_RECEIVER = (FaultKind.DGPS_GAP, FaultKind.DGPS_CLOCK_STEP)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RangeFaults:
+    """What goes wrong with the stations' devices, and the receiver (None for none) as it fails."""
+
+    timetable: tuple[TimedFault, ...]
+    receiver: ReceiverModel | None
+
+
+def range_faults(faults: Sequence[Fault], receiver: ReceiverModel | None, where: str) -> RangeFaults:
+    """Return the faults of a timetable as a simulated range knows them; times count from the flight's beginning.
+
+    Raises `InputError`, which names ``where``, for what does not happen on a serial line, and for faults of a receiver
+    that is not there.
+    """
+    timetable = []
+    for fault in faults:
+        if fault.kind in _OF_STATIONS:
+            what = _OF_STATIONS[fault.kind]
+            timetable.append(
+                TimedFault(what=what, station=fault.station, from_s=fault.from_s, to_s=fault.to_s, by_s=fault.by)
+            )
+        elif fault.kind not in _OF_THE_RECEIVER:
+            known = ", ".join((*_OF_STATIONS, *_OF_THE_RECEIVER))
+            raise InputError(where, got=fault.kind, wanted=f"one of {known}; a PTU's line has --ptu-fault")
+        elif receiver is None:
+            raise InputError(where, got=f"{fault.kind} without --dgps", wanted="both")
+        elif fault.kind is FaultKind.DGPS_GAP:
+            receiver = replace(receiver, gone_s=(*receiver.gone_s, (fault.from_s, fault.to_s)))
+        else:
+            receiver = replace(receiver, stepped_s=(*receiver.stepped_s, (fault.from_s, fault.to_s, fault.by)))
+    return RangeFaults(timetable=tuple(timetable), receiver=receiver)
+
+
+def check_timetable(timetable: Sequence[TimedFault], rig: Rig) -> None:
+    """Raise `InputError` where a fault names a station that is not there, or a PTU where there is none."""
+    for fault in timetable:
+        where, turning = f"fault {fault.what!r}: station", [s.name for s in rig.stations if not s.fixed]
+        if fault.station not in rig.names:
+            raise InputError(where, got=repr(fault.station), wanted="one of " + ", ".join(rig.names))
+        if fault.what == PTU_SILENT and fault.station not in turning:
+            raise InputError(where, got=f"{fault.station!r}, which is fixed", wanted="one that has a pan-tilt unit")

@@ -1,0 +1,158 @@
+"""`groundstation simulate`: fly, film, and write a session folder that `groundstation replay` reads."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from groundstation.errors import ConfigError, ScenarioError
+from groundstation.files.toml_table import Table, load_toml, quoted
+from groundstation.rig.rig import Rig, load_rig
+from groundstation.simulation.airframe import trainer
+from groundstation.simulation.faults import Fault, FaultKind
+from groundstation.simulation.filmed_folder import PictureForm, checked_frames, write_filmed_folder
+from groundstation.simulation.flights import SPAN_M, Aircraft, FlightName, filmed_scenario, flight, site_rig
+from groundstation.simulation.optics import Optics
+from groundstation.simulation.rendered_camera import RenderedCamera
+from groundstation.simulation.scenery import Scenery
+from groundstation.simulation.session_folder import make_session_folder
+from groundstation.simulation.simulate import SimulatedFlight, simulate
+from groundstation.simulation.trajectory import Trajectory
+from groundstation.simulation.world import World
+
+MAX_PAIRS = 100_000
+_FAULT_KEYS = frozenset({"what", "station", "from_s", "to_s", "by_s", "by_deg"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilmRequest:
+    """What the user asked for.
+
+    ``rig`` None is the standard site, ``duration_s`` None the whole flight; ``grey`` cameras see no colours.
+    """
+
+    out: Path
+    name: FlightName = FlightName.LANDING
+    seed: int = 0
+    rate_hz: float = 10.0
+    duration_s: float | None = None
+    wind_m_s: float = 0.0
+    faults: Path | None = None
+    rig: Path | None = None
+    form: PictureForm = PictureForm.VIDEO
+    grey: bool = False
+    aircraft: Aircraft = Aircraft.WAVES
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilmResult:
+    """What came of it: pairs filmed, seconds flown, and the folder."""
+
+    pairs: int
+    duration_s: float
+    out: Path
+
+
+def film(request: FilmRequest, progress: Callable[[int, int], None] = lambda done, total: None) -> FilmResult:
+    """Film one flight into a session folder; ``progress`` is told pairs done and pairs in all.
+
+    Raises `InputError` where rig, faults or folder are at fault.
+    """
+    rig = site_rig() if request.rig is None else _usable(request.rig)
+    faults = () if request.faults is None else load_faults(request.faults)
+    flown = simulate(filmed_scenario(_trajectory(request), rig, seed=request.seed, frame_hz=request.rate_hz))
+    pairs = flown.truth.t_s.size
+    if pairs > MAX_PAIRS:
+        raise ScenarioError("simulate", got=f"{pairs} pairs", wanted=f"at most {MAX_PAIRS}")
+    checked_frames(flown, faults)
+    # before the surroundings are drawn, which takes some seconds
+    _check_folder(request.out)
+    write_filmed_folder(
+        request.out,
+        flown,
+        _cameras(request, flown),
+        words=_words(request),
+        faults=faults,
+        form=request.form,
+        progress=progress,
+    )
+    start, end = flown.scenario.trajectory.span_s
+    return FilmResult(pairs=pairs, duration_s=end - start, out=request.out)
+
+
+def _check_folder(folder: Path) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise ScenarioError(str(folder), got="a file", wanted="a new or an empty folder")
+    if folder.is_dir():
+        make_session_folder(folder)
+
+
+def _trajectory(request: FilmRequest) -> Trajectory:
+    return flight(
+        request.name,
+        seed=request.seed,
+        wind_m_s=request.wind_m_s,
+        duration_s=request.duration_s,
+        aircraft=request.aircraft,
+    )
+
+
+def _usable(path: Path) -> Rig:
+    rig = load_rig(path)
+    rig.require_known()
+    return rig
+
+
+def _cameras(request: FilmRequest, flown: SimulatedFlight) -> dict[str, RenderedCamera]:
+    """Return a camera for each true station, in one world."""
+    world = World(trajectory=flown.scenario.trajectory, airframe=trainer(SPAN_M), scenery=Scenery(seed=request.seed))
+    optics = Optics(pattern=None) if request.grey else Optics()
+    return {
+        s.name: RenderedCamera(world, s, optics, seed=request.seed, number=number)
+        for number, s in enumerate(flown.scenario.true_rig.stations)
+    }
+
+
+def _words(request: FilmRequest) -> dict[str, str]:
+    """Return the top of session.toml."""
+    wind = f", wind {request.wind_m_s:g} m/s" if request.wind_m_s else ""
+    return {
+        "name": f"simulated {request.name}",
+        "origin": f"Simulated and rendered, seed {request.seed}{wind}; exact truth",
+        "licence": "CC0",
+        "notes": "truth.csv and masks.npz are what truly was, whatever faults were asked for.",
+    }
+
+
+def load_faults(path: Path) -> tuple[Fault, ...]:
+    """Read a timetable of faults; raises `ConfigError` with file, row and key of the first mistake."""
+    document = load_toml(path, ConfigError)
+    top = Table(document, str(path), ConfigError)
+    top.refuse_unknown({"fault"})
+    rows = document.get("fault", [])
+    if not isinstance(rows, list):
+        raise top.fail("fault", quoted(rows), "[[fault]] tables")
+    return tuple(_fault(Table(row, f"{path}: fault {number + 1}", ConfigError)) for number, row in enumerate(rows))
+
+
+def _fault(table: Table) -> Fault:
+    """Read one [[fault]]."""
+    table.refuse_unknown(_FAULT_KEYS)
+    kind = FaultKind(table.choice("what", [k.value for k in FaultKind]))
+    by = table.number("by_s", 0.0)
+    if "by_deg" in table:
+        if kind is not FaultKind.PTU_SPIKE:
+            raise table.fail("by_deg", quoted(table.values["by_deg"]), "by_s: only a ptu_spike is in degrees")
+        by = math.radians(table.number("by_deg"))
+    elif kind is FaultKind.PTU_SPIKE:
+        raise table.fail("by_deg", "nothing", "how far the readings are off, degrees")
+    try:
+        return Fault(
+            kind=kind,
+            station=table.text("station", ""),
+            from_s=table.number("from_s"),
+            to_s=table.number("to_s") if "to_s" in table else math.inf,
+            by=by,
+        )
+    except ScenarioError as error:
+        raise ConfigError(f"{table.where}: {error.where}", got=error.got, wanted=error.wanted) from error

@@ -1,0 +1,360 @@
+"""An airstrip that is not there: simulated PTUs on real serial lines and cameras that look where they look.
+
+It runs in a process of its own, so that the station in operation is alone in hers, as it would be in the field: they
+meet at ptys, and at pictures that arrive through shared memory with a frame number and a device's stamp, like those of
+a camera on a network. What truly was is told with each picture, for the evaluation alone.
+"""
+
+import contextlib
+import math
+import multiprocessing as mp
+import threading
+import time
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.live.child import deaf_to_the_terminal
+from groundstation.live.due_line import DueLine
+from groundstation.picture import BayerPattern
+from groundstation.rig.rig import Rig, load_rig
+from groundstation.simulation.rendered_camera import RenderedCamera
+from groundstation.simulation.simulated_receiver import ReceiverModel, SimulatedReceiver
+from groundstation.simulation.timed_faults import (
+    CAMERA_CLOCK_STEPPED,
+    CAMERA_FROZEN,
+    CAMERA_LATE,
+    CAMERA_LOST,
+    TimedFault,
+    is_there,
+    size_s,
+    strike,
+)
+from groundstation.simulation.trajectory import Trajectory
+from groundstation.simulation.world import World
+from groundstation.sources.cameras.camera import (
+    CameraDevice,
+    CameraError,
+    CameraLostError,
+    Grab,
+    SettingsReadBack,
+)
+from groundstation.thread_scheduling import give_way, quick_hand_over
+from ptu_drivers.simulated.flir import FlirModel
+from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
+from ptu_drivers.simulated.line import VirtualLine
+from ptu_drivers.simulated.server import SimulatedServer
+
+_SLOTS = 8
+_READY_S = 600.0
+_END_S = 0.5
+_ARCSEC = 3600.0
+_PATTERN = BayerPattern.RG
+# before it begins, the aircraft is on its way from so far
+_FAR_OFF_S = 3600.0
+# how far back a head's angles can be asked for
+_REMEMBERED_S = 30.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RangeConfig:
+    """What is simulated.
+
+    Attributes
+    ----------
+    rig : the rig file; the simulated hardware is exactly that.
+    folder : where the links to the ptys are made.
+    flight : the target point over time; it begins when `SimulatedRange.begin` says so, and is far away before.
+    frame_rate_hz : of both cameras, triggered together.
+    delivery_s : from mid-exposure to the picture's arrival; longer where rendering takes longer.
+    baud : of the PTUs' lines.
+    ptu_faults, ptu_faults_per_minute : names of `ptu_drivers.simulated.faults.FAULTS`, and how often one strikes a PTU
+        once the flight has begun.
+    receiver : the reference receiver on the aircraft's nose, at the link ``dgps``; None for none.
+    timetable : what goes wrong at stated times of the flight.
+    """
+
+    rig: Path
+    folder: Path
+    flight: Trajectory
+    frame_rate_hz: float = 30.0
+    delivery_s: float = 0.035
+    baud: int = 115200
+    ptu_faults: tuple[str, ...] = ()
+    ptu_faults_per_minute: float = 6.0
+    receiver: ReceiverModel | None = None
+    timetable: tuple[TimedFault, ...] = ()
+    seed: int = 0
+
+
+class Told:
+    """What truly was at a camera's pictures: host time of mid-exposure and the nose's pixel, in flat memory."""
+
+    def __init__(self) -> None:
+        self._rows = array("d")
+
+    def add(self, t_s: float, u_px: float, v_px: float) -> None:
+        """Note a picture; the pixel is not a number where the nose is behind the camera."""
+        self._rows.extend((t_s, u_px, v_px))
+
+    def rows(self) -> FloatArray:
+        """Return t, u, v of all pictures, (n, 3)."""
+        return np.array(self._rows).reshape(-1, 3)
+
+
+class SimulatedRange:
+    """The range as the station meets it; a context manager. Raises `CameraError` where it cannot be started."""
+
+    def __init__(self, config: RangeConfig) -> None:
+        self._config = config
+        rig = load_rig(config.rig)
+        self.urls = {s.name: str(config.folder / f"ptu-{s.name}") for s in rig.stations if not s.fixed}
+        self.truth = {name: Told() for name in rig.names}
+        self._sizes = {s.name: s.lens.image_size_px for s in rig.stations}
+        self._memory: dict[str, SharedMemory] = {}
+        self._pipes: dict[str, Connection] = {}
+        self._process: BaseProcess | None = None
+        self._control: Connection | None = None
+
+    def __enter__(self) -> "SimulatedRange":
+        self._config.folder.mkdir(parents=True, exist_ok=True)
+        context = mp.get_context("spawn")
+        ends: dict[str, Connection] = {}
+        for name, (w, h) in self._sizes.items():
+            with deaf_to_the_terminal():
+                self._memory[name] = SharedMemory(create=True, size=_SLOTS * w * h)
+            self._pipes[name], ends[name] = context.Pipe(duplex=False)
+        self._control, other = context.Pipe()
+        blocks = {name: memory.name for name, memory in self._memory.items()}
+        process = context.Process(target=serve_range, args=(self._config, blocks, ends, other), daemon=True)
+        with deaf_to_the_terminal():
+            process.start()
+        self._process = process
+        for end in (*ends.values(), other):
+            end.close()
+        try:
+            if not self._control.poll(_READY_S) or self._control.recv() != "ready":
+                raise CameraError("simulated range: got no answer; wanted it to start")
+        except EOFError as fault:
+            self.__exit__(None, None, None)
+            raise CameraError("simulated range: it ended while starting; its own words are above") from fault
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._process is not None:
+            if self._control is not None and self._process.is_alive():
+                with contextlib.suppress(OSError):
+                    self._control.send("stop")
+            self._process.join(_END_S)
+            if self._process.is_alive():
+                self._process.kill()
+        for memory in self._memory.values():
+            memory.close()
+            memory.unlink()
+        self._memory = {}
+
+    @property
+    def delivery_s(self) -> float:
+        """From mid-exposure to a picture's arrival, at the earliest, s."""
+        return self._config.delivery_s
+
+    def begin(self, start_s: float) -> float:
+        """Let the flight's time zero be an instant of the host's clock, s; returns it."""
+        if self._control is not None:
+            self._control.send(start_s)
+        return start_s
+
+    def ends(self) -> dict[str, tuple[str, Connection, tuple[int, int]]]:
+        """Return each camera's shared memory by name, its pipe, and its size, px, for another process."""
+        return {name: (self._memory[name].name, self._pipes[name], size) for name, size in self._sizes.items()}
+
+    def connect(self, name: str) -> CameraDevice:
+        """Return one camera's connection; raises `CameraError` where the range is gone."""
+        if self._process is None or not self._process.is_alive():
+            raise CameraError(f"{name}: the simulated range has ended")
+        return SimulatedCameraDevice(name, self._memory[name], self._pipes[name], self._sizes[name], self.truth[name])
+
+
+class SimulatedCameraDevice(CameraDevice):
+    """One camera of the range, as `groundstation.sources.cameras` knows cameras."""
+
+    def __init__(self, name: str, memory: SharedMemory, pipe: Connection, size_px: tuple[int, int], told: Told) -> None:
+        self._name = name
+        self._pipe = pipe
+        self._told = told
+        w, h = size_px
+        self._slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
+        self.read_back = SettingsReadBack(
+            model="simulated camera", size_px=size_px, pixel_format=_PATTERN.value, device_clock=True
+        )
+
+    def grab(self, timeout_s: float) -> Grab | None:
+        """Return the next frame, None where none came in time."""
+        try:
+            if not self._pipe.poll(timeout_s):
+                return None
+            slot, number, device_ns, t_s, u_px, v_px = self._pipe.recv()
+        except (EOFError, OSError) as fault:
+            raise CameraLostError(f"{self._name}: the simulated range has ended") from fault
+        self._told.add(t_s, u_px, v_px)
+        pixels = self._slots[slot].copy()
+        return Grab(
+            frame_id=number, device_ns=device_ns, pixels=pixels, pattern=_PATTERN, payload_bytes=int(pixels.nbytes)
+        )
+
+    def close(self) -> None:
+        """Let it go; the range goes on."""
+
+
+# ---------------------------------------------------------------------------------------- its own process
+@dataclass(slots=True)
+class _Station:
+    """One simulated station."""
+
+    name: str
+    camera: RenderedCamera
+    unit: SimulatedUnit
+    server: SimulatedServer
+    arcsec: float
+
+    def angles(self, t_s: float) -> tuple[float, float, float, float]:
+        """Return pan, tilt and their rates, rad and rad/s, at an instant of the past."""
+        scale = math.radians(self.arcsec / _ARCSEC)
+        with self.server.lock:
+            axes = self.unit.flir.axes
+            pan, tilt = axes["P"], axes["T"]
+            values = (pan.head(t_s), tilt.head(t_s), pan.speed(t_s), tilt.speed(t_s))
+            for axis in (pan, tilt):
+                axis.forget_before(t_s - _REMEMBERED_S)
+        return values[0] * scale, values[1] * scale, values[2] * scale, values[3] * scale
+
+
+def serve_range(
+    config: RangeConfig, blocks: Mapping[str, str], pipes: Mapping[str, Connection], control: Connection
+) -> None:
+    """Run the range until it is told to stop, or nobody listens any more."""
+    rig = load_rig(config.rig)
+    flight = _Later(config.flight, time.monotonic() + _FAR_OFF_S)
+    world = World(trajectory=flight)
+    stations = [_made(rig, number, world, config) for number in range(len(rig.stations))]
+    stop = threading.Event()
+    memories = {name: SharedMemory(name=block) for name, block in blocks.items()}
+    for station in stations:
+        # compiled before anyone waits for a picture
+        station.camera.picture(time.monotonic(), 0.0, 0.0)
+    first_s = time.monotonic() + 0.5
+    threads = [
+        threading.Thread(target=_deliver, args=(s, memories[s.name], pipes[s.name], config, flight, first_s, stop))
+        for s in stations
+    ]
+    threads += [threading.Thread(target=s.server.run, daemon=True) for s in stations]
+    if config.receiver is not None:
+        receiver = SimulatedReceiver(
+            config.folder / "dgps", config.receiver, flight, lambda: flight.start_s, config.seed
+        )
+        threads.append(threading.Thread(target=receiver.run, args=(stop,), daemon=True))
+    for thread in threads:
+        thread.daemon = True
+        thread.start()
+    with quick_hand_over(), contextlib.suppress(EOFError, OSError):
+        control.send("ready")
+        while (told := control.recv()) != "stop":
+            flight.start_s = float(told)
+            for number, s in enumerate(stations):
+                strike(s.server, config.timetable, s.name, flight.start_s, config.seed + number)
+                s.server.strike(config.ptu_faults, config.ptu_faults_per_minute)
+    stop.set()
+    for station in stations:
+        station.server.stop()
+    for thread in threads:
+        thread.join(1.0)
+
+
+class _Later:
+    """A flight whose time zero is an instant of the host's clock, which may be set while it is being watched."""
+
+    def __init__(self, flight: Trajectory, start_s: float) -> None:
+        self._flight, self.start_s = flight, start_s
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """First and last time of what is flown, s."""
+        return self._flight.span_s[0] + self.start_s, self._flight.span_s[1] + self.start_s
+
+    def position(self, t_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3)."""
+        return self._flight.position(np.asarray(t_s) - self.start_s)
+
+    def velocity(self, t_s: FloatArray) -> FloatArray:
+        """Return velocities (n, 3)."""
+        return self._flight.velocity(np.asarray(t_s) - self.start_s)
+
+
+def _made(rig: Rig, number: int, world: World, config: RangeConfig) -> _Station:
+    station = rig.stations[number]
+    arcsec = math.degrees(station.ptu_resolution_rad) * _ARCSEC or FlirModel().arcsec
+    counts = round(90.0 * _ARCSEC / arcsec)
+    model = FlirModel(arcsec=arcsec, pan=(-counts, counts), tilt=(-counts // 3, counts // 2), min_rate=0, homing_s=8.0)
+    unit = SimulatedUnit(model, LineModel(baud=config.baud), seed=config.seed + number)
+    line = VirtualLine(unit, config.baud, start_s=time.monotonic(), seed=config.seed + number)
+    server = SimulatedServer(
+        line,
+        config.folder / f"ptu-{station.name}",
+        seed=config.seed + number,
+    )
+    camera = RenderedCamera(world, station, seed=config.seed, number=number)
+    return _Station(name=station.name, camera=camera, unit=unit, server=server, arcsec=arcsec)
+
+
+def _deliver(
+    station: _Station,
+    memory: SharedMemory,
+    pipe: Connection,
+    config: RangeConfig,
+    flight: _Later,
+    first_s: float,
+    stop: threading.Event,
+) -> None:
+    """Expose, render and hand over, frame after frame; one that cannot be rendered in time is left out."""
+    (w, h), period_s, number = station.camera.station.lens.image_size_px, 1.0 / config.frame_rate_hz, 0
+    slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
+    frozen: ImageArray | None = None
+    line = DueLine(pipe, time.monotonic)
+    give_way()  # the rendering, not the line's own thread: delivery is as punctual as a camera's
+    while not stop.is_set() and not line.broken:
+        t_s = first_s + number * period_s
+        wait_s = t_s - time.monotonic()
+        if wait_s > 0:
+            stop.wait(wait_s)
+        elif wait_s < -3.0 * period_s:
+            # the machine is too slow for this rate: the camera drops frames, as a real one does on a busy bus
+            number += math.ceil(-wait_s / period_s)
+            continue
+        since_s = t_s - flight.start_s
+        if is_there(config.timetable, CAMERA_LOST, station.name, since_s):
+            number += 1
+            continue
+        frozen = frozen if is_there(config.timetable, CAMERA_FROZEN, station.name, since_s) else None
+        angles = station.angles(t_s)
+        picture = station.camera.picture(t_s, *angles)
+        shown = picture.kept((0, 0, w, h)).pixels if frozen is None else frozen
+        if is_there(config.timetable, CAMERA_FROZEN, station.name, since_s):
+            frozen = shown
+        slots[number % _SLOTS] = shown
+        truth = station.camera.truth(t_s, *angles, silhouette=False)
+        u, v = (math.nan, math.nan) if truth.pixel_px is None else (float(x) for x in truth.pixel_px)
+        late_s = size_s(config.timetable, CAMERA_LATE, station.name, since_s)
+        stamp_s = t_s + size_s(config.timetable, CAMERA_CLOCK_STEPPED, station.name, since_s)
+        line.send(t_s + config.delivery_s + late_s, (number % _SLOTS, number, round(stamp_s * 1e9), t_s, u, v))
+        number += 1
+    line.close()

@@ -1,0 +1,115 @@
+"""`groundstation live --simulate`: the range that takes the place of a station's devices, and how its flight went."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from groundstation.live.station_file import StationFile, load_station
+from groundstation.live.station_simulator import StationSimulator
+from groundstation.rig.rig import Rig, load_rig
+from groundstation.simulation.fault_timetable import check_timetable
+from groundstation.simulation.flights import Aircraft
+from groundstation.simulation.simulated_day import DayScore, EstimateKeeper, landings, score, simulated_set_up
+from groundstation.simulation.simulated_range import RangeConfig, SimulatedRange
+from groundstation.simulation.simulated_receiver import ReceiverModel
+from groundstation.simulation.timed_faults import TimedFault
+from groundstation.sinks.sink import Sink
+from groundstation.sources.cameras.camera import CameraDevice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedStationConfig:
+    """What is simulated.
+
+    Attributes
+    ----------
+    seconds : how long the landings go on, s; None for as long as the operation.
+    rig, rate_hz : of a set-up without a station file: its rig file (None for the standard rig), pictures a second.
+    ptu_faults : names of `ptu_drivers.simulated.faults`, each over and over on each unit's line.
+    receiver : a reference receiver on the aircraft; None for none.
+    timetable : what fails when, s from the flight's time zero.
+    wind_m_s, aircraft : what moves the aircraft.
+    """
+
+    seconds: float | None = None
+    rig: Path | None = None
+    rate_hz: float = 30.0
+    seed: int = 0
+    ptu_faults: tuple[str, ...] = ()
+    receiver: ReceiverModel | None = None
+    timetable: tuple[TimedFault, ...] = ()
+    wind_m_s: float = 0.0
+    aircraft: Aircraft = Aircraft.WAVES
+
+
+class SimulatedStation(StationSimulator):
+    """Landings filmed by rendered cameras on simulated pan-tilt units, in real time.
+
+    Raises
+    ------
+    NoFlightModelError : the aircraft is JSBSim's and JSBSim is not installed.
+    """
+
+    def __init__(self, config: SimulatedStationConfig) -> None:
+        self._config = config
+        self._flight = landings(
+            config.seconds or 1e9, seed=config.seed, wind_m_s=config.wind_m_s, aircraft=config.aircraft
+        )
+        self._kept = EstimateKeeper()
+        self._rig: Rig | None = None
+        self._range: SimulatedRange | None = None
+        self._begin_s = 0.0
+        self.delivery_s = 0.0
+
+    def station_file(self, station: Path | None, out: Path) -> StationFile:
+        """Return the station file, or that of a set-up of its own, whose files are written to ``out``."""
+        if station is not None:
+            return load_station(station)
+        rig = None if self._config.rig is None else load_rig(self._config.rig)
+        return simulated_set_up(out, self._config.rate_hz, rig, dgps=self._config.receiver is not None)
+
+    def check(self, rig: Rig) -> None:
+        """Raise `InputError` where the timetable of faults names what the rig does not have."""
+        check_timetable(self._config.timetable, rig)
+        self._rig = rig
+
+    def open(self, file: StationFile, out: Path, opened: ExitStack, say: Callable[[str], None]) -> None:
+        """Start the range in processes of its own."""
+        say("building the simulated range")
+        hardware = RangeConfig(
+            rig=file.rig,
+            folder=out,
+            flight=self._flight,
+            frame_rate_hz=file.rate_hz,
+            seed=self._config.seed,
+            ptu_faults=self._config.ptu_faults,
+            receiver=self._config.receiver,
+            timetable=self._config.timetable,
+        )
+        self._range = opened.enter_context(SimulatedRange(hardware))
+        self.delivery_s = self._range.delivery_s
+
+    def sinks(self) -> tuple[Sink, ...]:
+        """Return the sink that keeps the estimates for `score`."""
+        return (self._kept,)
+
+    def begin(self, start_s: float) -> float:
+        """Let the first landing begin; returns its time zero on the host's clock, s."""
+        self._begin_s = self._running().begin(start_s)
+        return self._begin_s
+
+    def connect(self, name: str) -> CameraDevice:
+        """Return one camera's connection."""
+        return self._running().connect(name)
+
+    def score(self, begin_s: float) -> DayScore | None:
+        """Compare with the truth; ``begin_s`` is the flight's time zero, session time. None where nothing flew."""
+        if self._range is None or self._rig is None:
+            return None
+        return score(self._flight, begin_s, self._kept.rows(), self._range.truth, self._rig, self._begin_s)
+
+    def _running(self) -> SimulatedRange:
+        if self._range is None:
+            raise RuntimeError("the simulated range is used before it is opened")
+        return self._range

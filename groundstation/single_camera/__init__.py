@@ -1,0 +1,1 @@
+"""Tracking in one video of one camera."""

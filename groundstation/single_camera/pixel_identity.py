@@ -1,0 +1,140 @@
+"""Whether what one camera sees is still its target: looks and path, kept from before anything was in doubt.
+
+A bird that crosses the target makes one silhouette with it and then flies on. Whoever learns from that silhouette
+follows the bird. So the target's looks are learnt slowly; a silhouette that suddenly has others is neither learnt
+from nor does it bend the path, and what looks and path were is taken from some frames before it.
+"""
+
+import copy
+import math
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.detection.appearance import features
+from groundstation.messages import Detection
+from groundstation.single_camera.pixel_motion import PixelMotion
+
+# mean grey, blue-red, green-magenta in grey levels; ln(height / width); ln(area / width²); ln(length)
+_TOLERANCE = np.array([14.0, 6.0, 6.0, 0.25, 0.3, 0.25])
+_SMALL_PX = 6.0  # a silhouette of this length may differ by twice as much: a pixel more or less changes it
+_RATE = 0.1
+_KNOWN_AFTER = 5  # frames
+_BEFORE = 4  # frames: so long before a change is noticed it may have begun
+_CALM_FRAMES = 3
+
+
+def looks_of(image: ImageArray, seen: Detection) -> FloatArray:
+    """Return the features (6,) of a detection in its frame (h, w, 3) BGR."""
+    w, h = seen.box[2], seen.box[3]
+    length = math.log(max(w, h, 1.0))
+    return np.append(features(_colour(image, seen), w, h, seen.area_px), length)
+
+
+def _colour(image: ImageArray, seen: Detection) -> FloatArray:
+    """Return mean grey, blue-red and green-magenta inside the outline."""
+    x0, y0 = max(math.floor(seen.box[0]), 0), max(math.floor(seen.box[1]), 0)
+    x1 = min(math.ceil(seen.box[0] + seen.box[2]) + 1, image.shape[1])
+    y1 = min(math.ceil(seen.box[1] + seen.box[3]) + 1, image.shape[0])
+    mask = np.zeros((max(y1 - y0, 1), max(x1 - x0, 1)), np.uint8)
+    breaks = np.flatnonzero(np.isnan(seen.contour_px[:, 0]))
+    pieces = [p[~np.isnan(p[:, 0])] for p in np.split(seen.contour_px, breaks)]
+    cv2.fillPoly(mask, [np.round(p - (x0, y0)).astype(np.int32) for p in pieces if len(p)], 1)
+    b, g, r, _ = cv2.mean(image[y0 : y0 + mask.shape[0], x0 : x0 + mask.shape[1]], mask)
+    return np.array([0.114 * b + 0.587 * g + 0.299 * r, 0.5 * (b - r), 0.5 * g - 0.25 * (b + r)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Known:
+    """What is known of the target after a frame that nothing throws doubt on.
+
+    Attributes
+    ----------
+    mean, variance : of its features (6,), running.
+    motion : its path.
+    size_px, whole_px : its (w, h), smoothed, and its length as second looks have shown it.
+    t_s : when.
+    """
+
+    mean: FloatArray
+    variance: FloatArray
+    motion: PixelMotion
+    size_px: tuple[float, float]
+    whole_px: float | None
+    t_s: float
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Identity:
+    """Learns what a target looks like, and remembers what was known of it some frames ago.
+
+    Attributes
+    ----------
+    frames : how many frames it has learnt from.
+    doubt_s : since when what is seen looks like something else; None if it does not.
+    calm : frames running that have looked as before, since then.
+    other, other_s : what is seen instead, and since when it has looked the same.
+    """
+
+    frames: int = 0
+    doubt_s: float | None = None
+    calm: int = 0
+    other: "Identity | None" = None
+    other_s: float = 0.0
+    _known: deque[Known] = field(default_factory=lambda: deque(maxlen=_BEFORE))
+
+    def unlikeness(self, looks: FloatArray) -> float:
+        """Return how unlike the target a silhouette is, in sigmas; 0 until enough has been learnt."""
+        if self.frames < _KNOWN_AFTER:
+            return 0.0
+        known = self._known[0 if self.doubt_s is not None else -1]
+        length = math.exp(0.5 * (looks[-1] + known.mean[-1]))
+        variance = ((1.0 + _SMALL_PX / length) * _TOLERANCE) ** 2 + known.variance
+        return math.sqrt(float(np.mean((looks - known.mean) ** 2 / variance)))
+
+    def learn(
+        self,
+        looks: FloatArray,
+        motion: PixelMotion,
+        size_px: tuple[float, float],
+        whole_px: float | None,
+        t_s: float,
+    ) -> None:
+        """Take over a frame without doubt."""
+        self.frames += 1
+        mean, variance = looks, np.zeros_like(looks)
+        if self._known:
+            last = self._known[-1]
+            gain = max(_RATE, 1.0 / self.frames)
+            error = looks - last.mean
+            mean, variance = last.mean + gain * error, (1.0 - gain) * (last.variance + gain * error**2)
+        self._known.append(
+            Known(mean=mean, variance=variance, motion=copy.copy(motion), size_px=size_px, whole_px=whole_px, t_s=t_s)
+        )
+
+    def doubt(self, t_s: float) -> Known:
+        """Begin to doubt; return what was known before the change may have begun."""
+        self.doubt_s, self.calm, self.other = t_s, 0, None
+        return self._known[0]
+
+    def stays_other(self, looks: FloatArray, motion: PixelMotion, most: float, t_s: float) -> float:
+        """Take note of a frame that looks otherwise; return for how long in s it has looked the same.
+
+        A bird flaps, comes and goes; a target that has turned or flown before another background stays as it is.
+        """
+        if self.other is None or self.other.unlikeness(looks) > most:
+            self.other, self.other_s = Identity(), t_s
+        self.other.learn(looks, motion, (0.0, 0.0), None, t_s)
+        return t_s - self.other_s
+
+    def confirm(self, motion: PixelMotion, t_s: float) -> None:
+        """Take note of a frame that looks as before; a few running end the doubt."""
+        self.calm += 1
+        if self.calm >= _CALM_FRAMES:
+            self.doubt_s = None
+            first = replace(self._known[0], motion=copy.copy(motion), t_s=t_s)
+            self._known.clear()
+            self._known.append(first)

@@ -1,0 +1,228 @@
+"""One camera's part of the pipeline: where to look, looking, and what was seen.
+
+It knows the target's last size in its own image, its detector and its whole-frame finder. It does not touch
+the filter: the pipeline asks it to look and decides what becomes of the answer.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from groundstation.arrays import FloatArray, MaskArray
+from groundstation.detection.acquisition import CandidateFinder
+from groundstation.detection.channel_contrast import measure_channels
+from groundstation.detection.detector import DetectionHint, Detector
+from groundstation.detection.roi import place_roi
+from groundstation.estimation.initialise import Sighting
+from groundstation.messages import Detection, Frame, Miss, MissReason, Roi
+from groundstation.picture import Picture, as_picture
+from groundstation.rig.rig import Station
+from groundstation.tracking.config import Config
+from groundstation.tracking.flight_direction import FlightDirection
+
+# how well the span is known: given by the session (a bank or a crab shortens it), learnt on the way, or not at all
+_GIVEN_SPAN_SIGMA = 0.15
+_UNKNOWN_SPAN_SIGMA = 0.7
+_LEARNT_AFTER = 10
+_LEARNING_RATE = 0.1
+# contrast on all channels is measured in one of so many detections: it is for the report, not for the detector
+_CONTRAST_EVERY = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Look:
+    """What a camera expected, where it looked, and what it found."""
+
+    roi: Roi | None
+    result: Detection | Miss
+    channel_contrast: Mapping[str, float] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Extent:
+    """A silhouette's width and height, where its box's middle lay from the target point, and the scale then, px/m."""
+
+    size_px: tuple[float, float]
+    middle_px: tuple[float, float]
+    px_per_m: float | None
+
+    def at(self, px_per_m: float | None) -> "_Extent":
+        """Return what it has grown to at another scale."""
+        if self.px_per_m is None or px_per_m is None:
+            return self
+        growth = px_per_m / self.px_per_m
+        (w, h), (x, y) = self.size_px, self.middle_px
+        return _Extent(size_px=(growth * w, growth * h), middle_px=(growth * x, growth * y), px_per_m=px_per_m)
+
+
+_UNSEEN = _Extent(size_px=(0.0, 0.0), middle_px=(0.0, 0.0), px_per_m=None)
+
+
+class SpanModel:
+    """The target's span in metres: given, or learnt from silhouettes at known range."""
+
+    def __init__(self, span_m: float | None) -> None:
+        self.span_m = span_m
+        self._given = span_m is not None
+        self._seen = 0
+
+    @property
+    def sigma_ratio(self) -> float:
+        """One sigma of the logarithm of the span."""
+        if self._given:
+            return _GIVEN_SPAN_SIGMA
+        return 2.0 * _GIVEN_SPAN_SIGMA if self._seen >= _LEARNT_AFTER else _UNKNOWN_SPAN_SIGMA
+
+    def learn(self, width_px: float, px_per_m: float) -> None:
+        """Take the width of an accepted, uncut silhouette."""
+        if self._given or width_px <= 0 or px_per_m <= 0:
+            return
+        seen = width_px / px_per_m
+        self.span_m = (
+            seen if self.span_m is None else self.span_m * math.exp(_LEARNING_RATE * math.log(seen / self.span_m))
+        )
+        self._seen += 1
+
+
+class CameraTracker:
+    """Looks for the target in one camera's frames."""
+
+    def __init__(self, station: Station, config: Config) -> None:
+        self.station = station
+        self.geometry = station.geometry()
+        self._config = config
+        self._detector = Detector(config.detection, station.lens.image_size_px)
+        self._finder = CandidateFinder(config.acquisition, station.lens.image_size_px, station.lens)
+        self._extent = _UNSEEN
+        self._px_per_m: float | None = None
+        self._direction = FlightDirection()
+        self._detections = 0
+
+    def reset(self) -> None:
+        """Forget the target: after a loss nothing of it is trusted."""
+        self._detector.reset()
+        self._finder.reset()
+        self._extent = _UNSEEN
+        self._direction.reset()
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Inside, look at an older frame: its target's size, looks and background are not those of the next one."""
+        extent, scale, detections = self._extent, self._px_per_m, self._detections
+        with self._detector.aside():
+            yield
+        self._extent, self._px_per_m, self._detections = extent, scale, detections
+
+    def search(self, frame: Frame, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> list[Sighting]:
+        """Look at the whole frame and return the candidates in it: none where a recording kept only a part of it."""
+        if not as_picture(frame.image).has_all:
+            return []
+        pose = self.geometry.camera_pose(pan_rad, tilt_rad)
+        found = self._finder.find(frame.image, frame.t_s, pose.runway_from_camera.T)
+        return [
+            Sighting(
+                t_s=frame.t_s,
+                station=frame.station,
+                pixel=np.array([c.u_px, c.v_px]),
+                width_px=c.box[2],
+                score=c.score,
+                pan_rad=pan_rad,
+                tilt_rad=tilt_rad,
+                angle_sigma_rad=angle_sigma_rad,
+                moving=c.moving,
+            )
+            for c in found
+        ]
+
+    def look(
+        self,
+        frame: Frame,
+        centre_px: FloatArray,
+        covariance_px2: FloatArray,
+        hint: DetectionHint,
+    ) -> Look | None:
+        """Place the region of interest and look there; None if nothing of it is inside the image."""
+        self._px_per_m = hint.px_per_m
+        extent, size_px = self._extent.at(hint.px_per_m), self.station.lens.image_size_px
+        roi = place_roi(centre_px, covariance_px2, extent.size_px, self._config.detection, size_px, extent.middle_px)
+        if roi is None:
+            return None
+        recorded = _recorded(as_picture(frame.image), roi, centre_px)
+        if recorded is None:
+            detail = "what it wants to look at is not among what the recording kept of this picture"
+            return Look(roi=roi, result=Miss(reason=MissReason.NOT_RECORDED, detail=detail), channel_contrast=None)
+        roi = recorded
+        result = self._detector.detect(frame.image, roi, hint)
+        contrast = None
+        if isinstance(result, Detection):
+            if self._detections % _CONTRAST_EVERY == 0:
+                contrast = measure_channels(frame.image, roi, silhouette_mask(result, roi))
+            self._detections += 1
+        return Look(roi=roi, result=result, channel_contrast=contrast)
+
+    def accepted(self, detection: Detection) -> None:
+        """Remember the extent of the silhouette, seen in the last look, that the filter believed."""
+        x, y, w, h = detection.box
+        middle = (x + 0.5 * w - detection.u_px, y + 0.5 * h - detection.v_px)
+        self._extent = _Extent(size_px=(w, h), middle_px=middle, px_per_m=self._px_per_m)
+
+    def hint(
+        self,
+        predicted_px: FloatArray,
+        covariance_px2: FloatArray,
+        jacobian_px_per_m: FloatArray,
+        depth_m: float,
+        t_s: float,
+        velocity: tuple[FloatArray, FloatArray],
+        span: SpanModel,
+        height_m: float | None = None,
+    ) -> DetectionHint:
+        """Say what the filter knows of the target's looks at a frame's time.
+
+        ``jacobian_px_per_m`` (2, 3) is ∂(u, v)/∂(x, y, z), ``velocity`` is (3,) in m/s, runway frame, and its
+        covariance (3, 3).
+        """
+        px_per_m = float(self.station.lens.focal_px[0]) / depth_m
+        heading = self._direction.at(t_s, *velocity, height_m=math.inf if height_m is None else height_m)
+        forward = None if heading is None else jacobian_px_per_m @ heading
+        return DetectionHint(
+            predicted_px=predicted_px,
+            predicted_covariance_px2=covariance_px2,
+            expected_span_px=None if span.span_m is None else span.span_m * px_per_m,
+            span_sigma_ratio=span.sigma_ratio,
+            forward_px_per_m=forward,
+            up_px_per_m=jacobian_px_per_m[:, 2],
+            px_per_m=px_per_m,
+            height_m=height_m,
+        )
+
+
+def _recorded(picture: Picture, roi: Roi, centre_px: FloatArray) -> Roi | None:
+    """Return the region of interest as far as a picture has it; None where the target is expected beside that.
+
+    Only a recording that is replayed otherwise than it was flown asks for what it has not.
+    """
+    window = picture.available((roi.x, roi.y, roi.x + roi.w, roi.y + roi.h))
+    if window is None:
+        return None
+    x0, y0, x1, y1 = window
+    if (roi.x, roi.y, roi.w, roi.h) == (x0, y0, x1 - x0, y1 - y0):
+        return roi
+    u, v = (float(c) for c in centre_px)
+    return Roi(x=x0, y=y0, w=x1 - x0, h=y1 - y0) if x0 <= u < x1 and y0 <= v < y1 else None
+
+
+def silhouette_mask(found: Detection, roi: Roi) -> MaskArray:
+    """Return the silhouette as a mask (roi.h, roi.w), filled from its contour."""
+    mask = np.zeros((roi.h, roi.w), dtype=np.uint8)
+    breaks = np.flatnonzero(np.isnan(found.contour_px[:, 0]))
+    for piece in np.split(found.contour_px, breaks):
+        points = piece[~np.isnan(piece[:, 0])]
+        if len(points) >= 3:
+            corners = np.round(points - [roi.x, roi.y]).astype(np.int32)
+            cv2.fillPoly(mask, [corners], 1)
+    return mask > 0

@@ -1,0 +1,360 @@
+"""One camera's frame: its angles, the look at it, and what the filter makes of what was seen.
+
+Each camera stands alone: a frame is used at its own time, whether or not its pair's other frame has come, so a lost
+camera is no special case.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.estimation.config import Predictor
+from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.encoders import EncoderFeed
+from groundstation.estimation.field_of_view import probability_in_view
+from groundstation.estimation.initialise import Sighting
+from groundstation.estimation.measurement import PixelPrediction
+from groundstation.estimation.trajectory_curve import Knot
+from groundstation.estimation.triangulation import View
+from groundstation.geometry.angles import wrap_rad
+from groundstation.integrity.station_exclusion import Verdict
+from groundstation.messages import (
+    CameraReport,
+    Detection,
+    DetectionStatus,
+    Frame,
+    Innovation,
+    Miss,
+    MissReason,
+    PixelMeasurement,
+    Roi,
+)
+from groundstation.picture import as_picture
+from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
+from groundstation.tracking.config import Config
+from groundstation.tracking.epoch import EpochBook, EpochView
+from groundstation.tracking.station_health import StationHealth
+from groundstation.tracking.synchronise import AngleFault, AnglesAt, ReadyFrame
+from groundstation.tracking.track_manager import TargetKeeper
+
+_MISS_STATUS = {
+    MissReason.AMBIGUOUS: DetectionStatus.AMBIGUOUS,
+    MissReason.CUT: DetectionStatus.CUT,
+    MissReason.OUT_OF_VIEW: DetectionStatus.OUT_OF_VIEW,
+}
+# while two cameras see the target, its width teaches the span this often
+_WIDTH_EVERY_S = 0.25
+_NOTHING_THERE = (MissReason.LOW_CONTRAST, MissReason.NO_REGION)
+
+
+def span_prior_sigma(span_m: float | None) -> float:
+    """Return one sigma of the logarithm of the target's span before anything is seen; None is unknown."""
+    return SpanModel(span_m).sigma_ratio
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Angles:
+    """A station's pan and tilt at an exposure, with one sigma of each, in rad."""
+
+    pan_rad: float
+    tilt_rad: float
+    sigma_rad: float
+
+
+class _Outcome(NamedTuple):
+    """What came of a frame before the filter takes it; fields as in `CameraReport`."""
+
+    status: DetectionStatus
+    result: Detection | Miss
+    predicted_px: FloatArray | None = None
+    covariance_px2: FloatArray | None = None
+    roi: Roi | None = None
+    channel_contrast: Mapping[str, float] | None = None
+
+
+def _missed(reason: MissReason, detail: str) -> _Outcome:
+    """Return what came of a frame in which nothing was looked for."""
+    return _Outcome(_MISS_STATUS.get(reason, DetectionStatus.MISS), Miss(reason=reason, detail=detail))
+
+
+class FrameUpdate:
+    """Takes the frames of all cameras, one by one, and updates the one filter.
+
+    Parameters
+    ----------
+    cameras : what looks for the target in each camera's images, by station.
+    encoders, ekf, keeper, book, health : the filter and what surrounds it; shared with the pipeline.
+    span : what is known of the target's size.
+    stopwatch : a clock for measuring effort, in s.
+    keep_images : whether reports carry the images.
+    """
+
+    def __init__(
+        self,
+        cameras: Mapping[str, CameraTracker],
+        ekf: StationEkf,
+        encoders: EncoderFeed,
+        keeper: TargetKeeper,
+        book: EpochBook,
+        health: StationHealth,
+        config: Config,
+        *,
+        span: SpanModel,
+        stopwatch: Callable[[], float],
+        keep_images: bool,
+    ) -> None:
+        self._cameras = cameras
+        self._ekf = ekf
+        self._encoders = encoders
+        self._keeper = keeper
+        self._book = book
+        self._health = health
+        self._width_taught_s: dict[str, float] = {}
+        self._contributed: dict[str, float] = {}
+        self._config = config
+        self._span, self._learns_span = span, span.span_m is None
+        # the filter carries the span's error against this one
+        self._assumed_span_m = config.initiation.usual_span_m if span.span_m is None else span.span_m
+        self._stopwatch, self._keep_images = stopwatch, keep_images
+
+    def take(self, ready: ReadyFrame) -> CameraReport:
+        """Look at one camera's frame and update the filter, which stands at its time, with what was seen."""
+        record = ready.record
+        if ready.late:
+            return self._report(record, None, _missed(MissReason.LATE, "older than what was already used"))
+        angles = self._angles(ready)
+        if angles is None:
+            fault = ready.angles.value if isinstance(ready.angles, AngleFault) else "PTU readings do not change"
+            return self._report(record, None, _missed(MissReason.NO_PTU_ANGLE, fault))
+        started = self._stopwatch()
+        searches = self._keeper.searches(record.t_s) and not ready.revisited
+        found = self._search(record, angles) if searches else []
+        self._keeper.sighted(found)
+        if not self._ekf.has_target:
+            partial = searches and isinstance(record, Frame) and not as_picture(record.image).has_all
+            reason = MissReason.NOT_RECORDED if partial else MissReason.NOT_ACQUIRED
+            seen = _missed(reason, f"{len(found)} candidates")
+            return self._report(record, angles, seen, self._stopwatch() - started)
+        prediction = self._ekf.predict_pixel(record.station)
+        if prediction is None:
+            return self._report(record, angles, _missed(MissReason.OUT_OF_VIEW, "behind the camera"))
+        seen = self._look(record, prediction)
+        elapsed_s = self._stopwatch() - started
+        if not isinstance(seen.result, Detection):
+            return self._report(record, angles, seen, elapsed_s)
+        return self._report(record, angles, seen, elapsed_s, *self._judge(record, seen.result, seen, angles))
+
+    def _report(
+        self,
+        record: Frame | PixelMeasurement,
+        angles: _Angles | None,
+        seen: _Outcome,
+        elapsed_s: float = 0.0,
+        status: DetectionStatus | None = None,
+        innovation: Innovation | None = None,
+    ) -> CameraReport:
+        """Say what became of a frame; written once, since a report is too large to be copied with changes."""
+        return CameraReport(
+            t_s=record.t_s,
+            station=record.station,
+            epoch=record.epoch,
+            status=seen.status if status is None else status,
+            result=seen.result,
+            roi=seen.roi,
+            predicted_px=seen.predicted_px,
+            predicted_covariance_px2=seen.covariance_px2,
+            pan_rad=None if angles is None else angles.pan_rad,
+            tilt_rad=None if angles is None else angles.tilt_rad,
+            innovation=innovation,
+            elapsed_s=elapsed_s,
+            channel_contrast=seen.channel_contrast,
+            image=record.image if self._keep_images and isinstance(record, Frame) else None,
+        )
+
+    def _angles(self, ready: ReadyFrame) -> _Angles | None:
+        """Return the angles at the exposure: interpolated, or the filter's if only the reading after it is missing."""
+        record, angles = ready.record, ready.angles
+        station = self._cameras[record.station].station
+        if station.fixed:
+            return _Angles(pan_rad=0.0, tilt_rad=0.0, sigma_rad=0.0)
+        if self._encoders.is_frozen(record.station):
+            return None
+        pan, tilt = self._ekf.angles(record.station)
+        doubt = self._encoders.sigma_rad(record.station)
+        if isinstance(angles, AnglesAt) and not self._encoders.is_doubtful(record.station):
+            sigma = self._encoders.noise_rad(record.station) * angles.variance_share**0.5
+            off = max(abs(wrap_rad(angles.pan_rad - pan)), abs(wrap_rad(angles.tilt_rad - tilt)))
+            if off <= self._config.estimation.encoder_gate_sigma * math.hypot(sigma, doubt):
+                return _Angles(pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad, sigma_rad=sigma)
+        if isinstance(angles, AnglesAt):
+            # a reading beside the exposure is one that the filter has refused
+            return _Angles(pan_rad=pan, tilt_rad=tilt, sigma_rad=doubt)
+        age = self._encoders.age_s(record.station, record.t_s)
+        if angles is AngleFault.ENDED and age <= self._config.synchronise.max_gap_s:
+            return _Angles(pan_rad=pan, tilt_rad=tilt, sigma_rad=doubt)
+        return None
+
+    def _search(self, record: Frame | PixelMeasurement, angles: _Angles) -> list[Sighting]:
+        """Nothing is known: return the candidates of the whole frame, or the pixel that someone else found."""
+        if isinstance(record, Frame):
+            camera = self._cameras[record.station]
+            return camera.search(record, angles.pan_rad, angles.tilt_rad, self._pointing_sigma_rad(record, angles))
+        return [
+            Sighting(
+                t_s=record.t_s,
+                station=record.station,
+                pixel=np.array([record.u_px, record.v_px]),
+                width_px=None,
+                score=1.0,
+                pan_rad=angles.pan_rad,
+                tilt_rad=angles.tilt_rad,
+                angle_sigma_rad=self._pointing_sigma_rad(record, angles),
+                labelled=True,
+            )
+        ]
+
+    def _pointing_sigma_rad(self, record: Frame | PixelMeasurement, angles: _Angles) -> float:
+        """Return one sigma of where the camera looks: rays of an uncertain rig may pass each other by so much."""
+        return float(np.hypot(angles.sigma_rad, self._ekf.pointing_sigma_rad(record.station)))
+
+    def _look(self, record: Frame | PixelMeasurement, prediction: PixelPrediction) -> _Outcome:
+        """A target is known: look where it is predicted; the answer is a detection or a named miss."""
+        camera, ekf = self._cameras[record.station], self._ekf
+        spread = ekf.pixel_covariance(prediction)
+        if isinstance(record, PixelMeasurement):
+            return _Outcome(DetectionStatus.MISS, self._labelled(record), prediction.pixel, spread)
+        visible = probability_in_view(prediction.pixel, spread, camera.geometry.image_size_px)
+        look = None
+        if visible >= self._config.estimation.min_view_probability:
+            hint = camera.hint(
+                prediction.pixel,
+                spread,
+                prediction.jacobian[:, ekf.layout.position],
+                prediction.depth_m,
+                record.t_s,
+                (ekf.state[ekf.layout.velocity], ekf.covariance[ekf.layout.velocity, ekf.layout.velocity]),
+                self._span,
+                float(ekf.state[ekf.layout.position][2]),
+            )
+            look = camera.look(record, self._roi_centre(record, prediction), spread, hint)
+        if look is None:
+            miss = Miss(reason=MissReason.OUT_OF_VIEW, detail=f"in view with probability {visible:.2g}")
+            return _Outcome(DetectionStatus.OUT_OF_VIEW, miss, prediction.pixel, spread)
+        status = DetectionStatus.MISS
+        if isinstance(look.result, Miss):
+            self._in_vain(record, look.result)
+            status = _MISS_STATUS.get(look.result.reason, DetectionStatus.MISS)
+        return _Outcome(status, look.result, prediction.pixel, spread, look.roi, look.channel_contrast)
+
+    def _judge(
+        self, record: Frame | PixelMeasurement, found: Detection, seen: _Outcome, angles: _Angles
+    ) -> tuple[DetectionStatus, Innovation | None]:
+        """Fuse a found pixel if the gate lets it pass, and keep it for the baseline."""
+        camera = self._cameras[record.station]
+        pixel = np.array([found.u_px, found.v_px])
+        row_dt = ((found.v_px + 0.5) / camera.geometry.image_size_px[1] - 0.5) * camera.station.readout_s
+        if found.cut and not self._likely_in_view(record.station, seen):
+            # the border hides the nose: what is seen is another part of the aircraft
+            return DetectionStatus.CUT, None
+        trusted = self._health.uses(record.station)
+        innovation, status = None, DetectionStatus.EXCLUDED
+        if trusted:
+            R = found.covariance_px2 + self._health.watch.extra_px2(record.station)
+            # someone else's pixels are taken for what they say; our detector's errors last
+            lasting = self._config.estimation.detection_lasting_share if isinstance(record, Frame) else 0.0
+            innovation = self._ekf.update_pixel(record.station, pixel, R, row_dt, lasting)
+            status = DetectionStatus.GATED
+        if innovation is not None:
+            self._health.watch.judged(record.station, record.t_s, innovation.residual, innovation.covariance)
+        accepted = innovation is not None and innovation.accepted
+        if innovation is not None and accepted:
+            status = DetectionStatus.CUT if found.cut else DetectionStatus.OK
+            self._keeper.life.saw(record.t_s)
+            if isinstance(record, Frame):
+                self._keeper.life.existence.hit(record.station, record.t_s, innovation.residual, innovation.covariance)
+                if not found.cut:
+                    camera.accepted(found)
+                    self._use_width(camera, found, record.t_s)
+                    if self._learns_span:
+                        self._learn_span(camera, found)
+            self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))
+        view = View(
+            station=camera.geometry,
+            pixel=pixel,
+            covariance_px2=found.covariance_px2,
+            pan_rad=angles.pan_rad,
+            tilt_rad=angles.tilt_rad,
+            angle_sigma_rad=self._pointing_sigma_rad(record, angles),
+        )
+        self._book.add(
+            EpochView(
+                t_s=record.t_s,
+                epoch=record.epoch,
+                station=record.station,
+                view=view,
+                accepted=accepted and not found.cut,
+                labelled=isinstance(record, PixelMeasurement),
+                trusted=trusted,
+            )
+        )
+        return status, innovation
+
+    def _likely_in_view(self, station: str, seen: _Outcome) -> bool:
+        """Return whether the predicted target point is more likely inside the image than not."""
+        if seen.predicted_px is None or seen.covariance_px2 is None:
+            return True
+        size = self._cameras[station].geometry.image_size_px
+        return probability_in_view(seen.predicted_px, seen.covariance_px2, size) >= 0.5
+
+    def _in_vain(self, record: Frame, miss: Miss) -> None:
+        """Take a look that found nothing as evidence; where something was found, but not what, it is none."""
+        if miss.reason not in _NOTHING_THERE or self._health.watch.verdict(record.station) is Verdict.EXCLUDED:
+            return
+        before = self._ekf.in_view(record.station)
+        share = self._keeper.life.existence.miss(record.station, record.t_s, before)
+        self._ekf.absorb_miss(record.station, share)
+
+    def _use_width(self, camera: CameraTracker, found: Detection, t_s: float) -> None:
+        """Take the silhouette's width for the range where no other camera sees the target, else for the span."""
+        name, span_m = camera.station.name, self._assumed_span_m
+        began_s = self._keeper.life.started_s
+        others = [max(self._contributed.get(station, began_s), began_s) for station in self._cameras if station != name]
+        alone = all(t_s - seen > self._config.estimation.alone_after_s for seen in others)
+        # what one picture shows of the span the next shows again
+        if alone or t_s - self._width_taught_s.get(name, -math.inf) >= _WIDTH_EVERY_S:
+            self._width_taught_s[name] = t_s
+            self._ekf.update_width(name, found.box[2], span_m, alone=alone)
+
+    def _learn_span(self, camera: CameraTracker, found: Detection) -> None:
+        after = self._ekf.predict_pixel(camera.station.name)
+        if after is not None:
+            self._span.learn(found.box[2], float(camera.station.lens.focal_px[0]) / after.depth_m)
+
+    def _roi_centre(self, record: Frame, prediction: PixelPrediction) -> FloatArray:
+        """Project the predictor's point; the default's is the filter's own prediction."""
+        if self._config.estimation.predictor is Predictor.HERMITE:
+            return prediction.pixel
+        own = Knot(t_s=record.t_s, position_m=self._ekf.state[self._ekf.layout.position])
+        pan, tilt = self._ekf.angles(record.station)
+        geometry = self._cameras[record.station].geometry
+        projection = geometry.project(self._keeper.predictor.predict(own), pan, tilt)
+        return prediction.pixel if projection is None else projection.pixel
+
+    def _labelled(self, record: PixelMeasurement) -> Detection:
+        """Return someone else's pixel as a detection with the configured noise and no silhouette."""
+        return Detection(
+            u_px=record.u_px,
+            v_px=record.v_px,
+            covariance_px2=np.eye(2) * self._config.estimation.labelled_sigma_px**2,
+            noise_px2=np.eye(2) * self._config.estimation.labelled_sigma_px**2,
+            centroid_px=np.array([record.u_px, record.v_px]),
+            box=(record.u_px, record.v_px, 0.0, 0.0),
+            area_px=0.0,
+            contour_px=np.zeros((0, 2), dtype=np.float32),
+            contrast_to_noise=0.0,
+            channel="labelled",
+        )

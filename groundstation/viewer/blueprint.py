@@ -1,0 +1,168 @@
+"""How the recording looks when it is opened: which views, where, and from where one looks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from groundstation.arrays import FloatArray
+from groundstation.rig.rig import Rig
+from groundstation.viewer import tree
+
+MAX_NIS_SHOWN = 12.0
+# the eye looks across the runway from the right, behind the stations; all in lengths of what is to be seen
+EYE_FROM_MIDDLE = np.array([0.26, -0.60, 0.18])
+TARGET_FROM_MIDDLE = -0.25
+EXPECTED_LENGTH_M = 400.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Eye:
+    """Where the 3-D view is seen from, and the point looked at, (3,) each, runway frame."""
+
+    position_m: FloatArray
+    target_m: FloatArray
+
+
+def eye_over(rig: Rig, lower_m: FloatArray, upper_m: FloatArray) -> Eye:
+    """Return an eye that has the stations and the box (3,) to (3,) of the track in view."""
+    positions = np.array([s.ptu_position_m for s in rig.stations])
+    low = np.minimum(positions.min(axis=0), lower_m)
+    high = np.maximum(positions.max(axis=0), upper_m)
+    middle, length = (low + high) / 2, float(np.linalg.norm(high - low))
+    target = middle + TARGET_FROM_MIDDLE * (high - low) * [0.0, 1.0, 0.0]
+    return Eye(position_m=middle + length * EYE_FROM_MIDDLE, target_m=target)
+
+
+def eye_before(rig: Rig) -> Eye:
+    """Return the eye while nothing is known of the track."""
+    positions = np.array([s.ptu_position_m for s in rig.stations])
+    return eye_over(rig, positions.min(axis=0), positions.max(axis=0) + np.array([0.0, EXPECTED_LENGTH_M, 0.0]))
+
+
+def blueprint(rig: Rig, *, eye: Eye, loop_s: tuple[float, float] | None, errors_against: str) -> rrb.Blueprint:
+    """Return the layout; ``loop_s`` is the part of the session that plays on opening, or None for all of it."""
+    left = rrb.Vertical(_scene(eye), _plots(rig, errors_against), row_shares=[6, 5])
+    right = rrb.Vertical(_images(rig), _states(), row_shares=[4, 1])
+    selection = None
+    if loop_s is not None:
+        start, end = (rr.TimeInt(seconds=t) for t in loop_s)
+        selection = rrb.components.AbsoluteTimeRange(min=start, max=end)
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[5, 3]),
+        rrb.TopPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=tree.TIMELINE,
+            play_state="Playing",
+            loop_mode="All" if selection is None else "Selection",
+            time_selection=selection,
+        ),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def live_blueprint(rig: Rig, eye: Eye) -> rrb.Blueprint:
+    """Return the operator's screen: pictures and words large, the newest always in view."""
+    words = rrb.TextDocumentView(origin=f"/{tree.WORDS}", name="Station")
+    plots = rrb.Horizontal(
+        _plot(tree.LATENCY, "Delay [ms]"),
+        _plot(tree.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
+        _plot(tree.PTU, "Pan and tilt [°]", [f"{tree.PTU}/{s}/{kind}" for s in rig.names for kind in ("pan", "tilt")]),
+    )
+    left = rrb.Vertical(words, _scene(eye), plots, row_shares=[3, 6, 3])
+    right = rrb.Vertical(_images(rig), rrb.TextLogView(origin=f"/{tree.LOG}", name="Log"), row_shares=[4, 1])
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[1, 1]),
+        rrb.TopPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=tree.TIMELINE, play_state="Following"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _so_far() -> rrb.VisibleTimeRanges:
+    """Everything from the beginning to the cursor."""
+    return rrb.VisibleTimeRanges(
+        timeline=tree.TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+
+
+def _scene(eye: Eye) -> rrb.Spatial3DView:
+    """The 3-D view."""
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=["+ /world/**", f"+ /{tree.AIRCRAFT}/**"],
+        name="Runway",
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=eye.position_m, look_target=eye.target_m, eye_up=[0.0, 0.0, 1.0]
+        ),
+        background=tree.BACKGROUND,
+        line_grid=rrb.LineGrid3D(visible=True, spacing=10.0, color=[120, 120, 120, 50]),
+        overrides={
+            tree.EKF_PATH: _so_far(),
+            tree.EKF_ELLIPSOIDS: _so_far(),
+            tree.TRIANGULATION: _so_far(),
+        },
+    )
+
+
+def _images(rig: Rig) -> rrb.Container:
+    """One picture for each station, one below the other; beyond two, in a grid."""
+    views = [
+        rrb.Spatial2DView(
+            origin=f"/{tree.image(s.name)}",
+            name=s.name,
+            visual_bounds=rrb.VisualBounds2D(
+                x_range=[0, s.lens.image_size_px[0]], y_range=[0, s.lens.image_size_px[1]]
+            ),
+        )
+        for s in rig.stations
+    ]
+    return rrb.Vertical(*views) if len(views) <= 2 else rrb.Grid(*views)
+
+
+def _states() -> rrb.Container:
+    """The lanes of status, and the log."""
+    return rrb.Tabs(
+        rrb.StateTimelineView(origin=f"/{tree.STATUS}", name="Status"),
+        rrb.TextLogView(origin=f"/{tree.LOG}", name="Log"),
+    )
+
+
+def _plot(origin: str, name: str, contents: Sequence[str] = (), top: float | None = None) -> rrb.TimeSeriesView:
+    """A plot of everything below an entity, or of ``contents``; colours stand for a legend, which would cover it."""
+    axis = None if top is None else rrb.ScalarAxis(range=(0.0, top), zoom_lock=True)
+    return rrb.TimeSeriesView(
+        origin=f"/{origin}",
+        contents=[f"+ /{entity}" for entity in contents] or "$origin/**",
+        name=name,
+        axis_y=axis,
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+
+
+def _plots(rig: Rig, errors_against: str) -> rrb.Container:
+    """Errors, consistency with latency, and pointing, side by side."""
+    against = {"": "reference", "dgps": "DGPS"}.get(errors_against, errors_against)
+    errors = rrb.Vertical(*(_plot(f"{tree.ERROR}/{a}", f"{a} − {against}, ±2σ [m]") for a in tree.AXES))
+    consistency = rrb.Vertical(
+        _plot(tree.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
+        _plot(tree.LATENCY, "Latency: pair, detections [ms]"),
+    )
+    ptu = {kind: [f"{tree.PTU}/{s}/{kind}" for s in rig.names] for kind in ("pan", "tilt", "pan_rate", "tilt_rate")}
+    pointing = rrb.Vertical(
+        _plot(tree.PTU, "Pan [°]", ptu["pan"]),
+        _plot(tree.PTU, "Tilt [°]", ptu["tilt"]),
+        _plot(tree.PTU, "Pan and tilt rates [°/s]", ptu["pan_rate"] + ptu["tilt_rate"]),
+    )
+    return rrb.Horizontal(errors, consistency, pointing)

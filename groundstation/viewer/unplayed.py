@@ -1,0 +1,125 @@
+"""A Rerun recording of a session that cannot be replayed yet: its pictures, its stations, its references."""
+
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.errors import InputError, MissingExtraError, SessionError
+from groundstation.session import MediumKind, Session, load_dgps, load_truth
+from groundstation.session.media import image_files, read_image
+from groundstation.sources.frame_table import read_frames
+from groundstation.sources.video_file import VideoFile
+from groundstation.viewer import tree
+from groundstation.viewer.columns import Batch
+from groundstation.viewer.media import VideoAsset, log_video
+from groundstation.viewer.pictures import PictureChannel
+from groundstation.viewer.reference import ReferenceLine, log_reference_line
+from groundstation.viewer.scene import log_pedestal, log_runway, log_world, long_enough, outline_between
+
+
+def recording_of_session(session: Session, path: Path) -> tuple[str, ...]:
+    """Write what a session holds without a replay and return it in words, an item each; empty where there is nothing.
+
+    A reference stands in its own clock. What cannot be read is passed over: why the session is not replayed has
+    been said already.
+    """
+    stream = rr.RecordingStream("groundstation", send_properties=False)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    stream.save(path)
+    stream.send_recording_name(session.name)
+    log_world(stream)
+    middle_m = np.mean([s.ptu_position_m for s in session.rig.stations], axis=0)
+    for number, station in enumerate(session.rig.stations):
+        if "position" in station.known:
+            log_pedestal(stream, station, number, middle_m)
+    lines = _references(session)
+    furthest_m = max((float(line.position_runway_m[:, 1].max()) for line in lines), default=0.0)
+    log_runway(stream, long_enough(outline_between(session.rig), furthest_m))
+    for line in lines:
+        log_reference_line(stream, line)
+    pictures = _log_pictures(stream, session)
+    stream.flush()
+    stream.disconnect()
+    shown = [f"pictures of {' and '.join(pictures)}"] if pictures else []
+    return (*shown, *({"dgps": "the DGPS path", "truth": "the true path"}[line.name] for line in lines))
+
+
+def _references(session: Session) -> list[ReferenceLine]:
+    """Return the references as lines, as far as they can be read."""
+    lines = []
+    truth = load_truth(session, lambda fault: None)
+    if truth is not None and len(truth.t_s):
+        lines.append(ReferenceLine(name="truth", t_s=truth.t_s, position_runway_m=truth.position_runway_m))
+    try:
+        fixes = load_dgps(session, lambda fault: None)
+    except MissingExtraError:
+        return lines
+    if fixes:
+        points = np.array([fix.position_runway_m for fix in fixes])
+        lines.append(ReferenceLine(name="dgps", t_s=np.array([f.t_s for f in fixes]), position_runway_m=points))
+    return lines
+
+
+def _log_pictures(stream: rr.RecordingStream, session: Session) -> list[str]:
+    """Log every station's frames at their stamps; returns the stations that have some."""
+    try:
+        table = read_frames(session)
+    except SessionError:
+        return []
+    shown = []
+    for name, medium in session.media.items():
+        there = np.isfinite(table.stamps_s[name])
+        stamps_s, numbers = table.stamps_s[name][there], table.numbers[name][there]
+        try:
+            if medium.kind is MediumKind.VIDEO:
+                _log_video(stream, name, medium.path, stamps_s, numbers)
+            elif medium.kind is MediumKind.IMAGES:
+                channel = PictureChannel(name, expected=len(numbers))
+                files = image_files(medium.path)
+                for t_s, number in zip(stamps_s, numbers, strict=True):
+                    picture = read_image(files[int(number)]) if int(number) in files else None
+                    if isinstance(picture, np.ndarray):
+                        _send(stream, channel, float(t_s), int(number), picture)
+                _finish(stream, channel)
+            else:
+                continue
+        except InputError:
+            continue
+        shown.append(name)
+    return shown
+
+
+def _log_video(
+    stream: rr.RecordingStream, name: str, path: Path, stamps_s: FloatArray, numbers: NDArray[np.int64]
+) -> None:
+    """Log a station's video as it is, or picture by picture where Rerun cannot read it."""
+    try:
+        video = log_video(stream, tree.image(name), VideoAsset(path=path))
+    except SessionError:
+        channel, wanted = (
+            PictureChannel(name, expected=len(numbers)),
+            dict(zip(numbers.tolist(), stamps_s, strict=True)),
+        )
+        for frame in VideoFile(path).frames():
+            if frame.index in wanted:
+                _send(stream, channel, float(wanted[frame.index]), frame.index, frame.image)
+        _finish(stream, channel)
+        return
+    inside = numbers < len(video)
+    columns = video.references(numbers[inside])
+    Batch(entity=tree.image(name), t_s=stamps_s[inside], columns=columns).send(stream)
+
+
+def _send(stream: rr.RecordingStream, channel: PictureChannel, t_s: float, number: int, picture: ImageArray) -> None:
+    channel.add_picture(t_s, number, picture)
+    if channel.full:
+        _finish(stream, channel)
+
+
+def _finish(stream: rr.RecordingStream, channel: PictureChannel) -> None:
+    for batch in channel.take():
+        batch.send(stream)

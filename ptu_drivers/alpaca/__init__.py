@@ -1,0 +1,1 @@
+"""Alt-azimuth mounts behind ASCOM Alpaca."""

@@ -1,0 +1,67 @@
+"""ASCOM Alpaca's requests to one telescope by name, and answers that are checked."""
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+from urllib.parse import urlencode
+
+from ptu_drivers.alpaca.codec import decode, finite
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.health import DoubtReason
+from ptu_drivers.polled_unit import Line
+
+_CLIENT = 4242
+NOT_IMPLEMENTED = 0x400
+
+
+class HttpLine(Line, Protocol):
+    """What carries a request: a connection, or a simulated one."""
+
+    def transfer(self, method: str, path: str, query: str, until_s: float) -> tuple[int, bytes]:
+        """Return status and body; the query goes behind the path of a GET, into the body of a PUT.
+
+        Raises
+        ------
+        Doubtful : no whole answer until then, or a halt waits. LineError : nobody is there.
+        """
+
+
+@dataclass(slots=True)
+class AlpacaTelescope:
+    """Properties and methods of one telescope by name."""
+
+    line: HttpLine
+    device: int = 0
+    sent: int = 0
+    _transactions: Iterator[int] = field(default_factory=lambda: itertools.count(1))
+
+    def get(self, name: str, until_s: float, **parameters: object) -> Any:
+        """Return a property. Raises Doubtful, RefusedError, LineError."""
+        return self._ask("GET", name, parameters, until_s).get("Value")
+
+    def number(self, name: str, until_s: float, **parameters: object) -> float:
+        """Return a property that is a finite number. Raises Doubtful, RefusedError, LineError."""
+        return finite(name, self.get(name, until_s, **parameters))
+
+    def flag(self, name: str, until_s: float, **parameters: object) -> bool:
+        """Return a property that is true or false. Raises Doubtful, RefusedError, LineError."""
+        value = self.get(name, until_s, **parameters)
+        if not isinstance(value, bool):
+            raise Doubtful(DoubtReason.GARBAGE, f"{name}: {value!r}")
+        return value
+
+    def put(self, name: str, until_s: float, **parameters: object) -> None:
+        """Call a method, or set a property. Raises Doubtful, RefusedError, LineError."""
+        self._ask("PUT", name, parameters, until_s)
+
+    def _ask(self, method: str, name: str, parameters: Mapping[str, object], until_s: float) -> dict[str, Any]:
+        if method == "GET" and self.line.now() >= until_s:
+            # commands still go out: a halt that is late is better than none
+            raise Doubtful(DoubtReason.TIMEOUT, f"no time left to ask for {name}")
+        transaction = next(self._transactions) % 0xFFFFFFFF
+        self.sent += 1
+        query = urlencode({**parameters, "ClientID": _CLIENT, "ClientTransactionID": transaction})
+        path = f"/api/v1/telescope/{self.device}/{name}"
+        status, body = self.line.transfer(method, path, query, until_s)
+        return decode(name, status, body, transaction)

@@ -1,0 +1,1 @@
+"""Two Dynamixel servos as a pan-tilt unit."""

@@ -1,0 +1,1 @@
+"""FLIR / Directed Perception pan-tilt units over their ASCII protocol."""

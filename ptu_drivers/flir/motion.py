@@ -1,0 +1,77 @@
+"""What a FLIR unit is told to do, in counts, after every limit was looked at."""
+
+import math
+from dataclasses import dataclass
+
+from ptu_drivers.axis_limits import insist_on_angle, insist_on_rate
+from ptu_drivers.errors import LimitError
+from ptu_drivers.flir.probe import UnitFacts
+from ptu_drivers.messages import Axis, Reading, UnitDescription
+from ptu_drivers.settings import AxisSettings, UnitSettings
+
+# a command arrives and is obeyed within that time, s
+_OBEY_S = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Converter:
+    """Angles and rates to counts, and back; refuses what is beyond a limit."""
+
+    facts: UnitFacts
+    description: UnitDescription
+    settings: UnitSettings
+
+    def of(self, axis: Axis) -> AxisSettings:
+        """Return the settings of one axis."""
+        return self.settings.pan if axis is Axis.PAN else self.settings.tilt
+
+    def angle(self, axis: Axis, counts: int) -> float:
+        """Return the angle of a position, rad."""
+        return self.of(axis).angle(counts * self.facts.axis(axis).quantum_rad)
+
+    def counts(self, axis: Axis, angle_rad: float) -> float:
+        """Return an angle in counts, not rounded."""
+        return self.of(axis).unit_angle(angle_rad) / self.facts.axis(axis).quantum_rad
+
+    def bounds(self, axis: Axis) -> tuple[int, int]:
+        """Return the first and last position inside all limits, counts."""
+        a, facts = self.description.axis(axis), self.facts.axis(axis)
+        low, high = sorted((self.counts(axis, a.low_rad), self.counts(axis, a.high_rad)))
+        # the unit's own ends come back from radians with their last digits changed
+        return max(math.ceil(low - 1e-6), facts.low), min(math.floor(high + 1e-6), facts.high)
+
+    def position(self, axis: Axis, angle_rad: float) -> int:
+        """Return the position of an angle, counts. Raises LimitError."""
+        insist_on_angle(axis, self.description.axis(axis), angle_rad)
+        facts = self.facts.axis(axis)
+        counts = round(self.of(axis).unit_angle(angle_rad) / facts.quantum_rad)
+        return min(max(counts, facts.low), facts.high)
+
+    def rate(self, axis: Axis, rate_rad_s: float, *, still: bool = True) -> int:
+        """Return a signed rate, counts/s; `still` allows 0. Raises LimitError."""
+        a = self.description.axis(axis)
+        insist_on_rate(axis, a, rate_rad_s)
+        facts = self.facts.axis(axis)
+        if rate_rad_s == 0.0 and still:
+            return 0
+        if rate_rad_s == 0.0 and a.min_rate_rad_s > 0.0:
+            raise LimitError(axis.value, "minimum speed", got=0.0, bound=a.min_rate_rad_s, origin="unit")
+        size = min(max(round(abs(rate_rad_s) / facts.quantum_rad), facts.min_rate), facts.max_rate)
+        return int(math.copysign(size, rate_rad_s)) * self.of(axis).sign
+
+    def reach(self, axis: Axis, reading: Reading, rate_rad_s: float) -> float:
+        """Return where the axis would come to rest if it were told to stop now, rad."""
+        a = self.description.axis(axis)
+        at = reading.pan if axis is Axis.PAN else reading.tilt
+        braking = rate_rad_s * abs(rate_rad_s) / (2.0 * a.max_acceleration_rad_s2)
+        return at.angle_rad + braking + rate_rad_s * _OBEY_S
+
+    def outward(self, axis: Axis, reading: Reading, rate_rad_s: float) -> LimitError | None:
+        """Return the limit that motion at this rate is about to pass, if any."""
+        a = self.description.axis(axis)
+        reach = self.reach(axis, reading, rate_rad_s)
+        if rate_rad_s > 0 and reach >= a.high_rad:
+            return LimitError(axis.value, "upper limit", got=reach, bound=a.high_rad, origin=a.high_from)
+        if rate_rad_s < 0 and reach <= a.low_rad:
+            return LimitError(axis.value, "lower limit", got=reach, bound=a.low_rad, origin=a.low_from)
+        return None

@@ -1,0 +1,235 @@
+"""What a FLIR unit is: every figure asked, none assumed."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.errors import ProtocolError
+from ptu_drivers.flir.codec import integer, integers, only_number
+from ptu_drivers.flir.line import Exchanged, FlirLine
+from ptu_drivers.health import DoubtReason
+from ptu_drivers.messages import Axis, AxisDescription
+from ptu_drivers.settings import AxisSettings
+
+LETTER = {Axis.PAN: "P", Axis.TILT: "T"}
+D_SERIES_PACE_S = 0.1
+_ARCSEC = math.radians(1.0 / 3600.0)
+_TRIES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisFacts:
+    """One axis as the unit describes it, in counts.
+
+    Attributes
+    ----------
+    arcsec : arc seconds per count. low, high : limits.
+    min_rate, max_rate : bounds of the speed, counts/s. rate : speed that is set.
+    acceleration : counts/s², infinite if the unit does not say.
+    """
+
+    arcsec: float
+    low: int
+    high: int
+    min_rate: int
+    max_rate: int
+    rate: int
+    acceleration: float
+
+    @property
+    def quantum_rad(self) -> float:
+        """Return one count, rad."""
+        return self.arcsec * _ARCSEC
+
+    def describe(self, settings: AxisSettings) -> AxisDescription:
+        """Return the axis after sign, zero and soft limits."""
+        ends = sorted((settings.angle(self.low * self.quantum_rad), settings.angle(self.high * self.quantum_rad)))
+        low, high = max(ends[0], settings.low_rad), min(ends[1], settings.high_rad)
+        rate = min(self.max_rate * self.quantum_rad, settings.max_rate_rad_s)
+        if not low < high:
+            raise ProtocolError("soft limits", got="none of the unit's range", wanted="some of it")
+        return AxisDescription(
+            quantum_rad=self.quantum_rad,
+            low_rad=low,
+            high_rad=high,
+            low_from="settings" if settings.low_rad > ends[0] else "unit",
+            high_from="settings" if settings.high_rad < ends[1] else "unit",
+            max_rate_rad_s=rate,
+            min_rate_rad_s=self.min_rate * self.quantum_rad,
+            rate_from="settings" if rate == settings.max_rate_rad_s else "unit",
+            max_acceleration_rad_s2=self.acceleration * self.quantum_rad,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitFacts:
+    """What the probe found.
+
+    Attributes
+    ----------
+    model, firmware, serial : texts. pan, tilt : the axes.
+    pace_s : least time between commands, s.
+    combined : it knows `B`. clock_hz : its counter's frequency, where `BT` and `CNF` can be relied on, else 0.
+    clock_field : which number of `BT` is the counter.
+    details : for people.
+    """
+
+    model: str
+    firmware: str
+    serial: str
+    pan: AxisFacts
+    tilt: AxisFacts
+    pace_s: float
+    combined: bool
+    clock_hz: float
+    clock_field: int = 0
+    details: Mapping[str, str] = field(default_factory=dict)
+
+    def axis(self, axis: Axis) -> AxisFacts:
+        """Return the facts of one axis."""
+        return self.pan if axis is Axis.PAN else self.tilt
+
+
+def insist(line: FlirLine, command: str) -> Exchanged:
+    """Ask until there is an answer, with a fresh start after each doubt.
+
+    Raises
+    ------
+    Doubtful : none after a few tries.
+    """
+    for _ in range(_TRIES - 1):
+        try:
+            return line.ask(command)
+        except Doubtful:
+            try:
+                line.resynchronise(line.transport.now() + line.longest_s())
+            except Doubtful:
+                continue
+    return line.ask(command)
+
+
+def set_up(line: FlirLine) -> None:
+    """Set echo, terse answers and independent control, and read back what can be read.
+
+    Raises
+    ------
+    Doubtful, ProtocolError : the unit does not do it.
+    """
+    for command in ("EE", "FT", "CI"):
+        said = insist(line, command).answer
+        if not said.ok:
+            raise ProtocolError(command, got=said.text or "an error", wanted="*")
+    # that the echo is on, each answer shows; that it is terse, this one
+    integer(insist(line, "PP").answer.text)
+
+
+def probe(line: FlirLine) -> UnitFacts:
+    """Ask the unit what it is; it must be set up.
+
+    Raises
+    ------
+    Doubtful : no answer. ProtocolError : an answer without the figure that it must have.
+    """
+    details: dict[str, str] = {}
+
+    def text(command: str) -> str:
+        said = insist(line, command).answer
+        if said.ok and said.text:
+            details[command] = said.text
+            return said.text
+        return ""
+
+    firmware, model, serial = text("V"), text("VM"), text("VS")
+    # only the E series has VM; D-series units take ten commands a second
+    pace = 0.0 if model else D_SERIES_PACE_S
+    line.pace_s = pace
+    pan, tilt = _axis(line, "P"), _axis(line, "T")
+    text("O")
+    combined = _knows_combined(line)
+    clock_hz, clock_field = _device_clock(line)
+    return UnitFacts(
+        model=model,
+        firmware=firmware,
+        serial=serial,
+        pan=pan,
+        tilt=tilt,
+        pace_s=pace,
+        combined=combined,
+        clock_hz=clock_hz,
+        clock_field=clock_field,
+        details=details,
+    )
+
+
+def _axis(line: FlirLine, letter: str) -> AxisFacts:
+    def number(what: str) -> float:
+        for last in (False, False, True):
+            said = insist(line, letter + what).answer
+            try:
+                return only_number(said.text if said.ok else "an error: " + said.text)
+            except ProtocolError:
+                # another line may have run into this one
+                if last:
+                    raise
+        raise AssertionError
+
+    acceleration = insist(line, letter + "A").answer
+    facts = AxisFacts(
+        arcsec=number("R"),
+        low=round(number("N")),
+        high=round(number("X")),
+        min_rate=round(number("L")),
+        max_rate=round(number("U")),
+        rate=round(number("S")),
+        acceleration=only_number(acceleration.text) if acceleration.ok else math.inf,
+    )
+    if not (facts.arcsec > 0 and facts.low < facts.high and facts.max_rate > 0):
+        raise ProtocolError(f"{letter}R {letter}N {letter}X {letter}U", got=str(facts), wanted="a unit that was homed")
+    return facts
+
+
+def _knows_combined(line: FlirLine) -> bool:
+    """Return whether `B` answers with positions first, as `PP` and `TP` say them at rest."""
+    said = insist(line, "B").answer
+    if not said.ok:
+        return False
+    try:
+        four = integers(said.text, 4)
+    except ProtocolError:
+        return False
+    pan, tilt = (integer(insist(line, c).answer.text) for c in ("PP", "TP"))
+    return abs(four[0] - pan) <= 1 and abs(four[1] - tilt) <= 1
+
+
+def _device_clock(line: FlirLine) -> tuple[float, int]:
+    """Return the counter's frequency and its place in `BT`; 0 where it cannot be told by trying.
+
+    No source shows the order of `BT`: the positions must be those of `PP` and `TP`, and one number must run as fast
+    as `CNF` says.
+    """
+    if not insist(line, "BT").answer.ok or not (said := insist(line, "CNF").answer).ok:
+        return 0.0, 0
+    try:
+        hz = only_number(said.text)
+        first = insist(line, "BT")
+        line.transport.wait(0.2)
+        second = insist(line, "BT")
+        before, after = integers(first.answer.text, 5), integers(second.answer.text, 5)
+        pan, tilt = (integer(insist(line, c).answer.text) for c in ("PP", "TP"))
+    except ProtocolError:
+        return 0.0, 0
+    if len(before) != len(after) or hz <= 0 or abs(after[0] - pan) > 1 or abs(after[1] - tilt) > 1:
+        return 0.0, 0
+    shortest = second.earliest_s - first.latest_s
+    longest = second.latest_s - first.earliest_s
+    for place in range(4, len(after)):
+        ran = (after[place] - before[place]) / hz
+        if 0.99 * shortest <= ran <= 1.01 * longest:
+            return hz, place
+    return 0.0, 0
+
+
+def doubt_of(fault: ProtocolError) -> Doubtful:
+    """Return an answer that cannot be read as a doubt."""
+    return Doubtful(DoubtReason.GARBAGE, fault.got)

@@ -1,0 +1,169 @@
+"""From a doubt back to angles, one bounded step at a time: the line, the echo, the speed, the unit's settings."""
+
+from collections import deque
+from collections.abc import Callable
+
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.errors import LineError, ProtocolError
+from ptu_drivers.flir.codec import integer
+from ptu_drivers.flir.line import FlirLine
+from ptu_drivers.health import DoubtReason, HealthCounter, UnitState
+
+# a unit's speed at power-up, as it leaves the factory
+DEFAULT_BAUD = 9600
+_REOPEN_AFTER = 4
+_IDLE_S = 0.02
+_RESYNCHRONISE = ""
+# no unit boots and homes faster
+_BOOT_S = 1.0
+# then the question is asked anew: power may have been lost meanwhile, and the question with it
+_AWAIT_S = 2.0
+
+
+class Recovery:
+    """What to do next when the line or the unit is in doubt.
+
+    Parameters
+    ----------
+    line : the line. counter : its `state` is ours to set; while its `halt_owed` is set, the unit is halted as soon as
+        it answers: motion may go on of which nothing is known.
+    setup : commands that bring a restarted unit back to what it was, after echo and terse answers.
+    """
+
+    def __init__(self, line: FlirLine, counter: HealthCounter, setup: Callable[[], tuple[str, ...]]) -> None:
+        self.restarted = False
+        """The unit was found restarted since this was last cleared."""
+        self._line = line
+        self._counter = counter
+        self._setup = setup
+        self._baud = line.transport.baud()
+        self._failed = 0
+        self._answered_s = line.transport.now()
+        self._queue: deque[str] = deque()
+        self._awaited: Callable[[float], bool] | None = None
+        self._await_until_s = 0.0
+
+    def note_answer(self) -> None:
+        """Everything is well."""
+        self._answered_s = self._line.transport.now()
+
+    def keep_baud(self) -> None:
+        """Take the line's speed as the one that the unit is meant to have."""
+        self._baud = self._line.transport.baud()
+
+    def doubt(self, reason: DoubtReason) -> None:
+        """Something doubtful came; the next `advance` begins to mend it."""
+        self._counter.doubts[reason] += 1
+        self._awaited = None
+        if reason is DoubtReason.LINE_LOST:
+            self._counter.state = UnitState.LINE_LOST
+        elif self._counter.state is not UnitState.LINE_LOST:
+            self._counter.state = UnitState.RESYNCHRONISING
+
+    def advance(self, deadline_s: float) -> DoubtReason:
+        """Take one step, until `deadline_s` at most; return why there is no angle yet."""
+        try:
+            if self._counter.state is UnitState.LINE_LOST:
+                self._reopen()
+                return DoubtReason.LINE_LOST
+            if self._counter.state is UnitState.STARTING:
+                self._start(deadline_s)
+                return DoubtReason.STARTING
+            self._resynchronise(deadline_s)
+        except Doubtful as doubt:
+            if doubt.reason is DoubtReason.PREEMPTED:
+                # says nothing of the line
+                self.doubt(doubt.reason)
+            else:
+                self._fail(doubt.reason)
+            return doubt.reason
+        except LineError:
+            self.doubt(DoubtReason.LINE_LOST)
+            self._line.transport.wait(_IDLE_S)
+            return DoubtReason.LINE_LOST
+        return DoubtReason.STARTING if self._queue else DoubtReason.TIMEOUT
+
+    def _resynchronise(self, deadline_s: float) -> None:
+        self._counter.resyncs += 1
+        line = self._line
+        if self._failed:
+            line.greet(deadline_s)
+        else:
+            line.resynchronise(deadline_s)
+        self._look_for_restart(deadline_s)
+        if self._counter.halt_owed and not self._queue:
+            line.ask("H", deadline_s=deadline_s)
+            self._counter.halt_owed = False
+        self._failed = 0
+        if line.transport.baud() != self._baud:
+            # it answers at another speed than it was set to
+            self._restart()
+        self._counter.state = UnitState.STARTING if self._queue else UnitState.READY
+
+    def _look_for_restart(self, deadline_s: float) -> None:
+        """A unit that was restarted talks verbosely again."""
+        said = self._line.ask("PP", deadline_s=deadline_s).answer
+        try:
+            integer(said.text)
+        except ProtocolError as fault:
+            if not said.ok or "position" not in said.text:
+                raise Doubtful(DoubtReason.GARBAGE, said.text) from fault
+            if self._line.transport.now() - self._answered_s > _BOOT_S:
+                self._restart()
+            else:
+                # no time to boot: somebody changed the setting
+                self._queue = deque(("EE", "FT"))
+
+    def _restart(self) -> None:
+        """Set everything anew, after it has homed."""
+        if not self._queue:
+            self._counter.restarts += 1
+        self.restarted = True
+        self._counter.halt_owed = False
+        baud = (f"@({self._baud},0,F)", _RESYNCHRONISE) if self._baud not in (0, self._line.transport.baud()) else ()
+        # speeds of zero stop motion by rate, and are refused by a unit that homes or goes to a position
+        self._queue = deque(("EE", "FT", "PS0", "TS0", "A", *self._setup(), *baud))
+
+    def _start(self, deadline_s: float) -> None:
+        line = self._line
+        if not self._queue:
+            self._counter.state = UnitState.READY
+            return
+        command = self._queue[0]
+        if command == "A":
+            if self._awaited is None:
+                self._awaited = line.begin("A")
+                self._await_until_s = line.transport.now() + _AWAIT_S
+            elif line.transport.now() > self._await_until_s:
+                raise Doubtful(DoubtReason.TIMEOUT, "nothing to A")
+            if not self._awaited(deadline_s):
+                return
+            self._awaited = None
+        elif command == _RESYNCHRONISE:
+            line.resynchronise(deadline_s)
+        else:
+            line.ask(command, deadline_s=deadline_s)
+            if command.startswith("@"):
+                line.transport.set_baud(self._baud)
+        self._queue.popleft()
+
+    def _fail(self, reason: DoubtReason) -> None:
+        self.doubt(reason)
+        self._failed += 1
+        transport = self._line.transport
+        if self._failed % _REOPEN_AFTER == 0:
+            self._counter.state = UnitState.LINE_LOST
+        elif self._baud not in (0, DEFAULT_BAUD):
+            other = DEFAULT_BAUD if transport.baud() == self._baud else self._baud
+            transport.set_baud(other)
+
+    def _reopen(self) -> None:
+        transport = self._line.transport
+        try:
+            transport.reopen()
+        except LineError:
+            self._counter.doubts[DoubtReason.LINE_LOST] += 1
+            transport.wait(_IDLE_S)
+            return
+        self._counter.reconnects += 1
+        self._counter.state = UnitState.RESYNCHRONISING

@@ -1,0 +1,1 @@
+"""Pan-tilt units that speak Pelco-D or Pelco-P."""

@@ -1,0 +1,197 @@
+"""One question on a Pelco line: which bytes are its answer, when that was true, and when it is not believed.
+
+Pelco messages carry no sequence number and a checksum of 8 bits, so that much rests on order and time: one question is
+on the line at a time; an answer that is complete before the question was out belongs to an older one; after a question
+without an answer the other axis is asked first, since a unit answers in order; bytes that follow an answer closely make
+it doubtful (a byte too many inside a message passes the checksum once in 256).
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.health import DoubtReason
+from ptu_drivers.messages import Axis
+from ptu_drivers.pelco.codec import Opcode, PelcoFraming, PelcoMessage, acknowledgement_of, encode, scan
+from ptu_drivers.transport import Transport
+
+_QUERY = {Axis.PAN: Opcode.QUERY_PAN, Axis.TILT: Opcode.QUERY_TILT}
+_REPLY = {Axis.PAN: Opcode.PAN_IS, Axis.TILT: Opcode.TILT_IS}
+_ANSWERS = frozenset((Opcode.PAN_IS, Opcode.TILT_IS))
+# silence after an answer, in characters, and at least this long where characters take no time
+_QUIET_CHARACTERS = 2.0
+_QUIET_S = 0.002
+# no more than this is taken while one answer is waited for: a line that never falls silent answers nothing
+_LONGEST = 1024
+_CHUNKS = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """The number that a unit answered with.
+
+    Attributes
+    ----------
+    word : 0 to 65535.
+    sent_s, answered_s : when the question was given to the line, and when the answer was complete, s.
+    asked_s : earliest instant at which the unit had the whole question, s.
+    first_bit_s : latest instant at which the answer can have begun, s.
+    """
+
+    word: int
+    sent_s: float
+    asked_s: float
+    first_bit_s: float
+    answered_s: float
+
+
+@dataclass(slots=True, kw_only=True)
+class PelcoExchange:
+    """The line with what is still unanswered on it.
+
+    Attributes
+    ----------
+    line : the line.
+    address, framing : of the unit.
+    reply_timeout_s : how long to wait for an answer beyond the time that its bytes take, s.
+    late_s : an answer that has not come so long after its question never comes, s.
+    doubts : counts of what was passed over without harm, by reason.
+    echoes : own messages that came back, as they do on two wires.
+    """
+
+    line: Transport
+    address: int
+    framing: PelcoFraming
+    reply_timeout_s: float
+    late_s: float
+    doubts: Counter[DoubtReason] = field(default_factory=Counter)
+    echoes: int = 0
+    sent: int = 0
+    _unanswered: dict[Axis, float] = field(default_factory=dict)
+
+    def ask(self, axis: Axis, until_s: float) -> Answer:
+        """Ask one axis.
+
+        Raises
+        ------
+        Doubtful : no answer that can be believed. LineError : the line is gone.
+        """
+        question = encode(PelcoMessage(address=self.address, opcode=_QUERY[axis]), self.framing)
+        self.drain()
+        sent_s = self.line.now()
+        character_s = self.line.character_s()
+        asked_s = sent_s + len(question) * character_s
+        self.sent += 1
+        self._unanswered[axis] = sent_s
+        self.line.write(question)
+        until_s = min(until_s, asked_s + self.reply_timeout_s + len(question) * character_s)
+        received, arrivals = bytearray(), []
+        refused: set[int] = set()
+        while True:
+            chunk = self.line.read(until_s)
+            received += chunk.data
+            if not chunk.data or len(received) > _LONGEST:
+                raise Doubtful(self._why_nothing(bytes(received[:_LONGEST]), question))
+            arrivals.append((len(received), chunk.t_s))
+            for at, message in scan(bytes(received), self.framing).found:
+                if at in refused:
+                    continue
+                began_s = _began(at, arrivals, character_s)
+                if self._is_answer(message, axis, began_s >= asked_s, question):
+                    self._insist_on_silence(bytes(received), at + len(question), character_s)
+                    self._answered(axis, sent_s)
+                    return Answer(
+                        word=message.word,
+                        sent_s=sent_s,
+                        asked_s=asked_s,
+                        first_bit_s=began_s,
+                        answered_s=self.line.now(),
+                    )
+                refused.add(at)
+
+    def tell(self, message: PelcoMessage) -> None:
+        """Send a command that has no answer."""
+        self.sent += 1
+        self.line.write(encode(message, self.framing))
+
+    def tell_and_wait(self, message: PelcoMessage, until_s: float) -> int:
+        """Send a command to a unit that acknowledges; returns its alarm bits. Raises Doubtful, LineError."""
+        self.drain()
+        self.tell(message)
+        frame = encode(message, self.framing)
+        received = bytearray()
+        until_s = min(until_s, self.line.now() + 2 * len(frame) * self.line.character_s() + self.reply_timeout_s)
+        while True:
+            chunk = self.line.read(until_s)
+            received += chunk.data
+            if not chunk.data or len(received) > _LONGEST:
+                raise Doubtful(DoubtReason.TIMEOUT, "no acknowledgement")
+            rest = bytes(received).removeprefix(frame)
+            for at in range(len(rest) - 3):
+                short = acknowledgement_of(rest[at : at + 4], message)
+                if short is not None:
+                    return short.alarms
+
+    def barrier(self) -> tuple[Axis, Axis]:
+        """Return the order in which to ask: first the axis whose answer cannot be an old one."""
+        return (Axis.TILT, Axis.PAN) if Axis.PAN in self._unanswered else (Axis.PAN, Axis.TILT)
+
+    def settle(self, until_s: float) -> None:
+        """Listen until old answers can be told from new ones. Raises Doubtful if that takes longer, LineError."""
+        self.drain()
+        if len(self._unanswered) < len(Axis):
+            return
+        certain_s = max(self._unanswered.values()) + self.late_s
+        while self.line.now() < min(certain_s, until_s):
+            if self.line.read(min(certain_s, until_s)).data:
+                self.doubts[DoubtReason.UNEXPECTED] += 1
+        if self.line.now() < certain_s:
+            raise Doubtful(DoubtReason.TIMEOUT, "answers that may still come")
+        self._unanswered.clear()
+
+    def drain(self) -> None:
+        """Take what is there and belongs to nobody."""
+        for _ in range(_CHUNKS):
+            if not self.line.read(self.line.now()).data:
+                return
+
+    def _answered(self, axis: Axis, sent_s: float) -> None:
+        """A unit answers in order: whatever was asked before this cannot be answered any more."""
+        self._unanswered = {a: t for a, t in self._unanswered.items() if a is not axis and t > sent_s}
+
+    def _is_answer(self, message: PelcoMessage, axis: Axis, in_time: bool, question: bytes) -> bool:
+        if encode(message, self.framing) == question:
+            self.echoes += 1
+            return False
+        if message.address != self.address or message.command_1 != 0 or message.opcode not in _ANSWERS:
+            self.doubts[DoubtReason.UNEXPECTED] += 1
+            return False
+        if message.opcode != _REPLY[axis] or not in_time:
+            self.doubts[DoubtReason.ECHO_MISMATCH] += 1
+            return False
+        return True
+
+    def _insist_on_silence(self, received: bytes, end: int, character_s: float) -> None:
+        quiet_s = max(_QUIET_CHARACTERS * character_s, _QUIET_S)
+        if len(received) > end or self.line.read(self.line.now() + quiet_s).data:
+            raise Doubtful(DoubtReason.GARBAGE, "bytes on the heels of the answer")
+
+    def _why_nothing(self, received: bytes, question: bytes) -> DoubtReason:
+        seen = scan(received, self.framing)
+        if not seen.skipped and seen.used == len(received):
+            # nothing, or whole messages of others
+            return DoubtReason.TIMEOUT
+        rest = received.removeprefix(question)
+        start = rest.find(question[:2])
+        if start < 0:
+            return DoubtReason.GARBAGE
+        return DoubtReason.TRUNCATED if len(rest) - start < len(question) else DoubtReason.CHECKSUM
+
+
+def _began(at: int, arrivals: list[tuple[int, float]], character_s: float) -> float:
+    """Return the latest instant at which the byte at this index can have begun, s.
+
+    Each byte was there at its chunk's instant at the latest, and each takes a character's time on the line: the last
+    byte of a chunk bounds the first, also behind an adapter that hands over many bytes at once.
+    """
+    return min(t_s - (end - at) * character_s for end, t_s in arrivals if end > at)

@@ -1,0 +1,1 @@
+"""Simulated units of all protocols, on ptys and over HTTP."""

@@ -1,0 +1,111 @@
+"""Boards seen through a known lens: as corners with noise, and as rendered pictures."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from calibration.lens.boards import Board
+from calibration.lens.corners import View
+from calibration.lens.fit import camera_matrix
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.geometry.camera import Lens
+
+# px of the board's own drawing for one square
+_DRAWN_PX = 60
+_MARGIN = 0.5
+
+
+def a_lens(size: tuple[int, int] = (640, 480), focal_px: float = 700.0, k3: float = 0.0) -> Lens:
+    """A lens with a moderate barrel, its centre off the image's."""
+    w, h = size
+    return Lens(
+        image_size_px=size,
+        focal_px=np.array([focal_px, 1.003 * focal_px]),
+        principal_point_px=np.array([0.51 * w, 0.485 * h]),
+        distortion=np.array([-0.22, 0.11, 0.0007, -0.0005, k3]),
+    )
+
+
+def parameters(lens: Lens) -> FloatArray:
+    return np.concatenate([lens.focal_px, lens.principal_point_px, lens.distortion])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pose:
+    """Board to camera: Rodrigues vector and translation (3,), m."""
+
+    rotation: FloatArray
+    translation_m: FloatArray
+
+
+def a_pose(rng: np.random.Generator, board: Board, lens: Lens, tilt_deg: float = 40.0, fill: float = 0.75) -> Pose:
+    """A board anywhere in the image, tilted any way, filling about ``fill`` of its height at the nearest."""
+    corners = board.corners_m
+    rotation = np.radians(rng.uniform(-tilt_deg, tilt_deg, 3))
+    matrix = cv2.Rodrigues(rotation)[0]
+    height = float(np.ptp(corners[:, 1]))
+    z = lens.focal_px[1] * height / (fill * lens.image_size_px[1]) * rng.uniform(1.0, 1.8)
+    reach = 0.28 * np.array(lens.image_size_px) * z / lens.focal_px
+    middle = np.array([*rng.uniform(-reach, reach), z])
+    return Pose(rotation=rotation, translation_m=middle - matrix @ corners.mean(axis=0))
+
+
+def corner_views(
+    rng: np.random.Generator, board: Board, lens: Lens, count: int, *, sigma_px: float, tilt_deg: float = 40.0
+) -> list[View]:
+    """Corners of ``count`` boards with white noise, those inside the image."""
+    views: list[View] = []
+    while len(views) < count:
+        pose = a_pose(rng, board, lens, tilt_deg)
+        exact, _ = cv2.projectPoints(
+            board.corners_m, pose.rotation, pose.translation_m, camera_matrix(lens), lens.distortion
+        )
+        pixel = exact.reshape(-1, 2) + rng.normal(0.0, sigma_px, (len(exact), 2))
+        inside = np.flatnonzero(np.all((pixel > 0) & (pixel < np.array(lens.image_size_px) - 1), axis=1))
+        if len(inside) > 0.6 * len(pixel):
+            seen = View(
+                name=f"{len(views):02d}",
+                ids=inside,
+                board_m=board.corners_m[inside],
+                pixel=pixel[inside],
+                edge_px=2.0,
+            )
+            views.append(seen)
+    return views
+
+
+def drawn(board: Board) -> ImageArray:
+    """The board as it is printed, a white margin around it."""
+    margin = round(_MARGIN * _DRAWN_PX)
+    if board.kind == "charuco":
+        inner = board.opencv().generateImage((board.columns * _DRAWN_PX, board.rows * _DRAWN_PX), marginSize=0)
+    else:
+        v, u = np.mgrid[0 : board.rows + 1, 0 : board.columns + 1]
+        inner = np.kron(np.where((u + v) % 2, 255, 0), np.ones((_DRAWN_PX, _DRAWN_PX))).astype(np.uint8)
+    return cv2.copyMakeBorder(inner, *(margin,) * 4, cv2.BORDER_CONSTANT, value=255)
+
+
+def render(
+    rng: np.random.Generator, board: Board, lens: Lens, pose: Pose, *, blur_px: float = 0.7, noise: float = 2.0
+) -> ImageArray:
+    """The board's picture (h, w) through a lens, a shaded grey room behind it: every sub-pixel asks what it sees."""
+    w, h = lens.image_size_px
+    finer = 2
+    u, v = np.meshgrid((np.arange(finer * w) + 0.5) / finer - 0.5, (np.arange(finer * h) + 0.5) / finer - 0.5)
+    grid = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
+    criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 1e-9)
+    ray = cv2.undistortPoints(grid, camera_matrix(lens), lens.distortion, criteria=criteria).reshape(-1, 2)
+    ray = np.column_stack([ray, np.ones(len(ray))])
+    matrix = cv2.Rodrigues(pose.rotation)[0]
+    # the ray meets the board's plane where its z on the board is zero
+    origin, direction = -matrix.T @ pose.translation_m, ray @ matrix
+    on_board = origin + direction * (-origin[2] / direction[:, 2])[:, None]
+    # a pixel's centre is half a pixel from its edge
+    place = on_board[:, :2] / board.square_m * _DRAWN_PX + _MARGIN * _DRAWN_PX - 0.5
+    maps = place.astype(np.float32).reshape(finer * h, finer * w, 2)
+    seen = cv2.remap(drawn(board), maps, None, cv2.INTER_AREA, borderMode=cv2.BORDER_CONSTANT, borderValue=90)
+    seen = cv2.GaussianBlur(seen.astype(np.float32), (0, 0), finer * blur_px)
+    picture = cv2.resize(seen, (w, h), interpolation=cv2.INTER_AREA)
+    shade = np.linspace(0.75, 0.95, w)[None] * picture + 12.0
+    return np.clip(np.round(shade + rng.normal(0.0, noise, (h, w))), 0, 255).astype(np.uint8)

@@ -1,0 +1,62 @@
+"""Ctrl-C while the program is still being read."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import groundstation.cli.main
+from groundstation.cli.start import ONE_THREAD, main
+
+ROOT = Path(__file__).resolve().parents[2]
+# whoever imports the command line is interrupted
+INTERRUPTED = """
+import sys
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "groundstation.cli.main":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Finder())
+from groundstation.cli.start import main
+sys.exit(main())
+"""
+# a command that multiplies matrices large enough to share, and then says how many threads there are
+MULTIPLYING = """
+import os, sys, types
+cli = sys.modules["groundstation.cli.main"] = types.ModuleType("groundstation.cli.main")
+def run():
+    import numpy as np
+    np.ones((400, 400)) @ np.ones((400, 400))
+    print(len(os.listdir("/proc/self/task")), os.environ["OPENBLAS_NUM_THREADS"])
+    return 0
+cli.main = run
+from groundstation.cli.start import main
+sys.exit(main())
+"""
+
+
+def test_interrupted_while_it_is_read_it_ends_quietly() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "groundstation: interrupted\n")
+
+
+def test_else_it_is_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(groundstation.cli.main, "main", lambda: 7)
+    assert main() == 7
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted in /proc")
+@pytest.mark.parametrize("said", [None, "2"])
+def test_linear_algebra_keeps_to_one_thread_unless_the_user_says_otherwise(said: str | None) -> None:
+    environment = {name: value for name, value in os.environ.items() if name not in ONE_THREAD}
+    environment |= {} if said is None else {"OPENBLAS_NUM_THREADS": said}
+    done = subprocess.run(
+        [sys.executable, "-c", MULTIPLYING], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
+    )
+    threads, kept = done.stdout.split()
+    assert kept == (said or "1")
+    assert said is not None or threads == "1"

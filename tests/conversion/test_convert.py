@@ -1,0 +1,197 @@
+"""Folders into recordings and back; the commands as a user meets them."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from groundstation.cli.main import main
+from groundstation.conversion.recorded_session import header_of
+from groundstation.messages import Event, Frame, Heartbeat
+from groundstation.recording.recorder import PATIENT, Recorder, RecorderConfig
+from groundstation.session import load_session
+from groundstation.sources.session_source import session_source
+from groundstation.tracking.config import Config
+from tests.recording.recorded import WINDOW, events, header, looked_at, small_rig
+from tests.session.folder import Tiny
+
+CLOCKS = {
+    "left": "camera_clock = { offset_s = 0.0137, drift_ppm = 21.0 }\nptu_clock = { offset_s = -0.003, drift_ppm = 3.0 }"
+}
+
+
+def streamed(path: Path) -> list[Event]:
+    with session_source(load_session(path)) as source:
+        return list(source)
+
+
+def same_whole(one: Event, other: Event) -> bool:
+    if isinstance(one, Frame) and isinstance(other, Frame):
+        heads = (one.t_s, one.station, one.epoch) == (other.t_s, other.station, other.epoch)
+        return heads and np.array_equal(one.image.whole(), other.image.whole())
+    return one == other
+
+
+def test_there_and_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stamps = {"left": [1.0, None, *(1.2 + 0.1 * k for k in range(6))]}
+    folder = Tiny(rows=8, video="png", rig_more=CLOCKS, stamps=stamps)
+    first = folder.write(tmp_path / "first")
+    (first / "dgps.csv").write_text("t_s,x_m,y_m,z_m\n1.0,0,300,20\n1.1,0,299,20\n")
+    packed, second = tmp_path / "packed.mcap", tmp_path / "second"
+    assert main(["convert", str(first), str(packed)]) == 0
+    assert main(["convert", str(packed), str(second)]) == 0
+    assert "note" not in capsys.readouterr().out
+    given = streamed(first)
+    assert len(given) > 30
+    for other in (packed, second):
+        back = streamed(other)
+        assert all(same_whole(one, two) for one, two in zip(given, back, strict=True))
+    for name in ("session.toml", "rig.toml", "dgps.csv"):
+        assert (second / name).read_bytes() == (first / name).read_bytes()
+
+
+def test_a_converted_folder_replays_as_the_folder(tmp_path: Path) -> None:
+    first = Tiny(rows=12).write(tmp_path / "first")
+    packed = tmp_path / "packed.mcap"
+    assert main(["convert", str(first), str(packed)]) == 0
+    for source, out in ((first, "a"), (packed, "b")):
+        assert main(["replay", str(source), "--out", str(tmp_path / out), "--no-rerun"]) == 0
+    assert (tmp_path / "a" / "track.csv").read_bytes() == (tmp_path / "b" / "track.csv").read_bytes()
+
+
+def test_pixels_that_others_found_go_both_ways(tmp_path: Path) -> None:
+    first = Tiny(rows=5, video="").write(tmp_path / "first")
+    (first / "frames.csv").unlink()
+    rows = [f"{1.0 + 0.1 * k},{n},{30 + k}.25,20.125" for k in range(8) for n in ("left", "right")]
+    (first / "detections.csv").write_text("\n".join(["t_s,station,u_px,v_px", *rows]) + "\n")
+    packed, second = tmp_path / "packed.mcap", tmp_path / "second"
+    assert main(["convert", str(first), str(packed)]) == 0
+    assert main(["convert", str(packed), str(second)]) == 0
+    assert streamed(first) == streamed(packed) == streamed(second)
+
+
+def test_heartbeats_are_not_in_a_folder_and_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: they come back from the recording; its folder says how many it does not have, and replays."""
+    path, folder = tmp_path / "flight.mcap", tmp_path / "folder"
+    given = [*events(12, np.random.default_rng(1)), *(Heartbeat(t_s=101.0 + 0.1 * k) for k in range(3))]
+    with Recorder(path, small_rig(), header(), PATIENT) as recorder:
+        for event in recorder.taken(given):
+            recorder.write(looked_at(event))
+    assert [e for e in streamed(path) if isinstance(e, Heartbeat)] == given[-3:]
+    assert main(["convert", str(path), str(folder)]) == 0
+    assert "3 heartbeats are not in the folder, which has no time but that of its records" in capsys.readouterr().out
+    assert not [e for e in streamed(folder) if isinstance(e, Heartbeat)]
+
+
+def test_what_was_not_kept_is_black_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, folder = tmp_path / "flight.mcap", tmp_path / "folder"
+    given = list(events(12, np.random.default_rng(1)))
+    with Recorder(path, small_rig(), header(), PATIENT) as recorder:
+        for event in recorder.taken(given):
+            recorder.write(looked_at(event))
+    assert main(["convert", str(path), str(folder)]) == 0
+    said = capsys.readouterr().out
+    assert "note: 20 of 24 pictures hold only what detection read; the rest is black" in said
+    assert "2 positions that the filter learnt from are not in the folder" in said
+    assert (folder / "session.toml").read_text().startswith("# 20 of 24 pictures hold only")
+    x0, y0, x1, y1 = WINDOW
+    for frame in given:
+        if isinstance(frame, Frame):
+            image = cv2.imread(str(folder / frame.station / f"{frame.epoch:06d}.png"))
+            assert image is not None
+            np.testing.assert_array_equal(image[y0:y1, x0:x1], frame.image.window(WINDOW)[0])
+            if frame.epoch % 10:
+                assert not image[:, x1 + 8 :].any()
+            else:
+                np.testing.assert_array_equal(image, frame.image.whole())
+
+
+def test_the_commands_complain_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = Tiny(rows=3).write(tmp_path / "first")
+    (tmp_path / "text.mcap").write_text("hello")
+    for arguments, words in (
+        (["convert", str(folder), str(tmp_path / "other")], "both folders"),
+        (["convert", str(folder), str(folder / "none" / "x.mcap")], "No such file"),
+        (["convert", str(tmp_path / "text.mcap"), str(tmp_path / "other")], "no MCAP"),
+        (["convert", str(tmp_path / "none.mcap"), str(tmp_path / "other")], "no such file"),
+        (["recover", str(tmp_path / "none.mcap")], "no such file"),
+        (["recover", "."], "no such file"),
+        (["recover", str(tmp_path / "text.mcap")], "no MCAP"),
+        (["recover", str(folder)], "no such file"),
+        (["replay", str(tmp_path / "text.mcap"), "--out", str(tmp_path / "out")], "no MCAP"),
+    ):
+        assert main(arguments) == 1
+        shown = capsys.readouterr()
+        assert words in shown.err
+        assert shown.err.startswith("groundstation: ")
+        assert len([text for text in shown.err.splitlines() if text.startswith("groundstation")]) == 1
+        assert "Traceback" not in shown.err
+
+
+def test_recover_says_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "flight.mcap"
+    config = type(PATIENT)(patient=True, chunk_bytes=4096)
+    with Recorder(path, small_rig(), header(), config) as recorder:
+        for event in recorder.taken(events(12, np.random.default_rng(1))):
+            recorder.write(looked_at(event))
+    assert main(["recover", str(path)]) == 0
+    assert "is whole" in capsys.readouterr().out
+    path.write_bytes(path.read_bytes()[:-9000])
+    assert main(["recover", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "counted again in the new file" in said
+    assert "/groundstation/events" in said
+    assert f"wrote {tmp_path / 'flight-recovered.mcap'}" in said
+
+
+def test_a_replay_says_which_pictures_the_recording_lacks(tmp_path: Path) -> None:
+    first = Tiny(rows=12).write(tmp_path / "first")
+    session = load_session(first)
+    path, out = tmp_path / "flight.mcap", tmp_path / "out"
+    described = header_of(session, None, Config(), initial=None, taught=False)
+    # nothing of a picture may wait: each is dropped at once
+    config = RecorderConfig(queue_picture_bytes=1)
+    with session_source(session) as source, Recorder(path, session.rig, described, config, whole_frames=True) as sink:
+        for event in source:
+            sink.take(event)
+    assert sink.status.pictures_dropped == 24
+    assert main(["replay", str(path), "--out", str(out), "--no-rerun"]) == 0
+    faults = json.loads((out / "summary.json").read_text())["faults"]
+    assert any("lacks the pictures of 24 frames and 0 events" in f and "from epoch 0 on" in f for f in faults)
+    assert len((out / "track.csv").read_text().splitlines()) == 13
+
+
+@pytest.mark.parametrize("command", ["recover", "convert"])
+def test_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main([command, "--help"])
+    assert left.value.code == 0
+    said = capsys.readouterr().out
+    assert "exit code" in said
+    assert "example" in said
+    assert all(len(text) <= 80 for text in said.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("span", "words"),
+    [
+        (["--from", "nan"], "got 'nan'; wanted a session time in s"),
+        (["--to", "nan"], "got 'nan'; wanted a session time in s"),
+        (["--to", "inf"], "got 'inf'; wanted a session time in s"),
+        (["--from", "3", "--to", "2"], "wanted an end after the beginning"),
+    ],
+)
+def test_times_that_are_none_are_refused(
+    span: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected: wrong usage, and nothing written."""
+    session = Tiny(rows=3).write(tmp_path / "session")
+    try:
+        code = main(["convert", str(session), str(tmp_path / "out.mcap"), *span])
+    except SystemExit as ended:
+        code = ended.code
+    assert code == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out.mcap").exists()

@@ -1,0 +1,228 @@
+"""Videos, a log and tables made into a session that replays; what cannot be right refused, with nothing written."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from groundstation.cli.main import main
+from groundstation.conversion.pairing import frames_csv
+from groundstation.conversion.video_stamps import read_video_stamps
+from groundstation.errors import InputError
+from groundstation.session import load_dgps, load_session
+from groundstation.sources.frame_table import read_frames
+from tests.complaints import complaint
+from tests.session.folder import number_of, rig_text, write_video
+from tests.session.logs.writers import Place, nmea_log
+from tests.sources.events import play
+
+DATA = Path(__file__).parents[1] / "session" / "logs" / "data"
+PLACE = "35.68,139.76,60"
+# the writers' first fix is at 11:59:52
+STARTS = ("2025-05-08T11:59:51.500Z", "2025-05-08T11:59:51.830Z")
+
+
+@pytest.fixture
+def parts(tmp_path: Path) -> Path:
+    """What a flight left: left 20 frames, right 17 frames at 10 Hz, angles, a log at 5 Hz."""
+    write_video(tmp_path / "L.avi", range(20))
+    write_video(tmp_path / "R.avi", range(17))
+    (tmp_path / "rig.toml").write_text(rig_text(("left", "right")))
+    rows = [f"{0.05 * k:.2f},0,1,2,3" for k in range(60)]
+    head = "t_s,left_pan_deg,left_tilt_deg,right_pan_deg,right_tilt_deg\n"
+    (tmp_path / "angles.csv").write_text(head + "\n".join(rows) + "\n")
+    (tmp_path / "flight.nmea").write_bytes(nmea_log([Place(0.2 * k) for k in range(8)]))
+    return tmp_path
+
+
+def run(parts: Path, *more: str, without: tuple[str, ...] = ()) -> int:
+    words = {
+        "--rig": str(parts / "rig.toml"),
+        "--ptu": str(parts / "angles.csv"),
+        "--dgps": str(parts / "flight.nmea"),
+        "--origin": PLACE,
+        "--azimuth": "0",
+        "--left-start": STARTS[0],
+        "--right-start": STARTS[1],
+        "--out": str(parts / "session"),
+    }
+    given = [w for k, v in words.items() if k not in (*without, *more) for w in (k, v)]
+    return main(["import", str(parts / "L.avi"), str(parts / "R.avi"), *given, *more])
+
+
+def test_an_import_replays_with_each_cameras_own_frames(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(parts, "--span", "2.3", "--antenna", "-0.4,0,-0.1") == 0
+    told = capsys.readouterr()
+    assert "17 pairs of frames, of 20" in told.out
+    assert "flight.nmea: 8 positions, 8 while the cameras ran (8 fix), 121 to 121 m from the origin" in told.out
+    session = load_session(parts / "session")
+    assert session.target.span_m == 2.3
+    assert session.target.antenna_in_body_m == pytest.approx([-0.4, 0.0, -0.1])
+    fixes = load_dgps(session)
+    assert [f.t_s for f in fixes] == pytest.approx(1.0 + 0.2 * np.arange(8), abs=1e-6)
+    assert fixes[0].position_runway_m == pytest.approx([45.26, 110.95, 15.01], abs=0.02)
+    assert (fixes[0].status, fixes[0].sigma_m) == ("fix", pytest.approx([0.02, 0.02, 0.04]))
+    played = play(parts / "session")
+    assert not played.fault
+    for name, start in (("left", 0.5), ("right", 0.83)):
+        frames = played.frames_of(name)
+        # 10 Hz: the picture's own number tells when it was taken
+        assert [f.t_s for f in frames] == pytest.approx(
+            [start + 0.1 * number_of(f.image.whole()) for f in frames], abs=1e-6
+        )
+        assert [number_of(f.image.whole()) for f in frames] == list(range(20 if name == "left" else 17))
+    both = [e for e in played.epochs if len(e.stations) == 2]
+    assert len(both) == 17
+
+
+def test_a_runway_the_wrong_way_round_is_said(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Expected: positions behind the cameras are told with the azimuth that puts them before; else nothing is."""
+    said = []
+    for azimuth in ("0", "180"):
+        assert run(parts, "--azimuth", azimuth, "--out", str(parts / f"runway-{azimuth}")) == 0
+        said.append([line for line in capsys.readouterr().err.splitlines() if "behind the stations" in line])
+    assert said[0] == []
+    (line,) = said[1]
+    assert "8 of 8 positions lie behind the stations at --azimuth 180; " in line
+    assert line.endswith("it is --azimuth 0")
+
+
+def test_links_and_a_part_of_it(parts: Path) -> None:
+    assert run(parts, "--link") == 0
+    assert (parts / "session" / "left.avi").is_symlink()
+    played = play(parts / "session", 1.0, 1.3)
+    assert [number_of(f.image.whole()) for f in played.frames_of("right")] == [2, 3, 4]
+
+
+def test_uneven_stamps_are_the_containers(parts: Path) -> None:
+    video = read_video_stamps(DATA / "uneven.mkv")
+    assert video.t_s == pytest.approx([0, 0.033, 0.067, 0.1, 0.133, 0.3, 0.333, 0.367, 0.4, 0.433, 0.467], abs=1e-6)
+    assert video.summary() == "uneven.mkv: 11 frames in 0.47 s, one each 33.00 ms, 1 gaps up to 0.167 s"
+
+
+@pytest.mark.parametrize(
+    ("more", "without", "says"),
+    [
+        (("--left-start", "noon"), (), "--left-start: got 'noon'; wanted UTC such as"),
+        ((), ("--right-start",), "--right-start: got no start of right's video; wanted UTC such as"),
+        (("--right-start", "2025-05-08T12:59:51Z"), (), "the videos: got left from 0.50 to 2.40 s, right from 3600.00"),
+        ((), ("--ptu",), "--ptu: got nothing; wanted the table of angles of the stations that turn"),
+        (("--ptu-start", "2025-05-08T13:00:00Z"), (), "wanted some while the cameras ran, 0.50 to 2.43 s"),
+        ((), ("--origin",), "flight.nmea: got no --origin; wanted where the session's frame lies"),
+        ((), ("--azimuth",), "flight.nmea: got no --azimuth"),
+        (("--origin", "47,8,400"), (), "km and more from the origin"),
+        (("--date", "2025-05-08"), (), ""),
+        (("--date", "2025-05-09"), (), "got positions of 2025-05-08; wanted 2025-05-09, the date given for it"),
+        (("--date", "2025-07-09"), (), "got positions of 2025-05-08; wanted 2025-07-09"),
+        (
+            ("--left-start", "2025-05-08T11:00:51.5Z", "--right-start", "2025-05-08T11:00:51.5Z"),
+            (),
+            "flight.nmea: got positions from 2025-05-08T11:59:52Z to 2025-05-08T11:59:53.400Z",
+        ),
+        (("--dgps", "none.nmea"), (), "none.nmea: got no such file; wanted a log of positions"),
+        (("--epoch", "now"), (), "--epoch: got 'now'; wanted UTC such as"),
+        (("--start", "third=1"), (), "--start: got station 'third'; wanted one of left, right"),
+    ],
+)
+def test_what_cannot_be_right_is_one_line_and_no_folder(
+    parts: Path, capsys: pytest.CaptureFixture[str], more: tuple[str, ...], without: tuple[str, ...], says: str
+) -> None:
+    code = run(parts, *more, without=without)
+    told = capsys.readouterr().err
+    if not says:
+        # a day off is no other date: the log may begin before midnight
+        assert code == 0
+        return
+    assert code == 1
+    assert says in told
+    assert "Traceback" not in told
+    assert not (parts / "session").exists()
+    assert not (parts / "session.partial").exists()
+
+
+def test_other_refusals(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (parts / "rig.toml").write_text(rig_text(("left", "right", "third")))
+    assert run(parts) == 1
+    assert "VIDEO: got 2 videos; wanted 3, of the stations left, right, third" in capsys.readouterr().err
+    (parts / "rig.toml").write_text(rig_text(("left", "right")).replace("[64, 48]", "[640, 480]"))
+    assert main(["import", "L.avi", "--rig", str(parts / "rig.toml"), "--out", str(parts / "session")]) in (1, 2)
+    assert "got 1 video; wanted 2" in capsys.readouterr().err
+    assert run(parts) == 1
+    assert "L.avi: got 64×48 px; wanted 640×480 px, as station left has in the rig" in capsys.readouterr().err
+    (parts / "rig.toml").write_text(rig_text(("left", "right")))
+    (parts / "session").mkdir()
+    (parts / "session" / "precious").write_text("x")
+    assert run(parts) == 1
+    assert "got something that is there already" in capsys.readouterr().err
+    shutil.rmtree(parts / "session")
+    (parts / "L.avi").write_bytes(b"RIFF")
+    assert run(parts) == 1
+    assert "L.avi: got no video that OpenCV can open" in capsys.readouterr().err
+    for option, value, wanted in (
+        ("--origin", "95,0,0", "wanted latitude, longitude in degrees"),
+        ("--azimuth", "400", "got '400'; wanted degrees clockwise from true north, -360 to 360"),
+    ):
+        with pytest.raises(SystemExit) as wrong:
+            run(parts, option, value)
+        assert wrong.value.code == 2
+        assert wanted in capsys.readouterr().err
+
+
+def test_offsets_a_frame_table_and_no_log(parts: Path) -> None:
+    assert run(parts, "--left-start", "0", "--right-start", "0.33", "--ptu-start", "0", without=("--dgps",)) == 0
+    table = read_frames(load_session(parts / "session"))
+    assert table.stamps_s["left"][0] == 0.0
+    shutil.copy(parts / "session" / "frames.csv", parts / "times.csv")
+    shutil.rmtree(parts / "session")
+    starts = ("--left-start", "--right-start")
+    assert run(parts, "--frames", str(parts / "times.csv"), without=(*starts, "--dgps")) == 0
+    again = read_frames(load_session(parts / "session"))
+    np.testing.assert_array_equal(again.numbers["right"], table.numbers["right"])
+    shutil.rmtree(parts / "session")
+    # a log in UTC beside times of nobody knows when
+    assert run(parts, "--frames", str(parts / "times.csv"), without=starts) == 1
+
+
+def test_angles_in_utc_and_unix_time(parts: Path) -> None:
+    for head, first in (("utc", "2025-05-08T11:59:51.5Z"), ("unix_s", "1746705591.5")):
+        text = f"{head},left_pan_deg,left_tilt_deg,right_pan_deg,right_tilt_deg\n{first},0,1,2,3\n"
+        (parts / "angles.csv").write_text(text)
+        assert run(parts) == 0
+        assert (parts / "session" / "ptu.csv").read_text().splitlines()[1] == "0.500000,0,1,2,3"
+        shutil.rmtree(parts / "session")
+
+
+def test_stamps_that_do_not_grow(parts: Path) -> None:
+    write_video(parts / "one.avi", range(1))
+    assert "one.avi: got 1 frames" in complaint(InputError, lambda: read_video_stamps(parts / "one.avi"))
+    assert "got no such file" in complaint(InputError, lambda: read_video_stamps(parts / "none.avi"))
+
+
+@given(
+    st.lists(st.floats(0.02, 0.3), min_size=2, max_size=30),
+    st.lists(st.floats(0.02, 0.3), min_size=2, max_size=30),
+    st.floats(-1, 1),
+)
+def test_every_frame_is_in_one_row(left: list[float], right: list[float], shift: float) -> None:
+    stamps = {"left": np.cumsum(left), "right": np.cumsum(right) + shift}
+    rows = [line.split(",") for line in frames_csv(stamps).splitlines()]
+    assert rows[0] == ["index", "left_t_s", "right_t_s", "left_index", "right_index"]
+    tolerance = 0.5 * min(np.median(np.diff(t)) for t in stamps.values())
+    for place, name in ((3, "left"), (4, "right")):
+        assert [int(r[place]) for r in rows[1:] if r[place]] == list(range(len(stamps[name])))
+    both = [(float(r[1]), float(r[2])) for r in rows[1:] if r[1] and r[2]]
+    assert all(abs(a - b) <= tolerance + 2e-6 for a, b in both)
+
+
+def test_the_help_has_an_example_that_parses() -> None:
+    import sys
+
+    told = subprocess.run(
+        [sys.executable, "-m", "groundstation", "import", "--help"], capture_output=True, text=True, check=True
+    )
+    assert "groundstation import left.mp4 right.mp4 --rig rig.toml" in told.stdout
+    assert all(len(line) <= 100 for line in told.stdout.splitlines())

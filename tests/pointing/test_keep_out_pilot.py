@@ -1,0 +1,184 @@
+"""A head that follows, searches and parks with zones closed to its lens: never in them, and round them to its goal."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from groundstation.geometry.aim import aim_at
+from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
+from groundstation.messages import PtuSample, Purpose
+from groundstation.pointing.keep_out import KeepOut, Sector, SunZone
+from groundstation.pointing.pilot import AxisLimits, HeadLimits, HeadPilot, PointingConfig
+from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
+from ptu_drivers.messages import Reading
+from tests.live.test_keep_out_unit import LENS, NOON_S, PLACE, insist_outside, zones
+from tests.live.turning_unit import TurningUnit
+from tests.stereo_rig import make_rig
+
+DEG = math.radians(1.0)
+GEOMETRY = make_rig().stations[0].geometry()
+HEAD = HeadLimits(
+    pan=AxisLimits(low_rad=-170 * DEG, high_rad=170 * DEG, fastest_rad_s=60 * DEG, acceleration_rad_s2=60 * DEG),
+    tilt=AxisLimits(low_rad=-30 * DEG, high_rad=90 * DEG, fastest_rad_s=60 * DEG, acceleration_rad_s2=60 * DEG),
+)
+
+
+class Flight:
+    """A pilot, a guarded unit, and time: read at 50 Hz, commanded at 33 Hz."""
+
+    def __init__(self, keep_out: KeepOut, start_deg: tuple[float, float]) -> None:
+        self.unit = TurningUnit(*start_deg)
+        self.keep_out = keep_out
+        self.guard = KeepOutUnit(self.unit, keep_out, self.unit.clock, watch=False)
+        self.pilot = HeadPilot(GEOMETRY, HEAD, PointingConfig(latency_s=0.03), keep_out)
+        self.purposes: list[Purpose] = []
+        self.refusals: list[str] = []
+
+    def fly(self, seconds: float, goal, *, by_rate: bool = True) -> None:  # type: ignore[no-untyped-def]
+        """``goal`` makes a command at a time."""
+        for k in range(round(seconds / 0.03)):
+            self.unit.run(0.02 if k % 2 else 0.04)
+            got = self.guard.read()
+            assert isinstance(got, Reading)
+            sample = PtuSample(
+                t_s=self.unit.now_s, station="left", pan_rad=got.pan.angle_rad, tilt_rad=got.tilt.angle_rad
+            )
+            self.pilot.read(sample)
+            command = goal(self.unit.now_s)
+            self.purposes.append(command.purpose)
+            try:
+                if command.purpose is Purpose.HOLD:
+                    self.guard.halt()
+                elif by_rate:
+                    self.guard.move_at(pan_rad_s=command.pan_rate_rad_s, tilt_rad_s=command.tilt_rate_rad_s)
+                else:
+                    self.guard.move_to(pan_rad=command.pan_rad, tilt_rad=command.tilt_rad)
+            except KeepOutError as fault:
+                self.refusals.append(str(fault))
+
+    def park(self, pan_deg: float, tilt_deg: float):  # type: ignore[no-untyped-def]
+        return lambda t_s: self.pilot.go_to(t_s, pan_deg * DEG, tilt_deg * DEG, Purpose.PARK)
+
+    def off_deg(self, pan_deg: float, tilt_deg: float) -> float:
+        return float(np.abs(np.degrees(self.unit.angles) - [pan_deg, tilt_deg]).max())
+
+
+def low_sun(elevation_deg: float = 8.0, angle_deg: float = 15.0) -> KeepOut:
+    """The Sun so high over +y, some time after noon."""
+    for minute in range(600):
+        at = PLACE.angles(NOON_S + 60.0 * minute)
+        if at.elevation_rad < elevation_deg * DEG:
+            break
+    place = type(PLACE)(
+        lat_deg=PLACE.lat_deg,
+        lon_deg=PLACE.lon_deg,
+        height_m=PLACE.height_m,
+        y_axis_azimuth_deg=math.degrees(at.azimuth_rad),
+    )
+    sun = SunZone(sun=place, angle_rad=angle_deg * DEG)
+    return KeepOut(lens=LENS, sun=sun, sectors=(), utc_zero_s=NOON_S + 60.0 * minute)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    zones,
+    st.tuples(st.floats(-150.0, 150.0), st.floats(-20.0, 80.0)),
+    st.tuples(st.floats(-170.0, 170.0), st.floats(-30.0, 90.0)),
+    st.booleans(),
+)
+def test_parking_and_following_never_enter_a_zone(
+    keep_out: KeepOut, start: tuple[float, float], park: tuple[float, float], by_rate: bool
+) -> None:
+    flight = Flight(keep_out, start)
+
+    def passing(t_s: float) -> np.ndarray:
+        return np.array([-300.0 + 60.0 * t_s, 200.0, 40.0])
+
+    flight.fly(6.0, flight.park(*park), by_rate=by_rate)
+    flight.fly(6.0, lambda t_s: flight.pilot.follow(t_s, passing), by_rate=by_rate)
+    insist_outside(flight.unit, keep_out)
+
+
+@pytest.mark.parametrize("by_rate", [True, False])
+@pytest.mark.parametrize("goal", [(60.0, 0.0), (60.0, -10.0), (50.0, 8.0)])
+def test_it_goes_round_the_sun_over_the_horizon(goal: tuple[float, float], by_rate: bool) -> None:
+    """From one side to the other at the Sun's own height: below it the head's limit is in the way."""
+    keep_out = low_sun(elevation_deg=2.0, angle_deg=30.0)
+    flight = Flight(keep_out, (-60.0, 0.0))
+    flight.fly(25.0, flight.park(*goal), by_rate=by_rate)
+    assert flight.off_deg(*goal) < 1.0
+    insist_outside(flight.unit, keep_out)
+    if by_rate:
+        # what the pilot asks for, the unit does not refuse
+        assert not flight.refusals
+        assert flight.guard.stops == 0
+
+
+def test_a_target_that_passes_before_the_sun_is_waited_for_at_the_edge() -> None:
+    keep_out = low_sun()
+    flight = Flight(keep_out, (40.0, 5.0))
+
+    def passing(t_s: float) -> np.ndarray:
+        return np.array([-150.0 + 15.0 * t_s, 200.0, 25.0])
+
+    flight.fly(4.0, lambda t_s: flight.pilot.follow(t_s, passing))
+    aim = aim_at(GEOMETRY, passing(flight.unit.now_s))
+    assert aim is not None
+    assert flight.off_deg(math.degrees(aim.pan_rad), math.degrees(aim.tilt_rad)) < 1.0
+    flight.fly(6.0, lambda t_s: flight.pilot.follow(t_s, passing))
+    assert flight.pilot.keep_out is not None
+    assert flight.pilot.keep_out.held.startswith("held outside the Sun (")
+    flight.fly(9.0, lambda t_s: flight.pilot.follow(t_s, passing))
+    aim = aim_at(GEOMETRY, passing(flight.unit.now_s))
+    assert aim is not None
+    assert flight.off_deg(math.degrees(aim.pan_rad), math.degrees(aim.tilt_rad)) < 1.0
+    assert flight.pilot.keep_out.held == ""
+    insist_outside(flight.unit, keep_out)
+    assert not flight.refusals
+
+
+def test_a_target_that_stays_in_a_closed_sector_is_not_looked_at_and_the_head_stands() -> None:
+    closed = Sector(pan_rad=(-10 * DEG, 10 * DEG), tilt_rad=(-30 * DEG, 40 * DEG))
+    keep_out = KeepOut(lens=LENS, sun=None, sectors=(closed,), utc_zero_s=NOON_S)
+    flight = Flight(keep_out, (-40.0, 5.0))
+    there = GEOMETRY.packed[9:12] + np.array([0.0, 200.0, 20.0])
+    flight.fly(9.0, lambda t_s: flight.pilot.follow(t_s, lambda _: there))
+    assert flight.purposes[-1] is Purpose.HOLD
+    assert flight.pilot.keep_out is not None
+    assert flight.pilot.keep_out.held.startswith("held outside sector 1 (")
+    assert not np.any(flight.unit.rates)
+    assert flight.off_deg(-10.0, 5.0) < 4.0
+    insist_outside(flight.unit, keep_out)
+
+
+def test_a_standing_head_to_which_the_sun_comes_is_moved_out_of_its_way() -> None:
+    """Held without a target, half a degree off the edge: it leaves by itself, as far as the plan keeps off."""
+    keep_out = low_sun()
+    pans = np.linspace(0.0, 40.0, 4001)
+    away = keep_out.zones(0.0).clearance(pans * DEG, np.full(4001, 5.0 * DEG))
+    flight = Flight(keep_out, (float(pans[np.argmin(np.abs(away - 0.5 * DEG))]), 5.0))
+    flight.fly(4.0, flight.pilot.hold)
+    assert Purpose.KEEP_OUT in flight.purposes
+    assert flight.purposes[-1] is Purpose.HOLD
+    left = keep_out.zones(flight.unit.now_s).at((float(flight.unit.angles[0]), float(flight.unit.angles[1])))
+    assert math.degrees(left) == pytest.approx(1.0, abs=0.15)
+    assert not flight.refusals
+
+
+def test_the_search_leaves_out_what_is_closed() -> None:
+    """A sweep over 40° with 20° of it closed: no time goes by in which all would wait."""
+    pattern = SearchPattern({"left": GEOMETRY}, SearchConfig(azimuth_deg=(-20.0, 20.0), dwell_s=1.0))
+
+    def allowed(point: np.ndarray) -> bool:
+        return abs(math.degrees(math.atan2(point[0], point[1]))) > 10.0
+
+    times = np.arange(0.0, 60.0, 0.1)
+    assert not all(allowed(pattern.point(t)) for t in times)
+    looked = [pattern.point(t + pattern.ahead_s(float(t), allowed)) for t in times]
+    assert all(allowed(p) for p in looked)
+    assert pattern.ahead_s(0.0, lambda _: False) == 0.0
+    sides = {math.copysign(1.0, p[0]) for p in looked}
+    assert sides == {-1.0, 1.0}

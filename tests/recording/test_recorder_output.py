@@ -1,0 +1,28 @@
+"""What a recorder's file brings onto the disk, and when."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from groundstation.recording.recorder_output import RetriedOutput
+
+
+def test_the_disk_is_asked_once_for_what_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fdatasync", lambda number: synced.append(os.fstat(number).st_size))
+    with (tmp_path / "part").open("wb", buffering=0) as raw:
+        output = RetriedOutput(raw)
+        output.sync()
+        assert synced == []
+        output.write(b"abc")
+        output.sync()
+        assert synced == []
+        output.commit()
+        output.sync()
+        output.sync()
+        assert synced == [3]
+        output.write(b"de")
+        output.commit()
+        output.sync()
+        assert synced == [3, 5]

@@ -1,0 +1,13 @@
+"""What the simulated range keeps of the truth."""
+
+import numpy as np
+
+from groundstation.simulation.simulated_range import Told
+
+
+def test_the_truth_of_each_picture_is_kept_in_order() -> None:
+    told = Told()
+    assert told.rows().shape == (0, 3)
+    told.add(1.5, 10.0, 20.0)
+    told.add(1.6, float("nan"), float("nan"))
+    np.testing.assert_array_equal(told.rows(), [[1.5, 10.0, 20.0], [1.6, np.nan, np.nan]])

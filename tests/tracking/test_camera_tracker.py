@@ -1,0 +1,90 @@
+"""One camera's part: the span it learns, the silhouette as a mask, the contrast of the paper's channel."""
+
+import math
+
+import numpy as np
+import pytest
+
+from groundstation.detection.detector import DetectionHint
+from groundstation.messages import Detection, Frame, Roi
+from groundstation.picture import BgrPicture
+from groundstation.tracking.camera_tracker import CameraTracker, SpanModel, silhouette_mask
+from groundstation.tracking.config import Config
+from tests.stereo_rig import make_station
+
+
+def test_a_given_span_is_not_unlearnt() -> None:
+    span = SpanModel(2.3)
+    span.learn(100.0, 20.0)
+    assert span.span_m == 2.3
+    assert span.sigma_ratio < 0.3
+
+
+def test_an_unknown_span_is_learnt_and_trusted_more() -> None:
+    """Widths of 46 px at 20 px/m: 2.3 m, whatever single frames say."""
+    span = SpanModel(None)
+    before = span.sigma_ratio
+    generator = np.random.default_rng(2)
+    for _ in range(60):
+        span.learn(46.0 * float(generator.uniform(0.9, 1.1)), 20.0)
+    assert span.span_m is not None
+    assert abs(math.log(span.span_m / 2.3)) < 0.05
+    assert span.sigma_ratio < before
+    span.learn(-1.0, 20.0)
+    span.learn(5.0, 0.0)
+    assert abs(math.log(span.span_m / 2.3)) < 0.05
+
+
+def test_a_silhouette_in_pieces_becomes_one_mask() -> None:
+    def square(x: float, y: float) -> list[list[float]]:
+        return [[x, y], [x + 9, y], [x + 9, y + 4], [x, y + 4]]
+
+    nan = [[math.nan, math.nan]]
+    found = Detection(
+        u_px=0.0,
+        v_px=0.0,
+        covariance_px2=np.eye(2),
+        noise_px2=0.1 * np.eye(2),
+        centroid_px=np.zeros(2),
+        box=(0, 0, 1, 1),
+        area_px=100.0,
+        contour_px=np.array(square(110, 60) + nan + square(130, 60), dtype=np.float32),
+        contrast_to_noise=5.0,
+        channel="grey",
+    )
+    mask = silhouette_mask(found, Roi(x=100, y=50, w=60, h=30))
+    assert mask.shape == (30, 60)
+    assert mask.sum() == 2 * 50
+    assert mask[10, 10]
+    assert mask[10, 30]
+    assert not mask[10, 25]
+
+
+@pytest.fixture
+def picture(rng: np.random.Generator) -> np.ndarray:
+    """A dark aircraft on a shaded sky whose colour is the aircraft's: saturation tells little."""
+    sky = np.linspace(150, 190, 960)[:, None] * np.ones((1, 1280))
+    image = np.repeat(sky[:, :, None], 3, axis=2) + rng.normal(0, 2, (960, 1280, 3))
+    image[478:483, 600:681] -= 60
+    image[470:492, 634:648] -= 60
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def test_a_look_reports_the_contrast_of_every_channel(picture: np.ndarray) -> None:
+    tracker = CameraTracker(make_station("left", 0.0), Config())
+    hint = DetectionHint(
+        predicted_px=np.array([640.0, 480.0]),
+        predicted_covariance_px2=np.eye(2) * 9.0,
+        expected_span_px=80.0,
+        span_sigma_ratio=0.15,
+        forward_px_per_m=None,
+        up_px_per_m=np.array([0.0, -35.0]),
+        px_per_m=35.0,
+    )
+    frame = Frame(t_s=0.0, station="left", epoch=0, image=BgrPicture(picture))
+    look = tracker.look(frame, hint.predicted_px, hint.predicted_covariance_px2, hint)
+    assert look is not None
+    assert isinstance(look.result, Detection)
+    assert look.channel_contrast is not None
+    assert look.channel_contrast["grey"] > 5 * look.channel_contrast["saturation"]
+    assert tracker.look(frame, np.array([-900.0, 480.0]), np.eye(2), hint) is None

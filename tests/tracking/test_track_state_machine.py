@@ -1,0 +1,177 @@
+"""A found target proves itself, or is dropped."""
+
+import numpy as np
+import pytest
+
+from groundstation.estimation.config import EstimationConfig
+from groundstation.estimation.ekf import StationEkf
+from groundstation.messages import TrackStatus
+from groundstation.tracking.track_state_machine import TrackLife
+from tests.stereo_rig import make_rig
+
+
+def started(found: bool) -> tuple[TrackLife, StationEkf]:
+    rig = make_rig()
+    config = EstimationConfig()
+    ekf = StationEkf({s.name: s.geometry() for s in rig.stations}, rig.names, config)
+    ekf.predict_to(0.0)
+    at = np.array([0.0, 200.0, 8.0])
+    ekf.start_target(at, np.zeros(3), np.diag([0.01, 0.25, 0.01, 0.01, 0.01, 0.01]))
+    life = TrackLife(config)
+    life.started(0.0, at if found else None)
+    return life, ekf
+
+
+def move(ekf: StationEkf, y_m: float) -> None:
+    kinematics = ekf.kinematics_at(0.0)
+    there = kinematics.position_runway_m + [0.0, y_m, 0.0]
+    ekf.start_target(there, kinematics.velocity_runway_m_s, kinematics.covariance)
+
+
+def test_no_fix_within_the_time_for_it_is_false() -> None:
+    life, ekf = started(found=True)
+    assert life.follow(False, ekf) is TrackStatus.ACQUIRING, "no estimate before the first fix"
+    assert not life.is_false(0.9, ekf)
+    assert life.is_false(1.1, ekf)
+
+
+def test_fixes_without_motion_are_false_after_a_while() -> None:
+    life, ekf = started(found=True)
+    for k in range(30):
+        life.fixed(k * 0.1)
+    assert not life.is_false(3.0, ekf)
+    assert life.is_false(4.5, ekf)
+
+
+def test_what_has_moved_away_is_believed_for_good() -> None:
+    life, ekf = started(found=True)
+    for k in range(5):
+        life.fixed(k * 0.1)
+    move(ekf, -15.0)
+    assert not life.is_false(2.0, ekf)
+    move(ekf, 15.0)
+    assert not life.is_false(60.0, ekf)
+
+
+def proved(life: TrackLife, ekf: StationEkf) -> None:
+    for k in range(5):
+        life.fixed(k * 0.1)
+    move(ekf, -15.0)
+    assert not life.is_false(2.0, ekf)
+
+
+def test_what_has_moved_and_then_gets_nowhere_is_dropped() -> None:
+    """As ground that the cameras cling to once the aircraft has gone: back and forth by 12 m, for 5 s."""
+    life, ekf = started(found=True)
+    proved(life, ekf)
+    false_at = []
+    for k in range(21, 90):
+        life.fixed(0.1 * k)
+        move(ekf, 1.2 if k // 10 % 2 else -1.2)
+        if life.is_false(0.1 * k, ekf):
+            false_at.append(0.1 * k)
+    assert false_at[0] == pytest.approx(7.1, abs=0.3)
+
+
+def test_the_slowest_approach_does_not_stand_still() -> None:
+    life, ekf = started(found=True)
+    proved(life, ekf)
+    for k in range(21, 600):
+        life.fixed(k * 0.1)
+        move(ekf, -0.5)
+        assert not life.is_false(k * 0.1, ekf)
+
+
+def test_a_given_target_may_stand_still() -> None:
+    life, ekf = started(found=False)
+    move(ekf, -15.0)
+    assert not any(life.is_false(float(t_s), ekf) for t_s in np.arange(0.0, 60.0, 0.5))
+
+
+def test_a_given_target_needs_no_proof() -> None:
+    life, ekf = started(found=False)
+    assert not life.is_false(100.0, ekf)
+    assert life.follow(False, ekf) is TrackStatus.COASTING
+
+
+def test_time_and_covariance_lose_a_target() -> None:
+    life, ekf = started(found=False)
+    names = ("left", "right")
+    for name in names:
+        ekf.set_angles(name, (0.0, 0.03), (0.0, 0.0), 1e-5)
+    assert not life.is_lost(1.0, ekf, names)
+    assert life.is_lost(9.0, ekf, names), "eight seconds without a pixel"
+    ekf.covariance[0, 0] = 30.0**2
+    assert life.is_lost(1.0, ekf, names), "the cameras can't be told where to look"
+
+
+def test_a_found_target_is_reported_once_its_velocity_has_settled() -> None:
+    life, ekf = started(found=True)
+    ekf.covariance[3:6, 3:6] = np.diag([1.0, 20.0**2, 1.0])
+    life.fixed(0.1)
+    assert life.follow(True, ekf) is TrackStatus.ACQUIRING
+    ekf.covariance[3:6, 3:6] = np.eye(3)
+    assert life.follow(True, ekf) is TrackStatus.TRACKING
+    ekf.covariance[3:6, 3:6] = np.eye(3) * 30.0**2
+    assert life.follow(False, ekf) is TrackStatus.COASTING, "settled once, settled for this target"
+
+
+def seen(life: TrackLife, ekf: StationEkf, t_s: float, cameras: int) -> TrackStatus:
+    """Bring a track through one epoch in which so many cameras' pixels were accepted."""
+    for _ in range(cameras):
+        life.saw(t_s)
+    if cameras > 1:
+        life.fixed(t_s)
+    status = life.follow(cameras > 1, ekf)
+    life.change(t_s, status)
+    return status
+
+
+def test_after_a_while_without_a_pixel_one_pair_is_not_yet_a_track() -> None:
+    life, ekf = started(found=False)
+    track, coast = TrackStatus.TRACKING, TrackStatus.COASTING
+    assert [seen(life, ekf, 0.1 * k, 2) for k in range(1, 4)] == [track] * 3
+    assert [seen(life, ekf, 0.1 * k, 0) for k in range(4, 7)] == [coast] * 3
+    assert seen(life, ekf, 0.7, 2) is track, "a short gap needs no proof"
+    assert [seen(life, ekf, 0.1 * k, 0) for k in range(8, 16)] == [coast] * 8
+    assert seen(life, ekf, 1.6, 2) is coast
+    assert seen(life, ekf, 1.7, 0) is coast
+    assert seen(life, ekf, 2.3, 2) is coast, "too long after the first to confirm it"
+    assert seen(life, ekf, 2.4, 2) is track
+
+
+def test_a_second_camera_that_comes_back_to_one_that_held_on_is_believed_at_once() -> None:
+    life, ekf = started(found=False)
+    seen(life, ekf, 0.1, 2)
+    for k in range(2, 40):
+        assert seen(life, ekf, 0.1 * k, 1) is TrackStatus.COASTING
+    assert seen(life, ekf, 4.0, 2) is TrackStatus.TRACKING
+
+
+def test_pictures_that_come_once_a_second_are_confirmed_by_the_next() -> None:
+    life, ekf = started(found=False)
+    told = [seen(life, ekf, float(k), cameras) for k, cameras in enumerate([2, 2, 0, 2, 2, 2, 0, 2, 2])]
+    track, coast = TrackStatus.TRACKING, TrackStatus.COASTING
+    assert told == [track, track, coast, coast, track, track, coast, coast, track]
+
+
+def test_time_alone_ends_a_find_that_proves_nothing() -> None:
+    """Expected: after ``proof_s`` with too few fixes, after ``false_target_s`` with enough; never a given target."""
+    life, _ = started(found=True)
+    assert not life.is_overdue(1.0)
+    assert life.is_overdue(1.001)
+    for k in range(3):
+        assert life.is_overdue(1.001)
+        life.fixed(0.1 * k)
+    assert not life.is_overdue(4.0)
+    assert life.is_overdue(4.001)
+    given, _ = started(found=False)
+    assert not given.is_overdue(60.0)
+
+
+def test_unseen_is_counted_from_the_newest_pixel() -> None:
+    life, _ = started(found=False)
+    life.saw(2.0)
+    life.saw(1.0)
+    assert not life.is_unseen(10.0)
+    assert life.is_unseen(10.001)
