@@ -44,7 +44,7 @@ from groundstation.session import load_session
 from groundstation.simulation.cases import standard_rig
 from groundstation.simulation.lent_range import LentRange
 from groundstation.simulation.simulated_day import simulated_set_up
-from groundstation.simulation.simulated_range import Told
+from groundstation.simulation.simulated_range import NoseTruth
 from groundstation.sources.cameras.camera import CameraDevice, Grab, SettingsReadBack
 from groundstation.sources.session_source import session_source
 from ptu_drivers.messages import Axis
@@ -162,7 +162,7 @@ class NoiseRange(LentRange):
         heads = {"left": flir, "right": pelco}
         self.file = replace(file, stations=tuple(replace(s, head=heads[s.name]) for s in file.stations))
         self.delivery_s = 0.01
-        self.truth: dict[str, Told] = {}
+        self.truth: dict[str, NoseTruth] = {}
 
     def begin(self, start_s: float) -> float:
         """Nothing flies."""

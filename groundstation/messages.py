@@ -76,7 +76,7 @@ class Heartbeat:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BegunAnew:
+class FilterReset:
     """The filter failed, and the pipeline forgot everything at ``t_s``; ``why`` is for people.
 
     ``in_vain`` says that it failed at the event right before this one, which has then brought forth nothing.
@@ -129,7 +129,7 @@ class CarriedError:
 
 
 Arrival = PtuSample | Frame | PixelMeasurement | ReferenceFix | Epoch
-Event = Arrival | Heartbeat | BegunAnew
+Event = Arrival | Heartbeat | FilterReset
 
 
 # ------------------------------------------------------------------------------------------ reports out

@@ -11,7 +11,7 @@ _NICE = 5  # a third of the pipeline's share of a processor that both want
 
 
 @contextmanager
-def quick_hand_over() -> Iterator[None]:
+def short_gil_switch_interval() -> Iterator[None]:
     """Inside, let threads that need the interpreter only for moments have it soon.
 
     Decoders, cameras and serial lines need it for microseconds at a time. With Python's 5 ms of patience they wait, and

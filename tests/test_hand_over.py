@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from groundstation.thread_scheduling import give_way, quick_hand_over
+from groundstation.thread_scheduling import give_way, short_gil_switch_interval
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only on Linux a thread has a rank of its own")
@@ -32,6 +32,6 @@ def test_where_threads_have_no_rank_nothing_is_changed(monkeypatch: pytest.Monke
 
 def test_the_interpreters_patience_comes_back() -> None:
     before_s = sys.getswitchinterval()
-    with quick_hand_over():
+    with short_gil_switch_interval():
         assert sys.getswitchinterval() < before_s
     assert sys.getswitchinterval() == before_s

@@ -22,7 +22,7 @@ _DEFAULT_DICTIONARY = "DICT_4X4_50"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Board:
+class CalibrationBoard:
     """A flat board.
 
     Attributes
@@ -61,7 +61,7 @@ class Board:
         return cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_m, self.marker_m, markers)
 
 
-def parse_board(text: str) -> Board:
+def parse_board(text: str) -> CalibrationBoard:
     """Read a board's description.
 
     Raises
@@ -82,7 +82,7 @@ def parse_board(text: str) -> Board:
     if not 3 <= columns <= _MOST_SQUARES or not 3 <= rows <= _MOST_SQUARES:
         raise IntrinsicsError("--board", got=quoted(text), wanted=f"3 to {_MOST_SQUARES} columns and rows")
     if kind == "chessboard":
-        return Board(kind=kind, columns=columns, rows=rows, square_m=lengths[0])
+        return CalibrationBoard(kind=kind, columns=columns, rows=rows, square_m=lengths[0])
     if lengths[1] >= lengths[0]:
         raise IntrinsicsError("--board", got=quoted(text), wanted="a marker smaller than its square")
     name = parts[3] if len(parts) == 4 else _DEFAULT_DICTIONARY
@@ -93,7 +93,9 @@ def parse_board(text: str) -> Board:
     if columns * rows // 2 > most:
         wanted = f"at most {most} markers, which is what {name} has"
         raise IntrinsicsError("--board", got=f"{columns * rows // 2} markers", wanted=wanted)
-    return Board(kind=kind, columns=columns, rows=rows, square_m=lengths[0], marker_m=lengths[1], dictionary=name)
+    return CalibrationBoard(
+        kind=kind, columns=columns, rows=rows, square_m=lengths[0], marker_m=lengths[1], dictionary=name
+    )
 
 
 def _refused(text: str) -> IntrinsicsError:

@@ -6,7 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from calibration.lens.boards import Board
+from calibration.lens.boards import CalibrationBoard
 from groundstation.arrays import FloatArray, ImageArray
 
 # a homography has 8 unknowns: 4 corners say nothing about the lens, twice as many begin to
@@ -24,7 +24,7 @@ class View:
     Attributes
     ----------
     name : the picture's, as the user knows it.
-    ids : (n,) which of ``Board.corners_m``.
+    ids : (n,) which of ``CalibrationBoard.corners_m``.
     board_m : (n, 3) the corners on the board, in m.
     pixel : (n, 2) where they were found, px.
     edge_px : width of the edges beside the corners, px (median); a sharp picture has about 2.
@@ -40,7 +40,7 @@ class View:
 class CornerFinder:
     """Finds one kind of board in grey pictures; keeps OpenCV's detector between them."""
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: CalibrationBoard) -> None:
         self.board = board
         self._corners_m = board.corners_m
         self._charuco = cv2.aruco.CharucoDetector(board.opencv()) if board.kind == "charuco" else None
@@ -71,7 +71,7 @@ class CornerFinder:
         return np.asarray(ids).reshape(-1).astype(np.intp), np.asarray(pixel, dtype=np.float64).reshape(-1, 2)
 
 
-def other_chessboard(board: Board, grey: ImageArray) -> str:
+def other_chessboard(board: CalibrationBoard, grey: ImageArray) -> str:
     """Return the size of the chessboard that is in the picture after all, where the corners were miscounted."""
     if board.kind != "chessboard":
         return ""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.errors import IntrinsicsError
-from calibration.lens.boards import Board
+from calibration.lens.boards import CalibrationBoard
 from calibration.lens.corners import CornerFinder, View, other_chessboard
 from calibration.lens.fit import LensFit, fit_lens
 from calibration.lens.model import CalibratedLens
@@ -41,7 +41,7 @@ class Intrinsics:
     held : which coefficients were held at zero.
     """
 
-    board: Board
+    board: CalibrationBoard
     fit: LensFit
     held_out: HeldOut
     held_out_without_k3_px: float | None
@@ -58,7 +58,7 @@ class Intrinsics:
 
 def calibrate_intrinsics(
     pictures: Iterable[GreyPicture],
-    board: Board,
+    board: CalibrationBoard,
     *,
     held: frozenset[str] = frozenset(),
     progress: Callable[[int], None] | None = None,
@@ -100,7 +100,7 @@ def calibrate_intrinsics(
 
 def solve_intrinsics(
     chosen: ChosenViews,
-    board: Board,
+    board: CalibrationBoard,
     image_size_px: tuple[int, int],
     *,
     held: frozenset[str] = frozenset(),
@@ -136,7 +136,7 @@ def solve_intrinsics(
     )
 
 
-def _no_board(board: Board, grey: ImageArray, count: int) -> IntrinsicsError:
+def _no_board(board: CalibrationBoard, grey: ImageArray, count: int) -> IntrinsicsError:
     named = f"{board.kind}:{board.columns}x{board.rows}"
     other = other_chessboard(board, grey)
     if other:

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from calibration.lens.boards import Board
+from calibration.lens.boards import CalibrationBoard
 from calibration.lens.corners import FEWEST_CORNERS, View
 from groundstation.arrays import FloatArray
 
@@ -50,7 +50,7 @@ class ChosenViews:
 
 
 def choose_views(
-    found: Sequence[View], board: Board, image_size_px: tuple[int, int], most: int = MOST_VIEWS
+    found: Sequence[View], board: CalibrationBoard, image_size_px: tuple[int, int], most: int = MOST_VIEWS
 ) -> ChosenViews:
     """Drop views with few corners, blurred ones and near-duplicates; of the rest take up to ``most``, all different."""
     verdicts = []
@@ -81,7 +81,7 @@ def _verdict(view: View, choice: Choice, detail: str) -> Verdict:
 
 
 def _farthest_first(
-    views: Sequence[View], board: Board, image_size_px: tuple[int, int], most: int
+    views: Sequence[View], board: CalibrationBoard, image_size_px: tuple[int, int], most: int
 ) -> tuple[list[int], list[Verdict]]:
     """Return the order of taking, each the least like all before it, and verdicts on those not taken."""
     if not views:
@@ -109,7 +109,7 @@ def _farthest_first(
     return taken, marks
 
 
-def _place(view: View, board: Board, image_size_px: tuple[int, int]) -> FloatArray:
+def _place(view: View, board: CalibrationBoard, image_size_px: tuple[int, int]) -> FloatArray:
     """Return where the board's outline lies (8,), in diagonals: place, distance, turn and tilt in one."""
     found: Any = cv2.findHomography(view.board_m[:, :2], view.pixel)
     homography = found[0]

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.lens.boards import Board
+from calibration.lens.boards import CalibrationBoard
 from calibration.lens.corners import CornerFinder
 from calibration.mount.parameters import UNKNOWN_DISTANCE_M
 from calibration.mount.problem import Mark, MarkKind, MountSightings
@@ -53,7 +53,7 @@ class PictureSightings:
 
 
 def sightings_of_pictures(
-    folder: Path, rig: Rig, board: Board | None, progress: Callable[[int], None] = lambda _: None
+    folder: Path, rig: Rig, board: CalibrationBoard | None, progress: Callable[[int], None] = lambda _: None
 ) -> PictureSightings:
     """Find the board, or the lamp where there is none, in every picture of ``folder``/pictures.csv.
 

@@ -127,7 +127,7 @@ def run_live(options: argparse.Namespace) -> int:
     from groundstation.live.status_watch import StatusWatch
     from groundstation.simulation.fault_timetable import range_faults
     from groundstation.simulation.filming import load_faults
-    from groundstation.simulation.flights import Aircraft
+    from groundstation.simulation.flights import FlightModelKind
     from groundstation.simulation.simulated_receiver import ReceiverModel
     from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
     from ptu_drivers.simulated.faults import FAULTS
@@ -160,7 +160,7 @@ def run_live(options: argparse.Namespace) -> int:
                 receiver=failing.receiver,
                 timetable=failing.timetable,
                 wind_m_s=options.wind,
-                aircraft=Aircraft(options.aircraft),
+                aircraft=FlightModelKind(options.aircraft),
             )
         )
     block = StatusBlock(sys.stderr)

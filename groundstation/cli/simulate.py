@@ -106,7 +106,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     """Film one flight and print what was written; returns the exit code."""
     from groundstation.simulation.filmed_folder import PictureForm
     from groundstation.simulation.filming import FilmRequest, film
-    from groundstation.simulation.flights import Aircraft, FlightName
+    from groundstation.simulation.flights import FlightModelKind, FlightName
 
     request = FilmRequest(
         out=options.out,
@@ -119,7 +119,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         rig=options.rig,
         form=PictureForm(options.pictures),
         grey=options.grey,
-        aircraft=Aircraft(options.aircraft),
+        aircraft=FlightModelKind(options.aircraft),
     )
     with ProgressLine(sys.stderr, "simulate") as line:
         result = film(request, line.update)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
-from groundstation.detection.background_motion import Change, SceneMemory
+from groundstation.detection.background_motion import BackgroundChange, SceneMemory
 from groundstation.detection.candidates import Spot, contrast_map, find_spots, gap, joined, scales
 from groundstation.detection.skyline import CELL_PX, sky_around, sky_cells
 from groundstation.geometry.camera import Lens
@@ -197,7 +197,7 @@ class CandidateFinder:
         return replace(spot, contrast=spot.contrast * (least + (1.0 - least) * share), sky=share)
 
     # ----------------------------------------------------------------------------------- against others
-    def _changed(self, grey: ImageArray, change: Change) -> list[Spot]:
+    def _changed(self, grey: ImageArray, change: BackgroundChange) -> list[Spot]:
         """Return what moves against the static scene."""
         c = self._config
         spots = find_spots(change.significance, c.motion_low_sigma, c.motion_high_sigma, self._scale)
@@ -220,7 +220,7 @@ class CandidateFinder:
         now, then = grey[y0:y1, x0:x1], earlier[y0:y1, x0:x1]
         return float(now.std()) < _LEFT_BEHIND * float(then[then > 0].std() if (then > 0).any() else 0.0)
 
-    def _motion(self, spot: Spot, grey: ImageArray, change: Change) -> tuple[float, float] | None:
+    def _motion(self, spot: Spot, grey: ImageArray, change: BackgroundChange) -> tuple[float, float] | None:
         """Return the rate (u, v) in px/s at which a spot moves over the scene, None where it is not found again."""
         x0, y0, x1, y1 = self._window(spot, 2)
         if x1 - x0 > _MAX_MATCHED_PX or y1 - y0 > _MAX_MATCHED_PX or change.age_s <= 0.0:
@@ -240,7 +240,7 @@ class CandidateFinder:
         w, h = self._size
         return max(x0 - margin, 0), max(y0 - margin, 0), min(x1 + margin, w), min(y1 + margin, h)
 
-    def _combined(self, still: list[Spot], grey: ImageArray, change: Change | None) -> tuple[Candidate, ...]:
+    def _combined(self, still: list[Spot], grey: ImageArray, change: BackgroundChange | None) -> tuple[Candidate, ...]:
         """Return all as candidates, best first; what is seen both ways counts once.
 
         Against the sky the contrast shows the whole silhouette, against the ground only the motion is its own.

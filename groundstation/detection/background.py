@@ -82,7 +82,7 @@ def _open(misfit: Float32Array, first: int, last: int) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _lay_under(
+def _subtract_background(
     window: Planes,
     frame: Planes,
     offset: tuple[float, float],
@@ -244,7 +244,9 @@ class BackgroundMemory:
         for k in self._order:
             kept, hole, (sx, sy) = self._laid_under(k, corner)
             offset = (inside[0] + sx, inside[1] + sy)
-            if not _lay_under(window, kept.colour, offset, self._edge_px, within, hole, residual, edge, misfit):
+            if not _subtract_background(
+                window, kept.colour, offset, self._edge_px, within, hole, residual, edge, misfit
+            ):
                 break
             if k == self._order[0] and _holds(kept.grey.shape, offset, size):
                 # older frames serve where the target may be, where the newest one hides the scene, and where it ends

@@ -40,7 +40,7 @@ class _Kept:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Change:
+class BackgroundChange:
     """How much each pixel differs from the static scene: ``significance`` (h, w) float32, signed, in sigmas.
 
     ``earlier`` is the picture of ``age_s`` ago laid under the newest one, 0 where it shows nothing.
@@ -83,7 +83,7 @@ class SceneMemory:
         self._kept.clear()
         self._last = None
 
-    def change(self, grey: ImageArray, t_s: float, camera_from_runway: FloatArray | None) -> Change | None:
+    def change(self, grey: ImageArray, t_s: float, camera_from_runway: FloatArray | None) -> BackgroundChange | None:
         """Take the newest frame and return what differs from the scene; None while there is nothing to compare.
 
         A frame that is not newer than the last one starts the memory afresh.
@@ -124,7 +124,7 @@ class SceneMemory:
             return None
         return np.asarray(self._rotation @ kept.camera_from_runway.T, np.float64)
 
-    def _difference(self, grey: ImageArray, t_s: float) -> Change | None:
+    def _difference(self, grey: ImageArray, t_s: float) -> BackgroundChange | None:
         """Compare with the oldest frame and with a younger one."""
         if not self._kept:
             return None
@@ -141,11 +141,11 @@ class SceneMemory:
             one, kept = (recent, middle) if recent is not None else (old, oldest)
             if one is None:
                 return None
-            return Change(significance=one.significance, earlier=one.earlier, age_s=t_s - kept.t_s)
+            return BackgroundChange(significance=one.significance, earlier=one.earlier, age_s=t_s - kept.t_s)
         agreed = _agreed(old.significance, old.earlier, recent.significance, recent.earlier)
-        return Change(significance=agreed, earlier=recent.earlier, age_s=t_s - middle.t_s)
+        return BackgroundChange(significance=agreed, earlier=recent.earlier, age_s=t_s - middle.t_s)
 
-    def _against(self, grey: ImageArray, kept: _Kept, rows: FloatArray, slope: ImageArray) -> Change | None:
+    def _against(self, grey: ImageArray, kept: _Kept, rows: FloatArray, slope: ImageArray) -> BackgroundChange | None:
         """Compare with one kept frame, and remember how it fitted; None where it shows another part of the scene."""
         turned = self._turned(kept)
         predicted: FloatArray | None = kept.newest_from_this
@@ -161,7 +161,9 @@ class SceneMemory:
         # the rims of both pictures are mixed with the nothing beyond them
         shown = cv2.erode((laid > 0).astype(np.uint8), _RIM, borderType=cv2.BORDER_CONSTANT, borderValue=0)
         covered = laid * np.asarray(shown, np.uint8)
-        return Change(significance=_significance(grey, covered, slope, fit.misplaced_px), earlier=covered, age_s=0.0)
+        return BackgroundChange(
+            significance=_significance(grey, covered, slope, fit.misplaced_px), earlier=covered, age_s=0.0
+        )
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:

@@ -17,8 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from groundstation.detection.contour_evolution import collect, collect_forgotten, evolve_contour, means_of
 from groundstation.detection.narrow_band import AT_REST, PHI_LIMIT, limited_step, wake
-from groundstation.detection.settling import collect, collect_forgotten, means_of, settle
 
 _FLAT_ORACLE = 1e-12  # added to |∇φ|² so that a flat φ can still move: next to nothing
 _LEAST_INSIDE = 0.5  # of the level that the target is expected to reach
@@ -182,7 +182,7 @@ def evolve(
     count = collect(u, phi, means_of(n, inside, total, h * w, four), mu, rows, queue)
     for iteration in range(iterations):
         if quiet >= stop_after or count == 0:
-            n, inside, visits = settle(u, phi, four, (n, inside, total), rows, (queue, after, waiting, seen))
+            n, inside, visits = evolve_contour(u, phi, four, (n, inside, total), rows, (queue, after, waiting, seen))
             drive = means_of(n, inside, total, h * w, four)
             count = collect_forgotten(u, phi, drive, (mu, eps_f, dt_f), rows, seen, queue)
             if count <= stop_fraction * n:
@@ -218,7 +218,7 @@ def evolve(
             waiting[after[k]] = False
         queue, after, count = after, queue, coming
         quiet = quiet + 1 if changed <= stop_fraction * n else 0
-    settle(u, phi, four, (n, inside, total), rows, (queue, after, waiting, seen))
+    evolve_contour(u, phi, four, (n, inside, total), rows, (queue, after, waiting, seen))
     return iterations
 
 

@@ -81,7 +81,7 @@ def textured(grey: ImageArray) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Alignment:
+class FrameAlignment:
     """``old_from_new`` (3, 3), pixels to pixels, and one sigma of what it misplaces, px."""
 
     old_from_new: FloatArray
@@ -152,7 +152,7 @@ def _misplacements(rows: FloatArray, old: ImageArray, H: FloatArray) -> FloatArr
     return out[:n]
 
 
-def align(rows: FloatArray, old: ImageArray, old_from_new: FloatArray, limit_px: float) -> Alignment:
+def align(rows: FloatArray, old: ImageArray, old_from_new: FloatArray, limit_px: float) -> FrameAlignment:
     """Refine a predicted homography by one shift measured on the new picture's textured pixels.
 
     Without enough texture the prediction stands; then little in the picture can be misplaced visibly.
@@ -162,9 +162,9 @@ def align(rows: FloatArray, old: ImageArray, old_from_new: FloatArray, limit_px:
         old_from_new = old_from_new @ np.array([[1.0, 0.0, sx], [0.0, 1.0, sy], [0.0, 0.0, 1.0]])
     errors = _misplacements(rows, old, old_from_new)
     if errors.size < _MIN_TEXTURED:
-        return Alignment(old_from_new=old_from_new, misplaced_px=_UNKNOWN_MISPLACED_PX)
+        return FrameAlignment(old_from_new=old_from_new, misplaced_px=_UNKNOWN_MISPLACED_PX)
     typical = _MEDIAN_TO_SIGMA * float(np.median(errors))
-    return Alignment(old_from_new=old_from_new, misplaced_px=max(typical, _LEAST_MISPLACED_PX))
+    return FrameAlignment(old_from_new=old_from_new, misplaced_px=max(typical, _LEAST_MISPLACED_PX))
 
 
 def image_motion(old: ImageArray, new: ImageArray) -> FloatArray | None:

@@ -15,8 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.detection.chan_vese import region_means
+from groundstation.detection.contour_evolution import settle_driven
 from groundstation.detection.narrow_band import AT_REST, PHI_LIMIT, limited_step
-from groundstation.detection.settling import settle_driven
 
 Float32Array = NDArray[np.float32]
 _SWEEPS = 3  # of the whole grid between two fits

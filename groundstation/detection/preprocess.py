@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.background import Difference
+from groundstation.detection.background_histogram import discount_common_colours
 from groundstation.detection.config import Channel, DetectionConfig
 from groundstation.detection.flatten import flatten
-from groundstation.detection.palette import discount_common_colours
 from groundstation.detection.registration import Box
 
 Float32Array = NDArray[np.float32]

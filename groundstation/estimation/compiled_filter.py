@@ -239,7 +239,7 @@ def squared_sigmas(residual: FloatArray, S: FloatArray) -> float:
 
 
 @njit(cache=True)
-def lasting_part(
+def correlated_part(
     H: FloatArray, x: FloatArray, covariance: FloatArray, offset: int, share: float, residual: FloatArray
 ) -> None:
     """Let a state at ``offset``, two numbers in sigmas, have its ``share`` of a measurement's covariance (2, 2).

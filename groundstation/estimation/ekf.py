@@ -13,17 +13,17 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.compiled_filter import innovation_covariance, lasting_part, squared_sigmas
+from groundstation.estimation.compiled_filter import correlated_part, innovation_covariance, squared_sigmas
 from groundstation.estimation.config import CalibrationUse, OutOfViewWeighting
 from groundstation.estimation.field_of_view import moments_after_miss, paper_weight, probability_in_view
 from groundstation.estimation.filter_core import FilterCore
 from groundstation.estimation.linearisation import Linearised
 from groundstation.estimation.measurement import LinearPrediction
+from groundstation.estimation.provisional_track import ProvisionalTrack
 from groundstation.estimation.reference_clock import REFERENCE_CLOCK, has_stepped
 from groundstation.estimation.second_view import Seen
 from groundstation.estimation.silhouette import lasting_variance
 from groundstation.estimation.triangulation import midpoint
-from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.station import LensError
 from groundstation.messages import Innovation
 
@@ -98,11 +98,11 @@ class StationEkf(FilterCore):
         pixel: FloatArray,
         covariance_px2: FloatArray,
         row_dt_s: float = 0.0,
-        lasting_share: float = 0.0,
+        correlated_share: float = 0.0,
     ) -> Innovation | None:
         """Fuse one camera's target pixel (2,) with covariance (2, 2); None if the target is behind the camera.
 
-        ``lasting_share`` of that covariance is an error that this station's next pixels will share. Near and beyond
+        ``correlated_share`` of that covariance is an error that this station's next pixels will share. Near and beyond
         the border the pixel is weighted (`OutOfViewWeighting`); beyond the chi-square gate it is refused.
         """
         x, P = self.state, self.covariance
@@ -113,10 +113,10 @@ class StationEkf(FilterCore):
         in_view = innovation_covariance(P, H, _NOTHING)
         measured = pixel
         offset = self.layout.offsets.get(station)
-        if offset is not None and lasting_share > 0.0:
+        if offset is not None and correlated_share > 0.0:
             H, measured = H.copy(), pixel.copy()
-            lasting_part(H, x, covariance_px2, offset.start, lasting_share, measured)
-            R = (1.0 - lasting_share) * covariance_px2
+            correlated_part(H, x, covariance_px2, offset.start, correlated_share, measured)
+            R = (1.0 - correlated_share) * covariance_px2
         if in_view[0, 0] + in_view[1, 1] > _VAGUE_SIGMA**2 * (covariance_px2[0, 0] + covariance_px2[1, 1]):
             placed = self._placed_anew(
                 Seen(station=station, pixel=pixel, covariance_px2=covariance_px2, row_dt_s=row_dt_s)
@@ -153,13 +153,13 @@ class StationEkf(FilterCore):
             self._grow_up(self._young.after(accepted=accepted))
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 
-    def _grow_up(self, track: YoungTrack) -> None:
+    def _grow_up(self, track: ProvisionalTrack) -> None:
         """Judge a young track by its pixels; begin it again where the first of them were the wrong ones."""
-        self._young = None if track.grown_up else track
+        self._young = None if track.confirmed else track
         if track.refuted:
             self._begin_again(track)
 
-    def _begin_again(self, start: YoungTrack) -> None:
+    def _begin_again(self, start: ProvisionalTrack) -> None:
         self.starts_taken_back += 1
         self._young = replace(start, accepted=0, refused=0, in_a_row=0)
         self._place_target(start, 0.0 if self.time_s is None else self.time_s - start.t_s)

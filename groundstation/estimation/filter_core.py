@@ -11,15 +11,15 @@ from groundstation.estimation.clock_watch import ClockWatch
 from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance
 from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.field_of_view import probability_in_view
+from groundstation.estimation.imm import ImmFilter
 from groundstation.estimation.linearisation import PixelLinearisation
 from groundstation.estimation.measurement import EncoderModel, PixelModel, PixelPrediction, ReferenceModel
-from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior, pointing_places, time_places
+from groundstation.estimation.provisional_track import ProvisionalTrack
 from groundstation.estimation.second_view import SecondView
 from groundstation.estimation.silhouette import WidthModel
 from groundstation.estimation.state import EkfState, Remembered, StateLayout, state_layout
-from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import CarriedError, Kinematics
@@ -66,7 +66,7 @@ class FilterCore:
             MotionModel(self.layout, psd, noise, prior.walk_psd, config.detection_lasting_s) for psd in psds
         ]
         self._psds = np.array([motion.psd for motion in self._motions])
-        self._bank = ModeBank(self.layout.size, (config.steady_s, config.manoeuvre_s)[: len(psds)])
+        self._bank = ImmFilter(self.layout.size, (config.steady_s, config.manoeuvre_s)[: len(psds)])
         self._bank.place(self.layout.constant, np.zeros(len(prior.names)), prior.covariance)
         self._gate = float(chi2.ppf(config.gate_probability, 2))
         self._reference_gate = float(chi2.ppf(config.gate_probability, 3))
@@ -104,7 +104,7 @@ class FilterCore:
         self._contributed_s: Mapping[str, float] = {}
         # when a width was last fused of this target
         self._width_s: float | None = None
-        self._young: YoungTrack | None = None
+        self._young: ProvisionalTrack | None = None
         self.starts_taken_back = 0
 
     # ------------------------------------------------------------------------------------------ state
@@ -216,12 +216,12 @@ class FilterCore:
         """
         mean = np.concatenate([position_m, velocity_m_s])
         now_s = 0.0 if self.time_s is None else self.time_s
-        begun = YoungTrack(t_s=now_s - age_s, mean=mean, covariance=covariance, triangulated=triangulated)
+        begun = ProvisionalTrack(t_s=now_s - age_s, mean=mean, covariance=covariance, triangulated=triangulated)
         # the paper's weighting stays the paper's, with what comes of it
         self._young = None if self._config.out_of_view is OutOfViewWeighting.PAPER else begun
         self._place_target(begun, age_s)
 
-    def _place_target(self, begun: YoungTrack, age_s: float) -> None:
+    def _place_target(self, begun: ProvisionalTrack, age_s: float) -> None:
         target, covariance = self.layout.target, begun.covariance
         F = self._motions[-1].transition(age_s)[target, target]
         Q = self._motions[-1].process_noise(age_s)[target, target]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance, squared_sigmas
-from groundstation.estimation.modes import ModeBank, correct_modes
+from groundstation.estimation.imm import ImmFilter, correct_modes
 from groundstation.estimation.parameters import DGPS_ANTENNA, DGPS_CLOCK
 from groundstation.estimation.state import StateLayout
 from groundstation.geometry import kernels
@@ -210,7 +210,7 @@ class EncoderModel:
 
     def fuse(
         self,
-        bank: ModeBank,
+        bank: ImmFilter,
         angles_rad: tuple[float, float],
         ahead_s: float,
         variance_rad2: float,

@@ -10,9 +10,9 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
+from groundstation.estimation.provisional_track import ProvisionalTrack
+from groundstation.estimation.smoother_history import Cut, SmootherHistory, Transition, back, back_into
 from groundstation.estimation.state import EkfState
-from groundstation.estimation.tape import Cut, Tape, Transition, back, back_into
-from groundstation.estimation.young_track import YoungTrack
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Innovation, Kinematics
 
@@ -36,11 +36,11 @@ class PixelStep:
     pixel: FloatArray
     covariance_px2: FloatArray
     row_dt_s: float
-    lasting_share: float
+    correlated_share: float
 
     def apply(self, ekf: StationEkf) -> None:
         """Hand it in again; the gate judges anew."""
-        ekf.update_pixel(self.station, self.pixel, self.covariance_px2, self.row_dt_s, self.lasting_share)
+        ekf.update_pixel(self.station, self.pixel, self.covariance_px2, self.row_dt_s, self.correlated_share)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -119,7 +119,7 @@ def _replaced(innovation: Innovation) -> bool:
 class RecordedEkf(StationEkf):
     """`StationEkf` that notes what is done to it in ``steps`` and what it goes through on its ``tape``.
 
-    Readings of encoders are noted by who judges them (`ReplayWindow`), since it is the judgement that is repeated.
+    Readings of encoders are noted where they are judged (`LateMeasurementBuffer`), since the judgement is repeated.
     Only what happens while there is a target goes on the tape.
     """
 
@@ -131,7 +131,7 @@ class RecordedEkf(StationEkf):
         prior: ParameterPrior | None = None,
     ) -> None:
         super().__init__(stations, turning, config, prior)
-        self.tape = Tape()
+        self.tape = SmootherHistory()
         self.steps: list[object] = []
 
     def snapshot(self) -> RecordedState:
@@ -195,7 +195,7 @@ class RecordedEkf(StationEkf):
         self._cut()
         super().start_target(position_m, velocity_m_s, covariance, age_s, triangulated=triangulated)
 
-    def _begin_again(self, start: YoungTrack) -> None:
+    def _begin_again(self, start: ProvisionalTrack) -> None:
         """Begin again, as `StationEkf` does; it follows from the steps that are noted and is none itself."""
         self._cut()
         super()._begin_again(start)
@@ -212,7 +212,7 @@ class RecordedEkf(StationEkf):
         pixel: FloatArray,
         covariance_px2: FloatArray,
         row_dt_s: float = 0.0,
-        lasting_share: float = 0.0,
+        correlated_share: float = 0.0,
     ) -> Innovation | None:
         """Fuse one camera's pixel, as `StationEkf` does; one that places the target anew ends what was before."""
         step = PixelStep(
@@ -220,11 +220,11 @@ class RecordedEkf(StationEkf):
             pixel=pixel,
             covariance_px2=covariance_px2,
             row_dt_s=row_dt_s,
-            lasting_share=lasting_share,
+            correlated_share=correlated_share,
         )
         self.steps.append(step)
         x, P = self.state, self.covariance
-        innovation = super().update_pixel(station, pixel, covariance_px2, row_dt_s, lasting_share)
+        innovation = super().update_pixel(station, pixel, covariance_px2, row_dt_s, correlated_share)
         if innovation is not None and _replaced(innovation):
             self._began_anew(x, P)
         return innovation

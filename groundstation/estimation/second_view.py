@@ -4,7 +4,7 @@ One camera alone tells where the target is across its ray. Along the ray the fil
 a needle of tens of metres after seconds; and since each pixel was linearised where the needle's middle was thought to
 be, the needle is too short, and not quite where the ray is. An update by the second camera's pixel takes all that for
 knowledge. What the first camera does know is where the target is in its own image, and how fast it moves there: so
-those two are kept, the position is where the two rays meet, and the velocity is what `Needle` says there.
+those two are kept, the position is where the two rays meet, and the velocity is what `BearingOnlyPrior` says there.
 docs/derivation.md, "Placed anew".
 """
 
@@ -17,9 +17,9 @@ from numba import njit
 from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray
+from groundstation.estimation.bearing_only_prior import BearingOnlyPrior
 from groundstation.estimation.compiled_filter import innovation_covariance
 from groundstation.estimation.measurement import PixelModel, PixelPrediction
-from groundstation.estimation.needle import Needle
 from groundstation.estimation.state import StateLayout
 
 # a pixel meets a needle where one sigma along that bends it by more sigmas of its noise, or is more of the depth, …
@@ -107,7 +107,7 @@ class SecondView:
         prior : x (n,), P (n, n).
         """
         x, P = prior
-        needle = Needle(x[self._layout.target], P[self._layout.target, self._layout.target], rays_from_m)
+        needle = BearingOnlyPrior(x[self._layout.target], P[self._layout.target, self._layout.target], rays_from_m)
         problem = _Meeting(self._layout, self._pixels, views, needle, x, age_s)
         if not problem.weigh(near_m, P):
             return None
@@ -155,7 +155,7 @@ class _Meeting:
         layout: StateLayout,
         pixels: Mapping[str, PixelModel],
         views: tuple[Seen, Seen],
-        needle: Needle,
+        needle: BearingOnlyPrior,
         x: FloatArray,
         age_s: float,
     ) -> None:

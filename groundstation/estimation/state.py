@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.clock_watch import ClockWatch
-from groundstation.estimation.young_track import YoungTrack
+from groundstation.estimation.provisional_track import ProvisionalTrack
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +61,7 @@ class EkfState:
     newest_reference_s: float
     references_refused: int
     reference_contradicted: bool
-    young: YoungTrack | None
+    young: ProvisionalTrack | None
     starts_taken_back: int
     watch: ClockWatch
     contributed_s: Mapping[str, float]
@@ -78,7 +78,7 @@ Remembered = tuple[
     float,
     int,
     bool,
-    YoungTrack | None,
+    ProvisionalTrack | None,
     int,
     ClockWatch,
     Mapping[str, float],

@@ -9,7 +9,7 @@ from groundstation.arrays import FloatArray
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.reference_check import ExcludedSpan, ExclusionReason
 from groundstation.evaluation.series import BoolArray, IndexArray
-from groundstation.evaluation.time_offset import Aligner, Alignment, TimeOffset
+from groundstation.evaluation.time_offset import Aligner, TimeAlignment, TimeOffset
 
 _MIN_WINDOW_SAMPLES = 3
 _AGREEMENT_SIGMA = 3.0
@@ -103,7 +103,7 @@ def _explained(looks: _Looks, lo: IndexArray, hi: IndexArray) -> FloatArray:
     return gain / np.maximum(total, 1e-12)
 
 
-def _without_y(a: Alignment) -> Alignment:
+def _without_y(a: TimeAlignment) -> TimeAlignment:
     """Return the alignment as seen by x and z alone: their own 2 × 2 covariance, nothing known of y."""
     covariance = np.linalg.inv(a.information)
     kept = np.ix_(range(len(covariance)), [0, 2], [0, 2])

@@ -72,7 +72,7 @@ class NoOffset:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Alignment:
+class TimeAlignment:
     """Estimates against the reference at one offset, for the m epochs that have both.
 
     ``index`` (m,) is the epoch in the series, ``error_m`` (m, 3) estimate minus reference, ``information``
@@ -112,7 +112,7 @@ class Alignment:
         """Derivative (m, 3, 7) of the error by the offset still missing and by the biases."""
         return np.concatenate([self.velocity_m_s[:, :, None], self.bias_shape_m], axis=2)
 
-    def without_bias(self, bias: FloatArray) -> "Alignment":
+    def without_bias(self, bias: FloatArray) -> "TimeAlignment":
         """Return the alignment with the errors of the biases (6,) taken off."""
         return replace(self, error_m=self.error_m - self.bias_shape_m @ bias)
 
@@ -134,22 +134,22 @@ class Aligner:
         slopes = smooth_velocity(reference.t_s, reference.position_m, _VELOCITY_WINDOW_S)
         self._slopes = ReferenceSeries(t_s=reference.t_s, position_m=slopes, sigma_m=reference.sigma_m)
 
-    def at(self, offset_s: float, excluded: BoolArray | None = None, every: int = 1) -> Alignment:
+    def at(self, offset_s: float, excluded: BoolArray | None = None, every: int = 1) -> TimeAlignment:
         """Return the alignment at one offset, without the ``excluded`` (n,) epochs, of each ``every``-th one."""
         return self._of(slice(0, len(self.series), every), offset_s, excluded)
 
-    def parts(self, offset_s: float, excluded: BoolArray | None = None) -> Iterator[Alignment]:
+    def parts(self, offset_s: float, excluded: BoolArray | None = None) -> Iterator[TimeAlignment]:
         """Yield the alignment at one offset in parts of `_BLOCK_ROWS` epochs, in their order."""
         for rows in _blocks(len(self.series)):
             yield self._of(rows, offset_s, excluded)
 
-    def _of(self, rows: slice, offset_s: float, excluded: BoolArray | None) -> Alignment:
+    def _of(self, rows: slice, offset_s: float, excluded: BoolArray | None) -> TimeAlignment:
         t_s = self.series.t_s[rows]
         at = interpolate(self.reference, t_s + offset_s, self.max_gap_s)
         good = at.usable if excluded is None else at.usable & ~excluded[rows]
         index = np.flatnonzero(good)
         slopes = interpolate(self._slopes, t_s[index] + offset_s, self.max_gap_s)
-        return Alignment(
+        return TimeAlignment(
             index=rows.start + index * (rows.step or 1),
             error_m=self.series.position_m[rows][index] - at.position_m[index],
             information=self._information[rows][index],
@@ -217,7 +217,7 @@ class _Normal:
     lag_information: float
 
 
-def _normal(parts: Iterable[Alignment], bias: FloatArray, huber_sigma: float) -> _Normal:
+def _normal(parts: Iterable[TimeAlignment], bias: FloatArray, huber_sigma: float) -> _Normal:
     """Sum the normal equations over the parts of an alignment, weighted by the errors left by the biases (6,)."""
     information, score, used, lag = np.zeros((7, 7)), np.zeros(7), 0, 0.0
     for a in parts:

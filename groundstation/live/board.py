@@ -83,7 +83,7 @@ def dropped_words(dropped: Mapping[str, int]) -> str:
     return "dropped: " + ", ".join(f"{n} {one[what] if n == 1 else what}" for what, n in dropped.items())
 
 
-class Board:
+class StatusBoard:
     """Gathers what `LiveStatus` says."""
 
     def __init__(self) -> None:

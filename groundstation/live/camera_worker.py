@@ -3,7 +3,7 @@
 import math
 import threading
 
-from groundstation.live.inbox import Inbox, Said, Shot
+from groundstation.live.inbox import CameraFrame, DeviceLogLine, Inbox
 from groundstation.sources.cameras.camera import CameraEvent, CameraEventKind
 from groundstation.sources.cameras.live_camera import LiveCamera
 
@@ -12,10 +12,10 @@ _END_S = 0.5
 _GOOD = (CameraEventKind.OPENED, CameraEventKind.REOPENED)
 
 
-def said(event: CameraEvent, session_from_host_s: float) -> Said:
+def said(event: CameraEvent, session_from_host_s: float) -> DeviceLogLine:
     """Return what a camera has to say, for the operator."""
     level = "info" if event.kind in _GOOD else "warning"
-    return Said(t_s=event.t_s + session_from_host_s, level=level, text=f"{event.camera}: camera {event.text}")
+    return DeviceLogLine(t_s=event.t_s + session_from_host_s, level=level, text=f"{event.camera}: camera {event.text}")
 
 
 class CameraWorker:
@@ -53,7 +53,7 @@ class CameraWorker:
                 self.frames += 1
                 self.newest_s = frame.t_s + self._zero_s
                 self._inbox.put(
-                    Shot(
+                    CameraFrame(
                         t_s=self.newest_s,
                         arrived_s=frame.arrival_s + self._zero_s,
                         station=self.station,
@@ -63,5 +63,5 @@ class CameraWorker:
         except Exception as fault:  # noqa: BLE001 - one camera less is no reason to stop the others
             t_s = max(self.newest_s, 0.0)
             self._inbox.put(
-                Said(t_s=t_s, level="error", text=f"{self.station}: camera: {type(fault).__name__}: {fault}")
+                DeviceLogLine(t_s=t_s, level="error", text=f"{self.station}: camera: {type(fault).__name__}: {fault}")
             )

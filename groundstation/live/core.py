@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.live.inbox import Item, Said, Shot
+from groundstation.live.inbox import CameraFrame, DeviceLogLine, Item
 from groundstation.live.pairing import Pairing
 from groundstation.messages import (
-    BegunAnew,
     Event,
+    FilterReset,
     Frame,
     Heartbeat,
     PixelMeasurement,
@@ -30,7 +30,7 @@ from groundstation.messages import (
 from groundstation.pointing.pilot import HeadPilot
 from groundstation.pointing.search_pattern import SearchPattern
 from groundstation.tracking.config import Config
-from groundstation.tracking.log_throttle import SeldomSaid
+from groundstation.tracking.log_throttle import LogThrottle
 from groundstation.tracking.pipeline import Pipeline
 
 # heads are told as often, in s
@@ -93,17 +93,17 @@ class LiveCore:
         self._parking: Mapping[str, tuple[float, float]] | None = None
         self._ahead_s = 0.0
         self._lines: list[TrackEvent] = []
-        self._held_said = SeldomSaid(
+        self._held_said = LogThrottle(
             lambda t_s, text: self._lines.append(TrackEvent(t_s=t_s, level="warning", text=text))
         )
 
     def take(self, item: Item | PixelMeasurement, now_s: float, known_s: float | None = None) -> Taken:
         """Take one item at session time ``now_s``; ``known_s`` as in `pass_time`."""
         taken = Taken()
-        if isinstance(item, Said):
+        if isinstance(item, DeviceLogLine):
             line = TrackEvent(t_s=item.t_s, level=item.level, text=item.text)
             taken.reports.append(StepReport(events=(line,)))
-        elif isinstance(item, (Shot, PixelMeasurement)):
+        elif isinstance(item, (CameraFrame, PixelMeasurement)):
             paired = self._pairing.frame(item.station, item.t_s)
             for epoch in paired.closed_before:
                 self._step(epoch, taken)
@@ -200,7 +200,7 @@ class LiveCore:
     def _begin_anew(self, fault: Exception, t_s: float, taken: Taken, *, in_vain: bool) -> None:
         """Have the pipeline forget everything; it is told so by an event, for a replay to do the same."""
         self.status = TrackStatus.SEARCHING
-        anew = BegunAnew(t_s=t_s, why=f"{type(fault).__name__}: {fault}", in_vain=in_vain)
+        anew = FilterReset(t_s=t_s, why=f"{type(fault).__name__}: {fault}", in_vain=in_vain)
         taken.consumed.append(anew)
         self._told(self.pipeline.step(anew), taken)
 
@@ -248,7 +248,7 @@ class LiveCore:
         return None if kinematics is None else kinematics.position_runway_m
 
 
-def _numbered(item: Shot | PixelMeasurement, epoch: int) -> Frame | PixelMeasurement:
-    if isinstance(item, Shot):
+def _numbered(item: CameraFrame | PixelMeasurement, epoch: int) -> Frame | PixelMeasurement:
+    if isinstance(item, CameraFrame):
         return Frame(t_s=item.t_s, station=item.station, epoch=epoch, image=item.picture)
     return PixelMeasurement(t_s=item.t_s, station=item.station, epoch=epoch, u_px=item.u_px, v_px=item.v_px)

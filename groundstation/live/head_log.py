@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from groundstation.live.inbox import Inbox, Said
+from groundstation.live.inbox import DeviceLogLine, Inbox
 from groundstation.pointing.pilot import HeadLimits
 from ptu_drivers.messages import UnitDescription
 from ptu_drivers.motion_guard import GuardReport
@@ -69,7 +69,7 @@ class HeadLog:
     def say(self, level: str, text: str) -> None:
         """Put a line into the log, if it has begun."""
         if self.inbox is not None:
-            self.inbox.put(Said(t_s=self._clock() - self._start_s, level=level, text=text))
+            self.inbox.put(DeviceLogLine(t_s=self._clock() - self._start_s, level=level, text=text))
 
     def halts(self, names: Iterable[str], reports: Mapping[str, GuardReport], since_s: float) -> frozenset[str]:
         """Report what came of halting each head after the loss at ``since_s``; returns those not known to stand."""

@@ -19,7 +19,7 @@ from groundstation.live.head_device import HeadDevice, open_head
 from groundstation.live.head_worker import HeadWorker, head_limits
 from groundstation.live.inbox import Item
 from groundstation.messages import PointingCommand
-from groundstation.thread_scheduling import quick_hand_over
+from groundstation.thread_scheduling import short_gil_switch_interval
 from ptu_drivers.motion_guard import LEASE_S, MotionLeases
 
 _HEALTH_EVERY_S = 0.25
@@ -87,7 +87,7 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, leases: MotionL
         # first of all: one that hangs is not to keep the others turning
         for worker in workers.values():
             stack.callback(worker.request_stop)
-        stack.enter_context(quick_hand_over())
+        stack.enter_context(short_gil_switch_interval())
         # on the way out nothing is said any more: so long ahead at once
         stack.callback(lambda: leases.beat_driver(time.monotonic() + _LEAVE_S))
         with contextlib.suppress(MemoryError):

@@ -11,11 +11,11 @@ import threading
 from collections.abc import Callable
 from typing import Protocol
 
-from groundstation.live.inbox import Item, Said
+from groundstation.live.inbox import DeviceLogLine, Item
 from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from groundstation.pointing.pilot import LEASE_S, AxisLimits, HeadLimits
-from groundstation.tracking.log_throttle import SeldomSaid
+from groundstation.tracking.log_throttle import LogThrottle
 from ptu_drivers.errors import LimitError, PtuError
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import AngleSample, AxisDescription, Capability, NoReading, Reading
@@ -48,7 +48,7 @@ def _axis_limits(axis: AxisDescription) -> AxisLimits:
     )
 
 
-class AtOnce:
+class PanTiltAligner:
     """Pan and tilt as if read at one instant: the unit's two answers are some milliseconds apart.
 
     The axis that was read later is taken between its last two readings, at the earlier one's instant. Where they are
@@ -118,7 +118,7 @@ class HeadWorker:
         self._zero_s = session_from_unit_s
         self._clock = clock
         self._period_s = period_s
-        self._at_once = AtOnce(station, session_from_unit_s)
+        self._at_once = PanTiltAligner(station, session_from_unit_s)
         self._by_rate = Capability.VELOCITY in unit.describe().capabilities
         self._command: PointingCommand | None = None
         self.delay_s = 0.0
@@ -128,7 +128,7 @@ class HeadWorker:
         self._stop = threading.Event()
         self._quiet_since_s: float | None = None
         self._told: str = ""
-        self._seldom = SeldomSaid(lambda _, text: self._say("warning", text))
+        self._seldom = LogThrottle(lambda _, text: self._say("warning", text))
         if isinstance(unit, KeepOutUnit):
             unit.report = lambda text: self._say("warning", f"PTU: {text}")
         self.round_s = math.inf
@@ -268,4 +268,4 @@ class HeadWorker:
         return self._by_rate and apart < _SAME_RATE_RAD_S
 
     def _say(self, level: str, text: str) -> None:
-        self._inbox.put(Said(t_s=self._clock() + self._zero_s, level=level, text=f"{self.station}: {text}"))
+        self._inbox.put(DeviceLogLine(t_s=self._clock() + self._zero_s, level=level, text=f"{self.station}: {text}"))

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.live.board import Board, DeviceState, LiveStatus
+from groundstation.live.board import DeviceState, LiveStatus, StatusBoard
 from groundstation.live.camera_words import clock_words, lost_words
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.core import LiveCore, Taken
 from groundstation.live.ending import Ending
 from groundstation.live.head_log import HeadState
 from groundstation.live.heads import Heads
-from groundstation.live.inbox import Inbox, Item, Said, Shot
+from groundstation.live.inbox import CameraFrame, DeviceLogLine, Inbox, Item
 from groundstation.live.pairing import Pairing, Shedding
 from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.station_file import StationFile
@@ -29,7 +29,7 @@ from groundstation.pointing.search_pattern import SearchPattern
 from groundstation.rig.rig import Rig
 from groundstation.sinks.sink import Sink
 from groundstation.sources.cameras.live_camera import LiveCamera
-from groundstation.thread_scheduling import quick_hand_over
+from groundstation.thread_scheduling import short_gil_switch_interval
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.warm_up import warm_up
@@ -115,7 +115,7 @@ class Operation:
         self._reference: ReferenceWorker | None = None
         self.start_s = clock() if start_s is None else start_s
         self.inbox = Inbox()
-        self._board = Board()
+        self._board = StatusBoard()
         self._epochs = self._tracked = 0
         self._busy_s = 0.0
         self._told_s, self._told = -_NEVER, TrackStatus.SEARCHING
@@ -128,7 +128,7 @@ class Operation:
 
     def say(self, level: str, text: str) -> None:
         """Put a line into the log; from any thread."""
-        self.inbox.put(Said(t_s=self.now_s, level=level, text=text))
+        self.inbox.put(DeviceLogLine(t_s=self.now_s, level=level, text=text))
 
     def run(
         self,
@@ -148,7 +148,7 @@ class Operation:
         workers = [CameraWorker(n, c, self.inbox, -self.start_s) for n, c in cameras.items()]
         core = self._core(heads)
         with ExitStack() as stack:
-            stack.enter_context(quick_hand_over())
+            stack.enter_context(short_gil_switch_interval())
             for worker in workers:
                 stack.callback(worker.stop)
                 worker.start()
@@ -167,9 +167,9 @@ class Operation:
             while ending.parks() and heads.running and core.not_parked(self.now_s, _PARKED_RAD, heard=True):
                 item = self.inbox.get(_WAIT_S)
                 # what is seen while the heads swing away is of no use
-                self._turn(core, heads, workers, None if isinstance(item, Shot) else item)
+                self._turn(core, heads, workers, None if isinstance(item, CameraFrame) else item)
             for line in core.not_parked(self.now_s, _PARKED_RAD):
-                self._hand_on(core.take(Said(t_s=self.now_s, level="warning", text=line), self.now_s), heads)
+                self._hand_on(core.take(DeviceLogLine(t_s=self.now_s, level="warning", text=line), self.now_s), heads)
         self._hand_on(core.finish(), heads)
         return OperationResult(
             elapsed_s=self.now_s - began_s,
@@ -187,11 +187,13 @@ class Operation:
     # ------------------------------------------------------------------------------------- one turn
     def _turn(self, core: LiveCore, heads: Heads, cameras: Sequence[CameraWorker], item: Item | None) -> None:
         began_s = self.now_s
-        if isinstance(item, Shot) and self._shedding.leaves_out(item.station, item.t_s, self.inbox.frames_waiting):
+        if isinstance(item, CameraFrame) and self._shedding.leaves_out(
+            item.station, item.t_s, self.inbox.frames_waiting
+        ):
             item = None
         known_s = self._known_s(item, began_s)
         taken = core.pass_time(began_s, known_s) if item is None else core.take(item, began_s, known_s)
-        if isinstance(item, Shot):
+        if isinstance(item, CameraFrame):
             for event in taken.consumed:
                 if isinstance(event, Frame):
                     self._board.arrived(event.epoch, item.arrived_s)
@@ -210,7 +212,7 @@ class Operation:
         """Return up to when the devices' records have been taken, ``item`` included: now, unless more waits."""
         if not len(self.inbox):
             return now_s
-        return item.t_s if isinstance(item, Shot | PtuSample) else -_NEVER
+        return item.t_s if isinstance(item, CameraFrame | PtuSample) else -_NEVER
 
     def _hand_on(self, taken: Taken, heads: Heads) -> None:
         for command in taken.commands:

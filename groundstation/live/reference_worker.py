@@ -13,14 +13,14 @@ from typing import Protocol
 from groundstation.errors import GroundstationError, LogError
 from groundstation.live.board import GONE_S, ReferenceState
 from groundstation.live.head_worker import Outlet
-from groundstation.live.inbox import Said
+from groundstation.live.inbox import DeviceLogLine
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_line import ReferenceLine, open_reference_line
 from groundstation.live.reference_place import ReferencePlace
 from groundstation.messages import DgpsFix
 from groundstation.session.logs.fixes import LogFix, LogOptions
 from groundstation.session.logs.nmea_stream import NmeaStream
-from groundstation.tracking.log_throttle import SeldomSaid
+from groundstation.tracking.log_throttle import LogThrottle
 
 # so long after the last byte nothing more of the same moment comes
 _QUIET_S = 0.04
@@ -73,7 +73,7 @@ class ReferenceWorker:
         self._stop = threading.Event()
         self._trouble = ""
         self._strangers = 0
-        self._seldom = SeldomSaid(lambda _, text: self._say("warning", text), _REFUSED_EVERY_S)
+        self._seldom = LogThrottle(lambda _, text: self._say("warning", text), _REFUSED_EVERY_S)
         self._gone = False
         self._listening_since_s = self._now_s()
         self._adopted = 0
@@ -186,4 +186,4 @@ class ReferenceWorker:
             self._say("warning", f"{text}; it is tried again")
 
     def _say(self, level: str, text: str) -> None:
-        self._inbox.put(Said(t_s=self._now_s(), level=level, text=f"DGPS: {text}"))
+        self._inbox.put(DeviceLogLine(t_s=self._now_s(), level=level, text=f"DGPS: {text}"))

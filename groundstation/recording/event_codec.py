@@ -15,9 +15,9 @@ import numpy as np
 from groundstation.errors import RecordingError
 from groundstation.files.toml_table import quoted, shown
 from groundstation.messages import (
-    BegunAnew,
     Epoch,
     Event,
+    FilterReset,
     Frame,
     Heartbeat,
     PixelMeasurement,
@@ -113,7 +113,7 @@ def event_values(n: int, event: Event) -> dict[str, Any]:
         values |= {"u_px": float(event.u_px), "v_px": float(event.v_px)}
     elif isinstance(event, Epoch):
         values |= {"epoch": int(event.epoch), "stations": list(event.stations)}
-    elif isinstance(event, BegunAnew):
+    elif isinstance(event, FilterReset):
         values |= {"why": event.why, "in_vain": event.in_vain}
     elif isinstance(event, ReferenceFix):
         values |= {"position_runway_m": event.position_runway_m.tolist(), "sigma_m": event.sigma_m.tolist()}
@@ -151,7 +151,7 @@ _KINDS: Mapping[type, str] = {
     Epoch: "epoch",
     ReferenceFix: "reference",
     Heartbeat: "heartbeat",
-    BegunAnew: "begun anew",
+    FilterReset: "begun anew",
 }
 
 
@@ -192,7 +192,7 @@ class _Line:
         if kind == "heartbeat":
             return Heartbeat(t_s=t_s)
         if kind == "begun anew":
-            return BegunAnew(t_s=t_s, why=self._text("why"), in_vain=self._flag("in_vain"))
+            return FilterReset(t_s=t_s, why=self._text("why"), in_vain=self._flag("in_vain"))
         raise self._fault("kind", kind, ", ".join([*_KINDS.values(), "pixels", "dropped"]) + " or lost")
 
     def _frame(self, t_s: float) -> FrameHead:

@@ -17,12 +17,12 @@ from types import TracebackType
 from typing import Self
 
 from groundstation.errors import InputError
-from groundstation.messages import BegunAnew, Event, Frame, StepReport
+from groundstation.messages import Event, FilterReset, Frame, StepReport
 from groundstation.recording.contents import RecordingHeader
 from groundstation.recording.event_codec import event_values
 from groundstation.recording.recorder_messages import RecordingMessages
 from groundstation.recording.recorder_output import RawOutput, RetriedOutput, new_file
-from groundstation.recording.recorder_queue import Answer, EventLine, FramePixels, RecorderQueue
+from groundstation.recording.recorder_queue import EventLine, FramePixels, QueueAnswer, RecorderQueue
 from groundstation.recording.recorder_rates import RateBook
 from groundstation.recording.recorder_status import (
     PATIENT,
@@ -126,7 +126,7 @@ class Recorder:
         number = self._number
         self._number += 1
         self._queue.put(EventLine(n=number, t_s=float(event.t_s), values=event_values(number, event)))
-        if isinstance(event, BegunAnew):
+        if isinstance(event, FilterReset):
             # who held frames until now will not report on them
             self._put_unseen()
         if not isinstance(event, Frame):
@@ -151,17 +151,17 @@ class Recorder:
                 if not waiting:
                     del self._unseen[camera.station, camera.epoch]
                 self._put_pixels(number, frame, whole=frame.image.whole_read)
-            self._queue.put(Answer(content=replace(camera, image=None)))
+            self._queue.put(QueueAnswer(content=replace(camera, image=None)))
         for estimate in report.estimates:
-            self._queue.put(Answer(content=estimate))
+            self._queue.put(QueueAnswer(content=estimate))
         for state in report.states:
-            self._queue.put(Answer(content=state))
+            self._queue.put(QueueAnswer(content=state))
         for event in report.events:
-            self._queue.put(Answer(content=event))
+            self._queue.put(QueueAnswer(content=event))
 
     def attach(self, name: str, data: bytes) -> None:
         """Add a file that is known only now, as the DGPS log of a flight."""
-        self._queue.put(Answer(content=(name, data)))
+        self._queue.put(QueueAnswer(content=(name, data)))
 
     def close(self) -> None:
         """Write everything that waits, close the file; closing twice is allowed."""

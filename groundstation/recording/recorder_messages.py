@@ -36,7 +36,7 @@ from groundstation.recording.event_codec import (
 )
 from groundstation.recording.pixels import encoded
 from groundstation.recording.recorder_output import RetriedOutput, as_stream
-from groundstation.recording.recorder_queue import Answer, EventLine, FramePixels, Item
+from groundstation.recording.recorder_queue import EventLine, FramePixels, Item, QueueAnswer
 from groundstation.rig.rig import Rig, Station
 
 _JSON_SCHEMA = b'{"type":"object"}'
@@ -128,7 +128,7 @@ class RecordingMessages:
             self._add(topic, "CompressedImage" if png else "RawImage", data, stamp, item.of)
 
     # --------------------------------------------------------------------------------------------- answers
-    def _answer(self, item: Answer) -> None:
+    def _answer(self, item: QueueAnswer) -> None:
         content = item.content
         if isinstance(content, TrackEstimate):
             stamp = stamp_ns(content.t_s)

@@ -35,13 +35,13 @@ class EventLine:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class QueueAnswer:
     """Something that the pipeline answered: a report's part, or a file to attach."""
 
     content: Any
 
 
-Item = EventLine | FramePixels | Answer
+Item = EventLine | FramePixels | QueueAnswer
 
 
 @dataclass(slots=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from groundstation.messages import TrackEstimate
 from groundstation.recording.recorder_messages import RecordingMessages
 from groundstation.recording.recorder_output import RetriedOutput
-from groundstation.recording.recorder_queue import Answer, RecorderQueue
+from groundstation.recording.recorder_queue import QueueAnswer, RecorderQueue
 from groundstation.recording.recorder_rates import RateBook
 from groundstation.recording.recorder_status import RecorderConfig, RecorderState, left_to_recover
 
@@ -52,7 +52,7 @@ class RecorderWriter:
                 self._messages.note_lost(first, last)
             if item is not None:
                 self._messages.put(item, png=self._queue.fill() < self._config.png_fill)
-                if isinstance(item, Answer) and isinstance(item.content, TrackEstimate):
+                if isinstance(item, QueueAnswer) and isinstance(item.content, TrackEstimate):
                     self._rates.answered(item.content, self._output.tell())
             elif self._queue.drained:
                 break

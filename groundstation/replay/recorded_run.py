@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from groundstation.conversion.recorded_session import header_of
-from groundstation.messages import BegunAnew, Event, InitialState, ReferenceFix
+from groundstation.messages import Event, FilterReset, InitialState, ReferenceFix
 from groundstation.recording.contents import CONFIG
 from groundstation.recording.recorder import PATIENT, Recorder
 from groundstation.session import Session
@@ -21,19 +21,19 @@ def tuning(session: Session, path: Path | None) -> Config:
     return load_config(path)
 
 
-def untaught(events: Iterable[Event]) -> Iterator[Event]:
+def without_reference_fixes(events: Iterable[Event]) -> Iterator[Event]:
     """Pass on all but the recorded reference positions: others are to be learnt from."""
     return (event for event in events if not isinstance(event, ReferenceFix))
 
 
-def obeyed(events: Iterable[Event]) -> Iterator[Event]:
+def apply_filter_resets(events: Iterable[Event]) -> Iterator[Event]:
     """Leave out each event at which the filter failed in operation, and let the pipeline begin anew there again.
 
     It had brought forth nothing; where it fails again, or on another machine does not, the track stays the same.
     """
     held: Event | None = None
     for event in events:
-        if isinstance(event, BegunAnew) and event.in_vain:
+        if isinstance(event, FilterReset) and event.in_vain:
             held = replace(event, in_vain=False)
             continue
         if held is not None:

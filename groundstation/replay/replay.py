@@ -17,7 +17,13 @@ from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_re
 from groundstation.evaluation.report import write_report
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.messages import DgpsFix, InitialState, ReferenceFix
-from groundstation.replay.recorded_run import obeyed, recorder_for, recording_notes, tuning, untaught
+from groundstation.replay.recorded_run import (
+    apply_filter_resets,
+    recorder_for,
+    recording_notes,
+    tuning,
+    without_reference_fixes,
+)
 from groundstation.replay.reference_knowledge import ReferenceKnowledge, reference_knowledge
 from groundstation.replay.run import RunOutcome, run
 from groundstation.session import Session, load_dgps, load_session, load_truth
@@ -27,7 +33,7 @@ from groundstation.sinks.smoothed_track import SmoothedTrackSink
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.sources.reference import reference_fixes, with_reference
 from groundstation.sources.session_source import session_source
-from groundstation.thread_scheduling import quick_hand_over
+from groundstation.thread_scheduling import short_gil_switch_interval
 from groundstation.tracking.config import Config, Start, config_to_mapping
 from groundstation.tracking.count_descriptions import count_words
 from groundstation.tracking.pipeline import Pipeline
@@ -101,7 +107,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     known = reference_knowledge(session, config.estimation)
     faults += known.notes
     with ExitStack() as opened:
-        opened.enter_context(quick_hand_over())
+        opened.enter_context(short_gil_switch_interval())
         check = IdentitySink() if session.recorded is not None and request.changes_nothing else None
         told = check.recorded if check is not None else lambda line: None
         source = session_source(session, request.from_s, request.to_s, told)
@@ -135,8 +141,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
             smoothed.want = pipeline.smooth(smoothed.found)
         prepared_s = time.perf_counter() - began
         total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
-        given_events = obeyed(source) if session.recorded is not None else source
-        events = with_reference(untaught(given_events) if taught else given_events, taught)
+        given_events = apply_filter_resets(source) if session.recorded is not None else source
+        events = with_reference(without_reference_fixes(given_events) if taught else given_events, taught)
         if recorder is not None:
             events = recorder.taken(events)
         outcome = run(events, pipeline, sinks, lambda done: progress(done, total))

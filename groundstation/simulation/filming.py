@@ -11,7 +11,7 @@ from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.airframe import trainer
 from groundstation.simulation.faults import Fault, FaultKind
 from groundstation.simulation.filmed_folder import PictureForm, checked_frames, write_filmed_folder
-from groundstation.simulation.flights import SPAN_M, Aircraft, FlightName, filmed_scenario, flight, site_rig
+from groundstation.simulation.flights import SPAN_M, FlightModelKind, FlightName, filmed_scenario, flight, site_rig
 from groundstation.simulation.optics import Optics
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.scenery import Scenery
@@ -41,7 +41,7 @@ class FilmRequest:
     rig: Path | None = None
     form: PictureForm = PictureForm.VIDEO
     grey: bool = False
-    aircraft: Aircraft = Aircraft.WAVES
+    aircraft: FlightModelKind = FlightModelKind.WAVES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

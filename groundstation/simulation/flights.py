@@ -45,7 +45,7 @@ class FlightName(StrEnum):
     WEAVE = "weave"
 
 
-class Aircraft(StrEnum):
+class FlightModelKind(StrEnum):
     """What moves it: waves of acceleration about the path, or a flight-dynamics model in turbulence."""
 
     WAVES = "waves"
@@ -80,7 +80,7 @@ def flight(
     seed: int = 0,
     wind_m_s: float = 0.0,
     duration_s: float | None = None,
-    aircraft: Aircraft = Aircraft.WAVES,
+    aircraft: FlightModelKind = FlightModelKind.WAVES,
 ) -> Trajectory:
     """Return a flight; wind gives gusts that grow with it and end near the ground, but neither drift nor crab.
 
@@ -90,7 +90,7 @@ def flight(
     """
     rest_m = REST_HEIGHT_PER_SPAN * SPAN_M
     flown: Trajectory
-    if name is FlightName.TAKE_OFF and aircraft is Aircraft.JSBSIM:
+    if name is FlightName.TAKE_OFF and aircraft is FlightModelKind.JSBSIM:
         # its own from the brakes on: nothing is laid over it
         _check_wind(wind_m_s)
         flown = take_off_by_jsbsim(
@@ -120,13 +120,13 @@ def _check_wind(wind_m_s: float) -> None:
     require(wind_m_s <= MAX_WIND_M_S, "flight: wind_m_s", got=wind_m_s, wanted=f"at most {MAX_WIND_M_S:g} m/s")
 
 
-def in_wind(nominal: Trajectory, rest_m: float, *, seed: int, wind_m_s: float, aircraft: Aircraft) -> Trajectory:
+def in_wind(nominal: Trajectory, rest_m: float, *, seed: int, wind_m_s: float, aircraft: FlightModelKind) -> Trajectory:
     """Return a flight as the wind leaves it: with gusts that fade out towards the ground, where it is ``rest_m`` high.
 
     Raises `NoFlightModelError` where the aircraft is JSBSim's and JSBSim is not installed.
     """
     _check_wind(wind_m_s)
-    if aircraft is Aircraft.JSBSIM:
+    if aircraft is FlightModelKind.JSBSIM:
         return _near_ground(nominal, _in_turbulence(nominal.span_s, seed, wind_m_s), rest_m)
     if wind_m_s == 0.0:
         return nominal

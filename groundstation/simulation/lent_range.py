@@ -9,7 +9,7 @@ from pathlib import Path
 from groundstation.live.station_file import StationFile
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.rig.rig import Rig
-from groundstation.simulation.simulated_range import SimulatedCameraDevice, SimulatedRange, Told
+from groundstation.simulation.simulated_range import NoseTruth, SimulatedCameraDevice, SimulatedRange
 from groundstation.sources.cameras.camera import CameraDevice
 
 
@@ -25,7 +25,7 @@ class LentRange(StationSimulator):
     def __init__(self, lender: SimulatedRange, file: StationFile, begin_s: float) -> None:
         self.file = file
         self.delivery_s = lender.delivery_s
-        self.truth = {name: Told() for name in lender.truth}
+        self.truth = {name: NoseTruth() for name in lender.truth}
         self._begin_s = begin_s
         self._ends: Mapping[str, tuple[str, Connection, tuple[int, int]]] = lender.ends()
         self._memory: dict[str, SharedMemory] = {}

@@ -31,7 +31,7 @@ from groundstation.tracking.pipeline import Pipeline
 _TICK_S = 0.005
 
 
-class FaultKind(StrEnum):
+class RehearsalFaultKind(StrEnum):
     """What may go wrong with a device in operation."""
 
     CAMERA_LOST = "camera lost"
@@ -48,10 +48,10 @@ class FaultKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
+class RehearsalFault:
     """A fault of one station (or, without a name, of the process or the receiver) from ``from_s`` to ``to_s``."""
 
-    kind: FaultKind
+    kind: RehearsalFaultKind
     station: str
     from_s: float
     to_s: float
@@ -138,7 +138,7 @@ class Rehearsal:
         config: Config,
         flight: Trajectory,
         *,
-        faults: Sequence[Fault] = (),
+        faults: Sequence[RehearsalFault] = (),
         hardware: RehearsalConfig | None = None,
         seed: int = 0,
         span_m: float | None = None,
@@ -197,21 +197,21 @@ class Rehearsal:
         for t in np.arange(start_s, end_s, _TICK_S):
             self._at(float(t), self._tick)
         for fault in self._faults:
-            if fault.kind is FaultKind.PROCESS_KILLED:
+            if fault.kind is RehearsalFaultKind.PROCESS_KILLED:
                 self._at(fault.to_s, self._restart)
-            if fault.kind is FaultKind.PTU_POWER_CYCLED:
+            if fault.kind is RehearsalFaultKind.PTU_POWER_CYCLED:
                 self._at(fault.from_s, partial(self._lose_power, fault.station))
 
     def _at(self, t_s: float, action: Callable[[float], None]) -> None:
         self._number += 1
         heapq.heappush(self._line, (t_s, self._number, action))
 
-    def _is(self, kind: FaultKind, station: str, t_s: float) -> bool:
+    def _is(self, kind: RehearsalFaultKind, station: str, t_s: float) -> bool:
         return any(f.kind is kind and f.station == station and f.now(t_s) for f in self._faults)
 
     @property
-    def _dead(self) -> tuple[Fault, ...]:
-        return tuple(f for f in self._faults if f.kind is FaultKind.PROCESS_KILLED)
+    def _dead(self) -> tuple[RehearsalFault, ...]:
+        return tuple(f for f in self._faults if f.kind is RehearsalFaultKind.PROCESS_KILLED)
 
     # ------------------------------------------------------------------------------------ the hardware
     def _expose(self, name: str, t_s: float) -> None:
@@ -232,17 +232,21 @@ class Rehearsal:
         missed = self._random.random() < h.miss_share
         delay_s = h.frame_delay_s + abs(float(self._random.normal(0.0, h.frame_jitter_s)))
         found = (float(pixel[0] + noise[0]), float(pixel[1] + noise[1]))
-        if self._is(FaultKind.CAMERA_FROZEN, name, t_s):
+        if self._is(RehearsalFaultKind.CAMERA_FROZEN, name, t_s):
             # whoever reads a camera lets one picture pass twice, and knows then: no two have the same noise
             missed = missed or name in self._repeated
             self._repeated.add(name)
             found = self._frozen.setdefault(name, found)
         else:
             self._frozen[name] = found
-        if missed or self._is(FaultKind.CAMERA_LOST, name, t_s) or not np.all((pixel >= 0) & (pixel <= size - 1)):
+        if (
+            missed
+            or self._is(RehearsalFaultKind.CAMERA_LOST, name, t_s)
+            or not np.all((pixel >= 0) & (pixel <= size - 1))
+        ):
             return
-        delay_s += h.late_s * self._is(FaultKind.CAMERA_LATE, name, t_s)
-        stamp_s = t_s + h.step_s * self._is(FaultKind.CAMERA_CLOCK_STEPPED, name, t_s)
+        delay_s += h.late_s * self._is(RehearsalFaultKind.CAMERA_LATE, name, t_s)
+        stamp_s = t_s + h.step_s * self._is(RehearsalFaultKind.CAMERA_CLOCK_STEPPED, name, t_s)
         shot = PixelMeasurement(t_s=stamp_s, station=name, epoch=0, u_px=found[0], v_px=found[1])
         self._at(t_s + delay_s, partial(self._deliver, shot))
 
@@ -251,8 +255,8 @@ class Rehearsal:
         head, name, h = self._heads[station.name], station.name, self._hardware
         head.run_to(t_s)
         noise = self._random.normal(0.0, max(station.ptu_sigma_rad, 1e-9), 2)
-        spike = self._random.random() < 0.05 and self._is(FaultKind.PTU_SPIKES, name, t_s)
-        if self._is(FaultKind.PTU_SILENT, name, t_s) or self._homing(name, t_s):
+        spike = self._random.random() < 0.05 and self._is(RehearsalFaultKind.PTU_SPIKES, name, t_s)
+        if self._is(RehearsalFaultKind.PTU_SILENT, name, t_s) or self._homing(name, t_s):
             return
         shown = head.angles + noise + (math.radians(h.spike_deg) if spike else 0.0)
         if station.ptu_resolution_rad > 0:
@@ -264,19 +268,21 @@ class Rehearsal:
         """Let the reference receiver measure; whoever listens to it takes a position that repeats for none."""
         h = self._hardware
         place = self._position(t_s) + self._receiver_random.normal(0.0, h.dgps_sigma_m, 3)
-        if self._is(FaultKind.DGPS_FROZEN, "", t_s) and self._last_fix_m is not None:
+        if self._is(RehearsalFaultKind.DGPS_FROZEN, "", t_s) and self._last_fix_m is not None:
             place = self._last_fix_m
         repeated, self._last_fix_m = place is self._last_fix_m, place
-        if repeated or self._is(FaultKind.DGPS_GONE, "", t_s):
+        if repeated or self._is(RehearsalFaultKind.DGPS_GONE, "", t_s):
             return
-        stamp_s = t_s + h.dgps_clock_s + h.dgps_step_s * self._is(FaultKind.DGPS_CLOCK_STEPPED, "", t_s)
+        stamp_s = t_s + h.dgps_clock_s + h.dgps_step_s * self._is(RehearsalFaultKind.DGPS_CLOCK_STEPPED, "", t_s)
         fix = ReferenceFix(t_s=stamp_s, position_runway_m=place, sigma_m=np.full(3, h.dgps_sigma_m))
         self._at(t_s + h.dgps_delay_s, partial(self._deliver, fix))
 
     def _homing(self, name: str, t_s: float) -> bool:
         """Return whether a head was power-cycled and has not homed: it neither answers nor obeys."""
         return any(
-            f.kind is FaultKind.PTU_POWER_CYCLED and f.station == name and 0 <= t_s - f.from_s < self._hardware.homing_s
+            f.kind is RehearsalFaultKind.PTU_POWER_CYCLED
+            and f.station == name
+            and 0 <= t_s - f.from_s < self._hardware.homing_s
             for f in self._faults
         )
 
@@ -303,7 +309,7 @@ class Rehearsal:
         """Obey the commands, and lay the answers beside the truth."""
         for command in taken.commands:
             # a head that does not answer does not hear, either
-            silent = self._is(FaultKind.PTU_SILENT, command.station, command.t_s)
+            silent = self._is(RehearsalFaultKind.PTU_SILENT, command.station, command.t_s)
             if not silent and not self._homing(command.station, command.t_s):
                 rates = np.array([command.pan_rate_rad_s, command.tilt_rate_rad_s])
                 self._heads[command.station].tell(command.t_s, rates)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from functools import partial
 
 from groundstation.arrays import FloatArray
-from groundstation.live.inbox import Shot
+from groundstation.live.inbox import CameraFrame
 from groundstation.rig.rig import Rig
-from groundstation.simulation.rehearsal import Fault, FaultKind, Rehearsal, RehearsalConfig
+from groundstation.simulation.rehearsal import Rehearsal, RehearsalConfig, RehearsalFault, RehearsalFaultKind
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.simulation.world import World
@@ -28,7 +28,7 @@ class PictureRehearsal(Rehearsal):
         config: Config,
         flight: Trajectory,
         *,
-        faults: Sequence[Fault] = (),
+        faults: Sequence[RehearsalFault] = (),
         hardware: RehearsalConfig | None = None,
         seed: int = 0,
         span_m: float | None = None,
@@ -44,11 +44,11 @@ class PictureRehearsal(Rehearsal):
         h = self._hardware
         delay_s = h.frame_delay_s + abs(float(self._random.normal(0.0, h.frame_jitter_s)))
         # whoever reads a camera notices pictures that repeat to the last bit
-        if self._is(FaultKind.CAMERA_LOST, name, t_s) or self._is(FaultKind.CAMERA_FROZEN, name, t_s):
+        if self._is(RehearsalFaultKind.CAMERA_LOST, name, t_s) or self._is(RehearsalFaultKind.CAMERA_FROZEN, name, t_s):
             return
-        delay_s += h.late_s * self._is(FaultKind.CAMERA_LATE, name, t_s)
-        stamp_s = t_s + h.step_s * self._is(FaultKind.CAMERA_CLOCK_STEPPED, name, t_s)
+        delay_s += h.late_s * self._is(RehearsalFaultKind.CAMERA_LATE, name, t_s)
+        stamp_s = t_s + h.step_s * self._is(RehearsalFaultKind.CAMERA_CLOCK_STEPPED, name, t_s)
         head = self._heads[name]
         picture = self._cameras[name].picture(t_s, *(float(v) for v in (*head.angles, *head.rates)))
-        shot = Shot(t_s=stamp_s, arrived_s=t_s + delay_s, station=name, picture=picture)
+        shot = CameraFrame(t_s=stamp_s, arrived_s=t_s + delay_s, station=name, picture=picture)
         self._at(t_s + delay_s, partial(self._deliver, shot))

@@ -20,8 +20,8 @@ from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN
 from groundstation.simulation.cases import standard_rig
-from groundstation.simulation.flights import Aircraft, Shortened, in_wind
-from groundstation.simulation.simulated_range import Told
+from groundstation.simulation.flights import FlightModelKind, Shortened, in_wind
+from groundstation.simulation.simulated_range import NoseTruth
 from groundstation.simulation.simulated_receiver import SIMULATED_ORIGIN
 from groundstation.simulation.trajectory import Trajectory
 
@@ -94,12 +94,12 @@ class Landings:
         return np.asarray(_LEVEL_M + _ROUNDED_M * np.logaddexp(0.0, above / _ROUNDED_M))
 
 
-def landings(seconds: float, *, seed: int, wind_m_s: float, aircraft: Aircraft) -> Landings:
+def landings(seconds: float, *, seed: int, wind_m_s: float, aircraft: FlightModelKind) -> Landings:
     """Return the landings in a wind; no two of the first eight are alike.
 
     Raises `NoFlightModelError` where the aircraft is JSBSim's and JSBSim is not installed.
     """
-    if aircraft is Aircraft.WAVES and wind_m_s == 0.0:
+    if aircraft is FlightModelKind.WAVES and wind_m_s == 0.0:
         return Landings(seconds)
     lap = Landings((_START_M - _END_M) / _SPEED_M_S)
     count = min(_WINDY_LAPS, math.ceil(seconds / lap.span_s[1]))
@@ -195,7 +195,12 @@ class DayScore:
 
 
 def score(
-    flight: Landings, begin_s: float, estimates: FloatArray, told: Mapping[str, Told], rig: Rig, host_begin_s: float
+    flight: Landings,
+    begin_s: float,
+    estimates: FloatArray,
+    told: Mapping[str, NoseTruth],
+    rig: Rig,
+    host_begin_s: float,
 ) -> DayScore:
     """Compare with what truly was.
 

@@ -47,7 +47,7 @@ from groundstation.sources.cameras.camera import (
     Grab,
     SettingsReadBack,
 )
-from groundstation.thread_scheduling import give_way, quick_hand_over
+from groundstation.thread_scheduling import give_way, short_gil_switch_interval
 from ptu_drivers.simulated.flir import FlirModel
 from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
 from ptu_drivers.simulated.line import VirtualLine
@@ -95,7 +95,7 @@ class RangeConfig:
     seed: int = 0
 
 
-class Told:
+class NoseTruth:
     """What truly was at a camera's pictures: host time of mid-exposure and the nose's pixel, in flat memory."""
 
     def __init__(self) -> None:
@@ -117,7 +117,7 @@ class SimulatedRange:
         self._config = config
         rig = load_rig(config.rig)
         self.urls = {s.name: str(config.folder / f"ptu-{s.name}") for s in rig.stations if not s.fixed}
-        self.truth = {name: Told() for name in rig.names}
+        self.truth = {name: NoseTruth() for name in rig.names}
         self._sizes = {s.name: s.lens.image_size_px for s in rig.stations}
         self._memory: dict[str, SharedMemory] = {}
         self._pipes: dict[str, Connection] = {}
@@ -188,7 +188,9 @@ class SimulatedRange:
 class SimulatedCameraDevice(CameraDevice):
     """One camera of the range, as `groundstation.sources.cameras` knows cameras."""
 
-    def __init__(self, name: str, memory: SharedMemory, pipe: Connection, size_px: tuple[int, int], told: Told) -> None:
+    def __init__(
+        self, name: str, memory: SharedMemory, pipe: Connection, size_px: tuple[int, int], told: NoseTruth
+    ) -> None:
         self._name = name
         self._pipe = pipe
         self._told = told
@@ -266,7 +268,7 @@ def serve_range(
     for thread in threads:
         thread.daemon = True
         thread.start()
-    with quick_hand_over(), contextlib.suppress(EOFError, OSError):
+    with short_gil_switch_interval(), contextlib.suppress(EOFError, OSError):
         control.send("ready")
         while (told := control.recv()) != "stop":
             flight.start_s = float(told)

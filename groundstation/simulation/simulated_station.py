@@ -9,7 +9,7 @@ from groundstation.live.station_file import StationFile, load_station
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.fault_timetable import check_timetable
-from groundstation.simulation.flights import Aircraft
+from groundstation.simulation.flights import FlightModelKind
 from groundstation.simulation.simulated_day import DayScore, EstimateKeeper, landings, score, simulated_set_up
 from groundstation.simulation.simulated_range import RangeConfig, SimulatedRange
 from groundstation.simulation.simulated_receiver import ReceiverModel
@@ -40,7 +40,7 @@ class SimulatedStationConfig:
     receiver: ReceiverModel | None = None
     timetable: tuple[TimedFault, ...] = ()
     wind_m_s: float = 0.0
-    aircraft: Aircraft = Aircraft.WAVES
+    aircraft: FlightModelKind = FlightModelKind.WAVES
 
 
 class SimulatedStation(StationSimulator):

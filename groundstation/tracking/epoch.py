@@ -51,7 +51,7 @@ class EpochPage:
         return TriangulationStatus.OK, point
 
 
-class EpochBook:
+class EpochBuffer:
     """Views by epoch until the epoch is answered; keeps no more than a moment's worth."""
 
     def __init__(self, labelled_window_s: float) -> None:

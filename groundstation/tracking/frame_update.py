@@ -36,10 +36,10 @@ from groundstation.messages import (
 from groundstation.picture import as_picture
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
-from groundstation.tracking.epoch import EpochBook, EpochView
+from groundstation.tracking.epoch import EpochBuffer, EpochView
 from groundstation.tracking.station_health import StationHealth
 from groundstation.tracking.synchronise import AngleFault, AnglesAt, ReadyFrame
-from groundstation.tracking.track_manager import TargetKeeper
+from groundstation.tracking.track_manager import TrackManager
 
 _MISS_STATUS = {
     MissReason.AMBIGUOUS: DetectionStatus.AMBIGUOUS,
@@ -98,8 +98,8 @@ class FrameUpdate:
         cameras: Mapping[str, CameraTracker],
         ekf: StationEkf,
         encoders: EncoderFeed,
-        keeper: TargetKeeper,
-        book: EpochBook,
+        keeper: TrackManager,
+        book: EpochBuffer,
         health: StationHealth,
         config: Config,
         *,

@@ -18,7 +18,7 @@ class _Kind:
     newest: str = ""
 
 
-class SeldomSaid:
+class LogThrottle:
     """Passes lines on, of each kind one in ``every_s``; lines that differ in their decimals alone are of a kind.
 
     Parameters

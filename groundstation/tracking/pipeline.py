@@ -10,17 +10,17 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from groundstation.estimation.encoders import EncoderFeed
+from groundstation.estimation.late_measurements import LateMeasurementBuffer
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
 from groundstation.estimation.recorded_ekf import ROUNDING_S, RecordedEkf
-from groundstation.estimation.replay_window import ReplayWindow
 from groundstation.estimation.smoother import Smoother
 from groundstation.messages import (
-    BegunAnew,
     CameraReport,
     CarriedError,
     DetectionStatus,
     Epoch,
     Event,
+    FilterReset,
     Frame,
     Heartbeat,
     InitialState,
@@ -34,14 +34,14 @@ from groundstation.messages import (
 from groundstation.rig.rig import Rig
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
-from groundstation.tracking.epoch import EpochBook
+from groundstation.tracking.epoch import EpochBuffer
 from groundstation.tracking.frame_update import FrameUpdate, span_prior_sigma
-from groundstation.tracking.log_throttle import SeldomSaid
+from groundstation.tracking.log_throttle import LogThrottle
 from groundstation.tracking.pending_report import PendingReport
 from groundstation.tracking.reference_update import ReferenceUpdate
 from groundstation.tracking.station_health import StationHealth
 from groundstation.tracking.synchronise import LateReading, LateReference, Ready, ReadyFrame, Synchroniser
-from groundstation.tracking.track_manager import TargetKeeper
+from groundstation.tracking.track_manager import TrackManager
 
 
 class Pipeline:
@@ -88,10 +88,10 @@ class Pipeline:
         prior = rig_prior(rig, self._reference_errors).with_span(span_prior_sigma(span_m))
         self._ekf = RecordedEkf(geometries, turning, config.estimation, prior)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
-        self._keeper = TargetKeeper(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
-        self._readings_said = SeldomSaid(lambda t_s, text: self._keeper.say(t_s, "warning", text))
+        self._keeper = TrackManager(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
+        self._readings_said = LogThrottle(lambda t_s, text: self._keeper.say(t_s, "warning", text))
         self._synchroniser = Synchroniser(turning, config.synchronise, cameras=rig.names)
-        self._window = ReplayWindow(
+        self._window = LateMeasurementBuffer(
             self._ekf,
             self._encoders,
             stations=rig.names,
@@ -101,7 +101,7 @@ class Pipeline:
             say=self._readings_said.take,
         )
         self._fused_late = {"fused_late_ptu": 0, "fused_late_frames": 0}
-        self._book = EpochBook(config.estimation.fix_window_s)
+        self._book = EpochBuffer(config.estimation.fix_window_s)
         self._health = StationHealth(geometries, self._ekf, config.integrity)
         self._frames = FrameUpdate(
             self._cameras,
@@ -193,13 +193,13 @@ class Pipeline:
         if isinstance(event, (Frame, PixelMeasurement)):
             self._book.arrived(event.epoch, self._stopwatch())
             self._health.delivered(event.station, event.t_s)
-        if isinstance(event, BegunAnew):
+        if isinstance(event, FilterReset):
             return self._begin_anew(event)
         if isinstance(event, Heartbeat):
             return self._pass_time(event.t_s)
         return self._run(self._synchroniser.push(event))
 
-    def _begin_anew(self, event: BegunAnew) -> StepReport:
+    def _begin_anew(self, event: FilterReset) -> StepReport:
         """Forget everything: numbers had come about that no filter can work with."""
         self._before.update({**self._counted(), **self._fused_late, "begun_anew": 1})
         if self._found is not None:

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from groundstation.estimation.late_measurements import LateMeasurementBuffer
 from groundstation.estimation.recorded_ekf import RecordedEkf
-from groundstation.estimation.replay_window import ReplayWindow
 from groundstation.messages import ReferenceFix
-from groundstation.tracking.track_manager import TargetKeeper
+from groundstation.tracking.track_manager import TrackManager
 
 
 class ReferenceUpdate:
@@ -22,7 +22,7 @@ class ReferenceUpdate:
     """
 
     def __init__(
-        self, ekf: RecordedEkf, keeper: TargetKeeper, window: ReplayWindow, warn: Callable[[float, str], None]
+        self, ekf: RecordedEkf, keeper: TrackManager, window: LateMeasurementBuffer, warn: Callable[[float, str], None]
     ) -> None:
         self.refused = 0
         self.fused_late = 0

@@ -8,7 +8,7 @@ Rules, all in the session clock:
 - So a frame also waits for its station's next PTU reading, and the exposure is bracketed; one with a reading at its own
   stamp takes no other.
 - A stamp older than what has already been passed on is late. It is passed on as late: the filter can go back for it,
-  inside a horizon (`groundstation.estimation.replay_window`); beyond it is counted and not used.
+  inside a horizon (`groundstation.estimation.late_measurements`); beyond it is counted and not used.
 - Where no record comes at all, what waits is passed on once the session's clock is `IN_FLIGHT_S` and ``hold_s`` past
   it: until then one may still be on its way.
 - Angles are interpolated linearly between two readings no further apart than ``max_gap_s``; before the

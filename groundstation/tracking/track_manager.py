@@ -16,13 +16,13 @@ from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import Epoch, InitialState, Kinematics, TrackEvent, TrackState, TrackStatus
 from groundstation.tracking.camera_tracker import CameraTracker
 from groundstation.tracking.config import Config
-from groundstation.tracking.track_state_machine import TrackLife
+from groundstation.tracking.track_state_machine import TrackStateMachine
 
 # candidates of whole frames belong to the epoch that is answered, not to one long past
 _SIGHTING_S = 0.5
 
 
-class TargetKeeper:
+class TrackManager:
     """Holds the status of the target, its tentative forerunners and its last knots.
 
     ``initial`` is a start that someone gives: until its time has come nothing is searched for.
@@ -38,7 +38,7 @@ class TargetKeeper:
         initial: InitialState | None,
     ) -> None:
         self.predictor = TrajectoryPredictor(config.estimation.predictor)
-        self.life = TrackLife(config.estimation)
+        self.life = TrackStateMachine(config.estimation)
         self._ekf = ekf
         self._cameras = cameras
         self._window_s = config.estimation.fix_window_s

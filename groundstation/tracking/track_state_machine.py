@@ -33,7 +33,7 @@ _MOVED_SQUARE = 25.0
 _PASSED_EVERY_S = 0.25
 
 
-class TrackLife:
+class TrackStateMachine:
     """Status of the one track, and the events of its changes."""
 
     def __init__(self, config: EstimationConfig) -> None:

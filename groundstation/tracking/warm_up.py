@@ -70,7 +70,7 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
     ekf.start_target(np.array([0.0, 50.0, 0.0]), np.array([0.0, -20.0, 0.0]), np.eye(6))
     prediction = ekf.predict_pixel(geometry.name)
     if prediction is not None:
-        ekf.update_pixel(geometry.name, prediction.pixel, np.eye(2), lasting_share=0.5)
+        ekf.update_pixel(geometry.name, prediction.pixel, np.eye(2), correlated_share=0.5)
         ekf.update_width(geometry.name, 40.0, 2.0, alone=True)
         ekf.absorb_miss(geometry.name, 0.9)
         ekf.update_reference(np.array([0.0, 50.0, 0.0]), np.eye(3))

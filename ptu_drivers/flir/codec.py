@@ -38,7 +38,7 @@ class RawLine:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class FlirReply:
     """A line that answers a command.
 
     Attributes
@@ -119,7 +119,7 @@ def encode(command: str) -> bytes:
     return command.encode("ascii") + DELIMITER
 
 
-def parse_line(data: bytes) -> Answer | Stray:
+def parse_line(data: bytes) -> FlirReply | Stray:
     """Return what a line says.
 
     Raises
@@ -137,7 +137,7 @@ def parse_line(data: bytes) -> Answer | Stray:
     if any(mark in found["text"] for mark in "*!"):
         raise ProtocolError("line", got=repr(text), wanted="one answer, not several merged")
     echo = found["echo"]
-    return Answer(
+    return FlirReply(
         echo=echo,
         ok=found["mark"] == "*",
         text=found["text"],

@@ -7,7 +7,7 @@ from itertools import count
 
 from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
-from ptu_drivers.flir.codec import DELIMITER, Answer, LineSplitter, RawLine, Stray, encode, parse_line
+from ptu_drivers.flir.codec import DELIMITER, FlirReply, LineSplitter, RawLine, Stray, encode, parse_line
 from ptu_drivers.health import DoubtReason, HealthCounter
 from ptu_drivers.transport import Transport
 
@@ -35,7 +35,7 @@ class Exchanged:
     mark_s : when the first byte of the reply had come, s.
     """
 
-    answer: Answer
+    answer: FlirReply
     begun_s: float
     done_s: float
     earliest_s: float
@@ -134,9 +134,9 @@ class FlirLine:
         while True:
             for line in self._lines(deadline_s, question.command):
                 parsed = self._parse(line)
-                if isinstance(parsed, Answer) and parsed.echo == question.command:
+                if isinstance(parsed, FlirReply) and parsed.echo == question.command:
                     return
-                if isinstance(parsed, Answer) and parsed.echo.endswith(question.command):
+                if isinstance(parsed, FlirReply) and parsed.echo.endswith(question.command):
                     # half a command stood before it and is spoilt; now it must come back alone
                     self._keep_pace()
                     question = self._send(f"Z{next(self._nonce)}")
@@ -225,7 +225,7 @@ class FlirLine:
         while True:
             for line in self._lines(limit, question.command, type_ahead):
                 parsed = self._parse(line)
-                if isinstance(parsed, Answer):
+                if isinstance(parsed, FlirReply):
                     if parsed.echo != question.command:
                         raise Doubtful(DoubtReason.ECHO_MISMATCH, parsed.echo or "an answer without echo")
                     if question.command.isalpha():
@@ -234,7 +234,7 @@ class FlirLine:
             if self.transport.now() >= limit:
                 raise Doubtful(DoubtReason.TIMEOUT, f"only lines that do not answer {question.command}")
 
-    def _exchanged(self, question: _Question, answer: Answer, line: RawLine) -> Exchanged:
+    def _exchanged(self, question: _Question, answer: FlirReply, line: RawLine) -> Exchanged:
         character = self.transport.character_s()
         mark = line.times_s[answer.mark_at]
         latest = mark - character
@@ -284,7 +284,7 @@ class FlirLine:
         if least > 0.0:
             self.transport.wait(min(least, until_s - self.transport.now()))
 
-    def _parse(self, line: RawLine) -> Answer | Stray:
+    def _parse(self, line: RawLine) -> FlirReply | Stray:
         try:
             parsed = parse_line(line.data)
         except ProtocolError as fault:
@@ -300,7 +300,7 @@ class FlirLine:
         lines = self._splitter.feed(chunk.data, chunk.t_s, self.transport.character_s()) if chunk.data else []
         for line in lines:
             parsed = self._parse(line)
-            if isinstance(parsed, Answer):
+            if isinstance(parsed, FlirReply):
                 raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{parsed.echo} {parsed.text}")
 
     def _drain(self, deadline_s: float) -> None:

@@ -5,7 +5,7 @@ from enum import StrEnum
 
 from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
-from ptu_drivers.flir.codec import Answer, integer, integers
+from ptu_drivers.flir.codec import FlirReply, integer, integers
 from ptu_drivers.flir.line import Exchanged, FlirLine
 from ptu_drivers.flir.motion import Converter
 from ptu_drivers.flir.probe import UnitFacts
@@ -144,14 +144,14 @@ class Poller:
             latency=self._latency,
         )
 
-    def _integer(self, answer: Answer) -> int:
+    def _integer(self, answer: FlirReply) -> int:
         _refuse(answer)
         try:
             return integer(answer.text)
         except ProtocolError as fault:
             raise Doubtful(DoubtReason.GARBAGE, fault.got) from fault
 
-    def _integers(self, answer: Answer) -> tuple[int, ...]:
+    def _integers(self, answer: FlirReply) -> tuple[int, ...]:
         _refuse(answer)
         try:
             return integers(answer.text, 4 if self.query is Query.COMBINED else 5)
@@ -180,6 +180,6 @@ def best_query(facts: UnitFacts) -> Query:
     return Query.COMBINED if facts.combined else Query.PAIR
 
 
-def _refuse(answer: Answer) -> None:
+def _refuse(answer: FlirReply) -> None:
     if not answer.ok:
         raise Doubtful(DoubtReason.REFUSED, answer.text)

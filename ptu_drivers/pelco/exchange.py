@@ -27,7 +27,7 @@ _CHUNKS = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class PelcoReply:
     """The number that a unit answered with.
 
     Attributes
@@ -69,7 +69,7 @@ class PelcoExchange:
     sent: int = 0
     _unanswered: dict[Axis, float] = field(default_factory=dict)
 
-    def ask(self, axis: Axis, until_s: float) -> Answer:
+    def ask(self, axis: Axis, until_s: float) -> PelcoReply:
         """Ask one axis.
 
         Raises
@@ -100,7 +100,7 @@ class PelcoExchange:
                 if self._is_answer(message, axis, began_s >= asked_s, question):
                     self._insist_on_silence(bytes(received), at + len(question), character_s)
                     self._answered(axis, sent_s)
-                    return Answer(
+                    return PelcoReply(
                         word=message.word,
                         sent_s=sent_s,
                         asked_s=asked_s,
@@ -136,7 +136,7 @@ class PelcoExchange:
         """Return the order in which to ask: first the axis whose answer cannot be an old one."""
         return (Axis.TILT, Axis.PAN) if Axis.PAN in self._unanswered else (Axis.PAN, Axis.TILT)
 
-    def settle(self, until_s: float) -> None:
+    def wait_until_idle(self, until_s: float) -> None:
         """Listen until old answers can be told from new ones. Raises Doubtful if that takes longer, LineError."""
         self.drain()
         if len(self._unanswered) < len(Axis):

@@ -15,7 +15,7 @@ from ptu_drivers.lease import MOVES_ONLY, NO_LEASE
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
 from ptu_drivers.own_options import made_of
 from ptu_drivers.pelco.codec import Opcode, PelcoFraming, PelcoMessage, with_word
-from ptu_drivers.pelco.exchange import Answer, PelcoExchange
+from ptu_drivers.pelco.exchange import PelcoExchange, PelcoReply
 from ptu_drivers.plausibility import Plausibility, Point, Verdict
 from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.preemption import PreemptibleLine
@@ -185,7 +185,7 @@ class PelcoUnit(PolledUnit):
         t_s, sigma_t_s = self._instant(answer)
         return Point(t_s=t_s, sigma_t_s=sigma_t_s, angle=unit_rad)
 
-    def _instant(self, answer: Answer) -> tuple[float, float]:
+    def _instant(self, answer: PelcoReply) -> tuple[float, float]:
         """Return when the angle was true, and 1 sigma, s.
 
         The unit reads its angle between the end of the question and the start of the answer. With an ordinary delay
@@ -200,7 +200,7 @@ class PelcoUnit(PolledUnit):
     def _resynchronise(self) -> None:
         for gate in self._gates.values():
             gate.forget()
-        self._exchange.settle(self._answer_by_s())
+        self._exchange.wait_until_idle(self._answer_by_s())
 
     def _set_up(self) -> None:
         """Nothing is set that a unit could lose."""

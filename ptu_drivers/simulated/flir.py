@@ -69,7 +69,7 @@ D_SERIES = FlirModel(
 
 
 @dataclass(slots=True, kw_only=True)
-class Said:
+class LineEffect:
     """What a command does to the line.
 
     Attributes
@@ -125,13 +125,13 @@ class FlirInterpreter:
             axis.move_to(back, 0.0, axis.max_rate)
         return max(done, *(axis.end_s() for axis in self.axes.values()))
 
-    def execute(self, command: str, t_s: float) -> Said:
+    def execute(self, command: str, t_s: float) -> LineEffect:
         """Carry out one command, without its delimiter, that was complete at `t_s`."""
         text = command.upper()
         if four := _FOUR.fullmatch(text):
             return self._combined(tuple(int(g) for g in four.groups()), t_s)
         if baud := _BAUD.fullmatch(text):
-            return Said(text="*", baud=int(baud[1])) if int(baud[1]) in _BAUDS else self._illegal()
+            return LineEffect(text="*", baud=int(baud[1])) if int(baud[1]) in _BAUDS else self._illegal()
         found = _COMMAND.fullmatch(text)
         if not found:
             return self._illegal()
@@ -140,13 +140,13 @@ class FlirInterpreter:
             return self._axis_command(name, value, t_s)
         return self._unit_command(name, t_s) if value is None else self._illegal()
 
-    def _illegal(self) -> Said:
-        return Said(text="! Illegal Command Entered" if self.verbose else "! Illegal Command")
+    def _illegal(self) -> LineEffect:
+        return LineEffect(text="! Illegal Command Entered" if self.verbose else "! Illegal Command")
 
-    def _word(self, verbose: str, terse: object) -> Said:
-        return Said(text=f"* {verbose if self.verbose else terse}")
+    def _word(self, verbose: str, terse: object) -> LineEffect:
+        return LineEffect(text=f"* {verbose if self.verbose else terse}")
 
-    def _axis_command(self, name: str, value: int | None, t_s: float) -> Said:
+    def _axis_command(self, name: str, value: int | None, t_s: float) -> LineEffect:
         axis, word = self.axes[name[0]], "Pan" if name[0] == "P" else "Tilt"
         what = name[1]
         if value is None:
@@ -159,10 +159,10 @@ class FlirInterpreter:
             return self._rate(axis, word, value, t_s)
         if what == "P":
             # accepted, of no effect: pure velocity control overrides positions
-            return Said(text="*")
+            return LineEffect(text="*")
         return self._illegal()
 
-    def _axis_query(self, axis: SimulatedAxis, word: str, what: str, t_s: float) -> Said:
+    def _axis_query(self, axis: SimulatedAxis, word: str, what: str, t_s: float) -> LineEffect:
         low, high = round(axis.low - axis.origin), round(axis.high - axis.origin)
         m = self.model
         wanted, arcsec = round(self.wanted_rate[word[0]]), f"{m.arcsec:.6f}".rstrip("0")
@@ -181,17 +181,17 @@ class FlirInterpreter:
         }
         return self._word(*texts[what]) if what in texts else self._illegal()
 
-    def _go(self, axis: SimulatedAxis, word: str, value: int, t_s: float) -> Said:
+    def _go(self, axis: SimulatedAxis, word: str, value: int, t_s: float) -> LineEffect:
         low, high = round(axis.low - axis.origin), round(axis.high - axis.origin)
         if self.limits and value > high:
-            return Said(text=f"! Maximum allowable {word} position is {high}")
+            return LineEffect(text=f"! Maximum allowable {word} position is {high}")
         if self.limits and value < low:
-            return Said(text=f"! Minimum allowable {word} position is {low}")
+            return LineEffect(text=f"! Minimum allowable {word} position is {low}")
         if self.slaved:
             self.waiting[word[0]] = value
         else:
             axis.move_to(t_s, value, self.wanted_rate[word[0]])
-        return Said(text="*")
+        return LineEffect(text="*")
 
     def _release(self, t_s: float) -> None:
         """Start the moves that slaved mode has held back, together."""
@@ -199,12 +199,12 @@ class FlirInterpreter:
             self.axes[letter].move_to(t_s, value, self.wanted_rate[letter])
         self.waiting.clear()
 
-    def _rate(self, axis: SimulatedAxis, word: str, value: int, t_s: float) -> Said:
+    def _rate(self, axis: SimulatedAxis, word: str, value: int, t_s: float) -> LineEffect:
         m = self.model
         if abs(value) > m.max_rate:
-            return Said(text=f"! {word} speed cannot exceed {m.max_rate} positions/sec")
+            return LineEffect(text=f"! {word} speed cannot exceed {m.max_rate} positions/sec")
         if abs(value) < m.min_rate and not (self.velocity and value == 0):
-            return Said(text=f"! Motor speed cannot be less than {m.min_rate} pos/sec")
+            return LineEffect(text=f"! Motor speed cannot be less than {m.min_rate} pos/sec")
         if value < 0 and not self.velocity:
             return self._illegal()
         self.wanted_rate[word[0]] = value
@@ -213,9 +213,9 @@ class FlirInterpreter:
         elif not self.slaved:
             # on the fly, as the D46 manual has it (4.4.2)
             axis.change_rate(t_s, value)
-        return Said(text="*")
+        return LineEffect(text="*")
 
-    def _combined(self, four: tuple[int, ...], t_s: float) -> Said:
+    def _combined(self, four: tuple[int, ...], t_s: float) -> LineEffect:
         if not self.model.combined or self.velocity:
             return self._illegal()
         parts = (("P", "S", four[2]), ("T", "S", four[3]), ("P", "P", four[0]), ("T", "P", four[1]))
@@ -223,42 +223,42 @@ class FlirInterpreter:
             said = self._axis_command(letter + what, value, t_s)
             if said.text != "*":
                 return said
-        return Said(text="*")
+        return LineEffect(text="*")
 
-    def _unit_command(self, name: str, t_s: float) -> Said:
+    def _unit_command(self, name: str, t_s: float) -> LineEffect:
         m = self.model
         if name in ("H", "HP", "HT"):
             for letter in "PT" if name == "H" else name[1]:
                 self.axes[letter].halt(t_s)
-            return Said(text="*")
+            return LineEffect(text="*")
         if name == "A":
             self._release(t_s)
             end = self._end_s(t_s)
-            return Said(text="*", not_before_s=end, deaf_until_s=end)
+            return LineEffect(text="*", not_before_s=end, deaf_until_s=end)
         if name == "R":
             done = self.home(t_s)
-            return Said(text="!T!T!P!P*" if not m.model else "*", not_before_s=done, deaf_until_s=done)
+            return LineEffect(text="!T!T!P!P*" if not m.model else "*", not_before_s=done, deaf_until_s=done)
         states = {"EE": "echo", "ED": "echo", "FV": "verbose", "FT": "verbose", "LE": "limits", "LD": "limits"}
         if name in states:
             setattr(self, states[name], name in ("EE", "FV", "LE"))
-            return Said(text="*")
+            return LineEffect(text="*")
         if name in ("CI", "CV"):
             for axis in self.axes.values():
                 axis.halt(t_s)
             self.velocity = name == "CV"
             self.wanted_rate = dict.fromkeys(self.axes, 0.0 if self.velocity else float(m.rate))
-            return Said(text="*")
+            return LineEffect(text="*")
         if name in ("I", "S"):
             self.slaved = name == "S"
             self._release(t_s)
-            return Said(text="*")
+            return LineEffect(text="*")
         return self._unit_query(name, t_s)
 
     def _end_s(self, t_s: float) -> float:
         ends = [axis.end_s() for axis in self.axes.values()]
         return max([t_s, *(e for e in ends if e != float("inf"))])
 
-    def _unit_query(self, name: str, t_s: float) -> Said:
+    def _unit_query(self, name: str, t_s: float) -> LineEffect:
         m = self.model
         mode = "Pure Velocity" if self.velocity else "Independent"
         texts: dict[str, tuple[str, object]] = {

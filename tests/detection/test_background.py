@@ -69,7 +69,7 @@ def test_a_frame_is_laid_under_a_window_as_pixel_by_pixel(
     misfit, residual = before.astype(np.float32), np.zeros((3, 18, 30), np.float32)
     edge = np.zeros((18, 30), np.float32)
     args = (planes(window), planes(frame), offset, 0.2, (0, 0, 30, 18), edges)
-    left = bg._lay_under(*args, residual, edge, misfit)
+    left = bg._subtract_background(*args, residual, edge, misfit)
     wanted, fit = by_pixel(window, frame, offset, edges, before)
     written = ~np.isnan(wanted[0])
     # of two fits that are the same to rounding either may be taken

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from groundstation.detection.settling import crossed
+from groundstation.detection.contour_evolution import crossed
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from groundstation.detection.appearance import features_of_regions
+from groundstation.detection.background_histogram import discount_common_colours
 from groundstation.detection.flatten import _edges, _keep_edges, planes
-from groundstation.detection.palette import discount_common_colours
 from groundstation.detection.preprocess import _levels, _soften
 from groundstation.detection.regions import soft_silhouette
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from groundstation.estimation.compiled_filter import CompiledKalmanFilter
+from groundstation.estimation.imm import ImmFilter
 from groundstation.estimation.measurement import EncoderModel, PixelModel
-from groundstation.estimation.modes import ModeBank
 from groundstation.estimation.state import state_layout
 from tests.stereo_rig import aim, make_rig
 
@@ -59,7 +59,7 @@ def test_a_fused_reading_is_the_plain_filters_update(rng: np.random.Generator, o
     n, model = layout.size, EncoderModel(layout, "right")
     root = 0.01 * rng.normal(size=(n, n))
     x, P = rng.normal(size=n), root @ root.T + 1e-6 * np.eye(n)
-    bank, plain = ModeBank(n, (5.0,)), CompiledKalmanFilter(dim_x=n, dim_z=2)
+    bank, plain = ImmFilter(n, (5.0,)), CompiledKalmanFilter(dim_x=n, dim_z=2)
     bank.place(slice(0, n), x, P)
     plain.x, plain.P = x.copy(), P.copy()
     ahead_s, variance, clock_s = 0.02, 1e-6, 1e-3

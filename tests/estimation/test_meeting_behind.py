@@ -12,12 +12,12 @@ def test_behind_a_camera_all_four_residuals_are_far_off(monkeypatch: pytest.Monk
     meeting = _Meeting.__new__(_Meeting)
     np.testing.assert_array_equal(meeting.residuals(np.zeros(3)), np.full(4, second_view._BEHIND))
 
-    class Needle:
+    class BearingOnlyPrior:
         def velocity_slope(self, point_m: np.ndarray) -> np.ndarray:
             return np.zeros((3, 3))
 
     class Layout:
         position = velocity = slice(0, 3)
 
-    meeting._needle, meeting._layout = Needle(), Layout()
+    meeting._needle, meeting._layout = BearingOnlyPrior(), Layout()
     np.testing.assert_array_equal(meeting.jacobian(np.zeros(3)), np.zeros((4, 3)))

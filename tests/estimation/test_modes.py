@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2, multivariate_normal
 
 from groundstation.estimation.compiled_filter import CompiledKalmanFilter
-from groundstation.estimation.modes import ModeBank
+from groundstation.estimation.imm import ImmFilter
 
 F = np.array([[1.0, 0.1], [0.0, 1.0]])
 H, R = np.array([[1.0, 0.0]]), np.array([[0.04]])
@@ -16,8 +16,8 @@ def noise(psd: float, dt: float = 0.1) -> np.ndarray:
     return psd * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
 
 
-def started(stay_s: tuple[float, ...]) -> ModeBank:
-    bank = ModeBank(2, stay_s)
+def started(stay_s: tuple[float, ...]) -> ImmFilter:
+    bank = ImmFilter(2, stay_s)
     bank.place(slice(0, 2), np.zeros(2), np.diag([1.0, 4.0]))
     return bank
 
@@ -36,7 +36,7 @@ def test_one_mode_is_the_plain_filter(rng: np.random.Generator) -> None:
     np.testing.assert_array_equal(bank.P, plain.P)
 
 
-def fly(bank: ModeBank, modes: list[np.ndarray], acceleration: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def fly(bank: ImmFilter, modes: list[np.ndarray], acceleration: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return per step: error squared in sigmas (2 dof), position error and the second mode's weight."""
     truth, out = np.zeros(2), []
     for a in acceleration:
@@ -187,7 +187,7 @@ def test_it_is_the_textbooks_filter_step_by_step(rng: np.random.Generator, modes
     roots = [rng.normal(size=(n, n)) for _ in range(modes)]
     weights = [0.5, 0.3, 0.2][:modes] if modes == 3 else [0.65, 0.35]
     wanted = Textbook(list(x), [root @ root.T + 0.1 * np.eye(n) for root in roots], weights, stay_s)
-    bank = ModeBank(n, stay_s)
+    bank = ImmFilter(n, stay_s)
     bank.restore([np.array(weights), np.array(wanted.x), np.array(wanted.P)])
     transition = np.array([[1.0, 0.3, 0.04], [0.0, 1.0, 0.3], [0.0, 0.0, 1.0]])
     noises = [np.diag([0.01, 0.02, 0.03]) * 8.0**k for k in range(modes)]
@@ -223,7 +223,7 @@ def _weights_after(textbook: Textbook, dt_s: float) -> np.ndarray:
 def test_the_mixture_is_as_wide_as_its_modes_are_apart() -> None:
     """Expected: two modes known exactly, a metre and 3 m/s apart: variance w(1 − w)·d², also of what starts from it."""
     d, weights = np.array([1.0, 3.0]), np.array([0.25, 0.75])
-    bank = ModeBank(2, (1.0, 1.0))
+    bank = ImmFilter(2, (1.0, 1.0))
     bank.restore([weights, np.array([np.zeros(2), d]), np.zeros((2, 2, 2))])
     np.testing.assert_allclose(bank.x, 0.75 * d)
     np.testing.assert_allclose(bank.P, 0.1875 * np.outer(d, d))

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from groundstation.estimation.bearing_only_prior import BearingOnlyPrior
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
 from groundstation.estimation.ekf import StationEkf
-from groundstation.estimation.needle import Needle
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.recorded_ekf import RecordedEkf
-from groundstation.estimation.tape import Transition
+from groundstation.estimation.smoother_history import Transition
 from groundstation.rig.rig import Station
 from tests.stereo_rig import make_station
 
@@ -191,7 +191,7 @@ def test_a_needle_keeps_what_its_camera_sees(rng: np.random.Generator) -> None:
     """Moved along the ray, a target turns about the camera as fast as before; slopes have numeric twins."""
     origin, target = rng.normal(size=3), np.concatenate([rng.normal(0, 30, 3), rng.normal(0, 5, 3)])
     A = rng.normal(size=(6, 6))
-    needle = Needle(target, A @ A.T, origin)
+    needle = BearingOnlyPrior(target, A @ A.T, origin)
     d = (target[:3] - origin) / np.linalg.norm(target[:3] - origin)
     np.testing.assert_allclose(needle.velocity(target[:3]), target[3:], atol=1e-9)
     for share in (0.5, 2.0):

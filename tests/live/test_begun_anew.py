@@ -8,9 +8,9 @@ import pytest
 
 from groundstation.live.core import Taken, in_operation
 from groundstation.live.record import LiveRecorder, live_header
-from groundstation.messages import BegunAnew, Epoch, Event, Frame, StepReport, TrackEvent, TrackStatus
+from groundstation.messages import Epoch, Event, FilterReset, Frame, StepReport, TrackEvent, TrackStatus
 from groundstation.recording.recorder import Recorder, RecorderConfig
-from groundstation.replay.recorded_run import obeyed
+from groundstation.replay.recorded_run import apply_filter_resets
 from groundstation.replay.replay import ReplayRequest, ReplayResult, replay
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.approach import Glide
@@ -123,7 +123,7 @@ def test_one_that_fails_when_asked_for_the_heads_target_does_as_well(tmp_path: P
 def test_what_failed_is_in_the_recording_with_its_pixels(tmp_path: Path) -> None:
     """Expected: frames that nobody will report on any more do not hold up those behind them, and none is missing."""
     path, given = tmp_path / "flight.mcap", list(events(20, np.random.default_rng(1)))
-    anew = BegunAnew(t_s=100.3, why="LinAlgError: Singular matrix", in_vain=True)
+    anew = FilterReset(t_s=100.3, why="LinAlgError: Singular matrix", in_vain=True)
     failing = next(k for k, e in enumerate(given) if isinstance(e, Frame) and e.epoch == 9)
     given.insert(failing + 1, anew)
     with Recorder(path, small_rig(), header(), RecorderConfig(chunk_s=0.0)) as recorder:
@@ -138,7 +138,7 @@ def test_what_failed_is_in_the_recording_with_its_pixels(tmp_path: Path) -> None
     assert not source.missing
     assert all(same(one, other) for one, other in zip(given, back, strict=True))
     assert back[failing + 1] == anew
-    taken = list(obeyed(iter(back)))
+    taken = list(apply_filter_resets(iter(back)))
     assert len(taken) == len(given) - 1
-    assert taken[failing] == BegunAnew(t_s=100.3, why="LinAlgError: Singular matrix", in_vain=False)
-    assert list(obeyed(iter(taken))) == taken
+    assert taken[failing] == FilterReset(t_s=100.3, why="LinAlgError: Singular matrix", in_vain=False)
+    assert list(apply_filter_resets(iter(taken))) == taken

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from groundstation.live.board import Board, DeviceState, dropped_words
+from groundstation.live.board import DeviceState, StatusBoard, dropped_words
 from groundstation.live.camera_words import clock_words, lost_words
 from groundstation.messages import Kinematics, TrackEstimate, TrackState, TrackStatus, TriangulationStatus
 from groundstation.sources.cameras.camera import CameraCounts
@@ -29,7 +29,7 @@ def answer(epoch: int, status: TrackStatus = TrackStatus.TRACKING, t_s: float = 
 
 
 def test_delays_are_from_the_first_frame_to_the_answer() -> None:
-    board = Board()
+    board = StatusBoard()
     for k in range(100):
         board.arrived(k, 0.1 * k)
         board.arrived(k, 0.1 * k + 0.003)
@@ -52,7 +52,7 @@ def state(t_s: float, status: TrackStatus, sigma_y_m: float | None) -> TrackStat
 
 def test_without_pairs_the_prediction_is_told_and_how_old_the_newest_pair_is() -> None:
     """Expected: position and grown sigma of the heartbeat; the pair's age from half a second on; lost has no place."""
-    board = Board()
+    board = StatusBoard()
     board.answered(answer(0, t_s=10.0), 10.02)
 
     def said(now_s: float, track: TrackStatus) -> str:
@@ -71,7 +71,7 @@ def test_without_pairs_the_prediction_is_told_and_how_old_the_newest_pair_is() -
 
 def test_what_is_not_known_of_now_is_not_told_as_if_it_were() -> None:
     """Expected: neither a place nor the word for what the track was a second and more ago."""
-    board = Board()
+    board = StatusBoard()
     board.answered(answer(0, t_s=10.0), 10.02)
     assert board.status(11.0, TrackStatus.TRACKING, (), {}, "").lines[0].startswith("tracking at 212")
     told = board.status(11.01, TrackStatus.TRACKING, (), {}, "").lines[0]
@@ -87,7 +87,7 @@ def test_one_of_a_kind_is_told_in_the_singular() -> None:
 
 def test_zero_has_no_sign() -> None:
     """Expected: what is -0.04 m is told as +0.0."""
-    board, newest = Board(), answer(0)
+    board, newest = StatusBoard(), answer(0)
     assert newest.kinematics is not None
     near = replace(newest.kinematics, position_runway_m=np.array([-0.04, 212.0, -0.04]))
     board.answered(replace(newest, kinematics=near), 0.0)
@@ -96,7 +96,7 @@ def test_zero_has_no_sign() -> None:
 
 
 def test_before_anything_has_come() -> None:
-    board = Board()
+    board = StatusBoard()
     nothing = DeviceState(name="left camera", rate_hz=0.0, age_s=math.inf, note="")
     status = board.status(0.0, TrackStatus.SEARCHING, (nothing,), {}, "")
     assert status.lines == ("searching the sky", "left camera nothing yet")
@@ -109,7 +109,7 @@ def test_a_device_that_is_silent_is_said_to_be() -> None:
 
 
 def test_a_rate_is_that_of_the_last_seconds() -> None:
-    board = Board()
+    board = StatusBoard()
     for k in range(100):
         rate = board.rate("camera", 30 * k, float(k))
     assert rate == pytest.approx(30.0)

@@ -13,7 +13,7 @@ import pytest
 
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.heads import Heads
-from groundstation.live.inbox import Inbox, Item, Said
+from groundstation.live.inbox import DeviceLogLine, Inbox, Item
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from ptu_drivers.messages import Axis
 from ptu_drivers.simulated.axis import SimulatedAxis
@@ -56,7 +56,7 @@ class Station:
         return float("inf")
 
     def said(self) -> list[str]:
-        return [i.text for _, i in self.items if isinstance(i, Said)]
+        return [i.text for _, i in self.items if isinstance(i, DeviceLogLine)]
 
     def samples(self) -> int:
         return sum(isinstance(i, PtuSample) for _, i in self.items)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from groundstation.live.head_worker import HeadWorker
-from groundstation.live.inbox import Inbox, Item, Said
+from groundstation.live.inbox import DeviceLogLine, Inbox, Item
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from ptu_drivers.errors import LimitError, LineError
 from ptu_drivers.health import DoubtReason, Health, HealthCounter, UnitState
@@ -136,7 +136,7 @@ def test_a_thread_that_fails_leaves_its_head_halted(place: str, fault: Exception
     assert head.ended
     assert not unit.turning
     assert unit.calls[-1] == "close"
-    (said,) = [item for item in all_of(inbox) if isinstance(item, Said)]
+    (said,) = [item for item in all_of(inbox) if isinstance(item, DeviceLogLine)]
     assert (said.level, said.t_s) == ("error", 5.0)
     assert said.text == f"left: PTU: {type(fault).__name__}: {fault}; it is halted"
 
@@ -241,7 +241,7 @@ def test_a_refused_command_is_counted_and_said(fault: Exception, lines: int) -> 
         head.tell(replace(COMMAND, t_s=float(k)))
         head._obey()
     assert head.refused == 2
-    said = [item for item in all_of(inbox) if isinstance(item, Said)]
+    said = [item for item in all_of(inbox) if isinstance(item, DeviceLogLine)]
     assert [s.level for s in said] == ["warning"] * lines
     assert said[0].text == f"left: PTU: {fault}"
 
@@ -268,9 +268,9 @@ def test_a_unit_without_angles_is_said_once_and_so_is_its_return() -> None:
         now[0] = t
         assert not head._ask()
     (said,) = all_of(inbox)
-    assert isinstance(said, Said)
+    assert isinstance(said, DeviceLogLine)
     assert (said.level, said.t_s) == ("warning", 6.1)
     unit.answer = whole
     assert head._ask()
-    back = [item for item in all_of(inbox) if isinstance(item, Said)]
+    back = [item for item in all_of(inbox) if isinstance(item, DeviceLogLine)]
     assert [(s.level, s.text) for s in back] == [("info", "left: PTU gives angles again")]

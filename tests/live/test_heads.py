@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from groundstation.live.head_device import DeviceError, HeadDevice
-from groundstation.live.head_worker import AtOnce
+from groundstation.live.head_worker import PanTiltAligner
 from groundstation.live.heads import Heads
 from groundstation.live.inbox import Inbox
 from groundstation.messages import PointingCommand, PtuSample, Purpose
@@ -140,7 +140,7 @@ def reading(pan_s: float, tilt_s: float) -> Reading:
 
 
 def test_two_answers_become_one_instant() -> None:
-    at_once = AtOnce("left", session_from_unit_s=-1.0)
+    at_once = PanTiltAligner("left", session_from_unit_s=-1.0)
     assert at_once.sample(reading(2.00, 2.01)) is None
     sample = at_once.sample(reading(2.03, 2.04))
     assert sample is not None
@@ -150,5 +150,5 @@ def test_two_answers_become_one_instant() -> None:
 
 
 def test_one_answer_is_taken_as_it_is() -> None:
-    sample = AtOnce("left", session_from_unit_s=0.0).sample(reading(2.0, 2.0))
+    sample = PanTiltAligner("left", session_from_unit_s=0.0).sample(reading(2.0, 2.0))
     assert sample == PtuSample(t_s=2.0, station="left", pan_rad=4.0, tilt_rad=-1.0)

@@ -9,7 +9,7 @@ import pytest
 from groundstation.live.board import LiveStatus
 from groundstation.live.core import HEARTBEAT_EVERY_S, LiveCore, Taken, in_operation
 from groundstation.live.heads import Heads
-from groundstation.live.inbox import Said
+from groundstation.live.inbox import DeviceLogLine
 from groundstation.live.operation import Operation
 from groundstation.live.pairing import Pairing
 from groundstation.messages import Heartbeat, Kinematics, PtuSample, Purpose, StepReport, TrackState, TrackStatus
@@ -138,7 +138,7 @@ def test_one_every_tenth_of_a_second_without_a_pair() -> None:
     reading = PtuSample(t_s=5.19, station="left", pan_rad=0.0, tilt_rad=0.0)
     assert beats(core.take(reading, 5.2)) == []
     assert beats(core.take(reading, 5.3)) == [5.3]
-    assert beats(core.take(Said(t_s=5.4, level="info", text="parking"), 5.41)) == [5.41]
+    assert beats(core.take(DeviceLogLine(t_s=5.4, level="info", text="parking"), 5.41)) == [5.41]
 
 
 def test_with_more_waiting_it_is_no_later_than_what_was_taken() -> None:
@@ -225,7 +225,7 @@ def test_a_turn_knows_whether_more_waits(tmp_path: Path) -> None:
     operation, _, now = operated(tmp_path)
     core, heads = Canned(), Heads({}, 0.0)
     reading = PtuSample(t_s=9.5, station="left", pan_rad=0.0, tilt_rad=0.0)
-    said = Said(t_s=9.5, level="info", text="parking")
+    said = DeviceLogLine(t_s=9.5, level="info", text="parking")
     now[0] = 10.0
     operation._turn(core, heads, [], reading)
     operation.inbox.put(reading)

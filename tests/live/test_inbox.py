@@ -5,15 +5,15 @@ import threading
 import numpy as np
 import pytest
 
-from groundstation.live.inbox import Inbox, Item, Said, Shot
+from groundstation.live.inbox import CameraFrame, DeviceLogLine, Inbox, Item
 from groundstation.messages import PtuSample, ReferenceFix
 from groundstation.picture import as_picture
 
 PICTURE = as_picture(np.zeros((2, 2, 3), np.uint8))
 
 
-def shot(station: str, t_s: float) -> Shot:
-    return Shot(t_s=t_s, arrived_s=t_s, station=station, picture=PICTURE)
+def shot(station: str, t_s: float) -> CameraFrame:
+    return CameraFrame(t_s=t_s, arrived_s=t_s, station=station, picture=PICTURE)
 
 
 def sample(t_s: float, station: str = "left") -> PtuSample:
@@ -28,7 +28,7 @@ def drained(inbox: Inbox) -> list[Item]:
 
 
 def shots(items: list[Item]) -> list[tuple[str, float]]:
-    return [(item.station, item.t_s) for item in items if isinstance(item, Shot)]
+    return [(item.station, item.t_s) for item in items if isinstance(item, CameraFrame)]
 
 
 def test_a_full_camera_costs_its_own_oldest_frame_and_no_other_cameras() -> None:
@@ -72,7 +72,7 @@ def test_readings_do_not_push_out_frames_nor_frames_readings() -> None:
     """Expected: of too many readings the oldest goes, whoever's; words count among them."""
     inbox = Inbox(frames=1, others=3)
     inbox.put(shot("left", 0.0))
-    words = Said(t_s=0.1, level="info", text="left: ready")
+    words = DeviceLogLine(t_s=0.1, level="info", text="left: ready")
     fix = ReferenceFix(t_s=0.4, position_runway_m=np.zeros(3), sigma_m=np.ones(3))
     for item in (words, sample(0.2), sample(0.3, "right"), fix):
         inbox.put(item)

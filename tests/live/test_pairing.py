@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.live.inbox import Inbox, Said, Shot
+from groundstation.live.inbox import CameraFrame, DeviceLogLine, Inbox
 from groundstation.live.pairing import Pairing, Shedding
 from groundstation.messages import Epoch, PtuSample
 from groundstation.picture import BgrPicture
@@ -66,8 +66,8 @@ def test_every_frame_has_one_pair_and_every_pair_is_closed_once(arrivals: list[t
         assert np.ptp([t for _, t in own]) <= 0.5 * PERIOD
 
 
-def shot(station: str, t_s: float) -> Shot:
-    return Shot(t_s=t_s, arrived_s=t_s, station=station, picture=BgrPicture(np.zeros((2, 2, 3), np.uint8)))
+def shot(station: str, t_s: float) -> CameraFrame:
+    return CameraFrame(t_s=t_s, arrived_s=t_s, station=station, picture=BgrPicture(np.zeros((2, 2, 3), np.uint8)))
 
 
 def test_the_oldest_frame_of_the_same_camera_goes() -> None:
@@ -84,7 +84,7 @@ def test_the_oldest_frame_of_the_same_camera_goes() -> None:
 def test_readings_are_bounded_too() -> None:
     inbox = Inbox(others=3)
     for k in range(5):
-        inbox.put(Said(t_s=float(k), level="info", text=str(k)))
+        inbox.put(DeviceLogLine(t_s=float(k), level="info", text=str(k)))
     assert inbox.dropped == {"readings": 2}
     assert [i.t_s for i in iter(lambda: inbox.get(0.0), None)] == [2.0, 3.0, 4.0]
     with pytest.raises(ValueError, match="at least one"):

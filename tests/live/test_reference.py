@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from groundstation.errors import ConfigError, LogError
 from groundstation.live.check_reference import check_reference
 from groundstation.live.head_device import DeviceError
-from groundstation.live.inbox import Inbox, Item, Said
+from groundstation.live.inbox import DeviceLogLine, Inbox, Item
 from groundstation.live.reference_device import ReferenceDevice, sender_networks
 from groundstation.live.reference_line import open_reference_line
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace, Refusal
@@ -293,7 +293,7 @@ def test_it_says_when_the_receiver_is_gone_and_there_again(tmp_path: Path) -> No
         assert worker.state(4.0, 5.0).words() == "DGPS: 6 fixes, 0.0 s old, fix"
     items = drained(inbox)
     assert [round(i.t_s, 3) for i in items if isinstance(i, ReferenceFix)] == [0.0, 0.2, 0.4, 0.6, 0.8, 3.9]
-    said = [(i.level, i.text) for i in items if isinstance(i, Said)]
+    said = [(i.level, i.text) for i in items if isinstance(i, DeviceLogLine)]
     assert ("warning", "DGPS: gone: no position that can be used since 0.9 s") in said
     assert ("warning", "DGPS: scripted: got end of file; wanted a line that is there; it is tried again") in said
     assert said[-1] == ("info", "DGPS: there again")
@@ -412,7 +412,7 @@ def test_the_operator_is_told_of_strangers_now_and_then() -> None:
             now.s = 0.1 * k
             script.refuse(3)
             wait_for(lambda k=k: worker.state(now.s, 0.0).note == f"{3 * (k + 1)} datagrams of others refused")
-    said = [i.text for i in drained(inbox) if isinstance(i, Said) and "sender" in i.text]
+    said = [i.text for i in drained(inbox) if isinstance(i, DeviceLogLine) and "sender" in i.text]
     assert said == ["DGPS: 10.9.8.7 is not among its senders: datagrams refused"]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.heads import Heads
-from groundstation.live.inbox import Inbox, Said
+from groundstation.live.inbox import DeviceLogLine, Inbox
 from groundstation.live.silence import LONGEST_S, Activity, Silence
 from groundstation.messages import PointingCommand, Purpose
 from ptu_drivers.motion_guard import LEASE_S, GuardReport, MotionLeases
@@ -144,7 +144,7 @@ def test_a_halt_that_the_guard_did_by_itself_is_reported(acknowledges: bool) -> 
         heads.look()
         lines = []
         while (item := heads.log.inbox.get(0.0)) is not None:
-            assert isinstance(item, Said)
+            assert isinstance(item, DeviceLogLine)
             lines.append((item.level, item.text))
         ((level, text),) = lines
         assert level == ("warning" if acknowledges else "error")

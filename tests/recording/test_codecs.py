@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundstation.errors import RecordingError
-from groundstation.messages import BegunAnew, Epoch, Event, Heartbeat, PixelMeasurement, PtuSample
+from groundstation.messages import Epoch, Event, FilterReset, Heartbeat, PixelMeasurement, PtuSample
 from groundstation.picture import BayerPattern
 from groundstation.recording.event_codec import (
     DroppedNote,
@@ -33,7 +33,7 @@ simple_events: st.SearchStrategy[Event] = st.one_of(
     st.builds(PtuSample, t_s=numbers, station=names, pan_rad=numbers, tilt_rad=numbers),
     st.builds(PixelMeasurement, t_s=numbers, station=names, epoch=whole, u_px=numbers, v_px=numbers),
     st.builds(Epoch, t_s=numbers, epoch=whole, stations=st.lists(names, max_size=3).map(tuple)),
-    st.builds(BegunAnew, t_s=numbers, why=st.text(max_size=9), in_vain=st.booleans()),
+    st.builds(FilterReset, t_s=numbers, why=st.text(max_size=9), in_vain=st.booleans()),
     st.builds(Heartbeat, t_s=numbers),
 )
 parts = st.builds(PartNote, topic=st.text(max_size=9), x=whole, y=whole, w=whole, h=whole)

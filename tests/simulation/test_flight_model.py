@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from groundstation.simulation.flight_model import fly_by_jsbsim
-from groundstation.simulation.flights import Aircraft, FlightName, flight
+from groundstation.simulation.flights import FlightModelKind, FlightName, flight
 
 
 def roughness(wind_m_s: float, seed: int = 3) -> float:
@@ -35,7 +35,7 @@ def test_it_leaves_nothing_where_it_is_run(tmp_path: Path, monkeypatch: pytest.M
 
 def test_a_landing_in_turbulence_is_still_one() -> None:
     plain = flight(FlightName.LANDING)
-    rough = flight(FlightName.LANDING, seed=3, wind_m_s=5.0, aircraft=Aircraft.JSBSIM)
+    rough = flight(FlightName.LANDING, seed=3, wind_m_s=5.0, aircraft=FlightModelKind.JSBSIM)
     t = np.linspace(*plain.span_s, 200)
     off = rough.position(t) - plain.position(t)
     assert 0.1 < np.abs(off[:100]).max() < 15.0

@@ -7,7 +7,7 @@ import pytest
 
 from groundstation.errors import ScenarioError
 from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN
-from groundstation.simulation.flights import SPAN_M, Aircraft, FlightName, Shortened, flight
+from groundstation.simulation.flights import SPAN_M, FlightModelKind, FlightName, Shortened, flight
 
 REST_M = REST_HEIGHT_PER_SPAN * SPAN_M
 
@@ -15,7 +15,7 @@ REST_M = REST_HEIGHT_PER_SPAN * SPAN_M
 @pytest.mark.parametrize("wind_m_s", [0.0, 5.0])
 def test_it_takes_off_as_an_aircraft_does(wind_m_s: float) -> None:
     """Expected: brakes, a roll of 60 to 120 m near the line, off at 14 to 17 m/s, a climb of 4 to 9 degrees."""
-    flown = flight(FlightName.TAKE_OFF, seed=1, wind_m_s=wind_m_s, aircraft=Aircraft.JSBSIM)
+    flown = flight(FlightName.TAKE_OFF, seed=1, wind_m_s=wind_m_s, aircraft=FlightModelKind.JSBSIM)
     start_s, end_s = flown.span_s
     t = np.arange(start_s, end_s, 0.02)
     place, velocity = flown.position(t), flown.velocity(t)
@@ -43,7 +43,7 @@ def test_it_is_the_same_for_the_same_seed_and_grows_with_the_wind() -> None:
     t = np.linspace(0.0, 20.0, 400)
 
     def path(seed: int, wind_m_s: float) -> np.ndarray:
-        return flight(FlightName.TAKE_OFF, seed=seed, wind_m_s=wind_m_s, aircraft=Aircraft.JSBSIM).position(t)
+        return flight(FlightName.TAKE_OFF, seed=seed, wind_m_s=wind_m_s, aircraft=FlightModelKind.JSBSIM).position(t)
 
     calm = path(1, 0.0)
     np.testing.assert_array_equal(path(3, 5.0), path(3, 5.0))
@@ -53,8 +53,8 @@ def test_it_is_the_same_for_the_same_seed_and_grows_with_the_wind() -> None:
 
 
 def test_it_is_cut_short_and_refused_like_the_others() -> None:
-    short = flight(FlightName.TAKE_OFF, duration_s=5.0, aircraft=Aircraft.JSBSIM)
+    short = flight(FlightName.TAKE_OFF, duration_s=5.0, aircraft=FlightModelKind.JSBSIM)
     assert isinstance(short, Shortened)
     assert short.span_s == (0.0, 5.0)
     with pytest.raises(ScenarioError, match="wind_m_s"):
-        flight(FlightName.TAKE_OFF, wind_m_s=30.0, aircraft=Aircraft.JSBSIM)
+        flight(FlightName.TAKE_OFF, wind_m_s=30.0, aircraft=FlightModelKind.JSBSIM)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from groundstation.simulation.flights import Aircraft
+from groundstation.simulation.flights import FlightModelKind
 from groundstation.simulation.simulated_day import Landings, landings
 
 LAP_S, APPROACH_S = 53.0, 23.0
@@ -11,13 +11,13 @@ T = np.arange(0.0, APPROACH_S, 0.05)
 
 
 def test_without_wind_all_are_the_same() -> None:
-    calm = landings(200.0, seed=3, wind_m_s=0.0, aircraft=Aircraft.WAVES)
+    calm = landings(200.0, seed=3, wind_m_s=0.0, aircraft=FlightModelKind.WAVES)
     assert np.array_equal(calm.position(T), Landings(200.0).position(T))
     assert np.allclose(calm.position(T + LAP_S), calm.position(T))
 
 
-@pytest.mark.parametrize("aircraft", list(Aircraft))
-def test_in_a_wind_each_is_its_own_near_the_same_path(aircraft: Aircraft) -> None:
+@pytest.mark.parametrize("aircraft", list(FlightModelKind))
+def test_in_a_wind_each_is_its_own_near_the_same_path(aircraft: FlightModelKind) -> None:
     flown = landings(100.0, seed=3, wind_m_s=5.0, aircraft=aircraft)
     again = landings(100.0, seed=3, wind_m_s=5.0, aircraft=aircraft)
     first, second = flown.position(T), flown.position(T + LAP_S)
@@ -34,7 +34,7 @@ def test_in_a_wind_each_is_its_own_near_the_same_path(aircraft: Aircraft) -> Non
 
 
 def test_before_it_begins_it_is_on_its_way_and_approaches_no_runway() -> None:
-    flown = landings(100.0, seed=0, wind_m_s=5.0, aircraft=Aircraft.WAVES)
+    flown = landings(100.0, seed=0, wind_m_s=5.0, aircraft=FlightModelKind.WAVES)
     before = np.array([-20.0, -1.0])
     assert np.all(flown.position(before)[:, 1] > 570.0)
     assert not flown.approaching(before).any()

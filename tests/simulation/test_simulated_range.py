@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from groundstation.simulation.simulated_range import Told
+from groundstation.simulation.simulated_range import NoseTruth
 
 
 def test_the_truth_of_each_picture_is_kept_in_order() -> None:
-    told = Told()
+    told = NoseTruth()
     assert told.rows().shape == (0, 3)
     told.add(1.5, 10.0, 20.0)
     told.add(1.6, float("nan"), float("nan"))

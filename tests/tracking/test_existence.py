@@ -5,7 +5,7 @@ import pytest
 
 from groundstation.estimation.config import EstimationConfig
 from groundstation.tracking.existence import Existence
-from groundstation.tracking.track_state_machine import TrackLife
+from groundstation.tracking.track_state_machine import TrackStateMachine
 from tests.tracking.test_track_state_machine import started
 
 STATIONS = ("left", "right")
@@ -110,7 +110,7 @@ def test_it_drives_loss_and_search() -> None:
     assert not life.needs_search(0.5)
     assert not life.is_lost(0.5, ekf, STATIONS)
     seen(life.existence)
-    assert isinstance(life, TrackLife)
+    assert isinstance(life, TrackStateMachine)
     time_to(life.existence, 0.4, 1.0)
     assert life.needs_search(0.5)
     time_to(life.existence, 1e-5, 1.0, 20.0)

@@ -5,7 +5,7 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.tracking.log_throttle import SeldomSaid
+from groundstation.tracking.log_throttle import LogThrottle
 
 
 def jerk(station: str, t_s: float, size: float = 0.1) -> str:
@@ -14,7 +14,7 @@ def jerk(station: str, t_s: float, size: float = 0.1) -> str:
 
 def test_a_flood_is_one_line_and_a_count() -> None:
     said = list[tuple[float, str]]()
-    seldom = SeldomSaid(lambda t_s, line: said.append((t_s, line)))
+    seldom = LogThrottle(lambda t_s, line: said.append((t_s, line)))
     for k in range(36):
         seldom.take(0.14 * k, jerk("left", 0.14 * k))
     assert said == [(0.0, jerk("left", 0.0))]
@@ -34,7 +34,7 @@ def test_a_flood_is_one_line_and_a_count() -> None:
 @given(gaps_s=st.lists(st.floats(0.0, 8.0), max_size=60), stations=st.lists(st.sampled_from("ab"), min_size=60))
 def test_every_line_is_said_or_counted(gaps_s: list[float], stations: list[str]) -> None:
     said = list[str]()
-    seldom, t_s = SeldomSaid(lambda _, line: said.append(line)), 0.0
+    seldom, t_s = LogThrottle(lambda _, line: said.append(line)), 0.0
     for gap_s, station in zip(gaps_s, stations, strict=False):
         t_s += gap_s
         seldom.take(t_s, jerk(station, t_s))

@@ -6,18 +6,18 @@ import pytest
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.ekf import StationEkf
 from groundstation.messages import TrackStatus
-from groundstation.tracking.track_state_machine import TrackLife
+from groundstation.tracking.track_state_machine import TrackStateMachine
 from tests.stereo_rig import make_rig
 
 
-def started(found: bool) -> tuple[TrackLife, StationEkf]:
+def started(found: bool) -> tuple[TrackStateMachine, StationEkf]:
     rig = make_rig()
     config = EstimationConfig()
     ekf = StationEkf({s.name: s.geometry() for s in rig.stations}, rig.names, config)
     ekf.predict_to(0.0)
     at = np.array([0.0, 200.0, 8.0])
     ekf.start_target(at, np.zeros(3), np.diag([0.01, 0.25, 0.01, 0.01, 0.01, 0.01]))
-    life = TrackLife(config)
+    life = TrackStateMachine(config)
     life.started(0.0, at if found else None)
     return life, ekf
 
@@ -53,7 +53,7 @@ def test_what_has_moved_away_is_believed_for_good() -> None:
     assert not life.is_false(60.0, ekf)
 
 
-def proved(life: TrackLife, ekf: StationEkf) -> None:
+def proved(life: TrackStateMachine, ekf: StationEkf) -> None:
     for k in range(5):
         life.fixed(k * 0.1)
     move(ekf, -15.0)
@@ -116,7 +116,7 @@ def test_a_found_target_is_reported_once_its_velocity_has_settled() -> None:
     assert life.follow(False, ekf) is TrackStatus.COASTING, "settled once, settled for this target"
 
 
-def seen(life: TrackLife, ekf: StationEkf, t_s: float, cameras: int) -> TrackStatus:
+def seen(life: TrackStateMachine, ekf: StationEkf, t_s: float, cameras: int) -> TrackStatus:
     """Bring a track through one epoch in which so many cameras' pixels were accepted."""
     for _ in range(cameras):
         life.saw(t_s)

@@ -218,7 +218,7 @@ def band_widths_of(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def lasting_part(by_pose: FloatArray, rotation: FloatArray, out: FloatArray) -> None:
+def correlated_part(by_pose: FloatArray, rotation: FloatArray, out: FloatArray) -> None:
     """Fill ``out`` (4, 3) with how crossings move with (ROLL, PITCH, UP), from (4, 6)."""
     for k in range(4):
         up = 0.0
@@ -247,7 +247,7 @@ def look_kernel(
     project(mean, e, rows, predicted, h)
     move_with_pose(predicted, rows, rotation, position, kappa, by_pose)
     if mean.size > 4:
-        lasting_part(by_pose, rotation, h[:, 4:])
+        correlated_part(by_pose, rotation, h[:, 4:])
     horizon_direction(e, across)
     band_widths_of(mean, e, rows, predicted, band, across if bands_across else np.zeros(2), widths)
     return e

@@ -10,7 +10,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.line_kernel import (
-    lasting_part,
+    correlated_part,
     line_map_of,
     move_with_pose,
     project,
@@ -87,7 +87,7 @@ def pose_jacobian(crossings_px: FloatArray, rows_px: FloatArray, pose: CameraPos
 def bias_jacobian(jacobian: FloatArray, pose: CameraPose) -> FloatArray:
     """Return how crossings move with (ROLL, PITCH, UP), (4, 3), from `pose_jacobian`'s (4, 6)."""
     out = np.empty((4, 3))
-    lasting_part(jacobian, pose.threshold_from_camera, out)
+    correlated_part(jacobian, pose.threshold_from_camera, out)
     return out
 
 

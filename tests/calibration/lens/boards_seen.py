@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from calibration.lens.boards import Board
+from calibration.lens.boards import CalibrationBoard
 from calibration.lens.corners import View
 from calibration.lens.fit import camera_matrix
 from groundstation.arrays import FloatArray, ImageArray
@@ -39,7 +39,9 @@ class Pose:
     translation_m: FloatArray
 
 
-def a_pose(rng: np.random.Generator, board: Board, lens: Lens, tilt_deg: float = 40.0, fill: float = 0.75) -> Pose:
+def a_pose(
+    rng: np.random.Generator, board: CalibrationBoard, lens: Lens, tilt_deg: float = 40.0, fill: float = 0.75
+) -> Pose:
     """A board anywhere in the image, tilted any way, filling about ``fill`` of its height at the nearest."""
     corners = board.corners_m
     rotation = np.radians(rng.uniform(-tilt_deg, tilt_deg, 3))
@@ -52,7 +54,13 @@ def a_pose(rng: np.random.Generator, board: Board, lens: Lens, tilt_deg: float =
 
 
 def corner_views(
-    rng: np.random.Generator, board: Board, lens: Lens, count: int, *, sigma_px: float, tilt_deg: float = 40.0
+    rng: np.random.Generator,
+    board: CalibrationBoard,
+    lens: Lens,
+    count: int,
+    *,
+    sigma_px: float,
+    tilt_deg: float = 40.0,
 ) -> list[View]:
     """Corners of ``count`` boards with white noise, those inside the image."""
     views: list[View] = []
@@ -75,7 +83,7 @@ def corner_views(
     return views
 
 
-def drawn(board: Board) -> ImageArray:
+def drawn(board: CalibrationBoard) -> ImageArray:
     """The board as it is printed, a white margin around it."""
     margin = round(_MARGIN * _DRAWN_PX)
     if board.kind == "charuco":
@@ -87,7 +95,13 @@ def drawn(board: Board) -> ImageArray:
 
 
 def render(
-    rng: np.random.Generator, board: Board, lens: Lens, pose: Pose, *, blur_px: float = 0.7, noise: float = 2.0
+    rng: np.random.Generator,
+    board: CalibrationBoard,
+    lens: Lens,
+    pose: Pose,
+    *,
+    blur_px: float = 0.7,
+    noise: float = 2.0,
 ) -> ImageArray:
     """The board's picture (h, w) through a lens, a shaded grey room behind it: every sub-pixel asks what it sees."""
     w, h = lens.image_size_px

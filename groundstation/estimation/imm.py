@@ -26,7 +26,7 @@ Moved = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 Stacked = tuple[FloatArray, FloatArray]
 
 
-class ModeBank:
+class ImmFilter:
     """Filters of ``size`` states that share one target.
 
     Parameters
@@ -71,9 +71,9 @@ class ModeBank:
         if len(self._filters) == 1:
             self._changed()
 
-    def copy(self) -> "ModeBank":
+    def copy(self) -> "ImmFilter":
         """Return a bank of its own that is what this one is now; what is done to it leaves this one alone."""
-        other = ModeBank(self._size, self._stay_s.tolist())
+        other = ImmFilter(self._size, self._stay_s.tolist())
         other.restore(self.snapshot())
         return other
 

@@ -11,7 +11,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 
 
-class Needle:
+class BearingOnlyPrior:
     """A target's prior (6,), (6, 6) as the camera at ``origin_m`` (3,) has it."""
 
     def __init__(self, target: FloatArray, covariance: FloatArray, origin_m: FloatArray) -> None:

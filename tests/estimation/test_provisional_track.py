@@ -8,8 +8,8 @@ import pytest
 from filter_flights import consistency
 from filter_flights.drive import Run, drawn_start, drive
 
+from groundstation.estimation.provisional_track import ProvisionalTrack
 from groundstation.estimation.recorded_ekf import RecordedEkf
-from groundstation.estimation.young_track import YoungTrack
 from groundstation.messages import Event, InitialState, PixelMeasurement
 from groundstation.simulation import SimulatedFlight, simulate
 from groundstation.simulation.approach import Glide
@@ -56,8 +56,8 @@ def test_only_what_followed_the_outlier_is_refused(runs: list[Run]) -> None:
     assert all(4 <= r.refused <= 8 for r in runs)
 
 
-def track(**counts: int) -> YoungTrack:
-    return YoungTrack(t_s=0.0, mean=np.zeros(6), covariance=np.eye(6), triangulated=False, **counts)
+def track(**counts: int) -> ProvisionalTrack:
+    return ProvisionalTrack(t_s=0.0, mean=np.zeros(6), covariance=np.eye(6), triangulated=False, **counts)
 
 
 @pytest.mark.parametrize(
@@ -82,9 +82,9 @@ def test_the_majority_tells(said: list[int], refuted: bool) -> None:
 
 
 def test_a_track_grows_up_once_enough_agrees_with_it() -> None:
-    assert track(accepted=20, refused=3).grown_up
-    assert not track(accepted=19).grown_up
-    assert not track(accepted=20, refused=20).grown_up
+    assert track(accepted=20, refused=3).confirmed
+    assert not track(accepted=19).confirmed
+    assert not track(accepted=20, refused=20).confirmed
 
 
 BEGUN_S = 0.4

@@ -121,7 +121,7 @@ def _solved(phi: NDArray[np.float32], i: int, j: int, drive: np.float32, mu: np.
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def settle(
+def evolve_contour(
     u: NDArray[np.float32],
     phi: NDArray[np.float32],
     weights: NDArray[np.float32],
@@ -219,14 +219,16 @@ def _pushed_up(u: NDArray[np.float32], i: int, drive: Drive) -> int:
 
 @njit(cache=True, nogil=True)
 def settle_driven(drive: NDArray[np.float32], phi: NDArray[np.float32], mu: float) -> None:
-    """Do as `settle` where each pixel is driven by ``drive`` (h, w), whatever the others do."""
+    """Do as `evolve_contour` where each pixel is driven by ``drive`` (h, w), whatever the others do."""
     h, w = phi.shape
     rows = np.zeros(h, np.int32)
     for i in range(h):
         for j in range(w):
             rows[i] += np.int32(phi[i, j] > 0)
     lists = (np.empty(h * w, np.int32), np.empty(h * w, np.int32), np.zeros(h * w, np.bool_), np.zeros(h * w, np.bool_))
-    settle(drive, phi, np.array((mu, 0.0, 0.0, 0.0), np.float32), (int(rows.sum()), 0.0, 0.0), rows, lists, True)
+    evolve_contour(
+        drive, phi, np.array((mu, 0.0, 0.0, 0.0), np.float32), (int(rows.sum()), 0.0, 0.0), rows, lists, True
+    )
 
 
 @njit(cache=True, nogil=True, fastmath=True)

@@ -55,7 +55,7 @@ class _Entry:
     steps: list[_Step]
 
 
-class ReplayWindow:
+class LateMeasurementBuffer:
     """The recent past of one filter.
 
     Parameters
@@ -318,7 +318,14 @@ class _Noting:
     __slots__ = ("_entry", "_rank", "_station", "_t_s", "_trims", "_where", "_window")
 
     def __init__(
-        self, window: ReplayWindow, where: int, t_s: float, rank: _Rank, station: str | None, *, trims: bool = False
+        self,
+        window: LateMeasurementBuffer,
+        where: int,
+        t_s: float,
+        rank: _Rank,
+        station: str | None,
+        *,
+        trims: bool = False,
     ) -> None:
         self._window, self._where, self._trims = window, where, trims
         self._t_s, self._rank, self._station = t_s, rank, station

@@ -15,7 +15,7 @@ _GROWN_UP = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class YoungTrack:
+class ProvisionalTrack:
     """What a track was begun with at ``t_s``, and how its pixels have fared since.
 
     Attributes
@@ -33,14 +33,14 @@ class YoungTrack:
     refused: int = 0
     in_a_row: int = 0
 
-    def after(self, *, accepted: bool) -> "YoungTrack":
+    def after(self, *, accepted: bool) -> "ProvisionalTrack":
         """Return it with one more pixel."""
         if accepted:
             return replace(self, accepted=self.accepted + 1, in_a_row=0)
         return replace(self, refused=self.refused + 1, in_a_row=self.in_a_row + 1)
 
     @property
-    def grown_up(self) -> bool:
+    def confirmed(self) -> bool:
         """Whether so much agrees with it that it is no longer in question."""
         return self.accepted >= _GROWN_UP and self.accepted > self.refused
 

@@ -53,7 +53,7 @@ Record = Transition | Cut
 MotionOver = Callable[[float, FloatArray], tuple[FloatArray, FloatArray]]
 
 
-class Tape:
+class SmootherHistory:
     """Records in order; the newest can be taken back, the oldest are let go once nothing can change them.
 
     ``archive`` is given what is let go.
