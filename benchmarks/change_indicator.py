@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from groundstation.evaluation.figures_of_run import Moved, figures_of
+from groundstation.evaluation.figures_of_run import FigureChange, figures_of
 from groundstation.replay.replay import ReplayRequest, replay
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -41,7 +41,7 @@ def measured(out: Path) -> dict[str, float]:
 
 def agrees(new: float, old: float) -> bool:
     """Return whether a figure is the committed one, within tolerance."""
-    return Moved(before=old, after=new).within(RELATIVE, ABSOLUTE)
+    return FigureChange(before=old, after=new).within(RELATIVE, ABSOLUTE)
 
 
 def main() -> int:

@@ -19,24 +19,24 @@ import numpy as np
 from detector_against_truth import Key, true_pixels
 
 from groundstation.experiments.detection_tables import flown_table
-from groundstation.experiments.looks import FrameTruth, Outcome, judged
+from groundstation.experiments.looks import DetectorOutcome, FrameTruth, judged
 from groundstation.experiments.scenes import Silhouettes, background_at
 from groundstation.messages import Frame
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.session import load_session
-from groundstation.tracking.camera_tracker import CameraTracker, Look
+from groundstation.tracking.camera_tracker import CameraTracker, SearchResult
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def flown(folder: Path) -> list[Outcome]:
+def flown(folder: Path) -> list[DetectorOutcome]:
     """Replay a session and return its looks, judged, those in whose frame the nose is in view, in order of time."""
     session, noses = load_session(folder), true_pixels(folder)
     silhouettes = Silhouettes(session)
-    outcomes: dict[Key, Outcome] = {}
+    outcomes: dict[Key, DetectorOutcome] = {}
     look = CameraTracker.look
 
-    def noted(self: CameraTracker, frame: Frame, *rest: Any) -> Look | None:
+    def noted(self: CameraTracker, frame: Frame, *rest: Any) -> SearchResult | None:
         seen = look(self, frame, *rest)
         key = (frame.station, frame.epoch)
         silhouette = silhouettes.find(*key)

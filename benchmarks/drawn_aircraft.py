@@ -26,7 +26,7 @@ from scipy.stats import t as t_of
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.stated_parts import noise_chi_square
 from groundstation.experiments.detection_tables import stated_errors
-from groundstation.experiments.looks import Outcome
+from groundstation.experiments.looks import DetectorOutcome
 from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN, Shape, trainer
 from groundstation.simulation.attitude import AircraftPose, pose_at
 from groundstation.simulation.filmed_folder import write_filmed_folder
@@ -139,7 +139,7 @@ def film(folder: Path, seed: int, rate_hz: float, crab_rad: float) -> None:
     write_filmed_folder(folder, simulated, cameras, words=words)
 
 
-def table(flights: Mapping[int, Sequence[Outcome]]) -> list[str]:
+def table(flights: Mapping[int, Sequence[DetectorOutcome]]) -> list[str]:
     """Return a row for each bin of width: how far off, and how far in sigmas, by flight."""
     rows = [
         "| width px | flights | frames | wrong % | rms u/v % of width | NIS per dof | bounds | flights' own | "
@@ -170,7 +170,7 @@ def table(flights: Mapping[int, Sequence[Outcome]]) -> list[str]:
     return rows
 
 
-def noises(flights: Mapping[int, Sequence[Outcome]]) -> list[str]:
+def noises(flights: Mapping[int, Sequence[DetectorOutcome]]) -> list[str]:
     """Return how the noise of each flight compares with what was stated for it, and what one flight more may show."""
     own: list[float] = []
     for seen in flights.values():
@@ -201,7 +201,7 @@ def main() -> None:
     parser.add_argument("--crab", type=float, default=4.0, metavar="DEG", help="one sigma of the crab that is drawn")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    flights: dict[int, Sequence[Outcome]] = {}
+    flights: dict[int, Sequence[DetectorOutcome]] = {}
     for seed in range(options.first, options.first + options.flights):
         folder = options.out / str(seed)
         if not (folder / "masks.npz").exists():

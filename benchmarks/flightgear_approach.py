@@ -30,7 +30,7 @@ import numpy as np
 
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.geodesy import enu_from_geodetic
-from groundstation.onboard.edges.pose import Attitude, CameraPose, intrinsic_matrix, nose_pose, pixels_from_points
+from groundstation.onboard.edges.pose import Attitude, NoseCameraPose, intrinsic_matrix, nose_pose, pixels_from_points
 from groundstation.onboard.pose.corners import refine_corners
 from groundstation.onboard.pose.runway import rectangle
 from groundstation.onboard.pose.solve import SeenPoints, solve_pose
@@ -197,7 +197,7 @@ def geodetic(origin: tuple[float, float], place: np.ndarray, heading: float) -> 
     return lat, lon
 
 
-def check(image: np.ndarray, pose: CameraPose, corners_m: np.ndarray, lens: Lens) -> list[float]:
+def check(image: np.ndarray, pose: NoseCameraPose, corners_m: np.ndarray, lens: Lens) -> list[float]:
     """Return how far the measured corners lie from where the pose has them (8), and the pose from them (3) m."""
     told = pixels_from_points(pose, intrinsic_matrix(lens), corners_m)
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float64)

@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from calibration.lens.boards import parse_board
-from calibration.lens.corners import View
+from calibration.lens.corners import BoardView
 from calibration.lens.fit import fit_lens
 from calibration.lens.model import PARAMETERS
 from groundstation.geometry.camera import Lens
@@ -59,7 +59,7 @@ def drawn_lens(case: Case, generator: np.random.Generator) -> Lens:
     )
 
 
-def bent(view: View, size_px: float, generator: np.random.Generator) -> View:
+def bent(view: BoardView, size_px: float, generator: np.random.Generator) -> BoardView:
     """Move a view's corners as a bent board does, by a curve drawn anew."""
     flat = view.board_m - view.board_m.mean(axis=0)
     x, y = (flat / flat.std(axis=0).max())[:, :2].T

@@ -33,7 +33,7 @@ from groundstation.detection.roi import place_roi
 from groundstation.experiments.detection_plots import draw_cost
 from groundstation.experiments.looks import look_once
 from groundstation.experiments.scenes import scenes
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.messages import Roi
 from groundstation.session import Session, load_session
 from groundstation.tracking.warm_up import warm_up
@@ -147,7 +147,7 @@ def region(predicted_px: NDArray[np.float64], shape: tuple[int, ...]) -> Roi:
     return roi
 
 
-def compare(starts: dict[str, Start]) -> Table:
+def compare(starts: dict[str, Start]) -> ResultTable:
     """Return times and overlaps of the level sets on each region, from both starts."""
     rows: list[list[Cell]] = []
     for region_name, (u, inside) in starts.items():
@@ -172,7 +172,7 @@ def compare(starts: dict[str, Start]) -> Table:
                 rows.append(
                     [name, start, method, ended, times[0], times[0] / ms, alike, *reached, times[1], times[1] / ms]
                 )
-    return Table(
+    return ResultTable(
         name="level_sets",
         title="Level sets from the same start with the same rule for stopping",
         columns=(
@@ -192,7 +192,7 @@ def compare(starts: dict[str, Start]) -> Table:
     )
 
 
-def cost() -> tuple[Table, dict[str, tuple[list[float], list[float]]]]:
+def cost() -> tuple[ResultTable, dict[str, tuple[list[float], list[float]]]]:
     """Return the table of times against length and size, and the two curves."""
     curves: dict[str, tuple[list[float], list[float]]] = {}
     rows: list[list[Any]] = []
@@ -211,7 +211,7 @@ def cost() -> tuple[Table, dict[str, tuple[list[float], list[float]]]]:
         exponent = float(np.polyfit(np.log(lengths), np.log(times), 1)[0])
         rows.append([f"exponent of time against the {name.split(',')[0]}", "", "", "", "", None, exponent])
         curves[name] = (lengths, times)
-    table = Table(
+    table = ResultTable(
         name="cost",
         title="What the narrow band costs",
         columns=("against", "region", "radius px", "length or size", "iterations", "ms", "exponent"),
@@ -221,7 +221,7 @@ def cost() -> tuple[Table, dict[str, tuple[list[float], list[float]]]]:
     return table, curves
 
 
-def uneven_light() -> Table:
+def uneven_light() -> ResultTable:
     """Return how well a drawn target is divided from light that changes across the picture, by both fittings."""
     w, h = 250, 100
     y, x = np.mgrid[0:h, 0:w]
@@ -245,7 +245,7 @@ def uneven_light() -> Table:
 
             alike = overlap(divide(start.copy()), np.where(target, 1, -1).astype(np.float32))
             rows.append([f"{brightest / darkest:.1f}", share, alike, median_ms(divide, start, 10)])
-    return Table(
+    return ResultTable(
         name="uneven_light",
         title="Global and local fitting under uneven light",
         columns=("light, right over left", "local share", "IoU with the drawn target", "ms"),
@@ -257,7 +257,7 @@ def uneven_light() -> Table:
     )
 
 
-def detector_times(session: Session) -> Table:
+def detector_times(session: Session) -> ResultTable:
     """Return the times of the whole detector in regions of 250 × 100 px."""
     spent: dict[str, list[float]] = {}
     for _ in range(PASSES):
@@ -275,7 +275,7 @@ def detector_times(session: Session) -> Table:
         [name, len(ms), float(np.median(ms)), float(np.percentile(ms, 99)), float(np.max(ms))]
         for name, ms in spent.items()
     ]
-    return Table(
+    return ResultTable(
         name="detector",
         title="The whole detector in 250 × 100 px",
         columns=("background", "looks", "ms median", "99 %", "worst"),

@@ -19,11 +19,11 @@ from groundstation.experiments.nose_alone import SCENES, changing_pavement, ener
 from groundstation.experiments.nose_edges import GUESS, Step
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
 from groundstation.onboard.edges.descent import Energy
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.scenes.sequences import SEQUENCES, Renderer, Sequence
 
 
-def methods(sequence: Sequence, first: CameraPose) -> dict[str, Step]:
+def methods(sequence: Sequence, first: NoseCameraPose) -> dict[str, Step]:
     """Return what is compared."""
     across = replace(paper_config(GUESS, Energy.SPATIALLY_VARIANT), bands_across=True)
     return {

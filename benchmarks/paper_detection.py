@@ -30,9 +30,9 @@ from groundstation.experiments.detection_set_up import (
     SEED,
     SWEEP,
 )
-from groundstation.experiments.looks import Outcome, watch
+from groundstation.experiments.looks import DetectorOutcome, watch
 from groundstation.experiments.scenes import scenes
-from groundstation.experiments.tables import Table
+from groundstation.experiments.tables import ResultTable
 from groundstation.session import load_session
 from groundstation.tracking.warm_up import warm_up
 
@@ -40,7 +40,7 @@ EVERY = "look at every N-th pair only: for a first impression, since the detecto
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def study(folder: Path, out: Path, every: int) -> list[Table]:
+def study(folder: Path, out: Path, every: int) -> list[ResultTable]:
     """Run the three experiments on one session, write them to ``out`` and return the tables."""
     session = load_session(folder)
 
@@ -52,7 +52,9 @@ def study(folder: Path, out: Path, every: int) -> list[Table]:
     configs = {**SWEEP, **{name: config for name, config in METHODS.items() if name != OURS}}
     outcomes = watch(scenes(session, SEED, every=every), configs, progress)
     sweep = {name: outcomes[name] for name in SWEEP}
-    methods: dict[str, list[Outcome]] = {name: outcomes[PAPERS_CHOICE if name == OURS else name] for name in METHODS}
+    methods: dict[str, list[DetectorOutcome]] = {
+        name: outcomes[PAPERS_CHOICE if name == OURS else name] for name in METHODS
+    }
     tables = [
         findings.roi_table(sweep, FULL, PAPER_ROI),
         findings.method_table(methods, PAPER_METHODS),

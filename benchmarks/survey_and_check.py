@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from calibration.landmarks.check import Check, solve_check
 from calibration.landmarks.survey import Survey, solve_survey
-from calibration.sightings import Sighting
+from calibration.sightings import LandmarkSighting
 from groundstation.rig.rig import Rig
 
 KNOCK_RAD = float(np.radians(0.01))
@@ -95,7 +95,7 @@ def one_morning(
     count: Count,
     day: Morning,
     rig: Rig,
-    reference: list[Sighting],
+    reference: list[LandmarkSighting],
     readings: int,
     generator: np.random.Generator,
     knocks: bool,

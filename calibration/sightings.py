@@ -30,7 +30,7 @@ Kind = Literal["point", "direction"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sighting:
+class LandmarkSighting:
     """One landmark in one picture, with the angles read while the PTU stood.
 
     Attributes
@@ -68,11 +68,11 @@ class Landmark:
     sigma: FloatArray
 
 
-def read_sightings(path: Path) -> tuple[Sighting, ...]:
+def read_sightings(path: Path) -> tuple[LandmarkSighting, ...]:
     """Read sightings.csv, in the file's order; raises `SessionError` with file, line, got and wanted."""
     table = CsvTable(path, SIGHTING_COLUMNS)
-    found: list[Sighting] = []
-    last: dict[str, Sighting] = {}
+    found: list[LandmarkSighting] = []
+    last: dict[str, LandmarkSighting] = {}
     for row in table:
         if len(found) == MAX_SIGHTINGS:
             raise table.fault(row.line, got="one more row", wanted=f"at most {MAX_SIGHTINGS} sightings")
@@ -101,7 +101,7 @@ def read_landmarks(path: Path) -> dict[str, Landmark]:
 
 
 def require_consistent(
-    sightings: Sequence[Sighting], landmarks: Mapping[str, Landmark], stations: Sequence[str], path: Path
+    sightings: Sequence[LandmarkSighting], landmarks: Mapping[str, Landmark], stations: Sequence[str], path: Path
 ) -> None:
     """Raise `InputError` for the first sighting whose landmark or station nobody knows."""
     for sighting in sightings:
@@ -115,12 +115,12 @@ def require_consistent(
             raise InputError(where, got=got, wanted=f"one of the table of landmarks: {known}")
 
 
-def _sighting(table: CsvTable, row: Row, before: Sighting | None) -> Sighting:
+def _sighting(table: CsvTable, row: Row, before: LandmarkSighting | None) -> LandmarkSighting:
     pan = _within(table, row, "pan_deg", -MAX_PAN_DEG, MAX_PAN_DEG)
     tilt = _within(table, row, "tilt_deg", -MAX_TILT_DEG, MAX_TILT_DEG)
     pan_before = None if before is None else float(np.degrees(before.pan_rad))
     tilt_before = None if before is None else float(np.degrees(before.tilt_rad))
-    return Sighting(
+    return LandmarkSighting(
         station=_name(table, row, "station"),
         landmark=_name(table, row, "landmark"),
         pan_rad=float(np.radians(pan)),

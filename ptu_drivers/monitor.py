@@ -45,7 +45,7 @@ class Watched:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moved:
+class MoveResult:
     """How one axis carried out a move.
 
     Attributes
@@ -148,7 +148,7 @@ def move(
     now: Callable[[], float],
     wait: Callable[[float], None],
     timeout_s: float = 120.0,
-) -> tuple[Moved, ...]:
+) -> tuple[MoveResult, ...]:
     """Turn to a position, watch it, and return how each axis did.
 
     Raises
@@ -206,7 +206,7 @@ def _lost(unit: PanTiltUnit, got: NoReading, silent_s: float) -> LineError:
 
 def _moved(
     axis: Axis, begun_s: float, wanted: float, path: Sequence[Reading], said: UnitDescription, lost_line: bool
-) -> Moved:
+) -> MoveResult:
     samples = [r.pan if axis is Axis.PAN else r.tilt for r in path]
     start, end = samples[0].angle_rad, samples[-1].angle_rad
     moving = [s for s in samples if s.angle_rad != start]
@@ -217,7 +217,7 @@ def _moved(
         for a, b in zip(samples, samples[4:], strict=False)
         if b.t_s > a.t_s
     ]
-    return Moved(
+    return MoveResult(
         axis=axis,
         wanted_rad=wanted,
         reached_rad=end,
@@ -296,7 +296,7 @@ def format_watched(seen: Watched, said: UnitDescription) -> str:
     return "\n".join(rows)
 
 
-def format_moved(moved: Moved) -> str:
+def format_moved(moved: MoveResult) -> str:
     """Return how a move went, for people."""
     verdict = "reached" if moved.lost_steps <= 1 else f"MISSED by {moved.lost_steps} steps"
     if moved.lost_line:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Verdict(StrEnum):
+class AngleVerdict(StrEnum):
     """What is thought of a new angle."""
 
     PLAUSIBLE = "plausible"
@@ -48,19 +48,19 @@ class Plausibility:
         """Return whether an angle was accepted since `forget`."""
         return self._last is not None
 
-    def judge(self, new: Point) -> Verdict:
+    def judge(self, new: Point) -> AngleVerdict:
         """Return what is thought of a new angle."""
         last = self._last
         if last is None:
-            return Verdict.CONFIRM
+            return AngleVerdict.CONFIRM
         dt = max(0.0, new.t_s - last.t_s)
         jitter = 3.0 * math.hypot(new.sigma_t_s, last.sigma_t_s)
         off = abs(new.angle - last.angle)
         if off > self._rate * (dt + jitter) + 2.0 * self._quantum:
-            return Verdict.IMPOSSIBLE
+            return AngleVerdict.IMPOSSIBLE
         expected = last.angle + self._slope * dt
         near = abs(new.angle - expected) <= 2.5 * self._quantum + abs(self._slope) * jitter
-        return Verdict.PLAUSIBLE if near else Verdict.CONFIRM
+        return AngleVerdict.PLAUSIBLE if near else AngleVerdict.CONFIRM
 
     def confirms(self, first: Point, second: Point) -> bool:
         """Return whether a second reading, right after, fits the first and what came before."""

@@ -16,9 +16,9 @@ from groundstation.estimation.measurement import EncoderModel, PixelModel, Refer
 from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.state import StateLayout, state_layout
-from groundstation.evaluation.bounds import View
+from groundstation.evaluation.bounds import StationView
 from groundstation.evaluation.calibration_bounds import (
-    Movement,
+    MotionProfile,
     joint_information,
     nuisance_sensitivities,
     reference_information,
@@ -45,7 +45,7 @@ def joint_series(
     for k, point in enumerate(truth.position_runway_m):
         seen = [name for name in stations if truth.stations[name].reported[k]]
         views = [
-            View(
+            StationView(
                 geometry=geometries[name],
                 pan_rad=float(truth.stations[name].angles_rad[k, 0]),
                 tilt_rad=float(truth.stations[name].angles_rad[k, 1]),
@@ -54,7 +54,7 @@ def joint_series(
             )
             for name in seen
         ]
-        movement = Movement(
+        movement = MotionProfile(
             velocity_runway_m_s=truth.velocity_runway_m_s[k],
             rates_rad_s=[truth.stations[name].rates_rad_s[k] for name in seen],
             age_s=float(truth.t_s[k] - truth.t_s[0]),

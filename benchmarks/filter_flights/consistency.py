@@ -11,7 +11,7 @@ from filter_flights.drive import Run, drawn_start, drive
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.estimation.triangulation import View, triangulate
+from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.messages import Epoch, PixelMeasurement, PtuSample
 from groundstation.rig.rig import Rig, Station
 from groundstation.simulation import Scenario, SimulatedFlight, case_b, case_c, simulate
@@ -139,7 +139,7 @@ def triangulated_errors(flight: SimulatedFlight) -> FloatArray:
     """Return the errors (n, 3) of the maximum-likelihood point of each pair, NaN where there is none."""
     geometries = {s.name: s.geometry() for s in flight.rig.stations}
     angles: dict[str, PtuSample] = {}
-    views: list[View] = []
+    views: list[TriangulationView] = []
     errors = np.full((flight.truth.t_s.size, 3), np.nan)
     for event in flight.events:
         if isinstance(event, PtuSample):
@@ -147,7 +147,7 @@ def triangulated_errors(flight: SimulatedFlight) -> FloatArray:
         elif isinstance(event, PixelMeasurement):
             reading = angles[event.station]
             views.append(
-                View(
+                TriangulationView(
                     station=geometries[event.station],
                     pixel=np.array([event.u_px, event.v_px]),
                     covariance_px2=flight.scenario.cameras[event.station].pixel_covariance_px2,

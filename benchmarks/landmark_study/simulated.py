@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.sightings import Landmark, Sighting
+from calibration.sightings import Landmark, LandmarkSighting
 from groundstation.geometry.aim import aim_at
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.camera import Lens
@@ -97,9 +97,11 @@ def morning(
     return Morning(true=Rig(stations=tuple(true)), believed=Rig(stations=tuple(believed)), stands=stands, table=table)
 
 
-def look(rig: Rig, landmarks: Mapping[str, Landmark], generator: np.random.Generator, readings: int) -> list[Sighting]:
+def look(
+    rig: Rig, landmarks: Mapping[str, Landmark], generator: np.random.Generator, readings: int
+) -> list[LandmarkSighting]:
     """Aim every station at every landmark, a little off, and read angles and pixel so many times."""
-    found: list[Sighting] = []
+    found: list[LandmarkSighting] = []
     for own in rig.stations:
         geometry = own.geometry()
         step, sigma = own.ptu_resolution_rad, own.ptu_sigma_rad
@@ -118,7 +120,7 @@ def look(rig: Rig, landmarks: Mapping[str, Landmark], generator: np.random.Gener
                 read = angles + generator.normal(0.0, sigma, 2)
                 read = step * np.round(read / step) if step else read
                 found.append(
-                    Sighting(
+                    LandmarkSighting(
                         station=own.name,
                         landmark=mark.name,
                         pan_rad=float(read[0]),
@@ -147,7 +149,7 @@ def turned_rad(found: Station, true: Station) -> Array:
     return 0.5 * np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
 
 
-def write_sightings(path: Path, sightings: Sequence[Sighting]) -> None:
+def write_sightings(path: Path, sightings: Sequence[LandmarkSighting]) -> None:
     """Write sightings.csv, with stamps at 10 Hz."""
     rows = [
         f"{s.station},{s.landmark},{np.degrees(s.pan_rad):.6f},{np.degrees(s.tilt_rad):.6f},"

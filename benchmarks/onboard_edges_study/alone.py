@@ -7,7 +7,7 @@ from groundstation.onboard.edges.descent import DescentConfig, Energy, descend
 from groundstation.onboard.edges.kalman import picture_crossings, picture_state, predict_picture, update_picture
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
 from groundstation.onboard.edges.motion import VisualOdometry
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.search_band import across_direction
 from groundstation.onboard.scenes.sequences import NoseFrame, Sequence
 from onboard_edges_study.methods import KAPPA, LOST_PX, Array, certain_truth, truth
@@ -63,7 +63,7 @@ def prediction(sequence: Sequence, frames: list[NoseFrame]) -> dict[str, Array]:
             held = wanted, rows
         if k < start:
             continue
-        imu = CameraPose(
+        imu = NoseCameraPose(
             threshold_from_camera=frame.said.threshold_from_camera @ turn,
             camera_threshold_m=frame.said.camera_threshold_m + shift,
         )

@@ -14,7 +14,7 @@ from groundstation.onboard.edges.baselines import graph_cut_edges
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
 from groundstation.onboard.edges.descent import DescentConfig, Energy
 from groundstation.onboard.edges.lines import line_map, project_lines, shifted
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeReport
 from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_rows, band_widths
 from groundstation.onboard.edges.tracker import EdgeTracker
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Step = Callable[[NoseFrame], tuple[Array, Array] | None]
 
 
-def truth(sequence: Sequence, pose: CameraPose) -> tuple[Array, Array] | None:
+def truth(sequence: Sequence, pose: NoseCameraPose) -> tuple[Array, Array] | None:
     """Return the rows (2,) between which the true edges are seen, and where they cross them (4,).
 
     None where they are seen in too few rows for any error to be told, as in a gust on short final.
@@ -40,7 +40,7 @@ def truth(sequence: Sequence, pose: CameraPose) -> tuple[Array, Array] | None:
     return rows, project_lines(lines, line_map(pose, KAPPA), rows)[0]
 
 
-def certain_truth(sequence: Sequence, pose: CameraPose) -> tuple[Array, Array]:
+def certain_truth(sequence: Sequence, pose: NoseCameraPose) -> tuple[Array, Array]:
     """Return the truth where nothing goes without it; ValueError where it is not seen."""
     wanted = truth(sequence, pose)
     if wanted is None:
@@ -80,7 +80,7 @@ def graph_cut(frame: NoseFrame) -> tuple[Array, Array] | None:
     return None if found is None else (found, rows)
 
 
-def methods(sequence: Sequence, first: CameraPose, reports: list[EdgeReport] | None = None) -> dict[str, Step]:
+def methods(sequence: Sequence, first: NoseCameraPose, reports: list[EdgeReport] | None = None) -> dict[str, Step]:
     """Return everything that is compared, ready for a sequence."""
     printed, flat = paper_config(GUESS), paper_config(GUESS, Energy.NON_VARIANT)
     return {

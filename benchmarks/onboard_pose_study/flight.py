@@ -8,10 +8,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.geometry.rotation import matrix_from_wxyz
-from groundstation.onboard.pose.inertial import ATTITUDE, POSITION, VELOCITY, Outcome, rotation_vector
+from groundstation.onboard.pose.inertial import ATTITUDE, POSITION, VELOCITY, UpdateOutcome, rotation_vector
 from groundstation.onboard.pose.navigator import RunwayNavigator
 from groundstation.onboard.pose.paper import solve_paper
-from groundstation.onboard.pose.simulated_approach import Approach, ApproachSetup, default_setup, fly
+from groundstation.onboard.pose.simulated_approach import ApproachSetup, SimulatedApproach, default_setup, fly
 
 FROM_S, EVERY, LAGS = 5.0, 10, 10
 PHASES = {
@@ -40,7 +40,7 @@ class Run:
     estimate: np.ndarray
 
 
-def run(setup: ApproachSetup, approach: Approach) -> Run:
+def run(setup: ApproachSetup, approach: SimulatedApproach) -> Run:
     navigator = RunwayNavigator(setup.config, setup.mount)
     rows, told, outcomes = [], [], {}
     for k, sample in enumerate(approach.samples):
@@ -49,7 +49,7 @@ def run(setup: ApproachSetup, approach: Approach) -> Run:
             innovation = navigator.see(sample.t_s, approach.seen[k]).innovation
             word = "no fit" if innovation is None else innovation.outcome.value
             outcomes[word] = outcomes.get(word, 0) + 1
-            if innovation is not None and innovation.outcome is Outcome.USED:
+            if innovation is not None and innovation.outcome is UpdateOutcome.USED:
                 white = np.linalg.solve(np.linalg.cholesky(innovation.covariance), innovation.value)
                 told.append((sample.t_s, innovation.value, np.sqrt(np.diag(innovation.covariance)), white))
         if k % EVERY == 0 and sample.t_s >= FROM_S:
@@ -164,7 +164,7 @@ def whiteness(done: list[Run]) -> dict[str, object]:
     }
 
 
-def draw(folder: Path, setup: ApproachSetup, approach: Approach, one: Run) -> None:
+def draw(folder: Path, setup: ApproachSetup, approach: SimulatedApproach, one: Run) -> None:
     """Write the paper's figures 4 to 7 for one approach."""
     mpl.use("Agg")
     from matplotlib import pyplot as plt

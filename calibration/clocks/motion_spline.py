@@ -47,7 +47,7 @@ class MotionSpline:
 
     _basis: csr_matrix = None
     _stiff: csr_matrix = None
-    _last: "_Solution | None" = None
+    _last: "_SplineSolution | None" = None
 
     def _inside(self, t_s: FloatArray) -> FloatArray:
         return np.clip(t_s, self.knots[CUBIC], self.knots[-CUBIC - 1] - 1e-9)
@@ -88,13 +88,13 @@ class MotionSpline:
         )
         return design, data
 
-    def _solution(self, p: FloatArray) -> "_Solution":
+    def _solution(self, p: FloatArray) -> "_SplineSolution":
         """Return the splines that fit best at four parameters; the last answer is remembered."""
         if self._last is None or not np.array_equal(self._last.p, p):
             design, data = self.matrices(p)
             factors = _factors(design)
             coefficients = np.asarray(factors.solve(design.T @ data))
-            self._last = _Solution(p.copy(), design, data, factors, coefficients)
+            self._last = _SplineSolution(p.copy(), design, data, factors, coefficients)
         return self._last
 
     def left_over(self, p: FloatArray) -> FloatArray:
@@ -169,7 +169,7 @@ class MotionSpline:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Solution:
+class _SplineSolution:
     p: FloatArray
     design: csr_matrix
     data: FloatArray

@@ -19,7 +19,7 @@ from calibration.flight.parameters import (
 from calibration.flight.problem import FlightProblem
 from calibration.flight.report import format_flight_report, rig_header
 from calibration.flight.rig import solved_rig
-from calibration.flight.start import Start, find_start
+from calibration.flight.start import StartingPoint, find_start
 from calibration.flight.verdict import judge_flight
 from groundstation.errors import InputError
 from groundstation.rig.rig import Rig
@@ -134,7 +134,7 @@ def _problem(session: Session, data: FlightData, free: FreeParameters) -> Flight
 
 
 def _doubted(
-    session: Session, start: Start, held: FlightSolution, words: Sequence[str]
+    session: Session, start: StartingPoint, held: FlightSolution, words: Sequence[str]
 ) -> tuple[FlightSolution, list[str]]:
     """Return a solution with surveyed positions, shutters … free where that explains the pixels far better, and why.
 

@@ -66,7 +66,7 @@ def range_qualities(after: Rig, fit: FlightFit) -> list[RangeQuality]:
     found = []
     for k, range_m in zip(chosen, ranges, strict=True):
         # where nobody flew, a point beyond the nearest that was
-        place = _Place(
+        place = _FixPlace(
             point_m=middle + (flown[k] - middle) * (range_m / away[k]),
             velocity_m_s=velocity[k],
             middle_m=middle,
@@ -77,14 +77,14 @@ def range_qualities(after: Rig, fit: FlightFit) -> list[RangeQuality]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Place:
+class _FixPlace:
     point_m: FloatArray
     velocity_m_s: FloatArray
     middle_m: FloatArray
     flown: bool
 
 
-def _quality(after: Rig, fit: FlightFit, at: _Place) -> RangeQuality | None:
+def _quality(after: Rig, fit: FlightFit, at: _FixPlace) -> RangeQuality | None:
     point = at.point_m
     by_point, by_change, noise = [], [], []
     problem = fit.problem

@@ -23,7 +23,7 @@ _MOST_MISS_RAD = float(np.radians(5.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Start:
+class StartingPoint:
     """A problem whose stations all have a pose, and the change (p,) to start from."""
 
     problem: FlightProblem
@@ -36,7 +36,7 @@ class _Started:
     offset_s: float
 
 
-def find_start(problem: FlightProblem) -> Start:
+def find_start(problem: FlightProblem) -> StartingPoint:
     """Find a pose for each station that lacks one, and the clocks with it.
 
     Raises `FlightFitError` where a pose cannot be found from what was seen.
@@ -58,7 +58,7 @@ def find_start(problem: FlightProblem) -> Start:
             in_common.append(offset)
     if in_common and DGPS_OFFSET in problem.names:
         change[problem.names.index(DGPS_OFFSET)] = float(np.median(in_common))
-    return Start(problem=replace(problem, stations=stations), change=change)
+    return StartingPoint(problem=replace(problem, stations=stations), change=change)
 
 
 def _start(problem: FlightProblem, station: Station, looks: StationLooks) -> _Started:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.sightings import Sighting
+from calibration.sightings import LandmarkSighting
 from groundstation.arrays import FloatArray
 from groundstation.rig.rig import Station
 
@@ -33,14 +33,14 @@ class LandmarkLooks:
     pixel_px: FloatArray
     pixel_variance: FloatArray
     angle_variance: FloatArray
-    sightings: tuple[Sighting, ...]
+    sightings: tuple[LandmarkSighting, ...]
 
     def __len__(self) -> int:
         return len(self.landmark)
 
 
 def gather_looks(
-    sightings: Sequence[Sighting], station: Station, landmarks: Mapping[str, int], *, today: bool = False
+    sightings: Sequence[LandmarkSighting], station: Station, landmarks: Mapping[str, int], *, today: bool = False
 ) -> LandmarkLooks:
     """Return the looks of one station out of a table's sightings; ``landmarks`` maps a name to its place."""
     own = tuple(s for s in sightings if s.station == station.name)
@@ -63,7 +63,7 @@ def gather_looks(
     )
 
 
-def stops_of(sightings: Sequence[Sighting], station: Station) -> NDArray[np.int64]:
+def stops_of(sightings: Sequence[LandmarkSighting], station: Station) -> NDArray[np.int64]:
     """Return for each sighting (n,) the number of its stop: the PTU stands, one landmark is seen again and again."""
     within = 8.0 * station.angle_sigma_rad + station.ptu_resolution_rad
     numbers = np.zeros(len(sightings), dtype=np.int64)

@@ -16,7 +16,7 @@ from calibration.landmarks.rejection import GROSS_SIGMA, LandmarkFitError
 from calibration.landmarks.survey import kept_landmarks, require_lens, require_most_kept, seen_landmarks
 from calibration.landmarks.survey_start import ONE_BEARING_RAD
 from calibration.rig_reach import moved_by_m
-from calibration.sightings import Landmark, Sighting, require_consistent
+from calibration.sightings import Landmark, LandmarkSighting, require_consistent
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.rig.rig import Rig, Station
@@ -33,7 +33,7 @@ EFFECT_RANGE_M = 400.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Movement:
+class StationMovement:
     """By how much one station's base has turned, or its camera on the head.
 
     Attributes
@@ -75,23 +75,23 @@ class Check:
     """
 
     rig: Rig
-    movements: tuple[Movement, ...]
+    movements: tuple[StationMovement, ...]
     unseen: tuple[str, ...]
     fit: LandmarkFit
     corrected: Rig
     along_m: Mapping[str, float | None]
 
     @property
-    def moved(self) -> tuple[Movement, ...]:
+    def moved(self) -> tuple[StationMovement, ...]:
         """Return what has moved."""
         return tuple(m for m in self.movements if m.moved)
 
 
 def solve_check(
     rig: Rig,
-    sightings: Sequence[Sighting],
+    sightings: Sequence[LandmarkSighting],
     landmarks: Mapping[str, Landmark],
-    reference: Sequence[Sighting] = (),
+    reference: Sequence[LandmarkSighting] = (),
     path: Path = Path("sightings.csv"),
     reference_path: Path = Path("reference.csv"),
     false_alarm: float = FALSE_ALARM,
@@ -205,7 +205,7 @@ def _require_fit(fit: LandmarkFit, names: Sequence[str]) -> None:
         raise LandmarkFitError(f"sightings: got {got}; wanted this rig's lenses and angles, and landmarks that stand")
 
 
-def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Movement:
+def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> StationMovement:
     """Test whether one station has turned: what the looks alone know of the turn, all else being uncertain."""
     problem = fit.problem
     places = problem.places(f"{station.name}.moved")
@@ -225,7 +225,7 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Movemen
     covariance = own.T @ fit.covariance[np.ix_(places, places)] @ own
     threshold = float(chi2.ppf(1.0 - false_alarm, 3))
     distance = float(brentq(lambda d: ncx2.sf(threshold, 3, d) - POWER, 1e-3, 1e3))
-    return Movement(
+    return StationMovement(
         station=station.name,
         group="head_from_camera" if slipped else "runway_from_base",
         turned_rad=turned,
@@ -238,6 +238,6 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Movemen
     )
 
 
-def _along_m(rig: Rig, movement: Movement) -> float | None:
+def _along_m(rig: Rig, movement: StationMovement) -> float | None:
     moved = moved_by_m(rig, movement.names, movement.change_rad, EFFECT_RANGE_M)
     return None if moved is None else abs(float(moved[1]))

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.landmarks.check import FALSE_ALARM, Check, Movement
-from calibration.sightings import Sighting
+from calibration.landmarks.check import FALSE_ALARM, Check, StationMovement
+from calibration.sightings import LandmarkSighting
 from groundstation.errors import InputError
 
 RECORD_FORMAT = "groundstation-check/1"
@@ -22,7 +22,7 @@ def record_path(rig: Path) -> Path:
 
 
 def check_record(
-    files: dict[str, Path], sightings: Sequence[Sighting], check: Check | None, decision: str, reason: str = ""
+    files: dict[str, Path], sightings: Sequence[LandmarkSighting], check: Check | None, decision: str, reason: str = ""
 ) -> dict[str, Any]:
     """Return one check as JSON has it.
 
@@ -63,7 +63,7 @@ def append_record(path: Path, record: dict[str, Any]) -> None:
         raise InputError(str(path), got=str(error.strerror), wanted="a file that can be written") from error
 
 
-def _counts(sightings: Sequence[Sighting]) -> dict[str, dict[str, int]]:
+def _counts(sightings: Sequence[LandmarkSighting]) -> dict[str, dict[str, int]]:
     counts: dict[str, dict[str, int]] = {}
     for s in sightings:
         own = counts.setdefault(s.station, {})
@@ -71,7 +71,7 @@ def _counts(sightings: Sequence[Sighting]) -> dict[str, dict[str, int]]:
     return counts
 
 
-def _station(check: Check, movement: Movement) -> dict[str, Any]:
+def _station(check: Check, movement: StationMovement) -> dict[str, Any]:
     degrees = {
         what: {axis: round(float(np.degrees(values[k])), 6) for axis, k in _AXES}
         for what, values in (

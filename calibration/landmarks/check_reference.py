@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from calibration.landmarks.check import Check
 from calibration.landmarks.problem import AXES
-from calibration.sightings import Sighting
+from calibration.sightings import LandmarkSighting
 from groundstation.errors import InputError
 from groundstation.files.overwriting import Output, refuse_overwriting
 
@@ -26,7 +26,7 @@ _ROUNDED_S = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reference:
+class ComparisonTable:
     """A table to compare with, or None, and a line for the reader; ``kept`` where it was found beside the rig."""
 
     path: Path | None
@@ -55,19 +55,21 @@ def keep_reference(sightings: Path, rig: Path) -> Path:
     return kept
 
 
-def find_reference(rig: Path, asked: Path | None) -> Reference:
+def find_reference(rig: Path, asked: Path | None) -> ComparisonTable:
     """Return the table asked for, else the one beside the rig, if there is one; ``none`` asks for none."""
     if asked is not None:
         if str(asked) == NONE:
-            return Reference(path=None, kept=False, note="compared with the rig alone")
-        return Reference(path=asked, kept=False, note=f"compared with {asked.name}")
+            return ComparisonTable(path=None, kept=False, note="compared with the rig alone")
+        return ComparisonTable(path=asked, kept=False, note=f"compared with {asked.name}")
     kept = reference_path(rig)
     if kept.is_file():
-        return Reference(path=kept, kept=True, note=f"compared with {kept.name}, the survey's own sightings")
-    return Reference(path=None, kept=False, note=f"compared with the rig alone: there is no {kept.name}")
+        return ComparisonTable(path=kept, kept=True, note=f"compared with {kept.name}, the survey's own sightings")
+    return ComparisonTable(path=None, kept=False, note=f"compared with the rig alone: there is no {kept.name}")
 
 
-def require_seen_anew(today: Sequence[Sighting], then: Sequence[Sighting], path: Path, reference: Path) -> None:
+def require_seen_anew(
+    today: Sequence[LandmarkSighting], then: Sequence[LandmarkSighting], path: Path, reference: Path
+) -> None:
     """Raise `InputError` where today's rows are those of the reference: a table agrees with itself, whatever moved.
 
     Numbers are compared, not their text: a program that rounded them has seen nothing anew.
@@ -79,7 +81,7 @@ def require_seen_anew(today: Sequence[Sighting], then: Sequence[Sighting], path:
         raise InputError(path.name, got=got, wanted=f"{wanted} (where all comes out the same, t_s tells them apart)")
 
 
-def _count_same(today: Sequence[Sighting], then: Sequence[Sighting]) -> int:
+def _count_same(today: Sequence[LandmarkSighting], then: Sequence[LandmarkSighting]) -> int:
     """Return how many of today's rows are rows of then, as near as rounding leaves them; stamps if all have one."""
     stamped = all(sighting.t_s is not None for sighting in (*today, *then))
     numbers: dict[tuple[str, str], tuple[list[list[float]], list[list[float]]]] = {}
@@ -95,7 +97,7 @@ def _count_same(today: Sequence[Sighting], then: Sequence[Sighting]) -> int:
     return same
 
 
-def _in_roundings(sighting: Sighting, stamped: bool) -> list[float]:
+def _in_roundings(sighting: LandmarkSighting, stamped: bool) -> list[float]:
     """Return angles, pixel and perhaps the stamp, each in units of what rounding may do to it."""
     angles = [sighting.pan_rad / _ROUNDED_RAD, sighting.tilt_rad / _ROUNDED_RAD]
     stamp = [sighting.t_s / _ROUNDED_S] if stamped and sighting.t_s is not None else []

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.landmarks.check import EFFECT_RANGE_M, Check, Movement
+from calibration.landmarks.check import EFFECT_RANGE_M, Check, StationMovement
 from calibration.landmarks.check_pictures import check_pictures
 from calibration.landmarks.survey_report import rejected
 from calibration.report.page import report_figure, report_list, report_page, report_table
@@ -26,7 +26,7 @@ def format_check(check: Check, alarm_deg: float, decision: str) -> str:
     return "\n".join([*lines, decision])
 
 
-def station_line(check: Check, movement: Movement) -> str:
+def station_line(check: Check, movement: StationMovement) -> str:
     """Return the verdict on one station."""
     parts = ", ".join(f"{axis} {_turn(movement, k)}" for axis, k in _AXES)
     if not movement.moved:
@@ -64,7 +64,7 @@ def _says(rig: Rig, name: str) -> bool:
     return any(n.startswith(f"{name}.runway_from_base.") for n in rig.calibration_covariance().names)
 
 
-def _turn(movement: Movement, k: int) -> str:
+def _turn(movement: StationMovement, k: int) -> str:
     turned, sigma = np.degrees(movement.turned_rad[k]), np.degrees(movement.sigma_rad[k])
     return f"{turned:+.4f} ± {sigma:.4f} deg"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from calibration.landmarks.check import Check, solve_check
 from calibration.landmarks.check_record import append_record, check_record, record_path
 from calibration.landmarks.check_reference import (
-    Reference,
+    ComparisonTable,
     find_reference,
     keep_reference,
     other_set_up,
@@ -18,7 +18,7 @@ from calibration.landmarks.check_reference import (
 from calibration.landmarks.check_report import format_check, write_check_report
 from calibration.landmarks.survey import Survey, solve_survey, survey_words
 from calibration.landmarks.survey_report import format_survey, rig_header, write_survey_report
-from calibration.sightings import Landmark, Sighting, read_landmarks, read_sightings
+from calibration.sightings import Landmark, LandmarkSighting, read_landmarks, read_sightings
 from groundstation.errors import GroundstationError, InputError
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.rig.rig_toml import rig_to_toml
@@ -88,7 +88,7 @@ class Opinion:
     against: tuple[str, ...]
 
 
-Ask = Callable[[Rig, Sequence[Sighting], Mapping[str, Landmark]], Opinion]
+Ask = Callable[[Rig, Sequence[LandmarkSighting], Mapping[str, Landmark]], Opinion]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,7 +112,7 @@ def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
     reference = find_reference(request.rig, request.reference)
     if reference.path is not None:
         files["reference"] = reference.path
-    sightings: Sequence[Sighting] = ()
+    sightings: Sequence[LandmarkSighting] = ()
     try:
         if request.out is not None:
             _require_toml(request.out)
@@ -144,7 +144,9 @@ def run_check(request: CheckRequest, ask: Ask | None = None) -> CheckDone:
     return CheckDone(check=check, text=text, good=word != "refused", written=(*written, record))
 
 
-def _compared(request: CheckRequest, sightings: Sequence[Sighting], reference: Reference) -> tuple[Check, Reference]:
+def _compared(
+    request: CheckRequest, sightings: Sequence[LandmarkSighting], reference: ComparisonTable
+) -> tuple[Check, ComparisonTable]:
     """Check against the reference; one kept from another set-up of the stations is none, and the note says so."""
     rig, landmarks = load_rig(request.rig), read_landmarks(request.landmarks)
     kept = reference_path(request.rig)
@@ -159,7 +161,7 @@ def _compared(request: CheckRequest, sightings: Sequence[Sighting], reference: R
         if otherwise is None:
             return check, reference
         note = f"compared with the rig alone: {reference.path.name} is of another set-up, {otherwise}"
-        reference = Reference(path=None, kept=False, note=note)
+        reference = ComparisonTable(path=None, kept=False, note=note)
     return solve_check(rig, sightings, landmarks, (), request.sightings), reference
 
 

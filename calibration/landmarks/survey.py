@@ -20,7 +20,7 @@ from calibration.landmarks.fit import LandmarkFit, solve_landmarks
 from calibration.landmarks.problem import AXES, pose_problem
 from calibration.landmarks.rejection import LandmarkFitError
 from calibration.landmarks.survey_start import found_stations
-from calibration.sightings import Landmark, Sighting, require_consistent
+from calibration.sightings import Landmark, LandmarkSighting, require_consistent
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
@@ -55,7 +55,7 @@ def survey_words(text: str) -> tuple[str, ...]:
 
 def solve_survey(
     rig: Rig,
-    sightings: Sequence[Sighting],
+    sightings: Sequence[LandmarkSighting],
     landmarks: Mapping[str, Landmark],
     words: Sequence[str] = (),
     path: Path = Path("sightings.csv"),
@@ -91,7 +91,7 @@ def solve_survey(
 
 
 def seen_landmarks(
-    sightings: Sequence[Sighting], landmarks: Mapping[str, Landmark], path: Path
+    sightings: Sequence[LandmarkSighting], landmarks: Mapping[str, Landmark], path: Path
 ) -> tuple[Landmark, ...]:
     """Return the landmarks that were seen; raises `InputError` for one without a place."""
     for sighting in sightings:

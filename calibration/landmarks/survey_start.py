@@ -38,7 +38,7 @@ _OFF_AXIS = float(np.cos(np.radians(80.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Seen:
+class _Bearings:
     """One bearing (n, 3) of each stop, base frame, the landmark's number (n,), its point (n, 3); ``far`` (n,)."""
 
     bearings: FloatArray
@@ -98,7 +98,7 @@ def _count(n: int) -> str:
     return "one landmark" if n == 1 else f"{n or 'no'} landmarks"
 
 
-def _seen(station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark]) -> _Seen:
+def _seen(station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark]) -> _Bearings:
     bearings = bearings_in_base(station.geometry(), looks.pixel_px, looks.angles_rad)
     stops = stops_of(looks.sightings, station)
     means, numbers = [], []
@@ -113,12 +113,12 @@ def _seen(station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark])
         raise LandmarkFitError(f"station {station.name}: got {_count(len(set(numbers)))}; wanted {wanted}")
     far = np.array([landmarks[k].kind == "direction" for k in numbers])
     points = np.array([landmarks[k].place for k in numbers]) * np.where(far, _FAR_M, 1.0)[:, None]
-    found = _Seen(bearings=np.array(means), landmark=np.array(numbers), points_m=points, far=far)
+    found = _Bearings(bearings=np.array(means), landmark=np.array(numbers), points_m=points, far=far)
     _require_spread(station.name, found)
     return found
 
 
-def _require_spread(name: str, seen: _Seen) -> None:
+def _require_spread(name: str, seen: _Bearings) -> None:
     """Raise `LandmarkFitError` where everything was seen along one bearing."""
     middle = np.median(seen.bearings, axis=0)
     off = np.linalg.norm(np.cross(seen.bearings, middle / np.linalg.norm(middle)), axis=1)
@@ -127,7 +127,7 @@ def _require_spread(name: str, seen: _Seen) -> None:
         raise LandmarkFitError(f"station {name}: got {got}; wanted another one, far to the side")
 
 
-def _poses(name: str, seen: _Seen) -> Iterator[PoseGuess]:
+def _poses(name: str, seen: _Bearings) -> Iterator[PoseGuess]:
     """Yield poses from three bearings each, or from two far directions and a point."""
     far = np.unique(seen.landmark[seen.far])
     if len(far) >= 2:
@@ -145,7 +145,7 @@ def _poses(name: str, seen: _Seen) -> Iterator[PoseGuess]:
         yield from _three_points(seen, rows)
 
 
-def _three_points(seen: _Seen, rows: list[int]) -> Iterator[PoseGuess]:
+def _three_points(seen: _Bearings, rows: list[int]) -> Iterator[PoseGuess]:
     """Yield the poses from which three points appear under their bearings (OpenCV's AP3P)."""
     bearings, points = seen.bearings[rows], seen.points_m[rows]
     origin = points.mean(axis=0)
@@ -171,7 +171,7 @@ def _three_points(seen: _Seen, rows: list[int]) -> Iterator[PoseGuess]:
             yield _judged(seen, turned, position)
 
 
-def _judged(seen: _Seen, runway_from_base: FloatArray, position_m: FloatArray) -> PoseGuess:
+def _judged(seen: _Bearings, runway_from_base: FloatArray, position_m: FloatArray) -> PoseGuess:
     towards = np.where(seen.far[:, None], seen.points_m, seen.points_m - position_m)
     towards = towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-9)
     miss = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(seen.bearings @ runway_from_base.T - towards, axis=1), 0, 1))

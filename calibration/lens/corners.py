@@ -18,7 +18,7 @@ _CHESSBOARD_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY | cv2.C
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class View:
+class BoardView:
     """The corners found in one picture.
 
     Attributes
@@ -45,12 +45,12 @@ class CornerFinder:
         self._corners_m = board.corners_m
         self._charuco = cv2.aruco.CharucoDetector(board.opencv()) if board.kind == "charuco" else None
 
-    def find(self, name: str, grey: ImageArray) -> View | None:
+    def find(self, name: str, grey: ImageArray) -> BoardView | None:
         """Return the board's corners in a grey picture (h, w); None where there is no corner of it."""
         ids, pixel = self._chessboard(grey) if self._charuco is None else self._markers(self._charuco, grey)
         if not len(ids):
             return None
-        return View(name=name, ids=ids, board_m=self._corners_m[ids], pixel=pixel, edge_px=edge_width(grey, pixel))
+        return BoardView(name=name, ids=ids, board_m=self._corners_m[ids], pixel=pixel, edge_px=edge_width(grey, pixel))
 
     def _chessboard(self, grey: ImageArray) -> tuple[Any, FloatArray]:
         size = (self.board.columns, self.board.rows)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from calibration.errors import IntrinsicsError
-from calibration.lens.corners import View
+from calibration.lens.corners import BoardView
 from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 
@@ -78,7 +78,7 @@ def camera_matrix(lens: Lens) -> FloatArray:
 
 
 def fit_lens(
-    views: Sequence[View],
+    views: Sequence[BoardView],
     image_size_px: tuple[int, int],
     *,
     held: frozenset[str] = frozenset(),
@@ -125,7 +125,7 @@ def fit_lens(
     )
     if not all(np.all(np.isfinite(v)) for v in (lens.focal_px, lens.principal_point_px, lens.distortion)):
         raise _undetermined(len(views))
-    solution = _Solution(
+    solution = _LensSolution(
         lens=lens,
         rotation=tuple(np.asarray(r, dtype=np.float64).reshape(3) for r in rotation),
         translation_m=tuple(np.asarray(t, dtype=np.float64).reshape(3) for t in translation),
@@ -143,7 +143,7 @@ def _undetermined(views: int) -> IntrinsicsError:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Solution:
+class _LensSolution:
     """A lens, and each view's pose: Rodrigues vector and translation (3,)."""
 
     lens: Lens
@@ -160,7 +160,7 @@ class _Linearised:
     by_lens: FloatArray
 
 
-def _linearise(views: Sequence[View], solution: _Solution) -> list[_Linearised]:
+def _linearise(views: Sequence[BoardView], solution: _LensSolution) -> list[_Linearised]:
     lines = []
     matrix, distortion = camera_matrix(solution.lens), solution.lens.distortion
     for view, rotation, translation in zip(views, solution.rotation, solution.translation_m, strict=True):
@@ -172,7 +172,7 @@ def _linearise(views: Sequence[View], solution: _Solution) -> list[_Linearised]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Normal:
+class _LensNormalEquations:
     """Normal equations of the lens alone, the poses eliminated, in units of ``scale``: matrix · step = right."""
 
     matrix: FloatArray
@@ -180,7 +180,7 @@ class _Normal:
     scale: FloatArray
 
 
-def _normal(lines: Sequence[_Linearised], columns: list[int]) -> _Normal:
+def _normal(lines: Sequence[_Linearised], columns: list[int]) -> _LensNormalEquations:
     stacked = np.vstack([line.by_lens[:, columns] for line in lines])
     scale = np.linalg.norm(stacked, axis=0)
     matrix = np.zeros((len(columns), len(columns)))
@@ -192,10 +192,10 @@ def _normal(lines: Sequence[_Linearised], columns: list[int]) -> _Normal:
         rest = by_lens - basis @ (basis.T @ by_lens)
         matrix += rest.T @ rest
         right += rest.T @ line.residual
-    return _Normal(matrix=matrix, right=right, scale=scale)
+    return _LensNormalEquations(matrix=matrix, right=right, scale=scale)
 
 
-def _finished(views: Sequence[View], solution: _Solution, columns: list[int]) -> _Solution:
+def _finished(views: Sequence[BoardView], solution: _LensSolution, columns: list[int]) -> _LensSolution:
     """Return the solution at the bottom of the valley in which it lies; raises where the valley has no bottom."""
     lines = _linearise(views, solution)
     for _ in range(_STEPS):
@@ -218,13 +218,15 @@ def _finished(views: Sequence[View], solution: _Solution, columns: list[int]) ->
     return solution
 
 
-def _check_determined(normal: _Normal, views: int) -> None:
+def _check_determined(normal: _LensNormalEquations, views: int) -> None:
     eigenvalues = np.linalg.eigvalsh(normal.matrix) if np.all(np.isfinite(normal.matrix)) else np.zeros(1)
     if eigenvalues[0] < _NO_INFORMATION:
         raise _undetermined(views)
 
 
-def _moved(solution: _Solution, lines: Sequence[_Linearised], columns: list[int], step: FloatArray) -> _Solution:
+def _moved(
+    solution: _LensSolution, lines: Sequence[_Linearised], columns: list[int], step: FloatArray
+) -> _LensSolution:
     """Return the solution with the lens moved by ``step`` and each pose to where it fits best then (linearised)."""
     change = np.zeros(9)
     change[columns] = step
@@ -240,11 +242,11 @@ def _moved(solution: _Solution, lines: Sequence[_Linearised], columns: list[int]
         principal_point_px=solution.lens.principal_point_px + change[2:4],
         distortion=solution.lens.distortion + change[4:],
     )
-    return _Solution(lens=lens, rotation=tuple(rotation), translation_m=tuple(translation))
+    return _LensSolution(lens=lens, rotation=tuple(rotation), translation_m=tuple(translation))
 
 
 def _with_covariance(
-    views: Sequence[View], solution: _Solution, opencv_sigma: FloatArray, columns: list[int]
+    views: Sequence[BoardView], solution: _LensSolution, opencv_sigma: FloatArray, columns: list[int]
 ) -> LensFit:
     """Return the fit with its covariance; raises where the views leave a direction of the lens open."""
     lines = _linearise(views, solution)
@@ -273,7 +275,7 @@ def _with_covariance(
     )
 
 
-def _over_views(lines: Sequence[_Linearised], columns: list[int], normal: _Normal) -> FloatArray:
+def _over_views(lines: Sequence[_Linearised], columns: list[int], normal: _LensNormalEquations) -> FloatArray:
     """Return the covariance (p, p) of the free parameters as the views themselves scatter: the jackknife over views.
 
     A bent print, a blur or a light from one side shifts the corners of a view together; they do not average out in it.
@@ -317,7 +319,7 @@ def _raised(covariance: FloatArray, seen: FloatArray, views: int, columns: list[
 
 
 def _focal_distance_correlation(
-    solution: _Solution, lines: Sequence[_Linearised], covariance: FloatArray, variance: float
+    solution: _LensSolution, lines: Sequence[_Linearised], covariance: FloatArray, variance: float
 ) -> float:
     """Return the correlation of log f (mean of fx, fy) with the mean log distance of the boards.
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from calibration.errors import IntrinsicsError
 from calibration.lens.boards import CalibrationBoard
-from calibration.lens.corners import CornerFinder, View, other_chessboard
+from calibration.lens.corners import BoardView, CornerFinder, other_chessboard
 from calibration.lens.fit import LensFit, fit_lens
 from calibration.lens.model import CalibratedLens
-from calibration.lens.quality import HeldOut, UncertaintyMap, hold_out, uncertainty_map
-from calibration.lens.view_choice import Choice, ChosenViews, Verdict, choose_views
+from calibration.lens.quality import HeldOutViews, UncertaintyMap, hold_out, uncertainty_map
+from calibration.lens.view_choice import Choice, ChosenViews, ViewVerdict, choose_views
 from calibration.pictures import GreyPicture
 from groundstation.arrays import ImageArray
 
@@ -43,11 +43,11 @@ class Intrinsics:
 
     board: CalibrationBoard
     fit: LensFit
-    held_out: HeldOut
+    held_out: HeldOutViews
     held_out_without_k3_px: float | None
     map: UncertaintyMap
-    views: tuple[View, ...]
-    verdicts: tuple[Verdict, ...]
+    views: tuple[BoardView, ...]
+    verdicts: tuple[ViewVerdict, ...]
     held: frozenset[str]
 
     @property
@@ -76,7 +76,7 @@ def calibrate_intrinsics(
     IntrinsicsError : no board, too few different views, or what was found is not good enough to be used.
     """
     finder = CornerFinder(board)
-    found: list[View] = []
+    found: list[BoardView] = []
     blank: list[str] = []
     shape: tuple[int, ...] = ()
     last: ImageArray | None = None
@@ -94,7 +94,7 @@ def calibrate_intrinsics(
     if not found:
         raise _no_board(board, last, len(blank))
     chosen = choose_views(found, board, (shape[1], shape[0]))
-    no_board = tuple(Verdict(name=name, choice=Choice.NO_BOARD) for name in blank)
+    no_board = tuple(ViewVerdict(name=name, choice=Choice.NO_BOARD) for name in blank)
     return solve_intrinsics(chosen, board, (shape[1], shape[0]), held=held, others=no_board)
 
 
@@ -104,7 +104,7 @@ def solve_intrinsics(
     image_size_px: tuple[int, int],
     *,
     held: frozenset[str] = frozenset(),
-    others: tuple[Verdict, ...] = (),
+    others: tuple[ViewVerdict, ...] = (),
 ) -> Intrinsics:
     """Fit and judge the lens of views that are chosen already; ``others`` are verdicts on pictures without a board.
 
@@ -153,7 +153,7 @@ def _no_board(board: CalibrationBoard, grey: ImageArray, count: int) -> Intrinsi
     )
 
 
-def _check_enough(views: tuple[View, ...], verdicts: tuple[Verdict, ...]) -> None:
+def _check_enough(views: tuple[BoardView, ...], verdicts: tuple[ViewVerdict, ...]) -> None:
     if len(views) >= FEWEST_VIEWS:
         return
     counts = [(c.value, sum(v.choice is c for v in verdicts)) for c in Choice if c is not Choice.USED]
@@ -167,17 +167,19 @@ def _check_enough(views: tuple[View, ...], verdicts: tuple[Verdict, ...]) -> Non
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Kept:
+class _KeptViews:
     """The views that fit together, their fit, and a verdict on each that does not, by name."""
 
-    views: tuple[View, ...]
+    views: tuple[BoardView, ...]
     fit: LensFit
-    misfits: dict[str, Verdict]
+    misfits: dict[str, ViewVerdict]
 
 
-def _fit_without_misfits(views: tuple[View, ...], image_size_px: tuple[int, int], held: frozenset[str]) -> _Kept:
+def _fit_without_misfits(
+    views: tuple[BoardView, ...], image_size_px: tuple[int, int], held: frozenset[str]
+) -> _KeptViews:
     """Drop the worst view as long as it stands out; at most a quarter of them."""
-    misfits: dict[str, Verdict] = {}
+    misfits: dict[str, ViewVerdict] = {}
     most = len(views) // 4
     fit = fit_lens(views, image_size_px, held=held)
     while len(misfits) < most:
@@ -186,13 +188,13 @@ def _fit_without_misfits(views: tuple[View, ...], image_size_px: tuple[int, int]
         if rms[worst] < max(_MISFIT_RATIO * np.median(rms), _MISFIT_PX):
             break
         name = views[worst].name
-        misfits[name] = Verdict(name=name, choice=Choice.MISFIT, detail=f"off by {rms[worst]:.2f} px")
+        misfits[name] = ViewVerdict(name=name, choice=Choice.MISFIT, detail=f"off by {rms[worst]:.2f} px")
         views = (*views[:worst], *views[worst + 1 :])
         fit = fit_lens(views, image_size_px, held=held)
-    return _Kept(views=views, fit=fit, misfits=misfits)
+    return _KeptViews(views=views, fit=fit, misfits=misfits)
 
 
-def _check_believable(fit: LensFit, held_out: HeldOut) -> None:
+def _check_believable(fit: LensFit, held_out: HeldOutViews) -> None:
     limit = max(_WORST_HELD_OUT_PX, _PX_OF_DIAGONAL * float(np.hypot(*fit.lens.image_size_px)))
     if held_out.rms_px > limit:
         raise IntrinsicsError(

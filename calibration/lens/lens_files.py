@@ -13,7 +13,7 @@ from calibration.lens.model import PARAMETERS, CalibratedLens
 from calibration.lens.plain_yaml import parse_yaml
 from groundstation.arrays import FloatArray
 from groundstation.files.text_file import absence
-from groundstation.files.toml_table import Table, load_toml, quoted
+from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.geometry.camera import Lens
 from groundstation.rig.covariance import ParameterCovariance, read_covariance
 from groundstation.rig.rig import load_rig
@@ -94,7 +94,7 @@ def _from_toml(path: Path, name: str | None) -> CalibratedLens:
             raise IntrinsicsError(str(path), got=f"no lens of station {station.name}", wanted="a lens")
         known = ParameterCovariance(names=station.covariance_parameters, matrix=station.covariance)
         return CalibratedLens(lens=station.lens, covariance=_lens_part(known))
-    table = Table(values, str(path), IntrinsicsError)
+    table = TomlTable(values, str(path), IntrinsicsError)
     table.refuse_unknown(_TOML_KEYS)
     lens = _lens(
         str(path),
@@ -164,7 +164,7 @@ def _from_opencv(values: Mapping[str, Any], where: str) -> CalibratedLens:
         return CalibratedLens(lens=lens, covariance=np.zeros((9, 9)))
     rows = _matrix(values.get("covariance"), f"{where}: covariance", None)
     table = {"parameters": names, "matrix": rows.tolist()}
-    return CalibratedLens(lens=lens, covariance=_lens_part(read_covariance(Table(table, where, IntrinsicsError))))
+    return CalibratedLens(lens=lens, covariance=_lens_part(read_covariance(TomlTable(table, where, IntrinsicsError))))
 
 
 def _first(values: Mapping[str, Any], keys: Sequence[str], where: str) -> Any:

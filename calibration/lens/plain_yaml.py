@@ -17,7 +17,7 @@ _NUMBER = re.compile(r"^[+-]?(\d++(?:\.\d*+)?|\.\d++)([eE][+-]?\d+)?$")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Line:
+class _YamlLine:
     """One line with content, its comment removed and a list in brackets joined to it."""
 
     number: int
@@ -43,12 +43,12 @@ def parse_yaml(text: str, where: str) -> dict[str, Any]:
     return value
 
 
-def _fault(where: str, line: _Line) -> IntrinsicsError:
+def _fault(where: str, line: _YamlLine) -> IntrinsicsError:
     return IntrinsicsError(f"{where}, line {line.number}", got=quoted(line.text), wanted="'key: value' in YAML")
 
 
-def _lines(text: str, where: str) -> list[_Line]:
-    lines: list[_Line] = []
+def _lines(text: str, where: str) -> list[_YamlLine]:
+    lines: list[_YamlLine] = []
     # of a list in brackets that is still open: its lines so far, and how many brackets are
     open_list: list[str] = []
     unclosed = 0
@@ -58,12 +58,12 @@ def _lines(text: str, where: str) -> list[_Line]:
             continue
         content = bare.lstrip(" ")
         if not open_list:
-            lines.append(_Line(number=number, indent=len(bare) - len(content), text=content))
+            lines.append(_YamlLine(number=number, indent=len(bare) - len(content), text=content))
         open_list.append(content.strip() if open_list else content)
         unclosed += content.count("[") - content.count("]")
         if unclosed <= 0:
             first = lines.pop()
-            lines.append(_Line(number=first.number, indent=first.indent, text=" ".join(open_list)))
+            lines.append(_YamlLine(number=first.number, indent=first.indent, text=" ".join(open_list)))
             if unclosed < 0:
                 raise _fault(where, lines[-1])
             open_list = []
@@ -84,7 +84,7 @@ def _without_comment(line: str) -> str:
     return line
 
 
-def _block(lines: list[_Line], start: int, where: str, depth: int) -> tuple[Any, int]:
+def _block(lines: list[_YamlLine], start: int, where: str, depth: int) -> tuple[Any, int]:
     """Return the mapping or list that begins at line ``start``, and the line after it."""
     if depth > _DEEPEST:
         raise _fault(where, lines[start])
@@ -114,11 +114,11 @@ def _block(lines: list[_Line], start: int, where: str, depth: int) -> tuple[Any,
     return keys, i
 
 
-def _is_item(line: _Line) -> bool:
+def _is_item(line: _YamlLine) -> bool:
     return line.text == "-" or line.text.startswith("- ")
 
 
-def _items(lines: list[_Line], start: int, where: str, depth: int) -> tuple[list[Any], int]:
+def _items(lines: list[_YamlLine], start: int, where: str, depth: int) -> tuple[list[Any], int]:
     items: list[Any] = []
     i, indent = start, lines[start].indent
     while i < len(lines) and lines[i].indent == indent and _is_item(lines[i]):
@@ -126,7 +126,7 @@ def _items(lines: list[_Line], start: int, where: str, depth: int) -> tuple[list
         if _KEY.match(rest) or rest.startswith("- "):
             # the item is a block of its own, which begins behind the dash
             inner = lines[i].text[1:]
-            shifted = _Line(number=lines[i].number, indent=indent + 1 + len(inner) - len(inner.lstrip()), text=rest)
+            shifted = _YamlLine(number=lines[i].number, indent=indent + 1 + len(inner) - len(inner.lstrip()), text=rest)
             lines[i] = shifted
             item, i = _block(lines, i, where, depth + 1)
         elif rest:
@@ -139,7 +139,7 @@ def _items(lines: list[_Line], start: int, where: str, depth: int) -> tuple[list
     return items, i
 
 
-def _value(text: str, where: str, line: _Line) -> Any:
+def _value(text: str, where: str, line: _YamlLine) -> Any:
     """Return a number, a list or a string."""
     if not text.startswith("["):
         return _scalar(text)
@@ -161,7 +161,7 @@ def _value(text: str, where: str, line: _Line) -> Any:
     raise _fault(where, line)
 
 
-def _refuse(where: str, line: _Line) -> Any:
+def _refuse(where: str, line: _YamlLine) -> Any:
     raise _fault(where, line)
 
 

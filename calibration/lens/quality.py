@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from calibration.lens.corners import View
+from calibration.lens.corners import BoardView
 from calibration.lens.fit import LensFit, camera_matrix, fit_lens
 from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
@@ -19,7 +19,7 @@ _POSE_STEPS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class HeldOut:
+class HeldOutViews:
     """Residuals of views by lenses that were fitted without them; each view's pose is its own.
 
     Attributes
@@ -53,7 +53,7 @@ class UncertaintyMap:
     aligned_deg: FloatArray
 
 
-def hold_out(views: Sequence[View], fit: LensFit, *, held: frozenset[str]) -> HeldOut:
+def hold_out(views: Sequence[BoardView], fit: LensFit, *, held: frozenset[str]) -> HeldOutViews:
     """Return the residuals of each part of the views by the lens that the other parts give.
 
     Raises
@@ -71,10 +71,10 @@ def hold_out(views: Sequence[View], fit: LensFit, *, held: frozenset[str]) -> He
             by_view[i] = np.sqrt(np.mean(np.sum(residual**2, axis=1)))
             squares += float(np.sum(residual**2))
             corners += len(residual)
-    return HeldOut(rms_px=float(np.sqrt(squares / corners)), by_view_px=by_view, folds=folds)
+    return HeldOutViews(rms_px=float(np.sqrt(squares / corners)), by_view_px=by_view, folds=folds)
 
 
-def _residual(view: View, lens: Lens, rotation: FloatArray, translation_m: FloatArray) -> FloatArray:
+def _residual(view: BoardView, lens: Lens, rotation: FloatArray, translation_m: FloatArray) -> FloatArray:
     """Return found minus predicted (n, 2), the pose refined for this lens from one close by (Gauss and Newton)."""
     matrix = camera_matrix(lens)
     r, t = rotation.copy(), translation_m.copy()

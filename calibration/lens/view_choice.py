@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from calibration.lens.boards import CalibrationBoard
-from calibration.lens.corners import FEWEST_CORNERS, View
+from calibration.lens.corners import FEWEST_CORNERS, BoardView
 from groundstation.arrays import FloatArray
 
 MOST_VIEWS = 40
@@ -33,7 +33,7 @@ class Choice(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class ViewVerdict:
     """One picture's ``name``, what became of it, and a ``detail`` in words (may be empty)."""
 
     name: str
@@ -45,12 +45,12 @@ class Verdict:
 class ChosenViews:
     """The ``views`` to use, the most telling first, and a verdict on each view that was offered."""
 
-    views: tuple[View, ...]
-    verdicts: tuple[Verdict, ...]
+    views: tuple[BoardView, ...]
+    verdicts: tuple[ViewVerdict, ...]
 
 
 def choose_views(
-    found: Sequence[View], board: CalibrationBoard, image_size_px: tuple[int, int], most: int = MOST_VIEWS
+    found: Sequence[BoardView], board: CalibrationBoard, image_size_px: tuple[int, int], most: int = MOST_VIEWS
 ) -> ChosenViews:
     """Drop views with few corners, blurred ones and near-duplicates; of the rest take up to ``most``, all different."""
     verdicts = []
@@ -76,13 +76,13 @@ def choose_views(
     return ChosenViews(views=chosen, verdicts=tuple(sorted(verdicts, key=lambda v: place[v.name])))
 
 
-def _verdict(view: View, choice: Choice, detail: str) -> Verdict:
-    return Verdict(name=view.name, choice=choice, detail=detail)
+def _verdict(view: BoardView, choice: Choice, detail: str) -> ViewVerdict:
+    return ViewVerdict(name=view.name, choice=choice, detail=detail)
 
 
 def _farthest_first(
-    views: Sequence[View], board: CalibrationBoard, image_size_px: tuple[int, int], most: int
-) -> tuple[list[int], list[Verdict]]:
+    views: Sequence[BoardView], board: CalibrationBoard, image_size_px: tuple[int, int], most: int
+) -> tuple[list[int], list[ViewVerdict]]:
     """Return the order of taking, each the least like all before it, and verdicts on those not taken."""
     if not views:
         return [], []
@@ -109,7 +109,7 @@ def _farthest_first(
     return taken, marks
 
 
-def _place(view: View, board: CalibrationBoard, image_size_px: tuple[int, int]) -> FloatArray:
+def _place(view: BoardView, board: CalibrationBoard, image_size_px: tuple[int, int]) -> FloatArray:
     """Return where the board's outline lies (8,), in diagonals: place, distance, turn and tilt in one."""
     found: Any = cv2.findHomography(view.board_m[:, :2], view.pixel)
     homography = found[0]

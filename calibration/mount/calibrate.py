@@ -18,7 +18,7 @@ from calibration.mount.parameters import (
 from calibration.mount.pointing import USABLE_DEG, pointing_sigma
 from calibration.mount.problem import Mark, MarkKind, MountProblem, MountSightings
 from calibration.mount.start import mount_starts
-from calibration.sightings import Landmark, Sighting, read_landmarks, read_sightings
+from calibration.sightings import Landmark, LandmarkSighting, read_landmarks, read_sightings
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError, RigError
 from groundstation.files.toml_table import quoted
@@ -75,7 +75,7 @@ def marks_of(landmarks: Mapping[str, Landmark], names: Sequence[str]) -> tuple[M
     return tuple(marks)
 
 
-def mount_sightings(rows: Sequence[Sighting], names: Sequence[str], path: str) -> MountSightings:
+def mount_sightings(rows: Sequence[LandmarkSighting], names: Sequence[str], path: str) -> MountSightings:
     """Return one station's rows of sightings.csv; rows in turn at the same angles and time are one reading."""
     readings = np.array([(row.pan_rad, row.tilt_rad) for row in rows])
     moved = np.zeros(len(rows), dtype=np.bool_)

@@ -47,7 +47,7 @@ class Rejected:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class HeldOut:
+class HeldOutStandstills:
     """Standstills that the fit did not see.
 
     ``rms_px`` of their n sightings, per axis; ``noise_px`` what pixel and encoder noise alone make; ``expected_px``
@@ -85,7 +85,7 @@ class MountFit:
     rejected: tuple[Rejected, ...]
     residual_px: FloatArray
     noise_factor: float
-    held_out: HeldOut | None
+    held_out: HeldOutStandstills | None
 
     def sigma(self, name: str) -> float:
         """Return one sigma of a parameter; of a held one what it was taken to have."""
@@ -258,7 +258,7 @@ def _scale(name: str) -> float:
     return next((value for part, value in _SCALES.items() if part in name), _OTHER_SCALE)
 
 
-def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor: float) -> HeldOut | None:
+def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor: float) -> HeldOutStandstills | None:
     """Fit without every fifth standstill and judge by these; None where too few are left to fit to."""
     seen = problem.sightings
     stands = np.unique(problem.stand[kept])
@@ -277,7 +277,7 @@ def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor
     jacobian = sought.jacobian[apart]
     expected = noise + jacobian @ scaled_inverse(known) @ np.swapaxes(jacobian, 1, 2)
     residual = (seen.pixel_px - sought.pixel_px)[apart]
-    return HeldOut(
+    return HeldOutStandstills(
         rms_px=float(np.sqrt(np.mean(residual**2))),
         noise_px=float(np.sqrt(np.mean(np.einsum("nii->n", noise)) / 2.0)),
         expected_px=factor * float(np.sqrt(np.mean(np.einsum("nii->n", expected)) / 2.0)),

@@ -15,7 +15,7 @@ _WORK_PAN_DEG, _WORK_TILT_DEG = (-30.0, 0.0, 30.0), (0.0, 7.5, 15.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pointing:
+class PointingSigma:
     """One sigma of where the camera looks from its base, where a station works: across, up and roll, degrees."""
 
     pan_deg: float
@@ -28,7 +28,7 @@ class Pointing:
         return max(self.pan_deg, self.tilt_deg)
 
 
-def pointing_sigma(fit: MountFit, told: bool = False) -> Pointing:
+def pointing_sigma(fit: MountFit, told: bool = False) -> PointingSigma:
     """Return how well the direction of a mark in the middle of the picture is known, given true readings.
 
     Root mean square over pan −30 to 30° and tilt 0 to 15°; what is held counts with what it may be off. ``told``
@@ -72,7 +72,7 @@ def pointing_sigma(fit: MountFit, told: bool = False) -> Pointing:
         variance = np.einsum("ni,ij,nj->n", by, covariance, by)
         return float(np.degrees(np.sqrt(np.mean(np.maximum(variance, 0.0)))))
 
-    return Pointing(
+    return PointingSigma(
         pan_deg=sigma(derivative[0.0][:, 0] / focal[0]),
         tilt_deg=sigma(derivative[0.0][:, 1] / focal[1]),
         roll_deg=sigma(roll),

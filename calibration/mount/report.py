@@ -7,7 +7,7 @@ from calibration.mount.calibrate import StationMount
 from calibration.mount.covariance import BASE, BORESIGHT
 from calibration.mount.fit import MountFit
 from calibration.mount.parameters import LEVER
-from calibration.mount.pointing import USABLE_DEG, Pointing, pointing_sigma
+from calibration.mount.pointing import USABLE_DEG, PointingSigma, pointing_sigma
 from calibration.mount.problem import AXES
 from groundstation.rig.ptu_axes import axes_in_file_units
 
@@ -145,7 +145,7 @@ def _gauges(fit: MountFit, tied: bool) -> list[str]:
     ]
 
 
-def _next(one: StationMount, at: Pointing) -> list[str]:
+def _next(one: StationMount, at: PointingSigma) -> list[str]:
     fit = one.fit
     lines = []
     gone = len(fit.rejected) / len(fit.kept)

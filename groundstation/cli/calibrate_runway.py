@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.landmarks.jobs import Opinion
-from calibration.sightings import STANDING_DEG, Landmark, Sighting
+from calibration.sightings import STANDING_DEG, Landmark, LandmarkSighting
 from groundstation.errors import InputError
 from groundstation.files.toml_table import quoted
 from groundstation.onboard.pose.solve import PoseStatus
@@ -17,7 +17,7 @@ LEAST_CORNERS = 4
 
 
 def ask_runway(
-    rig: Rig, seen: Sequence[Sighting], marks: Mapping[str, Landmark], names: Sequence[str], path: Path
+    rig: Rig, seen: Sequence[LandmarkSighting], marks: Mapping[str, Landmark], names: Sequence[str], path: Path
 ) -> Opinion:
     """Compare each station's pose by the runway's corners with its rig's.
 
@@ -46,7 +46,7 @@ def _corner(marks: Mapping[str, Landmark], name: str) -> Landmark:
     return mark
 
 
-def _check(station: Station, seen: Sequence[Sighting], marks: Sequence[Landmark]) -> StationCheck | None:
+def _check(station: Station, seen: Sequence[LandmarkSighting], marks: Sequence[Landmark]) -> StationCheck | None:
     """Check one station by its first look that shows all corners; means over that look."""
     if not seen:
         return None
@@ -69,7 +69,7 @@ def _check(station: Station, seen: Sequence[Sighting], marks: Sequence[Landmark]
         return None
 
 
-def _near(one: Sighting, other: Sighting) -> bool:
+def _near(one: LandmarkSighting, other: LandmarkSighting) -> bool:
     turned = max(abs(one.pan_rad - other.pan_rad), abs(one.tilt_rad - other.tilt_rad))
     return bool(turned <= np.radians(STANDING_DEG))
 

@@ -171,12 +171,12 @@ def _monitor(options: argparse.Namespace) -> int:
 def _jog(options: argparse.Namespace) -> int:
     """Turn it, and print how that went; 1 if it missed its target."""
     from ptu_drivers import Axis, Capability
-    from ptu_drivers.monitor import Moved, first_reading, format_moved, halted, move
+    from ptu_drivers.monitor import MoveResult, first_reading, format_moved, halted, move
 
     wanted = {axis: math.radians(v) for axis, v in zip(Axis, (options.pan, options.tilt), strict=True) if v is not None}
     if not wanted:
         raise GroundstationError("jog: got no angle; wanted --pan, --tilt or both")
-    reports: list[Moved] = []
+    reports: list[MoveResult] = []
     with open_unit(options) as unit:
         said = unit.describe()
         start = first_reading(unit, time.monotonic, time.sleep, options.patience)

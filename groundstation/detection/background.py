@@ -167,7 +167,7 @@ def _clear_unknown(misfit: Float32Array, residual: Float32Array, edge: Float32Ar
 
 
 @dataclass(eq=False)
-class _Seen:
+class _FramePart:
     """A part (h, w, 3) of an earlier frame, with its corner in it, px.
 
     It stays in its frame until somebody needs it, which before the sky nobody does.
@@ -196,7 +196,7 @@ class BackgroundMemory:
     """Parts of earlier frames of one camera with the target's place in each, and their shift to the newest image."""
 
     def __init__(self) -> None:
-        self._frames: dict[int, _Seen] = {}
+        self._frames: dict[int, _FramePart] = {}
         self._hidden = np.zeros((_KEPT, 4), np.int64)
         self._shifts = np.zeros((_KEPT, 2))
         self._order: list[int] = []
@@ -256,7 +256,7 @@ class BackgroundMemory:
                 within = _union(near, ends, size)
         return Difference(residual=residual, edge=edge, known=_clear_unknown(misfit, residual, edge))
 
-    def _laid_under(self, k: int, corner: tuple[int, int]) -> tuple[_Seen, Box, tuple[float, float]]:
+    def _laid_under(self, k: int, corner: tuple[int, int]) -> tuple[_FramePart, Box, tuple[float, float]]:
         """Return a kept part, what the target hides of it, and the shift to it from a part at ``corner``."""
         kept, hidden = self._frames[k], self._hidden[k]
         (x, y), shift = kept.corner, self._shifts[k]
@@ -302,7 +302,7 @@ class BackgroundMemory:
         free = [k for k in range(_KEPT) if k not in self._order]
         slot = free[0] if free else self._order.pop()
         image, corner = picture.window(picture.available(grown(around, KEPT_MARGIN_PX)) or around)
-        self._frames[slot] = _Seen(image, corner)
+        self._frames[slot] = _FramePart(image, corner)
         self._hidden[slot] = target
         self._shifts[slot] = 0.0
         self._order.insert(0, slot)

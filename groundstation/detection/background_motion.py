@@ -26,7 +26,7 @@ _MIDDLE = 1.0 / 3.0  # age of the second old frame, as a share of the first's
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class _Kept:
+class _KeptFrame:
     """An earlier frame: ``grey`` (h, w), its rotation if known, and the homography from it to the newest frame.
 
     ``known`` is ``grey`` without zeros: in a warped picture 0 stands for what it does not show.
@@ -74,8 +74,8 @@ class SceneMemory:
     ) -> None:
         self._view = None if lens is None else TurningView(lens, scale, size)
         self._memory_s, self._spacing_s, self._limit_px = memory_s, spacing_s, limit_px
-        self._kept: deque[_Kept] = deque()
-        self._last: _Kept | None = None
+        self._kept: deque[_KeptFrame] = deque()
+        self._last: _KeptFrame | None = None
         self._rotation: FloatArray | None = None
 
     def reset(self) -> None:
@@ -95,7 +95,7 @@ class SceneMemory:
         while self._kept and t_s - self._kept[0].t_s > self._memory_s:
             self._kept.popleft()
         result = self._difference(grey, t_s)
-        newest = _Kept(
+        newest = _KeptFrame(
             t_s=t_s,
             grey=grey,
             known=np.maximum(grey, np.uint8(1)),
@@ -118,7 +118,7 @@ class SceneMemory:
         for kept in self._kept:
             kept.newest_from_this = step @ kept.newest_from_this
 
-    def _turned(self, kept: _Kept) -> FloatArray | None:
+    def _turned(self, kept: _KeptFrame) -> FloatArray | None:
         """Return the rotation from a kept frame's camera to the newest one's, None if one of them is unknown."""
         if self._view is None or self._rotation is None or kept.camera_from_runway is None:
             return None
@@ -145,7 +145,9 @@ class SceneMemory:
         agreed = _agreed(old.significance, old.earlier, recent.significance, recent.earlier)
         return BackgroundChange(significance=agreed, earlier=recent.earlier, age_s=t_s - middle.t_s)
 
-    def _against(self, grey: ImageArray, kept: _Kept, rows: FloatArray, slope: ImageArray) -> BackgroundChange | None:
+    def _against(
+        self, grey: ImageArray, kept: _KeptFrame, rows: FloatArray, slope: ImageArray
+    ) -> BackgroundChange | None:
         """Compare with one kept frame, and remember how it fitted; None where it shows another part of the scene."""
         turned = self._turned(kept)
         predicted: FloatArray | None = kept.newest_from_this

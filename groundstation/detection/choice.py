@@ -9,7 +9,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.detection.appearance import Appearance, features_of_regions
 from groundstation.detection.config import DetectionConfig
-from groundstation.detection.look import UNKNOWN_SPAN_PX, Look
+from groundstation.detection.look import UNKNOWN_SPAN_PX, WorkingImage
 from groundstation.detection.regions import Group, Regions, groups_around
 from groundstation.messages import Miss, MissReason
 
@@ -33,7 +33,7 @@ class Memory:
         return self.mass * (span_px / self.span_px) ** 2
 
 
-def choose(regions: Regions, look: Look, memory: Memory | None, config: DetectionConfig) -> Group | Miss:
+def choose(regions: Regions, look: WorkingImage, memory: Memory | None, config: DetectionConfig) -> Group | Miss:
     """Pick the group that is the target, or say why none is."""
     (x, y), ((uu, uv), (_, vv)) = look.predicted.tolist(), look.covariance.tolist()
     sigma = math.sqrt(0.5 * (uu + vv) + math.hypot(0.5 * (uu - vv), uv))
@@ -76,7 +76,7 @@ def choose(regions: Regions, look: Look, memory: Memory | None, config: Detectio
     return best
 
 
-def _unlikeness(group: Group, regions: Regions, look: Look, memory: Memory | None) -> float:
+def _unlikeness(group: Group, regions: Regions, look: WorkingImage, memory: Memory | None) -> float:
     """Return how unlike the learnt target a group looks, in sigmas."""
     if memory is None or group.rim:
         return 0.0
@@ -87,7 +87,7 @@ def _unlikeness(group: Group, regions: Regions, look: Look, memory: Memory | Non
 def _score(
     group: Group,
     place: Place,
-    look: Look,
+    look: WorkingImage,
     share: float,
     unlikeness: Callable[[Group], float],
     config: DetectionConfig,
@@ -122,7 +122,7 @@ def _distance(group: Group, place: Place) -> float:
     return (b * x * x - 2.0 * c * x * y + a * y * y) / (a * b - c * c)
 
 
-def features_of(group: Group, regions: Regions, look: Look) -> FloatArray:
+def features_of(group: Group, regions: Regions, look: WorkingImage) -> FloatArray:
     """Return what a group looks like, in full-image px; of each group it is measured once."""
     seen = regions.looks.get(group)
     if seen is None:

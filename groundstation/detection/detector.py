@@ -15,11 +15,11 @@ from groundstation.detection.appearance import first_look
 from groundstation.detection.background import BackgroundMemory, Difference
 from groundstation.detection.choice import Memory, choose, features_of
 from groundstation.detection.config import DetectionConfig, TargetPoint
-from groundstation.detection.look import DetectionHint, Look, expectation, start_look
+from groundstation.detection.look import DetectionHint, WorkingImage, expectation, start_look
 from groundstation.detection.preprocess import Prepared, prepare
 from groundstation.detection.regions import Group, Regions, find_regions, soft_silhouette
 from groundstation.detection.segmentation import make_segmenter
-from groundstation.detection.start_contour import Silhouette, start_contour
+from groundstation.detection.start_contour import PreviousSilhouette, start_contour
 from groundstation.detection.target_point import find_nose
 from groundstation.messages import Detection, Miss, MissReason, Roi
 from groundstation.picture import Picture, as_picture
@@ -43,7 +43,7 @@ class Detector:
         self._config = config
         self._image_size_px = image_size_px
         self._memory: Memory | None = None
-        self._last: Silhouette | None = None
+        self._last: PreviousSilhouette | None = None
         self._background = BackgroundMemory()
         self._segment = make_segmenter(config)
 
@@ -90,7 +90,7 @@ class Detector:
             self._learn(picture, roi, detection, choice.mass * look.scale**2, features_of(choice, regions, look))
         return detection
 
-    def _divide(self, prepared: Prepared, start: MaskArray, look: Look) -> tuple[Regions, Group | Miss]:
+    def _divide(self, prepared: Prepared, start: MaskArray, look: WorkingImage) -> tuple[Regions, Group | Miss]:
         """Run the level set and return its regions and the one that is the target, or why none is."""
         regions = find_regions(self._segment(prepared.u, start), prepared.contrast)
         return regions, choose(regions, look, self._memory, self._config)
@@ -121,7 +121,9 @@ class Detector:
             around = (roi.x, roi.y, roi.x + roi.w, roi.y + roi.h)
             self._background.remember(picture, around, _place_of(detection), detection.box[2])
 
-    def _learnt_difference(self, picture: Picture, look: Look, box: tuple[int, int, int, int]) -> Difference | None:
+    def _learnt_difference(
+        self, picture: Picture, look: WorkingImage, box: tuple[int, int, int, int]
+    ) -> Difference | None:
         """Return the image less the learnt background; large targets, seen reduced, go without."""
         if look.scale > 1 or not self._config.learn_background:
             return None
@@ -144,7 +146,7 @@ class Detector:
         group: Group,
         regions: Regions,
         prepared: Prepared,
-        look: Look,
+        look: WorkingImage,
     ) -> Detection | Miss:
         """Measure the chosen group: target point, covariance, outline."""
         h, w = prepared.u.shape
@@ -179,7 +181,7 @@ class Detector:
             return Miss(reason=MissReason.NO_REGION, detail="the target point is too far from the prediction")
         size = look.scale
         working = (point - origin) / size
-        self._last = Silhouette(mask=member, point=working, width=width, scale=float(size))
+        self._last = PreviousSilhouette(mask=member, point=working, width=width, scale=float(size))
         return Detection(
             u_px=float(point[0]),
             v_px=float(point[1]),

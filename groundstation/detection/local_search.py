@@ -26,7 +26,7 @@ _ALONE = 2.0  # how much more conspicuous than all else a target far from its pl
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sight:
+class Blob:
     """Something that stands out: ``centre_px`` (2,), ``box`` x, y, w, h in px, and its score in sigmas."""
 
     centre_px: FloatArray
@@ -46,12 +46,12 @@ class LocalSearch:
         # here it is known where to look: what stands before the ground counts as much as what hangs in the sky
         self._config = replace(config, ground_weight=1.0)
 
-    def inside(self, image: ImageArray, box: Box) -> Sight | None:
+    def inside(self, image: ImageArray, box: Box) -> Blob | None:
         """Return what stands out most inside a loose box; None if nothing does."""
         x, y, w, h = box
         middle = np.array([x + 0.5 * w, y + 0.5 * h])
 
-        def worth(sight: Sight) -> float:
+        def worth(sight: Blob) -> float:
             off = (sight.centre_px - middle) / (_CENTRED * np.array([w, h]))
             # of several the larger, unless it is much fainter: a part of an aircraft is no aircraft
             return sight.score * math.sqrt(sight.size_px) * math.exp(-0.5 * float(off @ off))
@@ -59,7 +59,7 @@ class LocalSearch:
         found = [s for s in self.around(image, middle, max(w, h)) if _within(s.box, box)]
         return max(found, key=worth, default=None)
 
-    def around(self, image: ImageArray, place_px: FloatArray, reach_px: float) -> list[Sight]:
+    def around(self, image: ImageArray, place_px: FloatArray, reach_px: float) -> list[Blob]:
         """Return what stands out within about ``reach_px`` of a place (2,), most conspicuous first."""
         h, w = image.shape[:2]
         half = math.ceil((max(_LEAST_HALF_PX, reach_px + 24.0)) / _STEP_PX) * _STEP_PX
@@ -84,15 +84,15 @@ def _within(box: Box, given: Box) -> bool:
     return across and given[1] - beyond_y <= box[1] and box[1] + box[3] <= given[1] + given[3] + beyond_y
 
 
-def _moved(c: Candidate, x0: int, y0: int) -> Sight:
+def _moved(c: Candidate, x0: int, y0: int) -> Blob:
     x, y, w, h = c.box
-    return Sight(centre_px=np.array([c.u_px + x0, c.v_px + y0]), box=(x + x0, y + y0, w, h), score=c.score)
+    return Blob(centre_px=np.array([c.u_px + x0, c.v_px + y0]), box=(x + x0, y + y0, w, h), score=c.score)
 
 
-def best_sight(similar: list[Sight], place: FloatArray, reach_px: float, all_of_them: list[Sight]) -> Sight | None:
+def best_sight(similar: list[Blob], place: FloatArray, reach_px: float, all_of_them: list[Blob]) -> Blob | None:
     """Return the sight that is most likely the target: one near the place (2,), or one that nothing else equals."""
 
-    def off(sight: Sight) -> float:
+    def off(sight: Blob) -> float:
         return float(np.hypot(*(sight.centre_px - place))) / reach_px
 
     near = [s for s in similar if off(s) <= 1.0]

@@ -47,7 +47,7 @@ class DetectionHint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Look:
+class WorkingImage:
     """The working image of one frame: ``scale`` full-image px per working px, origin in the full image.
 
     ``offset`` (2,) is the full-image px of the working pixel 0, 0,
@@ -120,7 +120,7 @@ def start_look(
     hint: DetectionHint,
     size: tuple[float | None, float],
     limits: tuple[float, float],
-) -> Look:
+) -> WorkingImage:
     """Cut the region of interest out and reduce it where the target is large.
 
     ``size`` is the expected span in px and the sigma of its logarithm, ``limits`` the smallest span in px and
@@ -138,7 +138,7 @@ def start_look(
         window = np.asarray(cv2.resize(window[: roi.h, : roi.w], reduced, interpolation=cv2.INTER_AREA), np.uint8)
     offset = np.array([roi.x, roi.y]) + 0.5 * (scale - 1)
     metres = span * scale / hint.px_per_m if span is not None and hint.px_per_m else None
-    return Look(
+    return WorkingImage(
         roi=roi,
         scale=scale,
         image=np.ascontiguousarray(window),
@@ -171,7 +171,7 @@ def _likely(first: int, last: int, low: float, high: float, sigma: float) -> NDA
     return likely
 
 
-def expectation(look: Look) -> Expectation:
+def expectation(look: WorkingImage) -> Expectation:
     """Return where in the working image the target may be, and how likely each column and row is."""
     h, w = look.image.shape[:2]
     span = look.span if look.span is not None else UNKNOWN_SPAN_PX

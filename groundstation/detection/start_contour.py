@@ -9,14 +9,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.detection.look import UNKNOWN_SPAN_PX, Look
+from groundstation.detection.look import UNKNOWN_SPAN_PX, WorkingImage
 
 _HEIGHT_PER_SPAN = 0.5
 _MOST_GROWTH = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Silhouette:
+class PreviousSilhouette:
     """What was found last: ``mask`` (h, w) uint8 of 0 and 1, the target point (2,) in it, its width; all in its px.
 
     ``scale`` is how many full-image px one of these is.
@@ -68,7 +68,7 @@ def _moved(
     return inside
 
 
-def start_contour(look: Look, last: Silhouette | None) -> MaskArray:
+def start_contour(look: WorkingImage, last: PreviousSilhouette | None) -> MaskArray:
     """Return what the start contour encloses, (h, w) of the working image.
 
     The last silhouette is scaled to the expected span and widened by the prediction's sigma, so that it holds the

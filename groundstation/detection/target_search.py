@@ -22,7 +22,7 @@ _ENOUGH = 60.0  # sigmas: beyond it more contrast says no more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SearchConfig:
+class ConfirmationConfig:
     """Tuning of the confirmation.
 
     Attributes
@@ -90,7 +90,9 @@ def overlaps(a: tuple[float, float, float, float], b: tuple[float, float, float,
 class TargetSearch:
     """Searches the frames of one camera for one target, frame after frame."""
 
-    def __init__(self, config: SearchConfig, acquisition: AcquisitionConfig, image_size_px: tuple[int, int]) -> None:
+    def __init__(
+        self, config: ConfirmationConfig, acquisition: AcquisitionConfig, image_size_px: tuple[int, int]
+    ) -> None:
         self._config = config
         self._finder = CandidateFinder(acquisition, image_size_px)
         self._hopefuls: list[_Hopeful] = []

@@ -14,7 +14,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import InitiationConfig
-from groundstation.estimation.triangulation import View, triangulate
+from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.station import LensError, StationGeometry
 from groundstation.messages import Kinematics
 
@@ -26,7 +26,7 @@ _MAX_TRACKS = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sighting:
+class CameraCandidate:
     """One candidate of one camera: pixel (2,) at ``t_s``, width in px (None if unknown), score, and the angles then.
 
     ``moving`` marks a candidate that was found by its motion: it may be a part of the aircraft only, so its
@@ -90,7 +90,7 @@ class TrackInitiator:
         """Forget all tentative tracks."""
         self._tracks.clear()
 
-    def step(self, t_s: float, sightings: Sequence[Sighting]) -> Kinematics | None:
+    def step(self, t_s: float, sightings: Sequence[CameraCandidate]) -> Kinematics | None:
         """Take one epoch's sightings; return the target at ``t_s`` once one is confirmed."""
         fixes = self.fixes(sightings)
         self._predict(t_s)
@@ -110,9 +110,9 @@ class TrackInitiator:
         P[3:, 3:] = share * best.P[3:, 3:]
         return Kinematics(position_runway_m=best.x[:3].copy(), velocity_runway_m_s=best.x[3:].copy(), covariance=P)
 
-    def fixes(self, sightings: Sequence[Sighting]) -> list[Fix]:
+    def fixes(self, sightings: Sequence[CameraCandidate]) -> list[Fix]:
         """Return the believable crossings among sightings of different stations, best first."""
-        by_station: dict[str, list[Sighting]] = {}
+        by_station: dict[str, list[CameraCandidate]] = {}
         for s in sightings:
             by_station.setdefault(s.station, []).append(s)
         found = []
@@ -124,7 +124,9 @@ class TrackInitiator:
         return sorted(found, key=lambda f: -f.score)
 
     # -------------------------------------------------------------------------------------- geometry
-    def _nearly_meeting(self, first: list[Sighting], second: list[Sighting]) -> list[tuple[Sighting, Sighting, float]]:
+    def _nearly_meeting(
+        self, first: list[CameraCandidate], second: list[CameraCandidate]
+    ) -> list[tuple[CameraCandidate, CameraCandidate, float]]:
         """Return pairs whose rays pass close to each other, and how far ahead: a cheap test before the exact one."""
         first, one = self._rays(first)
         second, two = self._rays(second)
@@ -147,7 +149,7 @@ class TrackInitiator:
                 pairs.append((first[i], second[j], far))
         return pairs
 
-    def _rays(self, sightings: list[Sighting]) -> tuple[list[Sighting], FloatArray]:
+    def _rays(self, sightings: list[CameraCandidate]) -> tuple[list[CameraCandidate], FloatArray]:
         """Return the sightings whose pixel has a ray, and origin and direction of each, (n, 2, 3)."""
         seen, rays = [], []
         for s in sightings:
@@ -159,11 +161,11 @@ class TrackInitiator:
             rays.append((ray.origin_runway_m, ray.direction_runway))
         return seen, np.array(rays)
 
-    def _ray_sigma(self, s: Sighting, distance_m: float) -> float:
+    def _ray_sigma(self, s: CameraCandidate, distance_m: float) -> float:
         focal = float(self._stations[s.station].lens.focal_px.mean())
         return float(np.hypot(self._sigma_px(s, distance_m) / focal, s.angle_sigma_rad))
 
-    def _sigma_px(self, s: Sighting, distance_m: float) -> float:
+    def _sigma_px(self, s: CameraCandidate, distance_m: float) -> float:
         """Return the noise of a candidate's centre; what was found by motion may be any part of the aircraft."""
         if s.moving:
             span_m = self._config.usual_span_m if self._span_m is None else self._span_m
@@ -172,10 +174,10 @@ class TrackInitiator:
         share = 0.0 if s.width_px is None else self._config.candidate_sigma_share * s.width_px
         return float(np.hypot(self._config.candidate_sigma_px, share))
 
-    def _fix(self, first: Sighting, second: Sighting, distance_m: float) -> Fix | None:
+    def _fix(self, first: CameraCandidate, second: CameraCandidate, distance_m: float) -> Fix | None:
         """Return the crossing of two sightings if an aircraft could be there."""
         views = [
-            View(
+            TriangulationView(
                 station=self._stations[s.station],
                 pixel=s.pixel,
                 covariance_px2=np.eye(2) * self._sigma_px(s, distance_m) ** 2,
@@ -201,7 +203,7 @@ class TrackInitiator:
             labelled=first.labelled and second.labelled,
         )
 
-    def _sizes_possible(self, first: Sighting, second: Sighting, distance_m: float) -> bool:
+    def _sizes_possible(self, first: CameraCandidate, second: CameraCandidate, distance_m: float) -> bool:
         """Return whether `_sizes_fit` may say yes at about this distance: nobody triangulates clouds with trees."""
         if first.width_px is None or second.width_px is None:
             return True
@@ -212,7 +214,7 @@ class TrackInitiator:
         ]
         return self._width_believable(widths, first.moving or second.moving, _SIZE_SLACK)
 
-    def _sizes_fit(self, first: Sighting, second: Sighting, point: FloatArray) -> bool:
+    def _sizes_fit(self, first: CameraCandidate, second: CameraCandidate, point: FloatArray) -> bool:
         """Return whether both silhouettes have the same, believable width in metres."""
         widths = []
         for s in (first, second):

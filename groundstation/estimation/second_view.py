@@ -43,7 +43,7 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Placed:
+class Reinitialisation:
     """A target placed anew.
 
     ``target`` (6,) position and velocity, ``covariance`` (6, 6) without what the rig does to it, ``sensitivity``
@@ -96,7 +96,7 @@ class SecondView:
         near_m: FloatArray,
         prior: tuple[FloatArray, FloatArray],
         age_s: float,
-    ) -> Placed | None:
+    ) -> Reinitialisation | None:
         """Return the target where two rays meet, or None where that is behind a camera or far off the prior.
 
         Parameters
@@ -119,7 +119,7 @@ class SecondView:
         slope, by_errors = needle.velocity_slope(fit.x), -spread @ J.T @ problem.by_errors(fit.x)
         velocity = slope @ spread @ slope.T + needle.velocity_spread(fit.x)
         residual, covariance = problem.of_second(fit.fun)
-        return Placed(
+        return Reinitialisation(
             target=np.concatenate([fit.x, needle.velocity(fit.x)]),
             covariance=np.block([[spread, spread @ slope.T], [slope @ spread, velocity]]),
             sensitivity=np.vstack([by_errors, slope @ by_errors]),

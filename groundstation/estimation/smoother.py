@@ -1,7 +1,8 @@
 """The whole flight, looked at from its end: what the filter would have said had it known what came later.
 
 Rauch, Tung & Striebel's backward pass over the filter's own models, along its history
-(`groundstation.estimation.smoother_history`). It begins where a target was given up or the flight ends and stops where it was begun. Linearisations are the filter's.
+(`groundstation.estimation.smoother_history`). It begins where a target was given up or the flight ends and stops where
+it was begun. Linearisations are the filter's.
 
 - With several modes it is the mixture's mean and covariance that are smoothed, in one step for all: a moment-matched
   approximation, as the filter's output is.

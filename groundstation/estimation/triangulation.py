@@ -24,7 +24,7 @@ _MIN_RAY_ANGLE_SINE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class View:
+class TriangulationView:
     """One camera's share: a pixel (2,) with covariance (2, 2), and the station's angles with their sigma."""
 
     station: StationGeometry
@@ -69,7 +69,7 @@ def _meet(origins: FloatArray, directions: FloatArray, point: FloatArray) -> flo
     return 2.0 * farthest
 
 
-def triangulate(views: Sequence[View]) -> Triangulation | None:
+def triangulate(views: Sequence[TriangulationView]) -> Triangulation | None:
     """Return the point that two or more views agree on best, or None where their rays don't meet ahead."""
     middle, point, covariance = np.empty(3), np.empty(3), np.empty((3, 3))
     gap, chi2 = _triangulate(

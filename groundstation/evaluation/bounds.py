@@ -20,7 +20,7 @@ from groundstation.geometry.station import StationGeometry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class View:
+class StationView:
     """One station's look: its geometry and angles, pixel covariance (2, 2) px² and sigma of one angle, rad."""
 
     geometry: StationGeometry
@@ -40,7 +40,7 @@ class BoundSeries:
     track_known: BoolArray
 
 
-def fix_information(point_runway_m: FloatArray, views: Sequence[View]) -> FloatArray:
+def fix_information(point_runway_m: FloatArray, views: Sequence[StationView]) -> FloatArray:
     """Return the information (3, 3) in 1/m² that the views hold on a point (3,); zero without any view."""
     information = np.zeros((3, 3))
     for view in views:

@@ -12,7 +12,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.parameters import CLOCKS, DGPS_CLOCK
-from groundstation.evaluation.bounds import View, fix_covariance, motion_matrices, posterior_bound
+from groundstation.evaluation.bounds import StationView, fix_covariance, motion_matrices, posterior_bound
 from groundstation.geometry.calibration import parameter_indices, project_with_calibration
 from groundstation.rig.covariance import READOUT
 
@@ -40,7 +40,7 @@ class ConsiderBound:
 
 
 def calibration_sensitivities(
-    point_runway_m: FloatArray, views: Sequence[View], names: Sequence[str]
+    point_runway_m: FloatArray, views: Sequence[StationView], names: Sequence[str]
 ) -> list[FloatArray]:
     """Return ∂pixel/∂nuisance (2, m) of each view for parameters named ``station.parameter``.
 
@@ -61,7 +61,7 @@ def calibration_sensitivities(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Movement:
+class MotionProfile:
     """What moves while the stations look: through it a clock's error moves a pixel.
 
     Attributes
@@ -77,7 +77,7 @@ class Movement:
 
 
 def nuisance_sensitivities(
-    point_runway_m: FloatArray, views: Sequence[View], movement: Movement, names: Sequence[str]
+    point_runway_m: FloatArray, views: Sequence[StationView], movement: MotionProfile, names: Sequence[str]
 ) -> list[FloatArray]:
     """Return ∂pixel/∂nuisance (2, m) of each view for calibration parameters and clocks.
 
@@ -109,7 +109,7 @@ def nuisance_sensitivities(
     return found
 
 
-def reference_information(covariance_m2: FloatArray, movement: Movement, names: Sequence[str]) -> FloatArray:
+def reference_information(covariance_m2: FloatArray, movement: MotionProfile, names: Sequence[str]) -> FloatArray:
     """Return the information (3 + m, 3 + m) of a reference position (3,) with covariance (3, 3), in its own clock."""
     H = np.zeros((3, 3 + len(names)))
     H[:, :3] = np.eye(3)
@@ -121,7 +121,7 @@ def reference_information(covariance_m2: FloatArray, movement: Movement, names: 
 
 
 def joint_information(
-    point_runway_m: FloatArray, views: Sequence[View], sensitivities: Sequence[FloatArray]
+    point_runway_m: FloatArray, views: Sequence[StationView], sensitivities: Sequence[FloatArray]
 ) -> FloatArray:
     """Return the information (3 + m, 3 + m) that the views hold on a point (3,) and the nuisances together.
 

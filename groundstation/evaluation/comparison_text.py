@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from groundstation.evaluation.figures_of_run import AXES, Moved, figures_of
+from groundstation.evaluation.figures_of_run import AXES, FigureChange, figures_of
 
 _REFERENCES = {"truth": "the truth", "dgps": "DGPS"}
 _MOST_SETTINGS = 12
@@ -89,7 +89,7 @@ def _row(run: ScoredRun, baseline: ScoredRun, group: str) -> str | None:
     names = [f"{group}.ekf.rmse_{axis}_m" for axis in AXES]
     errors = " ".join(f"{_metres(f.get(n)):>7}" for n in names)
     changes = " ".join(
-        f"{'' if run is baseline else _percent(Moved(before=b.get(n), after=f.get(n))):>5}" for n in names
+        f"{'' if run is baseline else _percent(FigureChange(before=b.get(n), after=f.get(n))):>5}" for n in names
     )
     fixes = " ".join(f"{_metres(f.get(n.replace('.ekf.', '.triangulation.'))):>7}" for n in names)
     anees = f.get(f"{group}.ekf.anees")
@@ -148,6 +148,6 @@ def _metres(value: float | None) -> str:
     return "–" if value is None else f"{value:.3f}" if value < 100 else f"{value:.0f}"
 
 
-def _percent(moved: Moved) -> str:
+def _percent(moved: FigureChange) -> str:
     percent = moved.percent
     return "–" if percent is None else f"{percent:+.0f}" if abs(percent) < 1000 else ">999"

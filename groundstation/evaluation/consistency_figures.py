@@ -9,7 +9,7 @@ from groundstation.evaluation.evaluate import Evaluation
 from groundstation.evaluation.figure_style import (
     EKF,
     TRIANGULATION,
-    Picture,
+    ReportFigure,
     legend_above,
     shade_phases,
     stride,
@@ -20,7 +20,7 @@ _WINDOW_S = 2.0
 _POSITION_DOF = 3.0
 
 
-def consistency_pictures(e: Evaluation) -> list[Picture]:
+def consistency_pictures(e: Evaluation) -> list[ReportFigure]:
     """Return NEES against the best reference, NIS and latency, as far as the run has them."""
     shown = []
     best = next(((name, c) for name, c in e.comparisons.items() if c.ekf_known.any()), None)
@@ -30,7 +30,7 @@ def consistency_pictures(e: Evaluation) -> list[Picture]:
     if len(judged):
         mean = judged["nis"].astype(np.float64).sum() / max(float(judged["dof"].astype(np.float64).sum()), 1.0)
         shown.append(
-            Picture(
+            ReportFigure(
                 name="nis",
                 title="Are the innovations as large as the filter expects?",
                 caption="Normalised innovation squares (NIS) of the accepted pixels per degree of freedom: single "
@@ -46,9 +46,9 @@ def consistency_pictures(e: Evaluation) -> list[Picture]:
     return shown
 
 
-def _nees_picture(e: Evaluation, name: str, comparison: Comparison) -> Picture:
+def _nees_picture(e: Evaluation, name: str, comparison: Comparison) -> ReportFigure:
     words = {"truth": "the truth", "dgps": "DGPS"}.get(name, name)
-    return Picture(
+    return ReportFigure(
         name="nees",
         title="Are the errors as large as the filter states?",
         caption=f"Normalised squared errors (NEES) against {words} per degree of freedom: single values as dots, their "
@@ -94,10 +94,10 @@ def _chi_square(figure: Figure, e: Evaluation, t_s: FloatArray, values: FloatArr
     legend_above(ax, 2)
 
 
-def _latency_picture(e: Evaluation) -> Picture:
+def _latency_picture(e: Evaluation) -> ReportFigure:
     ms = 1e3 * e.epochs["latency_s"].astype(np.float64)
     p50, p99 = np.nanpercentile(ms, [50, 99])
-    return Picture(
+    return ReportFigure(
         name="latency",
         title="How long from picture to answer?",
         caption="Each pair's time from its first picture's arrival to its estimate; lines at the median and at 99 %.",

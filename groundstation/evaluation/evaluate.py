@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
-from groundstation.evaluation.bounds import BoundSeries, View, fix_covariance, fix_information, posterior_bounds
+from groundstation.evaluation.bounds import BoundSeries, StationView, fix_covariance, fix_information, posterior_bounds
 from groundstation.evaluation.collector import DETECTION_STATUSES, TRIANGULATION_STATUSES, ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.metrics import Comparison
@@ -279,14 +279,14 @@ class _Views:
         self._rows = rows[np.argsort(cameras["epoch"][rows], kind="stable")]
         self._epochs = cameras["epoch"][self._rows]
 
-    def of(self, epoch: int) -> list[View]:
+    def of(self, epoch: int) -> list[StationView]:
         """Return the views of one epoch, in the order in which they came."""
         first, last = np.searchsorted(self._epochs, [epoch, epoch + 1])
         return [self._view(self._cameras[k]) for k in self._rows[first:last]]
 
-    def _view(self, row: NDArray[Any]) -> View:
+    def _view(self, row: NDArray[Any]) -> StationView:
         station = self._calibrated[row["station"]]
-        return View(
+        return StationView(
             geometry=self._geometries[row["station"]],
             pan_rad=float(row["pan_rad"]),
             tilt_rad=float(row["tilt_rad"]),

@@ -41,7 +41,7 @@ _STYLE: dict[Any, Any] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
+class ReportFigure:
     """One figure of the report.
 
     Attributes
@@ -84,7 +84,7 @@ class Picture:
 class Drawn:
     """A figure as an SVG element that says what it shows, and as a PNG file."""
 
-    picture: Picture
+    picture: ReportFigure
     svg: str
     png: bytes
 

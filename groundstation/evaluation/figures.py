@@ -17,7 +17,7 @@ from groundstation.evaluation.figure_style import (
     SMOOTHED,
     TRIANGULATION,
     TRUTH,
-    Picture,
+    ReportFigure,
     gapped,
     legend_above,
     shade_phases,
@@ -31,7 +31,7 @@ _AXES = ("x", "y", "z")
 _AXIS_NAMES = ("x, sideways", "y, along the runway", "z, height")
 
 
-def pictures(evaluation: Evaluation, edges_m: Sequence[float]) -> list[Picture]:
+def pictures(evaluation: Evaluation, edges_m: Sequence[float]) -> list[ReportFigure]:
     """Return every picture that the run has data for."""
     if not len(evaluation.epochs):
         return []
@@ -48,7 +48,7 @@ def pictures(evaluation: Evaluation, edges_m: Sequence[float]) -> list[Picture]:
     return shown + consistency_pictures(evaluation)
 
 
-def _projection_picture(e: Evaluation, axis: int, name: str, title: str, caption: str) -> Picture:
+def _projection_picture(e: Evaluation, axis: int, name: str, title: str, caption: str) -> ReportFigure:
     """Draw one coordinate over y."""
     known = np.isfinite(e.epochs["position_m"]).all(axis=1)
     place = e.epochs["position_m"][known]
@@ -59,7 +59,7 @@ def _projection_picture(e: Evaluation, axis: int, name: str, title: str, caption
             f"The EKF's track runs from y {high[1]:.0f} to {low[1]:.0f} m, "
             f"{_AXES[axis]} from {low[axis]:.1f} to {high[axis]:.1f} m."
         )
-    return Picture(
+    return ReportFigure(
         name=f"projection_{name}",
         title=title,
         caption=f"{caption} The axes have different scales.",
@@ -107,11 +107,11 @@ def _hatch_excluded(ax: Axes, reference: CheckedReference | None, label: bool) -
         ax.axvspan(span.from_s, to_s, facecolor="none", edgecolor="#888888", hatch="////", lw=0, label=name)
 
 
-def _error_picture(e: Evaluation, name: str, comparison: Comparison) -> Picture:
+def _error_picture(e: Evaluation, name: str, comparison: Comparison) -> ReportFigure:
     """Draw the errors against one reference."""
     words = {"truth": "the truth", "dgps": "DGPS"}.get(name, name)
     rmse = np.sqrt((comparison.ekf_error_m[comparison.ekf_known] ** 2).mean(axis=0))
-    return Picture(
+    return ReportFigure(
         name=f"errors_{name}",
         title=f"Errors against {words}",
         caption="EKF minus reference with the band of ±2 σ that the filter states (it should hold 95 % of the line), "
@@ -144,10 +144,10 @@ def _errors(figure: Figure, e: Evaluation, c: Comparison, reference: CheckedRefe
     legend_above(panels[0], 3)
 
 
-def _bound_picture(e: Evaluation, best: tuple[str, Comparison] | None, edges_m: Sequence[float]) -> Picture:
+def _bound_picture(e: Evaluation, best: tuple[str, Comparison] | None, edges_m: Sequence[float]) -> ReportFigure:
     """Draw sigmas and errors over range against the bounds."""
     sigma = np.sqrt((e.bounds.fix_sigma_m[e.bounds.fix_known] ** 2).mean(axis=0))
-    return Picture(
+    return ReportFigure(
         name="bounds",
         title="How close to what is possible?",
         caption="Over the range y: the lower bound of one fix (Cramér-Rao, one angle reading each), the lower bound "

@@ -10,7 +10,7 @@ _PERCENTILES = ("p50", "p90", "p99", "max")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moved:
+class FigureChange:
     """A figure in two runs; None where one of them does not have it."""
 
     before: float | None
@@ -36,9 +36,9 @@ def figures_of(summary: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(value) for name, value in found.items() if value is not None}
 
 
-def moved_figures(before: Mapping[str, float], after: Mapping[str, float]) -> dict[str, Moved]:
+def moved_figures(before: Mapping[str, float], after: Mapping[str, float]) -> dict[str, FigureChange]:
     """Return every figure of either run, in the order of the first."""
-    return {name: Moved(before=before.get(name), after=after.get(name)) for name in {**before, **after}}
+    return {name: FigureChange(before=before.get(name), after=after.get(name)) for name in {**before, **after}}
 
 
 def group_names(table: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:

@@ -10,7 +10,7 @@ from typing import Any
 from groundstation.errors import InputError
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation
-from groundstation.evaluation.figure_style import Drawn, Picture
+from groundstation.evaluation.figure_style import Drawn, ReportFigure
 from groundstation.evaluation.figures import pictures
 from groundstation.evaluation.page_tables import Column, page_table, plain
 from groundstation.evaluation.report_tables import accuracy_section, calibration_section, latency_section
@@ -95,7 +95,7 @@ def report_page(evaluation: Evaluation, config: EvaluationConfig) -> str:
     return "".join(_page(evaluation, (picture.drawn() for picture in pictures(evaluation, config.range_bins_m))))
 
 
-def _in_turn(shown: Sequence[Picture], folder: Path, *, long: bool) -> Iterator[Drawn]:
+def _in_turn(shown: Sequence[ReportFigure], folder: Path, *, long: bool) -> Iterator[Drawn]:
     """Draw each figure when it is asked for; of a ``long`` flight, sweep up after each."""
     for picture in shown:
         yield _kept(picture.drawn(), folder)

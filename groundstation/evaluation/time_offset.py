@@ -205,7 +205,7 @@ def estimate_offset(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Normal:
+class _OffsetNormalEquations:
     """The weighted normal equations of offset and biases: information (7, 7), score (7,), and of how many epochs.
 
     ``lag_information`` is that on the offset alone, in 1/s².
@@ -217,7 +217,7 @@ class _Normal:
     lag_information: float
 
 
-def _normal(parts: Iterable[TimeAlignment], bias: FloatArray, huber_sigma: float) -> _Normal:
+def _normal(parts: Iterable[TimeAlignment], bias: FloatArray, huber_sigma: float) -> _OffsetNormalEquations:
     """Sum the normal equations over the parts of an alignment, weighted by the errors left by the biases (6,)."""
     information, score, used, lag = np.zeros((7, 7)), np.zeros(7), 0, 0.0
     for a in parts:
@@ -227,7 +227,7 @@ def _normal(parts: Iterable[TimeAlignment], bias: FloatArray, huber_sigma: float
         score += np.einsum("nij,nj->i", weighted, a.error_m)
         used += int(np.count_nonzero(weight))
         lag += float(weight @ a.lag_information)
-    return _Normal(information=information, score=score, used=used, lag_information=lag)
+    return _OffsetNormalEquations(information=information, score=score, used=used, lag_information=lag)
 
 
 def _described(

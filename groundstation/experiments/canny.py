@@ -8,8 +8,8 @@ import numpy as np
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.messages import Frame
 from groundstation.sources.replay import ReplaySource
 
@@ -20,7 +20,7 @@ _NEAR_PX = 3
 _EVERY = 8
 
 
-def canny(recorded: Recorded) -> Findings:
+def canny(recorded: TruthSession) -> Findings:
     """Edges at σ 1, 10 and 20 of our pictures, thresholds 0.4 and 0.1 (figure 1 of the runway-edge paper)."""
     pictures = _pictures(recorded)
     edges = {sigma: [canny_edges(p, sigma) for p in pictures] for sigma in SIGMAS_PX}
@@ -31,7 +31,7 @@ def canny(recorded: Recorded) -> Findings:
         kept = [_share(fine, coarse) for fine, coarse in zip(edges[SIGMAS_PX[0]], edges[sigma], strict=True)]
         back = [_share(coarse, fine) for fine, coarse in zip(edges[SIGMAS_PX[0]], edges[sigma], strict=True)]
         rows.append([sigma, count, pieces, float(np.mean(kept)), float(np.mean(back))])
-    table = Table(
+    table = ResultTable(
         name="canny",
         title="Figure 1: edges by Canny's σ",
         columns=("σ px", "edge pixels", "pieces", "of σ 1's still there %", "lying on σ 1's %"),
@@ -76,7 +76,7 @@ def _share(of: MaskArray, near: MaskArray) -> float:
     return 100.0 * float(np.count_nonzero(of & about)) / max(int(np.count_nonzero(of)), 1)
 
 
-def _pictures(recorded: Recorded) -> list[FloatArray]:
+def _pictures(recorded: TruthSession) -> list[FloatArray]:
     """Return every `_EVERY`-th picture of the first station where there is more than sky; all where it never is."""
     ground = [p for p in recorded.session.phases if p.background != "sky"]
     from_s = max(recorded.from_s, min(p.from_s for p in ground)) if ground else recorded.from_s

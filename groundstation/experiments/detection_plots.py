@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from groundstation.experiments.detection_tables import WIDTHS_PX, of_phase
-from groundstation.experiments.looks import Outcome
+from groundstation.experiments.looks import DetectorOutcome
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
@@ -33,7 +33,7 @@ def save(figure: Figure, path: Path) -> None:
     figure.savefig(path, dpi=130, metadata={"Software": None})
 
 
-def draw_roi_sweep(sweep: Mapping[str, Sequence[Outcome]], full: str, path: Path) -> None:
+def draw_roi_sweep(sweep: Mapping[str, Sequence[DetectorOutcome]], full: str, path: Path) -> None:
     """Draw time and deviation against the basic size."""
     figure, (times, off) = blank(1, 2, (9.0, 3.6))
     names = list(sweep)
@@ -61,7 +61,7 @@ def draw_roi_sweep(sweep: Mapping[str, Sequence[Outcome]], full: str, path: Path
     save(figure, path)
 
 
-def draw_methods(methods: Mapping[str, Sequence[Outcome]], path: Path) -> None:
+def draw_methods(methods: Mapping[str, Sequence[DetectorOutcome]], path: Path) -> None:
     """Draw overlap and the point's error over time, one camera, and the time of each method."""
     figure, (overlap, error, times) = blank(3, 1, (9.0, 9.0))
     for k, (name, every) in enumerate(methods.items()):
@@ -90,7 +90,7 @@ def draw_methods(methods: Mapping[str, Sequence[Outcome]], path: Path) -> None:
     save(figure, path)
 
 
-def draw_accuracy(outcomes: Sequence[Outcome], path: Path) -> None:
+def draw_accuracy(outcomes: Sequence[DetectorOutcome], path: Path) -> None:
     """Draw every error against the silhouette's width, and the mean normalised square by class of width."""
     figure, axes = blank(1, 3, (11.0, 3.6))
     found = [o for o in outcomes if o.found]

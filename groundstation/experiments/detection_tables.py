@@ -10,8 +10,8 @@ from groundstation.arrays import FloatArray
 from groundstation.evaluation.correlation import correlated_chi_square, lag_one
 from groundstation.evaluation.metrics import ChiSquareMean
 from groundstation.evaluation.stated_parts import StatedErrors, flights_chi_square, noise_chi_square
-from groundstation.experiments.looks import Outcome
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.looks import DetectorOutcome
+from groundstation.experiments.tables import Cell, ResultTable
 
 PHASES = ("sky", "mixed", "ground")
 WIDTHS_PX = (15, 30, 60, 100, 200)
@@ -38,7 +38,7 @@ _PARTS = (
 )
 
 
-def _times_ms(outcomes: Sequence[Outcome], of: Callable[[Outcome], float]) -> list[Cell]:
+def _times_ms(outcomes: Sequence[DetectorOutcome], of: Callable[[DetectorOutcome], float]) -> list[Cell]:
     """Return median, mean and worst in ms."""
     values = 1e3 * np.array([of(o) for o in outcomes])
     return [float(np.median(values)), float(values.mean()), float(values.max())]
@@ -50,7 +50,7 @@ def _share(flags: Iterable[bool]) -> float:
     return 100.0 * sum(values) / max(len(values), 1)
 
 
-def _errors(outcomes: Sequence[Outcome]) -> FloatArray:
+def _errors(outcomes: Sequence[DetectorOutcome]) -> FloatArray:
     """Return the errors (n, 2) of those that found a point."""
     return np.array([o.error_px for o in outcomes if o.found]).reshape(-1, 2)
 
@@ -64,12 +64,12 @@ def _mean(values: Sequence[float]) -> float | None:
     return float(np.mean(values)) if len(values) else None
 
 
-def of_phase(outcomes: Sequence[Outcome], phase: str) -> list[Outcome]:
+def of_phase(outcomes: Sequence[DetectorOutcome], phase: str) -> list[DetectorOutcome]:
     """Return the outcomes with this background."""
     return [o for o in outcomes if o.background == phase]
 
 
-def _apart(pairs: Sequence[tuple[Outcome, Outcome]]) -> FloatArray:
+def _apart(pairs: Sequence[tuple[DetectorOutcome, DetectorOutcome]]) -> FloatArray:
     """Return how far apart the points of each pair are in u and v, (n, 2)."""
     return np.abs(np.array([a.point_px - b.point_px for a, b in pairs]).reshape(-1, 2))
 
@@ -81,7 +81,7 @@ ROI_COLUMNS = (
 )
 
 
-def roi_table(sweep: Mapping[str, Sequence[Outcome]], full: str, paper: Mapping[str, str]) -> Table:
+def roi_table(sweep: Mapping[str, Sequence[DetectorOutcome]], full: str, paper: Mapping[str, str]) -> ResultTable:
     """Return the ROI sweep; ``full`` names the sweep's full frame, ``paper`` what the paper says by row."""
     rows: list[list[Cell]] = []
     for name, outcomes in sweep.items():
@@ -97,7 +97,7 @@ def roi_table(sweep: Mapping[str, Sequence[Outcome]], full: str, paper: Mapping[
         times = _times_ms(outcomes, lambda o: o.elapsed_s) + _times_ms(outcomes, lambda o: o.segment_s)
         rows.append([name, *times, *deviation, *truth, *inside, paper.get(name, "–")])
     count = len(sweep[full])
-    return Table(
+    return ResultTable(
         name="roi_sweep",
         title="Basic size of the region of interest (paper: figure 10 and table 1)",
         columns=ROI_COLUMNS,
@@ -117,7 +117,7 @@ def roi_table(sweep: Mapping[str, Sequence[Outcome]], full: str, paper: Mapping[
     )
 
 
-def method_table(methods: Mapping[str, Sequence[Outcome]], paper: Mapping[str, str]) -> Table:
+def method_table(methods: Mapping[str, Sequence[DetectorOutcome]], paper: Mapping[str, str]) -> ResultTable:
     """Return the methods side by side, by background."""
     rows: list[list[Cell]] = []
     for phase in ("all", *PHASES):
@@ -138,7 +138,7 @@ def method_table(methods: Mapping[str, Sequence[Outcome]], paper: Mapping[str, s
             said = paper.get(name, "–") if phase == "all" else ""
             place = _rms(_errors(outcomes))
             rows.append([phase, name, len(outcomes), *times, *median, *shares, *place, *worst, *centre, *quality, said])
-    return Table(
+    return ResultTable(
         name="methods",
         title="Chan-Vese against the snakes (paper: figures 7 to 9 and table 2)",
         columns=(
@@ -163,7 +163,7 @@ def method_table(methods: Mapping[str, Sequence[Outcome]], paper: Mapping[str, s
     )
 
 
-def failure_table(methods: Mapping[str, Sequence[Outcome]]) -> Table:
+def failure_table(methods: Mapping[str, Sequence[DetectorOutcome]]) -> ResultTable:
     """Return what went wrong near the ground, by method and reason."""
     near = {name: [o for o in outcomes if o.background != "sky"] for name, outcomes in methods.items()}
     reasons = sorted({o.reason for outcomes in near.values() for o in outcomes if not o.found})
@@ -173,7 +173,7 @@ def failure_table(methods: Mapping[str, Sequence[Outcome]]) -> Table:
         wrong = sum(o.wrong for o in outcomes)
         poor = sum(o.found and o.overlap < _POOR_OVERLAP for o in outcomes)
         rows.append([name, len(outcomes), *(counts[r] for r in reasons), wrong, poor])
-    return Table(
+    return ResultTable(
         name="failures_near_ground",
         title="Failures with ground behind the aircraft (paper: figure 9)",
         columns=("method", "frames", *(f"missed: {r.replace('_', ' ')}" for r in reasons), "wrong point", "IoU < 0.3"),
@@ -182,9 +182,9 @@ def failure_table(methods: Mapping[str, Sequence[Outcome]]) -> Table:
     )
 
 
-def _runs(outcomes: Sequence[Outcome]) -> list[list[Outcome]]:
+def _runs(outcomes: Sequence[DetectorOutcome]) -> list[list[DetectorOutcome]]:
     """Return what each camera found, in runs of neighbouring frames."""
-    runs: list[list[Outcome]] = []
+    runs: list[list[DetectorOutcome]] = []
     for station in sorted({o.station for o in outcomes}):
         last: float | None = None
         for o in outcomes:
@@ -205,13 +205,13 @@ def _judged(mean: ChiSquareMean | None) -> list[Cell]:
     return [mean.mean, mean.low, mean.high, verdict]
 
 
-def _honest(outcomes: Sequence[Outcome]) -> list[Cell]:
+def _honest(outcomes: Sequence[DetectorOutcome]) -> list[Cell]:
     """Return NIS per degree of freedom, its two bounds, the verdict and the errors' lag-1 correlation."""
     runs = [np.array([o.whitened for o in run]) for run in _runs(outcomes)]
     return [*_judged(correlated_chi_square(runs)), lag_one(runs) if runs else None]
 
 
-def stated_errors(outcomes: Sequence[Outcome]) -> list[StatedErrors]:
+def stated_errors(outcomes: Sequence[DetectorOutcome]) -> list[StatedErrors]:
     """Return one flight's errors with what was stated of them, in each camera's runs of neighbouring frames."""
     return [
         StatedErrors(
@@ -223,7 +223,7 @@ def stated_errors(outcomes: Sequence[Outcome]) -> list[StatedErrors]:
     ]
 
 
-def _parts(outcomes: Sequence[Outcome]) -> list[Cell]:
+def _parts(outcomes: Sequence[DetectorOutcome]) -> list[Cell]:
     """Return one flight's NIS of the whole with bounds and verdict, the same of the noise, and the jumps in %."""
     runs = stated_errors(outcomes)
     noise = noise_chi_square(runs)
@@ -231,9 +231,9 @@ def _parts(outcomes: Sequence[Outcome]) -> list[Cell]:
     return [*_judged(flights_chi_square([runs])), *_judged(None if noise is None else noise.mean), jumps]
 
 
-def accuracy_table(outcomes: Sequence[Outcome]) -> Table:
+def accuracy_table(outcomes: Sequence[DetectorOutcome]) -> ResultTable:
     """Return the default detector's accuracy by width of the silhouette and by background."""
-    groups: dict[str, list[Outcome]] = {"all": list(outcomes)}
+    groups: dict[str, list[DetectorOutcome]] = {"all": list(outcomes)}
     for low, high in zip((0, *WIDTHS_PX), (*WIDTHS_PX, 10**6), strict=True):
         name = f"{low}–{high} px" if high < 10**6 else f"> {low} px"
         groups[name] = [o for o in outcomes if low <= o.width_px < high]
@@ -248,7 +248,7 @@ def accuracy_table(outcomes: Sequence[Outcome]) -> Table:
         overlaps = [o.overlap for o in group if o.found]
         share = _share(o.found for o in group)
         rows.append([name, len(group), share, *_rms(errors), *bias, _mean(overlaps), *honest])
-    return Table(
+    return ResultTable(
         name="accuracy",
         title="The detector by width of the silhouette and by background",
         columns=(
@@ -260,7 +260,7 @@ def accuracy_table(outcomes: Sequence[Outcome]) -> Table:
     )
 
 
-def flown_table(outcomes: Sequence[Outcome]) -> Table:
+def flown_table(outcomes: Sequence[DetectorOutcome]) -> ResultTable:
     """Return the accuracy in a replay, by background and by width; beside the bins, the ranges that have an aim."""
     rows: list[list[Cell]] = []
     for phase in PHASES:
@@ -272,7 +272,7 @@ def flown_table(outcomes: Sequence[Outcome]) -> Table:
     if elsewhere:
         rows.append(["elsewhere", f"all but sky below {_AIMED_PX[0][1]} px", *_flown(elsewhere)])
     rows.append(["all", "", *_flown(outcomes)])
-    return Table(
+    return ResultTable(
         name="flown",
         title="The target point with the filter's own predictions",
         columns=(
@@ -285,7 +285,7 @@ def flown_table(outcomes: Sequence[Outcome]) -> Table:
     )
 
 
-def _flown(outcomes: Sequence[Outcome]) -> list[Cell]:
+def _flown(outcomes: Sequence[DetectorOutcome]) -> list[Cell]:
     """Return a row of `flown_table` without its name."""
     errors = _errors(outcomes)
     widths = np.array([[o.width_px] for o in outcomes if o.found]).reshape(-1, 1)

@@ -11,9 +11,9 @@ from groundstation.experiments import detection_plots as plots
 from groundstation.experiments import detection_tables as found
 from groundstation.experiments.detection_set_up import FULL, OURS, PAPER_METHODS, PAPER_ROI, SWEEP
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.looks import Outcome
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.looks import DetectorOutcome
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.tracking.config import Config
 
 _TRACED = (OURS, "snake", "GVF snake")
@@ -24,7 +24,7 @@ _SAID = {
 }
 
 
-def roi_sweep(recorded: Recorded) -> Findings:
+def roi_sweep(recorded: TruthSession) -> Findings:
     """Time and deviation by the basic size of the region of interest (figure 10, table 1)."""
     sweep = {name: recorded.outcomes[name] for name in SWEEP}
     figure = PaperFigure(
@@ -36,7 +36,7 @@ def roi_sweep(recorded: Recorded) -> Findings:
     return Findings(tables=(found.roi_table(sweep, FULL, PAPER_ROI),), figures=(figure,))
 
 
-def methods(recorded: Recorded) -> Findings:
+def methods(recorded: TruthSession) -> Findings:
     """Chan-Vese against snake and GVF snake: time, errors, failures (figures 7 and 9, table 2)."""
     compared = recorded.methods
     figure = PaperFigure(
@@ -50,7 +50,7 @@ def methods(recorded: Recorded) -> Findings:
     )
 
 
-def accuracy_by_phase(recorded: Recorded) -> Findings:
+def accuracy_by_phase(recorded: TruthSession) -> Findings:
     """The detector's error by size and by background (text of section 5.1)."""
     outcomes = recorded.methods[OURS]
     figure = PaperFigure(
@@ -66,7 +66,7 @@ def accuracy_by_phase(recorded: Recorded) -> Findings:
     )
 
 
-def trajectories(recorded: Recorded) -> Findings:
+def trajectories(recorded: TruthSession) -> Findings:
     """GVF, snake and Chan-Vese through one triangulation (figure 8)."""
     tracks = {name: _triangulated(recorded, recorded.methods[name]) for name in _TRACED}
     errors = {name: rows[:, 1:] - recorded.truth_at(rows[:, 0]) for name, rows in tracks.items()}
@@ -84,7 +84,7 @@ def trajectories(recorded: Recorded) -> Findings:
             middle: list[Cell] = [float(v) for v in np.median(np.abs(e), axis=0)] if len(e) else [None] * 3
             said = _SAID[name] if phase == "all" else ""
             rows.append([phase, name, len(e), *rms, *middle, said])
-    table = Table(
+    table = ResultTable(
         name="trajectories",
         title="Figure 8: one triangulation of three detectors' points",
         columns=(
@@ -112,7 +112,7 @@ def trajectories(recorded: Recorded) -> Findings:
     return Findings(tables=(table,), figures=(figure,), differences=differences)
 
 
-def _triangulated(recorded: Recorded, outcomes: list[Outcome]) -> FloatArray:
+def _triangulated(recorded: TruthSession, outcomes: list[DetectorOutcome]) -> FloatArray:
     """Return time and midpoint (n, 4) of the pairs in which both cameras found a point."""
     pixels = {
         name: np.array([(o.t_s, *o.point_px) for o in outcomes if o.station == name and o.found]).reshape(-1, 3)
@@ -125,7 +125,7 @@ def _triangulated(recorded: Recorded, outcomes: list[Outcome]) -> FloatArray:
     return np.column_stack([kept["t_s"], kept["midpoint_m"].astype(np.float64)])
 
 
-def _phases(recorded: Recorded) -> dict[str, tuple[float, float]]:
+def _phases(recorded: TruthSession) -> dict[str, tuple[float, float]]:
     """Return each background's first and last time."""
     t = recorded.truth.t_s
     spans = {}
@@ -141,7 +141,7 @@ def _in(t_s: FloatArray, span: tuple[float, float] | None) -> np.ndarray[tuple[i
     return (t_s >= span[0] - 1e-6) & (t_s <= span[1] + 1e-6)
 
 
-def _draw_trajectories(recorded: Recorded, tracks: Mapping[str, FloatArray], path: Path) -> None:
+def _draw_trajectories(recorded: TruthSession, tracks: Mapping[str, FloatArray], path: Path) -> None:
     """Draw x and z over y."""
     figure, panels = plots.blank(2, 1, (9.0, 7.0))
     truth = recorded.truth.position_runway_m[recorded.inside(recorded.truth.t_s)]

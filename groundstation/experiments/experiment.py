@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import ResultTable
 
 
 class Paper(StrEnum):
@@ -31,7 +31,7 @@ class PaperFigure:
 class Findings:
     """What an experiment found; ``differences`` name in what its set-up is not the paper's."""
 
-    tables: tuple[Table, ...]
+    tables: tuple[ResultTable, ...]
     figures: tuple[PaperFigure, ...] = ()
     differences: tuple[str, ...] = ()
 
@@ -52,4 +52,4 @@ class Experiment:
     paper: Paper
     numbers: str
     title: str
-    run: Callable[[Recorded], Findings] = field(repr=False)
+    run: Callable[[TruthSession], Findings] = field(repr=False)

@@ -11,8 +11,8 @@ from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.field_of_view import paper_weight, probability_in_view
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.geometry.aim import aim_at
 from groundstation.rig.rig import Station
 
@@ -31,7 +31,7 @@ _FORMS = {
 _GUARDED = "R/T as it is used: gate, no look below 2 %"
 
 
-def leaving(recorded: Recorded) -> Findings:
+def leaving(recorded: TruthSession) -> Findings:
     """Four scenes with the prediction out of view, and the error by form of correction (figure 13)."""
     place = _place(recorded)
     shown: list[list[Cell]] = []
@@ -50,7 +50,7 @@ def leaving(recorded: Recorded) -> Findings:
             before = np.sqrt(np.mean([d.prior_error_m**2 for d in drawn], axis=0))
             anees = float(np.mean([d.nees for d in drawn]))
             spread.append([name, words, *(float(v) for v in (*before, *rms)), anees])
-    scenes = Table(
+    scenes = ResultTable(
         name="out_of_view_scenes",
         title="Figure 13: four scenes with the prediction out of the field of view, left camera",
         columns=(
@@ -60,7 +60,7 @@ def leaving(recorded: Recorded) -> Findings:
         rows=shown,
         notes=("Corrected is the paper's T·detected + (1 − T)·predicted. One draw of each scene.",),
     )
-    errors = Table(
+    errors = ResultTable(
         name="out_of_view_errors",
         title="Figure 13: error after one such picture, by form of correction",
         columns=("scene", "form", "before x m", "y m", "z m", "after x m", "y m", "z m", "ANEES after"),
@@ -89,7 +89,7 @@ def leaving(recorded: Recorded) -> Findings:
     return Findings(tables=(scenes, errors), figures=(figure,), differences=differences)
 
 
-class _Seen:
+class _Draw:
     """One draw: pixels (2,), weights, and the position's error (3,) before and after, with its NEES."""
 
     def __init__(
@@ -110,7 +110,7 @@ class _Seen:
     def _error(self) -> FloatArray:
         return np.asarray(self._ekf.state[self._ekf.layout.position] - self._truth_m)
 
-    def correct(self, least_mass: float) -> "_Seen":
+    def correct(self, least_mass: float) -> "_Draw":
         """Let the detection update the filter, if so much of the prediction is in view."""
         if self.mass >= least_mass:
             self._ekf.update_pixel(self._station, self.detected, _DETECTION_SIGMA_PX**2 * np.eye(2))
@@ -121,14 +121,14 @@ class _Seen:
 
 
 def _once(
-    recorded: Recorded,
+    recorded: TruthSession,
     place: FloatArray,
     scene: tuple[tuple[int, int], float],
     form: OutOfViewWeighting,
     seed: int,
     *,
     guarded: bool = False,
-) -> _Seen:
+) -> _Draw:
     """Turn the heads away, start the filter with a drawn error, and show the left camera the border."""
     rng = np.random.default_rng([seed, *place.astype(np.int64).tolist(), 3])
     rig = recorded.session.rig
@@ -161,18 +161,18 @@ def _once(
     velocity = recorded.velocity_at(float(recorded.truth.t_s[recorded.inside(recorded.truth.t_s)][0]))
     ekf.start_target(place + draw[:3], velocity + draw[3:], np.diag(sigma**2))
     border = np.clip(true_px, 0.0, np.array(size) - 1.0) + rng.normal(0.0, _DETECTION_SIGMA_PX, 2)
-    return _Seen(ekf, first, place, true_px, np.clip(border, 0.0, np.array(size) - 1.0)).correct(
+    return _Draw(ekf, first, place, true_px, np.clip(border, 0.0, np.array(size) - 1.0)).correct(
         usual.min_view_probability if guarded else 0.0
     )
 
 
-def _place(recorded: Recorded) -> FloatArray:
+def _place(recorded: TruthSession) -> FloatArray:
     """Return the path's place in the middle of the part that is studied."""
     t = recorded.truth.t_s[recorded.inside(recorded.truth.t_s)]
     return np.asarray(recorded.truth_at(t[len(t) // 2 : len(t) // 2 + 1])[0])
 
 
-def _draw(pictures: dict[str, _Seen], size: tuple[int, int], path: Path) -> None:
+def _draw(pictures: dict[str, _Draw], size: tuple[int, int], path: Path) -> None:
     figure, panels = plots.blank(2, 2, (9.0, 7.2))
     for ax, (name, seen) in zip(panels, pictures.items(), strict=True):
         ax.plot([0, size[0], size[0], 0, 0], [0, 0, size[1], size[1], 0], color="#444444", lw=1)

@@ -13,8 +13,8 @@ from groundstation.evaluation.series import BoolArray
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.detection_set_up import SEED
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.tracking.config import Config
 
 # of the part that is studied: where the failing stretch begins and how long it lasts
@@ -25,7 +25,7 @@ _REFERENCE = "The reference of the paper is DGPS with a constant delay of three 
 _NO_ROWS = "Of the paper's own table only what its text says is quoted: its rows are not in the text that we have."
 
 
-def ekf_against_triangulation(recorded: Recorded) -> Findings:
+def ekf_against_triangulation(recorded: TruthSession) -> Findings:
     """CV_E against CV_T per axis and background (figure 11, table 3)."""
     collected = recorded.collected.epochs()
     errors = _errors(recorded, collected)
@@ -36,7 +36,7 @@ def ekf_against_triangulation(recorded: Recorded) -> Findings:
     for name, group in groups.items():
         rows += _compared(name, [e[group] for e in errors], _PAPER_EKF.get(name, ""))
     rows += _against_dgps(recorded)
-    table = Table(
+    table = ResultTable(
         name="ekf_against_triangulation",
         title="Table 3: root mean square error, and what the EKF gains",
         columns=("group", "pairs", *_METHODS, "paper"),
@@ -78,7 +78,7 @@ _PAPER_EKF = {
 }
 
 
-def _errors(recorded: Recorded, epochs: Any) -> list[FloatArray]:
+def _errors(recorded: TruthSession, epochs: Any) -> list[FloatArray]:
     """Return the errors (n, 3) of EKF, midpoint and ML point, NaN where one of them is not."""
     truth = recorded.truth_at(epochs["t_s"])
     found = [epochs[name].astype(np.float64) - truth for name in ("position_m", "midpoint_m", "ml_point_m")]
@@ -96,7 +96,7 @@ def _compared(name: str, errors: Sequence[FloatArray], paper: str) -> list[list[
     return [[name, len(known[0]), *(float(v) for v in (*rms[0], *rms[1], *rms[2], *gain)), paper]]
 
 
-def _against_dgps(recorded: Recorded) -> list[list[Cell]]:
+def _against_dgps(recorded: TruthSession) -> list[list[Cell]]:
     """Return the row against what is left of the DGPS log, its clock offset found; none without a log."""
     e = recorded.evaluation
     comparison = e.comparisons.get("dgps")
@@ -108,7 +108,7 @@ def _against_dgps(recorded: Recorded) -> list[list[Cell]]:
     return _compared("all, against DGPS", errors, "the paper's reference")
 
 
-def _draw_tracks(recorded: Recorded, path: Path) -> None:
+def _draw_tracks(recorded: TruthSession, path: Path) -> None:
     """Draw projections and errors."""
     epochs = recorded.collected.epochs()
     t, truth = epochs["t_s"], recorded.truth_at(epochs["t_s"])
@@ -134,7 +134,7 @@ def _draw_tracks(recorded: Recorded, path: Path) -> None:
 
 
 # ------------------------------------------------------------------------------------- a failing stretch
-def failure_stretch(recorded: Recorded) -> Findings:
+def failure_stretch(recorded: TruthSession) -> Findings:
     """EKF and triangulation where the detector is wrong (region M of figure 11, table 4)."""
     pixels, (from_s, to_s) = failing(recorded.detected)
     plain = Config()
@@ -149,7 +149,7 @@ def failure_stretch(recorded: Recorded) -> Findings:
         errors = [epochs[field].astype(np.float64) - truth for field in ("position_m", "midpoint_m", "ml_point_m")]
         paper = "z 1.3028 → 0.2111 m (better by 83.8 %)" if tuning is open_gate else ""
         rows += _alone(name, errors, during, paper)
-    table = Table(
+    table = ResultTable(
         name="failure_stretch",
         title="Table 4: root mean square error where detection fails",
         columns=("method", "pairs", *_METHODS[:6], "gain x %", "y %", "z %", "paper"),

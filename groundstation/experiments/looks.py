@@ -14,7 +14,7 @@ from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import Detector
 from groundstation.detection.roi import place_roi
 from groundstation.detection.segmentation import Float32Array
-from groundstation.experiments.scenes import Scene, Silhouette
+from groundstation.experiments.scenes import Scene, TrueSilhouette
 from groundstation.messages import Detection, Frame, Miss, Roi
 from groundstation.tracking.camera_tracker import silhouette_mask
 
@@ -23,7 +23,7 @@ _WRONG_PX, _WRONG_WIDTHS = 10.0, 0.25
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Outcome:
+class DetectorOutcome:
     """What one detector made of one scene.
 
     Attributes
@@ -73,7 +73,7 @@ class FrameTruth:
     """What is truly in a frame: the nose (2,) px, the silhouette, and what lies behind it."""
 
     nose_px: FloatArray
-    silhouette: Silhouette
+    silhouette: TrueSilhouette
     background: str
 
 
@@ -87,7 +87,7 @@ class Watcher:
         self._sizes: dict[str, tuple[float, float]] = {}
         self._middles: dict[str, tuple[float, float]] = {}
 
-    def look(self, scene: Scene) -> Outcome:
+    def look(self, scene: Scene) -> DetectorOutcome:
         """Look at one scene; only the detector is timed."""
         name, image = scene.frame.station, scene.frame.image.whole()
         size = (image.shape[1], image.shape[0])
@@ -114,7 +114,7 @@ class Watcher:
 
 def judged(
     frame: Frame, truth: FrameTruth, look: tuple[Roi, Detection | Miss], times_s: tuple[float, float] = (0.0, 0.0)
-) -> Outcome:
+) -> DetectorOutcome:
     """Return what a look at a frame is worth; ``times_s`` are those of the detector and of the segmentation in it."""
     roi, result = look
     point = error = whitened = np.full(2, np.nan)
@@ -130,7 +130,7 @@ def judged(
     else:
         reason = result.reason.value
     height, width = truth.silhouette.mask.shape
-    return Outcome(
+    return DetectorOutcome(
         station=frame.station,
         t_s=frame.t_s,
         background=truth.background,
@@ -190,7 +190,7 @@ def _holds(roi: Roi, x: float, y: float, right: float, down: float) -> bool:
     return bool(across and roi.y - 0.5 <= y and y + down <= roi.y + roi.h - 0.5)
 
 
-def _overlap(found: Detection, true: Silhouette) -> float:
+def _overlap(found: Detection, true: TrueSilhouette) -> float:
     """Return intersection over union of two silhouettes, in the window that holds both."""
     h, w = true.mask.shape
     x, y, box_w, box_h = found.box
@@ -204,10 +204,10 @@ def _overlap(found: Detection, true: Silhouette) -> float:
 
 def watch(
     scenes: Iterable[Scene], configs: Mapping[str, DetectionConfig], progress: Callable[[int], None]
-) -> dict[str, list[Outcome]]:
+) -> dict[str, list[DetectorOutcome]]:
     """Show every scene to every detector and return the outcomes by the detectors' names, in order of time."""
     watchers = {name: Watcher(config) for name, config in configs.items()}
-    outcomes: dict[str, list[Outcome]] = {name: [] for name in configs}
+    outcomes: dict[str, list[DetectorOutcome]] = {name: [] for name in configs}
     for number, scene in enumerate(scenes, start=1):
         for name, watcher in watchers.items():
             outcomes[name].append(watcher.look(scene))

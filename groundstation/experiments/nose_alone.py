@@ -28,11 +28,11 @@ from groundstation.experiments.nose_edges import (
     true_edges,
 )
 from groundstation.experiments.nose_pictures import panel, sheet
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.onboard.edges.descent import DescentConfig, Energy, descend
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines, shifted
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.search_band import across_direction
 from groundstation.onboard.scenes.sequences import SEQUENCES, NoseFrame, Renderer, Sequence, varied
 
@@ -77,7 +77,7 @@ def changing_pavement(sequence: Sequence, seed: int) -> Sequence:
     )
 
 
-def energies(sequence: Sequence, first: CameraPose) -> dict[str, Step]:
+def energies(sequence: Sequence, first: NoseCameraPose) -> dict[str, Step]:
     """Return the descents and the baseline, ready for a sequence whose first picture is from a true pose."""
     return {
         ACROSS: from_last(sequence, first, Energy.SPATIALLY_VARIANT, across=True),
@@ -88,7 +88,7 @@ def energies(sequence: Sequence, first: CameraPose) -> dict[str, Step]:
     }
 
 
-def from_last(sequence: Sequence, first: CameraPose, energy: Energy, *, across: bool) -> Step:
+def from_last(sequence: Sequence, first: NoseCameraPose, energy: Energy, *, across: bool) -> Step:
     """Return a descent from the last picture's edges, the first from the truth.
 
     Its bands lie across the runway, or along the lines' normals.
@@ -131,7 +131,7 @@ def errors_of(step: Step, sequence: Sequence, frames: list[NoseFrame]) -> FloatA
     return np.array(own)
 
 
-def alone(recorded: Recorded) -> Findings:
+def alone(recorded: TruthSession) -> Findings:
     """Follow edges by the energies alone, on pavement whose brightness changes along the runway."""
     count = round(recorded.at_most_s(FRAMES / HZ) * HZ)
     # rendering takes nearly all of the time: a part of the recording is done on one airfield
@@ -174,13 +174,13 @@ def _rms(errors: list[FloatArray]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else 0.0
 
 
-def _table(every: list[Alone]) -> Table:
+def _table(every: list[Alone]) -> ResultTable:
     rows: list[list[Cell]] = []
     for method in _PAPERS:
         own = [one.errors[method] for one in every]
         by_scene = [_rms([one.errors[method] for one in every if one.scene == scene]) for scene in SCENES]
         rows.append([method, *by_scene, _rms(own), float(np.median(np.abs(np.concatenate(own)))), *_PAPERS[method]])
-    return Table(
+    return ResultTable(
         name="edge_alone",
         title="Table 1 without a filter: error of the runway's edges in px, root mean square by scene",
         columns=("method", *SCENES, "all", "median", "paper's 1", "paper's 2"),
@@ -189,7 +189,7 @@ def _table(every: list[Alone]) -> Table:
     )
 
 
-def _approach_table(every: list[Alone]) -> Table:
+def _approach_table(every: list[Alone]) -> ResultTable:
     rows: list[list[Cell]] = []
     for one in every:
         cells: list[Cell] = []
@@ -198,7 +198,7 @@ def _approach_table(every: list[Alone]) -> Table:
             cells += [_rms([own]), float(np.median(np.abs(own)))]
         rows.append([one.name, len(one.errors[FLAT]), *cells])
     columns = [name for method in _PAPERS for name in (method, f"{method}: median")]
-    return Table(
+    return ResultTable(
         name="edge_alone_approaches",
         title="The same for each approach, root mean square and median in px",
         columns=("approach", "frames", *columns),

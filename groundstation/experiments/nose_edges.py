@@ -13,14 +13,14 @@ from groundstation.arrays import FloatArray
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.nose_pictures import panel, sheet
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.onboard.edges.baselines import hough_edges
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
 from groundstation.onboard.edges.descent import Energy
 from groundstation.onboard.edges.kalman import picture_crossings, picture_state, predict_picture, update_picture
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
-from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix
+from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix
 from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_rows
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, NoseFrame, Renderer, Sequence
@@ -59,7 +59,7 @@ class _Tracked:
     found: dict[str, list[Found]]
 
 
-def edges(recorded: Recorded) -> Findings:
+def edges(recorded: TruthSession) -> Findings:
     """Edges in four lights: ours, the paper's tracker with both energies, and Hough on Canny."""
     count = round(recorded.at_most_s(FRAMES / HZ) * HZ)
     tracked = [_track(replace(s, seed=s.seed + SEED_STEP), count) for s in SEQUENCES[:4]]
@@ -76,14 +76,14 @@ def edges(recorded: Recorded) -> Findings:
             rms, median = float(np.sqrt(np.mean(own**2))), float(np.median(np.abs(own)))
             numbers.append([one.sequence.name, name, rms, median, missing])
     tables = (
-        Table(
+        ResultTable(
             name="runway_edges",
             title="Table 1: error of the runway's edges in px, root mean square ± spread over the frames",
             columns=("sequence", "frames", _OURS, "±", _VARIANT, "± ", _FLAT, "±  ", _HOUGH, "±   "),
             rows=rows,
             notes=("The four ends of both edges, where the truth says that they are seen.",),
         ),
-        Table(
+        ResultTable(
             name="runway_edges_numbers",
             title="The same with medians, and frames without edges",
             columns=("sequence", "method", "rms px", "median px", "without"),
@@ -110,7 +110,7 @@ def _rms_and_spread(errors: Mapping[str, FloatArray]) -> list[Cell]:
     return cells
 
 
-def true_edges(sequence: Sequence, pose: CameraPose) -> tuple[FloatArray, FloatArray]:
+def true_edges(sequence: Sequence, pose: NoseCameraPose) -> tuple[FloatArray, FloatArray]:
     """Return where the true edges cross rows (4,), and the rows (2,) between which they are seen."""
     field = sequence.airfield
     guess = RunwayGuess(width_m=field.width_m, length_m=field.length_m, margin_m=0.5, margin_px=0.0)
@@ -197,7 +197,7 @@ def _draw(tracked: list[_Tracked], path: Path) -> None:
 _THREE, _TWO, _HELD = "3-D model, IMU", "2-D model, constant velocity", "2-D, held"
 
 
-def prediction(recorded: Recorded) -> Findings:
+def prediction(recorded: TruthSession) -> Findings:
     """Predictions that no picture corrects: the 3-D model against the 2-D ones (figure 15)."""
     count = round(recorded.at_most_s(FRAMES / HZ) * HZ)
     before = min(10, count // 2)
@@ -208,7 +208,7 @@ def prediction(recorded: Recorded) -> Findings:
     means = {name: np.sqrt(np.mean(np.array(own) ** 2, axis=0)) for name, own in curves.items()}
     moments = sorted({min(k, count - before - 1) for k in (5, 10, 20, 39)})
     rows: list[list[Cell]] = [[name, *(float(curve[k]) for k in moments)] for name, curve in means.items()]
-    table = Table(
+    table = ResultTable(
         name="edge_prediction",
         title="Figure 15: edges without a measurement, root mean square error in px",
         columns=("model", *(f"after {k / HZ:g} s" for k in moments)),
@@ -250,7 +250,7 @@ def _predicted(sequence: Sequence, count: int, before: int) -> dict[str, FloatAr
             held = wanted, rows
         if k < before:
             continue
-        imu = CameraPose(
+        imu = NoseCameraPose(
             threshold_from_camera=said[k].threshold_from_camera @ turn,
             camera_threshold_m=said[k].camera_threshold_m + shift,
         )

@@ -9,8 +9,8 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.approach.config import ApproachConfig, CornerMethod
 from groundstation.onboard.approach.navigator import NoseNavigator, NoseReport
@@ -87,7 +87,7 @@ def _compared(
     )  # fmt: skip
 
 
-def flights(recorded: Recorded) -> Findings:
+def flights(recorded: TruthSession) -> Findings:
     """One approach in each light, and the day's with three ways to find corners."""
     seconds = max(recorded.at_most_s(_LONGEST_S), _SHORTEST_S)
     rows: list[list[Cell]] = []
@@ -101,7 +101,7 @@ def flights(recorded: Recorded) -> Findings:
             rows.append(_row(name, method, one, len(pictures)))
             if method is CornerMethod.EDGES:
                 followed[name] = one
-    table = Table(
+    table = ResultTable(
         name="nose_flights",
         title="Nose camera and inertial unit: error against the exact flight",
         columns=("light", "corners", "pictures", "used", "x m", "y m", "z m", "attitude °", "NEES (6)", "NEES (3)"),

@@ -10,9 +10,9 @@ from scipy.stats import chi2
 from groundstation.arrays import FloatArray
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.nose_pose import DIFFERENCES, Flown, follow
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.nose_pose import DIFFERENCES, FlightErrors, follow
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.onboard.pose.inertial import ATTITUDE, POSITION, VELOCITY
 from groundstation.onboard.pose.simulated_approach import default_setup
 from groundstation.onboard.pose.simulated_passes import Passes, fly_passes
@@ -26,7 +26,7 @@ _BACK_S = 1.0
 _Span = tuple[float, float]
 
 
-def passes(recorded: Recorded) -> Findings:
+def passes(recorded: TruthSession) -> Findings:
     """Each pass with its pictures, errors, steps and innovations, and how far the round before it had led astray."""
     whole = recorded.at_most_s(_MANY_BEYOND_S) == _MANY_BEYOND_S
     course, flights = (Passes(), _FLIGHTS) if whole else (_SHORT, 1)
@@ -36,7 +36,7 @@ def passes(recorded: Recorded) -> Findings:
         approach, spans = fly_passes(setup, course, np.random.default_rng([_SEED, k]))
         done.append((follow(setup, approach), _seen_spans(approach.t_s[sorted(approach.seen)], spans)))
     band = chi2.ppf([0.025, 0.975], 6 * flights) / flights
-    table = Table(
+    table = ResultTable(
         name="runway_passes",
         title="Several lengthwise passes in one flight",
         columns=_COLUMNS,
@@ -69,7 +69,7 @@ def _seen_spans(seen_s: FloatArray, spans: list[_Span]) -> list[_Span]:
     return [(float(group[0]), float(group[-1])) for group in groups]
 
 
-def _row(name: str, flown: list[tuple[Flown, _Span]]) -> list[Cell]:
+def _row(name: str, flown: list[tuple[FlightErrors, _Span]]) -> list[Cell]:
     """Return one pass over all flights."""
     error, inside, nees, steps, told, pictures = [], [], [], [], [], 0
     lost: list[list[float]] = []
@@ -104,7 +104,7 @@ def _row(name: str, flown: list[tuple[Flown, _Span]]) -> list[Cell]:
     ]  # fmt: skip
 
 
-def _figures(one: Flown, seen: list[_Span]) -> tuple[PaperFigure, ...]:
+def _figures(one: FlightErrors, seen: list[_Span]) -> tuple[PaperFigure, ...]:
     """Return the paper's figures of one flight."""
     return (
         PaperFigure(
@@ -136,7 +136,7 @@ def _tint(ax: Any, seen: list[_Span]) -> None:
         ax.axvspan(low, high, color=plots.COLOURS[2], alpha=0.12, lw=0)
 
 
-def _draw_paths(one: Flown, seen: list[_Span], path: Path) -> None:
+def _draw_paths(one: FlightErrors, seen: list[_Span], path: Path) -> None:
     figure, axes = plots.blank(2, 2, (10.0, 6.0))
     true = one.approach.position_m
     for ax, axis in zip(axes[:2], (0, 2), strict=True):
@@ -154,7 +154,7 @@ def _draw_paths(one: Flown, seen: list[_Span], path: Path) -> None:
     plots.save(figure, path)
 
 
-def _draw_steps(one: Flown, seen: list[_Span], path: Path) -> None:
+def _draw_steps(one: FlightErrors, seen: list[_Span], path: Path) -> None:
     figure, (ax,) = plots.blank(1, 1, (6.5, 3.0))
     _tint(ax, seen)
     ax.plot(one.steps[:, 0], one.steps[:, 1], ".", color=plots.COLOURS[0])
@@ -163,7 +163,7 @@ def _draw_steps(one: Flown, seen: list[_Span], path: Path) -> None:
     plots.save(figure, path)
 
 
-def _draw_errors(one: Flown, seen: list[_Span], path: Path) -> None:
+def _draw_errors(one: FlightErrors, seen: list[_Span], path: Path) -> None:
     figure, axes = plots.blank(3, 2, (10.0, 6.0))
     for column, (part, unit, scale) in enumerate(((VELOCITY, "m/s", 1.0), (ATTITUDE, "°", float(np.degrees(1.0))))):
         for k in range(3):
@@ -176,7 +176,7 @@ def _draw_errors(one: Flown, seen: list[_Span], path: Path) -> None:
     plots.save(figure, path)
 
 
-def _draw_innovations(one: Flown, seen: list[_Span], path: Path) -> None:
+def _draw_innovations(one: FlightErrors, seen: list[_Span], path: Path) -> None:
     figure, axes = plots.blank(3, 2, (10.0, 6.0))
     t = one.innovations[:, 0]
     for column, (unit, scale) in enumerate((("m", 1.0), ("°", float(np.degrees(1.0))))):

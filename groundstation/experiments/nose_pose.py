@@ -8,18 +8,18 @@ from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
 from groundstation.experiments.experiment import Findings
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z
 from groundstation.onboard.edges.pose import intrinsic_matrix
-from groundstation.onboard.pose.inertial import ATTITUDE, POSITION, Outcome, rotation_vector
+from groundstation.onboard.pose.inertial import ATTITUDE, POSITION, UpdateOutcome, rotation_vector
 from groundstation.onboard.pose.label import ROUNDING_SIGMA_PX
 from groundstation.onboard.pose.navigator import RunwayNavigator
 from groundstation.onboard.pose.paper import FOUR_SIDES, SIX_PAIRS, solve_paper
 from groundstation.onboard.pose.simulated_approach import (
     RUNWAY_FROM_LEVEL_BODY,
-    Approach,
     ApproachSetup,
+    SimulatedApproach,
     default_setup,
     fly,
     see_runway,
@@ -41,7 +41,7 @@ DIFFERENCES = (
 )
 
 
-def pose_range(recorded: Recorded) -> Findings:
+def pose_range(recorded: TruthSession) -> Findings:
     """Range from whole-pixel corners: ours, the paper's cost over six pairs and over four sides, and OpenCV."""
     wanted = max(round(_PICTURES * recorded.at_most_s(5.0) / 5.0), 60)
     setup = default_setup(0.0)
@@ -68,7 +68,7 @@ def pose_range(recorded: Recorded) -> Findings:
         cells.append([f"{low}–{high} m", len(part), *(float(value) for value in rms)])
     return Findings(
         tables=(
-            Table(
+            ResultTable(
                 name="pose_range",
                 title="Root mean square error of range in m, corners in whole pixels",
                 columns=("range", "pictures", *_METHODS),
@@ -111,10 +111,10 @@ def opencv_range(seen: SeenPoints) -> float:
 
 # ------------------------------------------------------------------------------------- inertial filter
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Flown:
+class FlightErrors:
     """One flight: times (n,), errors and sigmas (n, 15), NEES of the pose (n,), and innovations (m, 7) with time."""
 
-    approach: Approach
+    approach: SimulatedApproach
     t_s: FloatArray
     error: FloatArray
     sigma: FloatArray
@@ -125,7 +125,7 @@ class Flown:
     steps: FloatArray
 
 
-def inertial(recorded: Recorded) -> Findings:
+def inertial(recorded: TruthSession) -> Findings:
     """Approaches with 20 s without runway: shares inside ±2σ, NEES, drift."""
     flights = _FLIGHTS if recorded.at_most_s(_MANY_BEYOND_S) == _MANY_BEYOND_S else 2
     setup = default_setup(0.5)
@@ -148,7 +148,7 @@ def inertial(recorded: Recorded) -> Findings:
              100.0 * float(inside[..., POSITION].mean()), 100.0 * float(inside[..., ATTITUDE].mean()),
              float(np.mean([one.nees[used].mean() for one in done]))]
         )  # fmt: skip
-    table = Table(
+    table = ResultTable(
         name="inertial_filter",
         title="Position and attitude through 20 s without runway",
         columns=("phase", "x m", "y m", "z m", "attitude °", "position in ±2σ %", "attitude in ±2σ %", "NEES (6)"),
@@ -158,7 +158,7 @@ def inertial(recorded: Recorded) -> Findings:
     return Findings(tables=(table,), differences=DIFFERENCES)
 
 
-def follow(setup: ApproachSetup, approach: Approach) -> Flown:
+def follow(setup: ApproachSetup, approach: SimulatedApproach) -> FlightErrors:
     """Run the filter over a flight."""
     navigator = RunwayNavigator(setup.config, setup.mount)
     rows, told, steps = [], [], []
@@ -169,7 +169,7 @@ def follow(setup: ApproachSetup, approach: Approach) -> Flown:
             innovation = navigator.see(sample.t_s, seen).innovation
             if k % (5 * EVERY) == 0 and (paper := solve_paper(seen, SIX_PAIRS)) is not None:
                 steps.append((sample.t_s, paper.steps))
-            if innovation is not None and innovation.outcome is Outcome.USED:
+            if innovation is not None and innovation.outcome is UpdateOutcome.USED:
                 told.append((sample.t_s, innovation.value, np.sqrt(np.diag(innovation.covariance))))
         if k % EVERY == 0 and sample.t_s >= SETTLED_S:
             now = navigator.navigation
@@ -182,7 +182,7 @@ def follow(setup: ApproachSetup, approach: Approach) -> Flown:
             rows.append((sample.t_s, error, np.sqrt(np.diag(now.P)), nees, now.position_m))
     t, error, sigma, nees, estimate = (np.array(column) for column in zip(*rows, strict=True))
     it, values, sigmas = (np.array(column) for column in zip(*told, strict=True))
-    return Flown(
+    return FlightErrors(
         approach=approach, t_s=t, error=error, sigma=sigma, nees=nees, estimate_m=estimate,
         innovations=np.column_stack([it, values]), innovation_sigmas=sigmas,
         steps=np.array(steps, dtype=np.float64).reshape(-1, 2),

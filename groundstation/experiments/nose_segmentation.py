@@ -19,8 +19,8 @@ from groundstation.experiments.nose_edges import (
     true_edges,
 )
 from groundstation.experiments.nose_pictures import draw_line
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.onboard.edges.config import paper_config
 from groundstation.onboard.edges.descent import Energy, descend
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines, shifted
@@ -47,7 +47,7 @@ _ROWS = slice(120, 420)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Seen:
+class _LightResult:
     """One light: its frames; by energy, the crossings (n, 4) carried from frame to frame; the filter's steps."""
 
     sequence: Sequence
@@ -56,7 +56,7 @@ class _Seen:
     steps: list[Edges | None]
 
 
-def segmentation(recorded: Recorded) -> Findings:
+def segmentation(recorded: TruthSession) -> Findings:
     """Descend with both energies, on one picture and through a sequence; and the Kalman filter's steps."""
     count = round(recorded.at_most_s(FRAMES / HZ) * HZ)
     seen = [_look(replace(s, seed=s.seed + SEED_STEP), count) for s in SEQUENCES[:4]]
@@ -92,12 +92,12 @@ def segmentation(recorded: Recorded) -> Findings:
     )
 
 
-def _look(sequence: Sequence, count: int) -> _Seen:
+def _look(sequence: Sequence, count: int) -> _LightResult:
     frames = rendered(sequence, count)
     tracker = EdgeTracker(KAPPA, NOSE_LENS.image_size_px, paper_config(GUESS))
     steps = [tracker.step(frame.image, frame.said).edges for frame in frames]
     carried = {name: _carried(sequence, frames, name) for name in _ENERGIES}
-    return _Seen(sequence=sequence, frames=frames, carried=carried, steps=steps)
+    return _LightResult(sequence=sequence, frames=frames, carried=carried, steps=steps)
 
 
 def _widths(sequence: Sequence, frame: NoseFrame, guess_px: FloatArray, rows_px: FloatArray) -> FloatArray:
@@ -129,7 +129,7 @@ def _carried(sequence: Sequence, frames: list[NoseFrame], energy: str) -> FloatA
     return np.array(found)
 
 
-def _descents(one: _Seen) -> dict[str, list[float]]:
+def _descents(one: _LightResult) -> dict[str, list[float]]:
     """Return by energy the error after so many evaluations in the middle picture, px rms."""
     frame = one.frames[len(one.frames) // 2]
     wanted = true_edges(one.sequence, frame.truth)[0]
@@ -143,11 +143,11 @@ def _rms(off: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.clip(off, -LOST_PX, LOST_PX) ** 2)))
 
 
-def _descent_table(descents: dict[str, dict[str, list[float]]]) -> Table:
+def _descent_table(descents: dict[str, dict[str, list[float]]]) -> ResultTable:
     rows: list[list[Cell]] = [
         [light, name, *errors] for light, of_light in descents.items() for name, errors in of_light.items()
     ]
-    return Table(
+    return ResultTable(
         name="edge_descent",
         title="Figure 9: error in px (rms) after so many evaluations of the energy, one picture",
         columns=("sequence", "energy", *(f"{n}" for n in _EVALUATIONS)),
@@ -156,14 +156,14 @@ def _descent_table(descents: dict[str, dict[str, list[float]]]) -> Table:
     )
 
 
-def _carried_table(seen: list[_Seen]) -> Table:
+def _carried_table(seen: list[_LightResult]) -> ResultTable:
     rows: list[list[Cell]] = []
     for one in seen:
         wanted = np.array([true_edges(one.sequence, frame.truth)[0] for frame in one.frames])
         for name, found in one.carried.items():
             off = np.clip(found - wanted, -LOST_PX, LOST_PX)
             rows.append([one.sequence.name, name, len(off), _rms(off), float(np.median(np.abs(off))), _rms(off[-1])])
-    return Table(
+    return ResultTable(
         name="edge_carried",
         title="Figure 10: segmentation from picture to picture without a model, error in px",
         columns=("sequence", "energy", "frames", "rms px", "median px", "last frame's"),
@@ -171,7 +171,7 @@ def _carried_table(seen: list[_Seen]) -> Table:
     )
 
 
-def _filter_table(seen: list[_Seen]) -> Table:
+def _filter_table(seen: list[_LightResult]) -> ResultTable:
     rows: list[list[Cell]] = []
     for one in seen:
         errors: list[list[FloatArray]] = [[], [], []]
@@ -184,7 +184,7 @@ def _filter_table(seen: list[_Seen]) -> Table:
                 own.append(found - there)
         cells: list[Cell] = [_rms(np.array(own)) if own else None for own in errors]
         rows.append([one.sequence.name, len(errors[0]), *cells])
-    return Table(
+    return ResultTable(
         name="edge_filter",
         title="Figure 11: the filter's steps, error in px (rms)",
         columns=("sequence", "frames with edges", "predicted", "measured", "estimated"),
@@ -193,7 +193,7 @@ def _filter_table(seen: list[_Seen]) -> Table:
     )
 
 
-def _draw_alone(seen: list[_Seen], path: Path) -> None:
+def _draw_alone(seen: list[_LightResult], path: Path) -> None:
     sheets = []
     for one in seen:
         middle, last = one.frames[len(one.frames) // 2], one.frames[-1]
@@ -214,7 +214,7 @@ def _draw_alone(seen: list[_Seen], path: Path) -> None:
     cv2.imwrite(str(path), np.vstack(sheets))
 
 
-def _draw_steps(one: _Seen, path: Path) -> None:
+def _draw_steps(one: _LightResult, path: Path) -> None:
     pictures = []
     start = max(0, len(one.frames) // 2 - _CONSECUTIVE)
     for frame, edges in list(zip(one.frames, one.steps, strict=True))[start : start + _CONSECUTIVE]:

@@ -9,8 +9,8 @@ from groundstation.arrays import FloatArray
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.detection_set_up import SEED
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.messages import Event, InitialState, StepReport
 from groundstation.rig.rig import Rig
 from groundstation.simulation import case_b, simulate
@@ -34,7 +34,7 @@ _TAKE_OFF_PIXELS = (
 )
 
 
-def online(recorded: Recorded) -> Findings:
+def online(recorded: TruthSession) -> Findings:
     """What is known of the aircraft where it is 110 ms after the pictures (figure 14, table 5)."""
     take_off = _simulated_take_off() if recorded.take_off is None else _filmed(recorded.take_off)
     flights = {"landing": _filmed(recorded), "take-off": take_off}
@@ -45,7 +45,7 @@ def online(recorded: Recorded) -> Findings:
             rms: list[Cell] = [float(v) for v in np.sqrt((e**2).mean(axis=0))] if len(e) else [None] * 3
             worst: list[Cell] = [float(v) for v in np.abs(e).max(axis=0)] if len(e) else [None] * 3
             rows.append([flight, words, len(e), *rms, *worst, _PAPER.get((flight, way), "")])
-    table = Table(
+    table = ResultTable(
         name="online",
         title="Table 5: root mean square error on line",
         columns=(
@@ -76,7 +76,7 @@ def online(recorded: Recorded) -> Findings:
     return Findings(tables=(table,), figures=(figure,), differences=differences)
 
 
-def _filmed(recorded: Recorded) -> dict[str, FloatArray]:
+def _filmed(recorded: TruthSession) -> dict[str, FloatArray]:
     pixels = recorded.detected
     first_s = min(float(rows[0, 0]) for rows in pixels.values())
     last_s = float(recorded.truth.t_s[recorded.inside(recorded.truth.t_s)].max())

@@ -8,7 +8,7 @@ from pathlib import Path
 from groundstation.evaluation.page_tables import Column, page_table, plain
 from groundstation.evaluation.report import html_page
 from groundstation.experiments.experiment import Experiment, Findings, PaperFigure
-from groundstation.experiments.tables import Table, shown
+from groundstation.experiments.tables import ResultTable, shown
 from groundstation.files.output_names import below
 
 _TIME_MARK = " †"
@@ -56,7 +56,7 @@ def _section(experiment: Experiment, findings: Findings, folder: Path) -> str:
     )
 
 
-def _table(table: Table) -> str:
+def _table(table: ResultTable) -> str:
     columns = [
         Column(name + (_TIME_MARK if k in table.timed else ""), text=_is_text(table, k))
         for k, name in enumerate(table.columns)
@@ -67,7 +67,7 @@ def _table(table: Table) -> str:
     return f"<h3>{escape(table.title)}</h3><div class='{kind}'>{page_table(columns, rows)}</div>{notes}"
 
 
-def _is_text(table: Table, column: int) -> bool:
+def _is_text(table: ResultTable, column: int) -> bool:
     return any(isinstance(row[column], str) for row in table.rows)
 
 

@@ -12,7 +12,7 @@ from groundstation.evaluation.collector import DETECTION_STATUSES, ResultCollect
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.experiments.detection_set_up import METHODS, OURS, PAPERS_CHOICE, SEED, SWEEP
-from groundstation.experiments.looks import Outcome, watch
+from groundstation.experiments.looks import DetectorOutcome, watch
 from groundstation.experiments.scenes import scenes
 from groundstation.messages import Event, InitialState
 from groundstation.replay.run import run
@@ -28,7 +28,7 @@ _START_SIGMA_M, _START_SIGMA_M_S = 1.0, 2.0
 PAPER_METHODS_HERE = tuple(name for name in METHODS if not name.startswith("scikit-image"))
 
 
-class Recorded:
+class TruthSession:
     """One session with exact truth, or the part of it between two session times.
 
     Parameters
@@ -46,7 +46,7 @@ class Recorded:
         to_s: float | None = None,
         say: Callable[[str], None] = lambda words: None,
         *,
-        take_off: "Recorded | None" = None,
+        take_off: "TruthSession | None" = None,
     ) -> None:
         self.take_off = take_off
         self.session: Session = load_session(folder)
@@ -84,7 +84,7 @@ class Recorded:
 
     # ------------------------------------------------------------------------------------- detectors
     @cached_property
-    def outcomes(self) -> Mapping[str, list[Outcome]]:
+    def outcomes(self) -> Mapping[str, list[DetectorOutcome]]:
         """What each detector of `SWEEP` and of the methods made of each picture, by its name."""
         times = read_frames(self.session).epoch_times()
         numbers = np.flatnonzero(self.inside(np.nan_to_num(times, nan=np.inf)))
@@ -97,7 +97,7 @@ class Recorded:
         return found
 
     @cached_property
-    def methods(self) -> Mapping[str, list[Outcome]]:
+    def methods(self) -> Mapping[str, list[DetectorOutcome]]:
         """The outcomes of the methods only, ours first."""
         return {name: self.outcomes[PAPERS_CHOICE if name == OURS else name] for name in PAPER_METHODS_HERE}
 

@@ -10,7 +10,7 @@ from groundstation.errors import InputError
 from groundstation.evaluation.summary import versions
 from groundstation.experiments.experiment import Experiment, Findings
 from groundstation.experiments.page import paper_page
-from groundstation.experiments.recorded import Recorded
+from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.registry import EXPERIMENTS, named
 from groundstation.files.output_names import below
 from groundstation.tracking.warm_up import warm_up
@@ -53,8 +53,8 @@ def reproduce(request: ReproduceRequest, say: Callable[[str], None] = lambda wor
     folder = request.session or BUNDLED
     if request.session is None and not folder.is_dir():
         raise InputError(str(folder), got="no bundled recording", wanted="one, or --session")
-    take_off = None if request.take_off is None else Recorded(request.take_off, say=say)
-    recorded = Recorded(folder, request.from_s, request.to_s, say, take_off=take_off)
+    take_off = None if request.take_off is None else TruthSession(request.take_off, say=say)
+    recorded = TruthSession(folder, request.from_s, request.to_s, say, take_off=take_off)
     _make(request.out)
     page = request.out / _PAGE
     if page.is_dir():

@@ -43,7 +43,7 @@ _HEADER_BYTES = 10_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Silhouette:
+class TrueSilhouette:
     """The true silhouette: ``mask`` (h, w) with its upper-left pixel at column ``x`` and row ``y`` of the image."""
 
     x: int
@@ -70,7 +70,7 @@ class Scene:
     frame: Frame
     hint: DetectionHint
     nose_px: FloatArray
-    silhouette: Silhouette
+    silhouette: TrueSilhouette
     background: str
 
 
@@ -89,7 +89,7 @@ class Silhouettes:
             raise self._fault(str(fault)) from fault
         self._numbers = read_frames(session).index
 
-    def find(self, station: str, epoch: int) -> Silhouette | None:
+    def find(self, station: str, epoch: int) -> TrueSilhouette | None:
         """Return the silhouette, None where the aircraft is not in the picture."""
         key = f"{station}_{int(self._numbers[epoch]):04d}"
         if key not in self._names:
@@ -99,7 +99,7 @@ class Silhouettes:
             return None
         if len(corner) != 2 or max(abs(int(v)) for v in corner) > _MAX_CORNER_PX:
             raise self._fault(f"{key}_xy is no corner of a silhouette")
-        return Silhouette(x=int(corner[0]), y=int(corner[1]), mask=mask > 0)
+        return TrueSilhouette(x=int(corner[0]), y=int(corner[1]), mask=mask > 0)
 
     def _array(self, key: str, dimensions: int) -> NDArray[Any]:
         """Return an array of whole numbers; raises `SessionError` where the archive is damaged there."""

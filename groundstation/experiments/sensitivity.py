@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.triangulation import View, triangulate
+from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.detection_set_up import SEED
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.recorded import Recorded
-from groundstation.experiments.tables import Cell, Table
+from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.geometry.aim import aim_at
 from groundstation.tracking.config import Config
 
@@ -21,7 +21,7 @@ _PANELS = {"u and v": "(a) u and v", "u": "(b) u, v constant", "v": "(c) v, u co
 _PLACES = 40
 
 
-def sensitivity(recorded: Recorded) -> Findings:
+def sensitivity(recorded: TruthSession) -> Findings:
     """Errors in x, y and z against the error put into the pixels, in u, in v and in both (figure 12)."""
     bias = {name: [_biased(recorded, px * np.array(d)) for px in ERRORS_PX] for name, d in _DIRECTIONS.items()}
     rows: list[list[Cell]] = []
@@ -29,7 +29,7 @@ def sensitivity(recorded: Recorded) -> Findings:
         for px, off in zip(ERRORS_PX, bias[name], strict=True):
             filtered, single = _noisy(recorded, px * np.array(direction))
             rows.append([_PANELS[name], px, *off, *single, *filtered])
-    table = Table(
+    table = ResultTable(
         name="sensitivity",
         title="Figure 12: root mean square error by the error of detection",
         columns=(
@@ -61,7 +61,7 @@ def sensitivity(recorded: Recorded) -> Findings:
     return Findings(tables=(table,), figures=(figure,), differences=differences)
 
 
-def _biased(recorded: Recorded, off_px: FloatArray) -> list[float]:
+def _biased(recorded: TruthSession, off_px: FloatArray) -> list[float]:
     """Return the rms error in x, y and z of the midpoint with the first station's pixel off by ``off_px`` (2,)."""
     t = recorded.truth.t_s[recorded.inside(recorded.truth.t_s)]
     places = recorded.truth_at(t[:: max(1, len(t) // _PLACES)])
@@ -76,7 +76,7 @@ def _biased(recorded: Recorded, off_px: FloatArray) -> list[float]:
                 continue
             pixel = seen.pixel + (off_px if k == 0 else 0.0)
             views.append(
-                View(
+                TriangulationView(
                     station=geometry,
                     pixel=pixel,
                     covariance_px2=np.eye(2),
@@ -91,7 +91,7 @@ def _biased(recorded: Recorded, off_px: FloatArray) -> list[float]:
     return _rms(np.array(errors).reshape(-1, 3))
 
 
-def _noisy(recorded: Recorded, sigma_px: FloatArray) -> tuple[list[float], list[float]]:
+def _noisy(recorded: TruthSession, sigma_px: FloatArray) -> tuple[list[float], list[float]]:
     """Return the rms errors of the EKF and of the midpoint over true pixels with noise of sigma (2,)."""
     pixels = {}
     for k, (name, rows) in enumerate(recorded.true_pixels.items()):

@@ -11,7 +11,7 @@ Cell = str | float | int | None
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class ResultTable:
     """One table.
 
     Attributes

@@ -75,7 +75,7 @@ def finite_number(value: object) -> float | None:
     return float(value) if abs(value) <= sys.float_info.max else None
 
 
-class Table:
+class TomlTable:
     """One TOML table with its place in the file, so that each complaint names file and key."""
 
     def __init__(self, values: Mapping[str, Any], where: str, error: type[InputError]) -> None:
@@ -164,6 +164,6 @@ class Table:
             raise self.fail(key, quoted(value), wanted)
         return np.array(numbers, dtype=np.float64).reshape(length)
 
-    def table(self, key: str) -> "Table":
+    def table(self, key: str) -> "TomlTable":
         """Return a sub-table, empty where the key is absent."""
-        return Table(self.values.get(key, {}), f"{self.where}: {shown(key)}", self.error)
+        return TomlTable(self.values.get(key, {}), f"{self.where}: {shown(key)}", self.error)

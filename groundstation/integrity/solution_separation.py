@@ -23,7 +23,7 @@ _FIRST_ROOM = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sight:
+class PixelResidual:
     """One station's pixel of an epoch against the filter's prediction at its own exposure.
 
     ``residual_px`` (2,) found − predicted; ``jacobian_px_per_m`` (2, 3) by the target's position; ``noise_px2`` (2, 2)
@@ -50,7 +50,7 @@ class SightStack(NamedTuple):
     used: BoolArray
 
     @classmethod
-    def of(cls, sights: Sequence[Sight], used: Sequence[bool]) -> "SightStack":
+    def of(cls, sights: Sequence[PixelResidual], used: Sequence[bool]) -> "SightStack":
         """Return the sights in this order."""
         return cls(
             np.array([s.noise_px2 for s in sights]),
@@ -101,7 +101,7 @@ class StationWindow:
     def add(self, t_s: float, own_constant_px2: float, own: int, among: SightStack) -> None:
         """Take the station's pixel of one epoch, number ``own`` of those ``among``, to be held against the used ones.
 
-        ``own_constant_px2`` is its `Sight.constant_px2`. With no other station used, there is nothing to take.
+        ``own_constant_px2`` is its `PixelResidual.constant_px2`. With no other station used, there is nothing to take.
         """
         if np.count_nonzero(among.used) + (not among.used[own]) >= 2:
             constant = self._constant_px2 + own_constant_px2

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.integrity.solution_separation import Separation, Sight, SightStack, StationWindow
+from groundstation.integrity.solution_separation import PixelResidual, Separation, SightStack, StationWindow
 
 # jumps within one epoch are simultaneous
 _TOGETHER_S = 0.02
@@ -66,7 +66,7 @@ class IntegrityConfig:
             raise ValueError("min_epochs must be ≥ 2, constant_px ≥ 0, margin ≥ 1")
 
 
-class Verdict(StrEnum):
+class StationVerdict(StrEnum):
     """What is held of a station."""
 
     TRUSTED = "trusted"
@@ -79,7 +79,7 @@ class Finding:
     """A change of a station's verdict, or of several at once; ``text`` says it in plain words."""
 
     stations: tuple[str, ...]
-    verdict: Verdict
+    verdict: StationVerdict
     text: str
 
 
@@ -92,7 +92,7 @@ class IntegrityWatch:
         self._config = config
         self._windows = {name: StationWindow(config.window_s, config.constant_px) for name in stations}
         self._agrees_since: dict[str, float] = {}
-        self._verdicts = dict.fromkeys(stations, Verdict.TRUSTED)
+        self._verdicts = dict.fromkeys(stations, StationVerdict.TRUSTED)
         self._since: dict[str, float] = {}
         self._extra: dict[str, FloatArray] = {}
         self._judged_s = -math.inf
@@ -100,7 +100,7 @@ class IntegrityWatch:
         tail = min(config.false_alarms_per_hour / per_hour, 0.5)
         self._limits = {dof: float(chi2.isf(tail, dof)) for dof in (1, 2)}
 
-    def verdict(self, station: str) -> Verdict:
+    def verdict(self, station: str) -> StationVerdict:
         """Return what is held of a station now."""
         return self._verdicts[station]
 
@@ -121,11 +121,11 @@ class IntegrityWatch:
         """Return when a station's innovations began to jump, within the last two windows; None if they did not."""
         return self._windows[station].jumped_s()
 
-    def epoch(self, t_s: float, sights: Sequence[Sight]) -> list[Finding]:
+    def epoch(self, t_s: float, sights: Sequence[PixelResidual]) -> list[Finding]:
         """Take the pixels of one epoch and return which verdicts they change."""
         if not self._config.enabled:
             return []
-        used = [self._verdicts[s.station] is not Verdict.EXCLUDED for s in sights]
+        used = [self._verdicts[s.station] is not StationVerdict.EXCLUDED for s in sights]
         together = SightStack.of(sights, used)
         for k, sight in enumerate(sights):
             # a station that is left out is held against those that are not
@@ -156,7 +156,7 @@ class IntegrityWatch:
         """Trust again who has agreed for long enough."""
         back = []
         for name in names:
-            if self._verdicts[name] is Verdict.TRUSTED:
+            if self._verdicts[name] is StationVerdict.TRUSTED:
                 continue
             s = self.separation(name)
             # half of the limit: in and out are not to be the same step
@@ -166,13 +166,13 @@ class IntegrityWatch:
             elif t_s - self._agrees_since.setdefault(name, t_s) >= self._config.readmit_s:
                 back.append(name)
         for name in back:
-            self._verdicts[name] = Verdict.TRUSTED
+            self._verdicts[name] = StationVerdict.TRUSTED
             self._agrees_since.pop(name, None)
             self._extra.pop(name, None)
         if not back:
             return []
         text = f"{_named(back)}: agrees with the others since {self._config.readmit_s:g} s, trusted again"
-        return [Finding(stations=tuple(back), verdict=Verdict.TRUSTED, text=text)]
+        return [Finding(stations=tuple(back), verdict=StationVerdict.TRUSTED, text=text)]
 
     def _accuse(self, t_s: float, used: Sequence[str]) -> list[Finding]:
         """Exclude the one station that is off, or doubt all those that may be."""
@@ -182,13 +182,13 @@ class IntegrityWatch:
         first_s = min(self._windows[name].first_s for name in alarms)
         guilty = self._guilty(alarms) if len(used) >= 3 else None
         if guilty is not None:
-            self._verdicts[guilty] = Verdict.EXCLUDED
+            self._verdicts[guilty] = StationVerdict.EXCLUDED
             self._extra.pop(guilty, None)
             for name in used:
                 # what the others were held against was wrong
                 self._windows[name].forget_epochs()
-                if name != guilty and self._verdicts[name] is Verdict.DOUBTED:
-                    self._verdicts[name] = Verdict.TRUSTED
+                if name != guilty and self._verdicts[name] is StationVerdict.DOUBTED:
+                    self._verdicts[name] = StationVerdict.TRUSTED
                     self._extra.pop(name, None)
             self._since[guilty] = first_s
             self.exclusions += 1
@@ -196,10 +196,10 @@ class IntegrityWatch:
             u, v = off.bias_px
             text = f"{_named([guilty])}: pixels off by ({u:+.1f}, {v:+.1f}) px against the others since about"
             text += f" {first_s:.1f} s, no longer used"
-            return [Finding(stations=(guilty,), verdict=Verdict.EXCLUDED, text=text)]
-        news = [name for name in alarms if self._verdicts[name] is Verdict.TRUSTED]
+            return [Finding(stations=(guilty,), verdict=StationVerdict.EXCLUDED, text=text)]
+        news = [name for name in alarms if self._verdicts[name] is StationVerdict.TRUSTED]
         for name, off in alarms.items():
-            self._verdicts[name] = Verdict.DOUBTED
+            self._verdicts[name] = StationVerdict.DOUBTED
             self._extra[name] = np.outer(off.bias_px, off.bias_px)
         if not news:
             return []
@@ -207,7 +207,7 @@ class IntegrityWatch:
         worst = max(float(np.hypot(*off.bias_px)) for off in alarms.values())
         text = f"{_named(list(alarms))}: rays miss each other by {worst:.1f} px since about {first_s:.1f} s;"
         text += " which of them is off cannot be told, all are trusted less"
-        return [Finding(stations=tuple(alarms), verdict=Verdict.DOUBTED, text=text)]
+        return [Finding(stations=tuple(alarms), verdict=StationVerdict.DOUBTED, text=text)]
 
     def _guilty(self, alarms: Mapping[str, Separation]) -> str | None:
         """Return the station that is off, or None if it cannot be told."""
@@ -217,7 +217,7 @@ class IntegrityWatch:
         margin = self._config.margin
         if alarms[order[0]].statistic > margin * alarms[order[1]].statistic:
             return order[0]
-        if any(self._verdicts[name] is Verdict.DOUBTED for name in alarms):
+        if any(self._verdicts[name] is StationVerdict.DOUBTED for name in alarms):
             # the filter has gone along with the fault since: innovations no longer tell
             return None
         # the separations are alike: whose innovations jumped first?

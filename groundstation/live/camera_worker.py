@@ -3,7 +3,7 @@
 import math
 import threading
 
-from groundstation.live.inbox import CameraFrame, DeviceLogLine, Inbox
+from groundstation.live.inbox import DeviceLogLine, Inbox, TimedPicture
 from groundstation.sources.cameras.camera import CameraEvent, CameraEventKind
 from groundstation.sources.cameras.live_camera import LiveCamera
 
@@ -53,7 +53,7 @@ class CameraWorker:
                 self.frames += 1
                 self.newest_s = frame.t_s + self._zero_s
                 self._inbox.put(
-                    CameraFrame(
+                    TimedPicture(
                         t_s=self.newest_s,
                         arrived_s=frame.arrival_s + self._zero_s,
                         station=self.station,

@@ -21,7 +21,7 @@ from groundstation.live.opened_cameras import opened_cameras
 from groundstation.live.operation import Operation, OperationResult, StatusSink
 from groundstation.live.out_folder import require_free, taken_back_unless_begun, written_files
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
-from groundstation.live.reference_set_up import Reference, reference_tuning
+from groundstation.live.reference_set_up import ReferenceReceiver, reference_tuning
 from groundstation.live.screen import StatusTeller, open_screen
 from groundstation.live.station_file import StationFile, load_station
 from groundstation.live.station_simulator import StationSimulator
@@ -155,7 +155,7 @@ def _live(
         if file.sun_angle_rad != 0.0:
             say(sun)
             operation.say("info" if sun_known else "warning", sun)
-        reference = Reference(file, known, operation.inbox, start_s=start_s, folder=out, faults=faults)
+        reference = ReferenceReceiver(file, known, operation.inbox, start_s=start_s, folder=out, faults=faults)
         opened.callback(reference.close)
         say("opening the PTUs")
         heads.opened(stop)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.live.inbox import CameraFrame, DeviceLogLine, Item
+from groundstation.live.inbox import DeviceLogLine, Item, TimedPicture
 from groundstation.live.pairing import Pairing
 from groundstation.messages import (
     Event,
@@ -103,7 +103,7 @@ class LiveCore:
         if isinstance(item, DeviceLogLine):
             line = TrackEvent(t_s=item.t_s, level=item.level, text=item.text)
             taken.reports.append(StepReport(events=(line,)))
-        elif isinstance(item, (CameraFrame, PixelMeasurement)):
+        elif isinstance(item, (TimedPicture, PixelMeasurement)):
             paired = self._pairing.frame(item.station, item.t_s)
             for epoch in paired.closed_before:
                 self._step(epoch, taken)
@@ -248,7 +248,7 @@ class LiveCore:
         return None if kinematics is None else kinematics.position_runway_m
 
 
-def _numbered(item: CameraFrame | PixelMeasurement, epoch: int) -> Frame | PixelMeasurement:
-    if isinstance(item, CameraFrame):
+def _numbered(item: TimedPicture | PixelMeasurement, epoch: int) -> Frame | PixelMeasurement:
+    if isinstance(item, TimedPicture):
         return Frame(t_s=item.t_s, station=item.station, epoch=epoch, image=item.picture)
     return PixelMeasurement(t_s=item.t_s, station=item.station, epoch=epoch, u_px=item.u_px, v_px=item.v_px)

@@ -40,7 +40,7 @@ _ASK_SHARE, _TERMINATE_SHARE, _HALT_SHARE = 0.5, 0.15, 0.35
 _GRACE_S = 0.5
 
 
-class Phase(StrEnum):
+class ProcessPhase(StrEnum):
     """What the PTUs' process is about."""
 
     OPENING = "opening"
@@ -75,7 +75,7 @@ class Heads:
         self._leases = MotionLeases(tuple(self._heads))
         self._guard = GuardProcess(self._heads, self._leases, clock, self._lose_guard, self._halted_by_guard, make)
         self._child: Child | None = None
-        self._phase = Phase.CLOSED
+        self._phase = ProcessPhase.CLOSED
         self._delay = RestartDelay()
         self._unknown: frozenset[str] = frozenset()
         self._leaving = self._silent = False
@@ -103,7 +103,7 @@ class Heads:
     @property
     def running(self) -> bool:
         """Whether the heads can be turned: both processes are there and do their work, as far as is known."""
-        return self._phase is Phase.RUNNING and self._guard.ready()
+        return self._phase is ProcessPhase.RUNNING and self._guard.ready()
 
     @property
     def pids(self) -> dict[str, int]:
@@ -154,7 +154,7 @@ class Heads:
 
     def tell(self, command: PointingCommand) -> None:
         """Hand a command on; never waits: to a process that has not been heard of, nothing is sent."""
-        if self._phase is Phase.RUNNING and self._clock() - self._leases.driver_beat_s < LEASE_S:
+        if self._phase is ProcessPhase.RUNNING and self._clock() - self._leases.driver_beat_s < LEASE_S:
             self._send(command)
 
     def close(self, within_s: float = CLOSE_S) -> None:
@@ -162,11 +162,11 @@ class Heads:
         self._stopping.set()
         if self._thread is not None:
             self._thread.join(_ASK_SHARE * within_s)
-        if self._phase is Phase.CLOSED:
+        if self._phase is ProcessPhase.CLOSED:
             return
         end_s = self._clock() + within_s
-        phase, self._phase = self._phase, Phase.CLOSED
-        halting = phase is Phase.HALTING
+        phase, self._phase = self._phase, ProcessPhase.CLOSED
+        halting = phase is ProcessPhase.HALTING
         if self._child is not None:
             killed = self._end_process(self._child, within_s)
             # what it has given back has acknowledged its halt; of all else nothing is known, however it ended
@@ -214,11 +214,11 @@ class Heads:
         self._looked_s = now_s
         ended = self._child is not None and not self._take_all(self._child)
         self._guard.look(self._since_s)
-        if self._phase in (Phase.RUNNING, Phase.OPENING) and self._child is not None:
+        if self._phase in (ProcessPhase.RUNNING, ProcessPhase.OPENING) and self._child is not None:
             self._look_after(self._child, now_s, ended)
-        elif self._phase is Phase.HALTING:
+        elif self._phase is ProcessPhase.HALTING:
             self._look_after_halts(now_s)
-        elif self._phase is Phase.WAITING and now_s >= self._due_s:
+        elif self._phase is ProcessPhase.WAITING and now_s >= self._due_s:
             self._begin_process()
 
     def _take_all(self, child: Child) -> bool:
@@ -260,14 +260,14 @@ class Heads:
             child.kill(_GRACE_S)
             self._lose(child.how_it_ended(), now_s)
             return
-        if self._phase is Phase.RUNNING and (silent_s > LEASE_S) is not self._silent:
+        if self._phase is ProcessPhase.RUNNING and (silent_s > LEASE_S) is not self._silent:
             # no lease is renewed meanwhile: the guard halts the heads by itself
             self._silent = silent_s > LEASE_S
             self.log.show(
                 dict.fromkeys(self._heads, "process silent, being halted" if self._silent else "process back")
             )
         hangs = self._silence.hangs(child.pid, silent_s)
-        if hangs if self._phase is Phase.RUNNING else silent_s > _OPEN_S:
+        if hangs if self._phase is ProcessPhase.RUNNING else silent_s > _OPEN_S:
             # SIGTERM would wait for the thread that hangs
             child.kill()
             self._lose(f"said nothing for {silent_s:.1f} s and was killed", now_s)
@@ -275,7 +275,7 @@ class Heads:
     def _lose(self, why: str, now_s: float) -> None:
         """Have every head halted whose process is gone."""
         self._child = None
-        self._phase, self._lost_s = Phase.HALTING, now_s
+        self._phase, self._lost_s = ProcessPhase.HALTING, now_s
         for name in self._heads:
             self._leases.release(name)
         self._guard.request_halt()
@@ -290,17 +290,17 @@ class Heads:
             return
         self._unknown = self.log.halts(self._heads, results, self._lost_s)
         self._guard.settled()
-        self._phase, self._due_s = Phase.WAITING, self._delay.lost(now_s)
+        self._phase, self._due_s = ProcessPhase.WAITING, self._delay.lost(now_s)
 
     def _lose_guard(self, why: str) -> None:
         self.log.lost(f"the motion guard's process {why}")
         self.log.say("error", f"the motion guard's process {why}: heads are held still until it runs again")
-        if self._phase is Phase.RUNNING:
+        if self._phase is ProcessPhase.RUNNING:
             self.log.show(dict.fromkeys(self._heads, "held still: no motion guard"))
 
     def _halted_by_guard(self, report: GuardReport) -> None:
         """A lease ran out: the head's thread, or all of its process, did not come round."""
-        if self._phase is not Phase.CLOSED:
+        if self._phase is not ProcessPhase.CLOSED:
             self.log.lease_ran_out(report)
 
     def _begin_process(self) -> None:
@@ -308,7 +308,7 @@ class Heads:
         self._leaving = self._silent = False
         self._begun_s = self._clock()
         self._child = self._make("ptus", serve_heads, self._heads, self._start_s, self._leases)
-        self._phase = Phase.OPENING
+        self._phase = ProcessPhase.OPENING
 
     def _note_opened(self, found: dict[str, tuple[UnitDescription, HeadLimits]]) -> None:
         """Note what the heads are, and that their process does its work."""
@@ -316,7 +316,7 @@ class Heads:
         self._unknown = frozenset()
         self._begun_s = self._clock()
         self._delay.began(self._begun_s)
-        self._phase = Phase.RUNNING
+        self._phase = ProcessPhase.RUNNING
 
     def _await_halts(self, until_s: float) -> None:
         """Wait for the guard's answers at the end, and keep what is not known to stand."""

@@ -14,7 +14,7 @@ from groundstation.picture import Picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CameraFrame:
+class TimedPicture:
     """A camera's picture before it has a pair: exposed at ``t_s`` of the session, here since ``arrived_s``."""
 
     t_s: float
@@ -32,7 +32,7 @@ class DeviceLogLine:
     text: str
 
 
-Item = CameraFrame | PtuSample | ReferenceFix | DeviceLogLine
+Item = TimedPicture | PtuSample | ReferenceFix | DeviceLogLine
 
 
 class Inbox:
@@ -57,15 +57,15 @@ class Inbox:
     def put(self, item: Item) -> None:
         """Add something; never waits."""
         with self._changed:
-            if isinstance(item, CameraFrame):
+            if isinstance(item, TimedPicture):
                 if self._waiting[item.station] >= self._frames:
-                    self._drop(lambda old: isinstance(old, CameraFrame) and old.station == item.station)
+                    self._drop(lambda old: isinstance(old, TimedPicture) and old.station == item.station)
                     self._dropped[f"frames of {item.station}"] += 1
                     self._waiting[item.station] -= 1
                 self._waiting[item.station] += 1
             else:
                 if self._readings >= self._others:
-                    self._drop(lambda old: not isinstance(old, CameraFrame))
+                    self._drop(lambda old: not isinstance(old, TimedPicture))
                     self._dropped["readings"] += 1
                     self._readings -= 1
                 self._readings += 1
@@ -80,7 +80,7 @@ class Inbox:
             if not self._items:
                 return None
             item = self._items.popleft()
-            if isinstance(item, CameraFrame):
+            if isinstance(item, TimedPicture):
                 self._waiting[item.station] -= 1
             else:
                 self._readings -= 1

@@ -18,7 +18,7 @@ from groundstation.live.core import LiveCore, Taken
 from groundstation.live.ending import Ending
 from groundstation.live.head_log import HeadState
 from groundstation.live.heads import Heads
-from groundstation.live.inbox import CameraFrame, DeviceLogLine, Inbox, Item
+from groundstation.live.inbox import DeviceLogLine, Inbox, Item, TimedPicture
 from groundstation.live.pairing import Pairing, Shedding
 from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.station_file import StationFile
@@ -167,7 +167,7 @@ class Operation:
             while ending.parks() and heads.running and core.not_parked(self.now_s, _PARKED_RAD, heard=True):
                 item = self.inbox.get(_WAIT_S)
                 # what is seen while the heads swing away is of no use
-                self._turn(core, heads, workers, None if isinstance(item, CameraFrame) else item)
+                self._turn(core, heads, workers, None if isinstance(item, TimedPicture) else item)
             for line in core.not_parked(self.now_s, _PARKED_RAD):
                 self._hand_on(core.take(DeviceLogLine(t_s=self.now_s, level="warning", text=line), self.now_s), heads)
         self._hand_on(core.finish(), heads)
@@ -187,13 +187,13 @@ class Operation:
     # ------------------------------------------------------------------------------------- one turn
     def _turn(self, core: LiveCore, heads: Heads, cameras: Sequence[CameraWorker], item: Item | None) -> None:
         began_s = self.now_s
-        if isinstance(item, CameraFrame) and self._shedding.leaves_out(
+        if isinstance(item, TimedPicture) and self._shedding.leaves_out(
             item.station, item.t_s, self.inbox.frames_waiting
         ):
             item = None
         known_s = self._known_s(item, began_s)
         taken = core.pass_time(began_s, known_s) if item is None else core.take(item, began_s, known_s)
-        if isinstance(item, CameraFrame):
+        if isinstance(item, TimedPicture):
             for event in taken.consumed:
                 if isinstance(event, Frame):
                     self._board.arrived(event.epoch, item.arrived_s)
@@ -212,7 +212,7 @@ class Operation:
         """Return up to when the devices' records have been taken, ``item`` included: now, unless more waits."""
         if not len(self.inbox):
             return now_s
-        return item.t_s if isinstance(item, CameraFrame | PtuSample) else -_NEVER
+        return item.t_s if isinstance(item, TimedPicture | PtuSample) else -_NEVER
 
     def _hand_on(self, taken: Taken, heads: Heads) -> None:
         for command in taken.commands:

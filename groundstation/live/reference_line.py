@@ -12,7 +12,7 @@ from ptu_drivers.transport import SerialTransport
 _MOST = 65_536
 
 
-class ReferenceLine(Protocol):
+class ReceiverLine(Protocol):
     """A line that is open.
 
     Attributes
@@ -31,7 +31,7 @@ class ReferenceLine(Protocol):
         """Let go of it; never raises."""
 
 
-def open_reference_line(device: ReferenceDevice) -> ReferenceLine:
+def open_reference_line(device: ReferenceDevice) -> ReceiverLine:
     """Open a receiver's line; raises `DeviceError`, `ConfigError`."""
     address = udp_address(device.url)
     return _SerialLine(device) if address is None else _UdpLine(device, address)

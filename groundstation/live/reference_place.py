@@ -37,7 +37,7 @@ class Refusal(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Placed:
+class PlacedFix:
     """A position of the antenna as the table keeps it, and of the nose as the filter takes it, or why it does not."""
 
     antenna: DgpsFix | None
@@ -125,7 +125,7 @@ class ReferencePlace:
         self._last_m: FloatArray | None = None
         self._track: deque[tuple[float, FloatArray]] = deque()
 
-    def place(self, fix: LogFix, arrived_s: float) -> Placed:
+    def place(self, fix: LogFix, arrived_s: float) -> PlacedFix:
         """Return a position that came at session time ``arrived_s`` in its place."""
         t_s = self.clock.session_s(fix, arrived_s)
         if t_s is None:
@@ -144,13 +144,13 @@ class ReferencePlace:
         repeated = self._last_m is not None and bool(np.all(place_m == self._last_m))
         self._last_m = place_m
         if repeated:
-            return Placed(antenna=antenna, nose=None, refusal=Refusal.REPEATED)
+            return PlacedFix(antenna=antenna, nose=None, refusal=Refusal.REPEATED)
         nose_m = self._nose(t_s, place_m)
         if nose_m is None:
-            return Placed(antenna=antenna, nose=None, refusal=Refusal.NO_HEADING)
+            return PlacedFix(antenna=antenna, nose=None, refusal=Refusal.NO_HEADING)
         sigma_m = np.asarray(antenna.sigma_m, dtype=np.float64)
         nose = ReferenceFix(t_s=t_s - self._later_s, position_runway_m=nose_m, sigma_m=sigma_m)
-        return Placed(antenna=antenna, nose=nose, refusal=None)
+        return PlacedFix(antenna=antenna, nose=nose, refusal=None)
 
     def _nose(self, t_s: float, place_m: FloatArray) -> FloatArray | None:
         """Return nose = antenna − R_runway_from_body · antenna_in_body, forward along the last half second's track."""
@@ -175,8 +175,8 @@ class ReferencePlace:
         return np.asarray(place_m - axes @ self._antenna)
 
 
-def _refused(why: Refusal) -> Placed:
-    return Placed(antenna=None, nose=None, refusal=why)
+def _refused(why: Refusal) -> PlacedFix:
+    return PlacedFix(antenna=None, nose=None, refusal=why)
 
 
 def _log_of(fix: LogFix) -> GnssLog:

@@ -32,7 +32,7 @@ def gps_time_of(monotonic_s: float) -> float:
     return gps_from_civil(*civil_from_unix(unix_s), TimeScale.UTC)
 
 
-class Reference:
+class ReferenceReceiver:
     """The worker of a station's reference receiver, if it has one, and its table.
 
     Parameters

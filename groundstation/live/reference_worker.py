@@ -15,7 +15,7 @@ from groundstation.live.board import GONE_S, ReferenceState
 from groundstation.live.head_worker import Outlet
 from groundstation.live.inbox import DeviceLogLine
 from groundstation.live.reference_device import ReferenceDevice
-from groundstation.live.reference_line import ReferenceLine, open_reference_line
+from groundstation.live.reference_line import ReceiverLine, open_reference_line
 from groundstation.live.reference_place import ReferencePlace
 from groundstation.messages import DgpsFix
 from groundstation.session.logs.fixes import LogFix, LogOptions
@@ -61,7 +61,7 @@ class ReferenceWorker:
         start_s: float,
         clock: Callable[[], float] = time.monotonic,
         utc: Callable[[], float] = time.time,
-        connect: Callable[[ReferenceDevice], ReferenceLine] = open_reference_line,
+        connect: Callable[[ReferenceDevice], ReceiverLine] = open_reference_line,
     ) -> None:
         self.fixes = 0
         self.refused: Counter[str] = Counter()
@@ -123,7 +123,7 @@ class ReferenceWorker:
             self._watch()
             self._stop.wait(_AGAIN_S)
 
-    def _listen(self, line: ReferenceLine) -> None:
+    def _listen(self, line: ReceiverLine) -> None:
         while not self._stop.is_set():
             before = line.refused
             data = line.read(_QUIET_S)
@@ -137,7 +137,7 @@ class ReferenceWorker:
                 self._take(fix)
             self._watch()
 
-    def _count_refused(self, line: ReferenceLine, more: int) -> None:
+    def _count_refused(self, line: ReceiverLine, more: int) -> None:
         """Count datagrams of senders that are not allowed, and say now and then that there are some."""
         self._seldom.pass_time(self._now_s())
         if more:

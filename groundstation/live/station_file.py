@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from groundstation.errors import ConfigError
-from groundstation.files.toml_table import Table, load_toml, quoted
+from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.reference_device import Network, ReferenceDevice, sender_networks
 from groundstation.pointing.keep_out import Sector
@@ -84,7 +84,7 @@ class StationFile:
 
 def load_station(path: Path) -> StationFile:
     """Read a station file; paths in it are relative to it. Raises `ConfigError`."""
-    top = Table(load_toml(path, ConfigError), str(path), ConfigError)
+    top = TomlTable(load_toml(path, ConfigError), str(path), ConfigError)
     top.refuse_unknown(_TOP)
     top.choice("format", [STATION_FORMAT])
     target, record = top.table("target"), top.table("record")
@@ -93,7 +93,7 @@ def load_station(path: Path) -> StationFile:
     listed = top.values.get("station", [])
     if not isinstance(listed, list) or not 2 <= len(listed) <= MAX_STATIONS:
         raise top.fail("station", quoted(listed), f"two to {MAX_STATIONS} tables [[station]]")
-    stations = tuple(_station(Table(v, f"{path}: station {k + 1}", ConfigError)) for k, v in enumerate(listed))
+    stations = tuple(_station(TomlTable(v, f"{path}: station {k + 1}", ConfigError)) for k, v in enumerate(listed))
     names = [s.name for s in stations]
     if len(set(names)) < len(names):
         raise top.fail("station", "two of one name", "names that differ, those of the rig file")
@@ -130,7 +130,7 @@ def load_station(path: Path) -> StationFile:
     )
 
 
-def _refuse_shared(top: Table, stations: tuple[StationDevices, ...]) -> None:
+def _refuse_shared(top: TomlTable, stations: tuple[StationDevices, ...]) -> None:
     """Raise `ConfigError` where two stations name one device: each would take what the other has asked for."""
     for one, other in combinations(stations, 2):
         whose = f"of {one.name} and of {other.name}"
@@ -147,7 +147,7 @@ def _one_line(one: HeadDevice, other: HeadDevice) -> bool:
     return os.path.realpath(one.url) == os.path.realpath(other.url)
 
 
-def _reference(table: Table) -> ReferenceDevice:
+def _reference(table: TomlTable) -> ReferenceDevice:
     table.refuse_unknown(_REFERENCE)
     learn = table.values.get("learn", True)
     if not isinstance(learn, bool):
@@ -163,7 +163,7 @@ def _reference(table: Table) -> ReferenceDevice:
         raise ConfigError(f"{table.where}: {fault.where}", got=fault.got, wanted=fault.wanted) from fault
 
 
-def _reference_at(url: str, table: Table, learn: bool, senders: tuple[Network, ...]) -> ReferenceDevice:
+def _reference_at(url: str, table: TomlTable, learn: bool, senders: tuple[Network, ...]) -> ReferenceDevice:
     def known(key: str, **bounds: float) -> float | None:
         return table.number(key, **bounds) if key in table else None
 
@@ -178,7 +178,7 @@ def _reference_at(url: str, table: Table, learn: bool, senders: tuple[Network, .
     )
 
 
-def _station(table: Table) -> StationDevices:
+def _station(table: TomlTable) -> StationDevices:
     table.refuse_unknown(_STATION)
     settings = table.table("camera_settings").values
     return StationDevices(
@@ -189,7 +189,7 @@ def _station(table: Table) -> StationDevices:
     )
 
 
-def _head(table: Table) -> HeadDevice:
+def _head(table: TomlTable) -> HeadDevice:
     settings = table.table("ptu_settings")
     settings.refuse_unknown(_PTU_SETTINGS)
     park = table.vector("park_deg", 2, (0.0, 0.0))
@@ -222,14 +222,14 @@ def _head(table: Table) -> HeadDevice:
     )
 
 
-def _sectors(table: Table) -> tuple[Sector, ...]:
+def _sectors(table: TomlTable) -> tuple[Sector, ...]:
     """Return what is closed to a head."""
     listed = table.values.get("sectors", [])
     if not isinstance(listed, list):
         raise table.fail("sectors", quoted(listed), "a list as [{ pan_deg = [-30, 10], tilt_deg = [-5, 5] }]")
     found = []
     for n, one in enumerate(listed):
-        sector = Table(one, f"{table.where}: sectors {n + 1}", ConfigError)
+        sector = TomlTable(one, f"{table.where}: sectors {n + 1}", ConfigError)
         sector.refuse_unknown({"pan_deg", "tilt_deg"})
         ends = {}
         for axis in ("pan", "tilt"):
@@ -241,14 +241,14 @@ def _sectors(table: Table) -> tuple[Sector, ...]:
     return tuple(found)
 
 
-def _sign(settings: Table, key: str) -> int:
+def _sign(settings: TomlTable, key: str) -> int:
     value = settings.number(key, 1.0)
     if value not in (1.0, -1.0):
         raise settings.fail(key, quoted(value), "1 or -1")
     return int(value)
 
 
-def _rates(settings: Table) -> tuple[float, float]:
+def _rates(settings: TomlTable) -> tuple[float, float]:
     pan, tilt = (
         math.radians(settings.number(f"{a}_rate_deg_s", above=0.0)) if f"{a}_rate_deg_s" in settings else math.inf
         for a in ("pan", "tilt")

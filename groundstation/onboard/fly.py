@@ -21,9 +21,9 @@ from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera,
 from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
 from groundstation.onboard.edges.motion import VisualOdometry
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.fly_sinks import FlyRecording, draw_sight
-from groundstation.onboard.pose.agreement import PositionSeries, compare_positions
+from groundstation.onboard.pose.agreement import PositionTrack, compare_positions
 from groundstation.onboard.pose.files import Runways
 from groundstation.onboard.pose.inertial import ImuSample
 from groundstation.onboard.pose.runway import Runway, rectangle
@@ -137,7 +137,7 @@ class _Flight:
     def run(
         self,
         samples: Sequence[ImuSample],
-        ground: PositionSeries | None,
+        ground: PositionTrack | None,
         progress: Callable[[int, int | None], None],
     ) -> FlyResult:
         """Go through the video."""
@@ -200,7 +200,7 @@ class _Flight:
             report = self._navigator.see(frame.t_s, image, self._outside(frame.t_s, image))
             yield frame, report
 
-    def _outside(self, t_s: float, image: ImageArray) -> CameraPose | None:
+    def _outside(self, t_s: float, image: ImageArray) -> NoseCameraPose | None:
         """Return a pose from the log, or from the pictures' motion as long as the filter needs one."""
         if self._log is not None:
             return self._log.pose(t_s)
@@ -209,9 +209,9 @@ class _Flight:
         return self._odometry.step(image)
 
 
-def series_of(fixes: Sequence[NoseFix]) -> PositionSeries:
+def series_of(fixes: Sequence[NoseFix]) -> PositionTrack:
     """Return the camera's positions as a series to compare."""
-    return PositionSeries(
+    return PositionTrack(
         t_s=np.array([fix.t_s for fix in fixes]),
         position_m=np.array([fix.position_m for fix in fixes]),
         covariance_m2=np.array([fix.covariance[:3, :3] for fix in fixes]),

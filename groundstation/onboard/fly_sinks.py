@@ -13,7 +13,7 @@ from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.onboard.approach.navigator import NoseReport
 from groundstation.onboard.edges.edges_file import corner_pixels
 from groundstation.onboard.edges.flat_picture import FlatPicture
-from groundstation.onboard.pose.agreement import PositionSeries
+from groundstation.onboard.pose.agreement import PositionTrack
 from groundstation.onboard.pose.runway import CORNERS
 from groundstation.onboard.sinks import draw_edges, log_outline
 
@@ -61,7 +61,7 @@ class FlyRecording:
     runway_m : (4, 3) corners of the runway. ground : the ground station's track over the threshold, or None.
     """
 
-    def __init__(self, path: Path, name: str, runway_m: FloatArray, ground: PositionSeries | None) -> None:
+    def __init__(self, path: Path, name: str, runway_m: FloatArray, ground: PositionTrack | None) -> None:
         self._stream = rr.RecordingStream("groundstation")
         self._stream.save(path)
         self._path: list[FloatArray] = []

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.lines import A, B, C, D
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeReport, EdgeStatus
 
 _COLOURS = {
@@ -80,7 +80,7 @@ class EdgesRecording:
         t_s: float,
         report: EdgeReport | None,
         corners_px: FloatArray | None,
-        pose: CameraPose | None,
+        pose: NoseCameraPose | None,
     ) -> None:
         """Send one frame (h, w, 3) BGR, its edges between corners (4, 2) px, and the pose that it was given."""
         send = self._stream

@@ -13,7 +13,7 @@ from groundstation.onboard.edges.edges_file import NO_POSE, EdgesFile, corner_pi
 from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
 from groundstation.onboard.edges.motion import VisualOdometry
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeReport
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.sinks import EdgesRecording, draw_edges
@@ -72,7 +72,7 @@ def track_edges(
 
 
 @dataclass(slots=True)
-class _Tally:
+class _EdgeCounts:
     frames: int = 0
     statuses: Counter[str] = field(default_factory=Counter)
     misses: Counter[str] = field(default_factory=Counter)
@@ -93,7 +93,7 @@ class _Poses:
         if log is None and camera.start is not None:
             self._odometry = VisualOdometry(flat.kappa, camera.start)
 
-    def of(self, frame: VideoFrame, picture: FlatPicture) -> CameraPose | None:
+    def of(self, frame: VideoFrame, picture: FlatPicture) -> NoseCameraPose | None:
         if self._log is not None:
             return self._log.pose(frame.t_s)
         return None if self._odometry is None else self._odometry.step(picture.flat(frame.image))
@@ -110,7 +110,7 @@ def _run(
     poses = _Poses(camera, log, flat)
     tracker = EdgeTracker(flat.kappa, camera.lens.image_size_px, TrackerConfig(guess=camera.guess))
     files = [request.out / "edges.csv", request.out / "edges.mp4"]
-    tally, fault = _Tally(), None
+    tally, fault = _EdgeCounts(), None
     with ExitStack() as opened:
         table = opened.enter_context(EdgesFile(files[0]))
         overlay = opened.enter_context(OverlayVideo(files[1], video.size_px, video.rate_hz))

@@ -6,7 +6,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.evaluation.calibration_bounds import ConsiderBound, fix_consider, track_consider
-from groundstation.planning.observer import Look, Observer
+from groundstation.planning.observer import Observation, Observer
 from groundstation.planning.site import Site
 
 PIXEL_NOISE, ENCODER_NOISE = "pixel noise", "encoder noise"
@@ -125,7 +125,7 @@ def _track(observer: Observer) -> _Track:
     return _Track(bound=bound, y_m=y_m, began=np.logical_or.accumulate(fixed))
 
 
-def _pixel_part(point: FloatArray, looks: list[Look], noise: FloatArray) -> FloatArray:
+def _pixel_part(point: FloatArray, looks: list[Observation], noise: FloatArray) -> FloatArray:
     """Return the part (3,) of a fix's noise variance that the pixels make; the encoders make the rest."""
     part = np.zeros((3, 3))
     for s in looks:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.evaluation.bounds import View
+from groundstation.evaluation.bounds import StationView
 from groundstation.evaluation.calibration_bounds import calibration_sensitivities, joint_information
 from groundstation.geometry.aim import aim_at
 from groundstation.geometry.station import StationGeometry
@@ -16,7 +16,7 @@ from groundstation.rig.rig import Station
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Look:
+class Observation:
     """One station's look at the aircraft.
 
     Attributes
@@ -27,7 +27,7 @@ class Look:
     turn_rad_s : the faster of the rates of pan and tilt that follow it.
     """
 
-    view: View
+    view: StationView
     by_source: FloatArray
     silhouette_px: float
     field_m: float
@@ -44,7 +44,7 @@ class Observer:
         self.sources = error_sources(site)
         self._geometries = tuple(station.geometry() for station in site.rig.stations)
 
-    def looks(self, point_runway_m: FloatArray, velocity_m_s: FloatArray) -> list[Look]:
+    def looks(self, point_runway_m: FloatArray, velocity_m_s: FloatArray) -> list[Observation]:
         """Return the looks of those stations that have a nose at a point (3,), moving at (3,), in their picture."""
         found = []
         for station, geometry in zip(self.site.rig.stations, self._geometries, strict=True):
@@ -53,7 +53,7 @@ class Observer:
                 found.append(seen)
         return found
 
-    def information(self, point_runway_m: FloatArray, looks: Sequence[Look]) -> FloatArray:
+    def information(self, point_runway_m: FloatArray, looks: Sequence[Observation]) -> FloatArray:
         """Return the information (3 + m, 3 + m) of several looks on the point and the sources together."""
         if not looks:
             return np.zeros((3 + len(self.sources.names), 3 + len(self.sources.names)))
@@ -61,7 +61,7 @@ class Observer:
 
     def _look(
         self, station: Station, geometry: StationGeometry, point: FloatArray, velocity_m_s: FloatArray
-    ) -> Look | None:
+    ) -> Observation | None:
         """Return one station's look, its PTU turned to the point; None where it cannot see it."""
         pan_rad = tilt_rad = 0.0
         if not station.fixed:
@@ -72,7 +72,7 @@ class Observer:
         projected = geometry.project(point, pan_rad, tilt_rad)
         if projected is None or not geometry.contains(projected.pixel):
             return None
-        view = View(
+        view = StationView(
             geometry=geometry,
             pan_rad=pan_rad,
             tilt_rad=tilt_rad,
@@ -85,7 +85,7 @@ class Observer:
         rates = np.zeros(2) if station.fixed else -np.linalg.solve(by_angle, moved)
         turned = by_angle @ rates
         focal_px = float(station.lens.focal_px[0])
-        return Look(
+        return Observation(
             view=view,
             by_source=self._by_source(
                 view, point, {STATION_CLOCK: moved, CAMERA_CLOCK: moved + turned, PTU_CLOCK: -turned}
@@ -95,7 +95,7 @@ class Observer:
             turn_rad_s=float(np.abs(rates).max()),
         )
 
-    def _by_source(self, view: View, point: FloatArray, by_clock: dict[str, FloatArray]) -> FloatArray:
+    def _by_source(self, view: StationView, point: FloatArray, by_clock: dict[str, FloatArray]) -> FloatArray:
         """Return ∂pixel/∂source (2, m): px per unit of calibration, px per s of clock."""
         names, calibrated = self.sources.names, self.sources.calibrated
         by_source = np.zeros((2, len(names)))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.errors import SiteError
-from groundstation.files.toml_table import Table, load_toml, quoted, shown
+from groundstation.files.toml_table import TomlTable, load_toml, quoted, shown
 from groundstation.geometry.camera import Lens
 from groundstation.planning.site import Aircraft, Requirement, Site
 from groundstation.rig.covariance import ParameterCovariance
@@ -36,7 +36,7 @@ _CLOCKS = {"camera_camera_s", "camera_ptu_s"}
 
 def load_site(path: Path) -> Site:
     """Read a site file; raises `SiteError` or `RigError` with file, table and key of the first fault."""
-    top = Table(load_toml(path, SiteError), str(path), SiteError)
+    top = TomlTable(load_toml(path, SiteError), str(path), SiteError)
     top.refuse_unknown(_TOP | _TABLES)
     if top.text("format", SITE_FORMAT) != SITE_FORMAT:
         raise top.fail("format", quoted(top.values["format"]), repr(SITE_FORMAT))
@@ -83,7 +83,7 @@ def load_site(path: Path) -> Site:
     )
 
 
-def _given_rig(top: Table, path: Path) -> Rig:
+def _given_rig(top: TomlTable, path: Path) -> Rig:
     """Load the rig that the site names, relative to the site's file."""
     for key in ("ptu", "height_m"):
         if key in top:
@@ -93,7 +93,7 @@ def _given_rig(top: Table, path: Path) -> Rig:
     return rig
 
 
-def _planned_rig(top: Table, camera: Table) -> Rig:
+def _planned_rig(top: TomlTable, camera: TomlTable) -> Rig:
     """Build the rig of stations that look along the runway, all alike but for their places."""
     lens = _lens(camera)
     ptu = top.table("ptu")
@@ -123,7 +123,7 @@ def _planned_rig(top: Table, camera: Table) -> Rig:
     return Rig(stations=tuple(stations), path=top.where)
 
 
-def _places(top: Table) -> dict[str, tuple[float, float, float]]:
+def _places(top: TomlTable) -> dict[str, tuple[float, float, float]]:
     """Return where the stations stand, by name."""
     if "baseline_m" in top:
         half = 0.5 * top.number("baseline_m", minimum=0.01, maximum=_FAR_M)
@@ -137,7 +137,7 @@ def _places(top: Table) -> dict[str, tuple[float, float, float]]:
         raise top.fail("station", got, f"2 to {MAX_STATIONS} [[station]] tables")
     places: dict[str, tuple[float, float, float]] = {}
     for number, row in enumerate(rows, start=1):
-        table = Table(row, f"{top.where}: station {number}", SiteError)
+        table = TomlTable(row, f"{top.where}: station {number}", SiteError)
         table.refuse_unknown({"name", "position_m"})
         name = shown(table.text("name", f"station{number}"))
         if name in places or not name.replace("_", "a").replace("-", "a").isalnum():
@@ -149,7 +149,7 @@ def _places(top: Table) -> dict[str, tuple[float, float, float]]:
     return places
 
 
-def _lens(camera: Table) -> Lens:
+def _lens(camera: TomlTable) -> Lens:
     """Read focal_px, or focal_mm and pixel_um, and the picture's size; the axis goes through its middle."""
     if "focal_px" in camera and ("focal_mm" in camera or "pixel_um" in camera):
         raise camera.fail("focal_px", "it beside focal_mm or pixel_um", "one of the two ways")
@@ -171,7 +171,7 @@ def _lens(camera: Table) -> Lens:
     )
 
 
-def _with_quality(rig: Rig, calibration: Table) -> Rig:
+def _with_quality(rig: Rig, calibration: TomlTable) -> Rig:
     """Return the rig with the site's calibration quality in place of its own, the same for every station."""
     names: list[str] = []
     variances: list[float] = []
@@ -194,7 +194,7 @@ def _with_quality(rig: Rig, calibration: Table) -> Rig:
     return replace(rig, stations=stations, shared_covariance=ParameterCovariance.nothing())
 
 
-def _aircraft(table: Table) -> Aircraft:
+def _aircraft(table: TomlTable) -> Aircraft:
     """Read the aircraft and its glide."""
     keys = {"span_m", "speed_m_s", "glide_deg", "touchdown_y_m", "x_m", "nose_height_m", "acceleration_psd_m2_s3"}
     table.refuse_unknown(keys)
@@ -212,7 +212,7 @@ def _aircraft(table: Table) -> Aircraft:
     )
 
 
-def _required(table: Table) -> tuple[Requirement, ...]:
+def _required(table: TomlTable) -> tuple[Requirement, ...]:
     """Read the accuracies that are wanted, each by its name."""
     wanted = []
     for name in table.values:

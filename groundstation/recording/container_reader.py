@@ -68,7 +68,7 @@ class Contents:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Place:
+class _RecordPlace:
     """Where a record's content stands."""
 
     opcode: int
@@ -147,14 +147,14 @@ class ContainerReader:
                     skip(fault)
 
     def _inside(
-        self, place: _Place, schemas: dict[int, Schema], channels: dict[int, Channel], budget: ReadBudget
+        self, place: _RecordPlace, schemas: dict[int, Schema], channels: dict[int, Channel], budget: ReadBudget
     ) -> Iterator[TopicMessage]:
         """Yield the messages of one chunk."""
         data, where = self._unpacked(place, budget), self._where(place.offset)
         yield from _Inside(data, where, schemas, channels, budget).messages(place.offset)
 
     # ----------------------------------------------------------------------------------- the file's records
-    def _places(self) -> Iterator[_Place]:
+    def _places(self) -> Iterator[_RecordPlace]:
         """Yield the records up to the end of the data; raises `RecordingError` where the file ends before it."""
         at = len(MAGIC)
         while True:
@@ -167,7 +167,7 @@ class ContainerReader:
                 raise self._fault(at, "an unfinished record", "a recording that was closed")
             if length > MAX_RECORD_BYTES:
                 raise self._fault(at, f"a record of {length} bytes", f"at most {MAX_RECORD_BYTES >> 20} MiB")
-            yield _Place(opcode=opcode, offset=at, length=length)
+            yield _RecordPlace(opcode=opcode, offset=at, length=length)
             if opcode == Opcode.DATA_END:
                 break
             at += length
@@ -181,10 +181,10 @@ class ContainerReader:
         except OSError as fault:
             raise RecordingError(str(self.path), got=str(fault.strerror), wanted="a file that can be read") from fault
 
-    def _parsed(self, kind: type[R], place: _Place) -> R:
+    def _parsed(self, kind: type[R], place: _RecordPlace) -> R:
         return _parse(kind, self._read(place.offset, place.length), self._where(place.offset))
 
-    def _unpacked(self, place: _Place, budget: ReadBudget) -> bytes | memoryview:
+    def _unpacked(self, place: _RecordPlace, budget: ReadBudget) -> bytes | memoryview:
         """Return what a chunk holds; raises `RecordingError` if it is damaged or too large."""
         chunk = self._parsed(Chunk, place)
         if chunk.uncompressed_size > MAX_RECORD_BYTES:

@@ -11,7 +11,7 @@ import numpy as np
 
 from groundstation import __version__
 from groundstation.errors import RecordingError
-from groundstation.files.toml_table import Table, quoted
+from groundstation.files.toml_table import TomlTable, quoted
 from groundstation.messages import InitialState
 from groundstation.recording.container_reader import Contents
 
@@ -89,7 +89,7 @@ def parse_header(contents: Contents, where: str) -> RecordingHeader:
         name=about.get("name", ""),
         files=contents.attachments,
         pictures=_json(about, "pictures", where) is True,
-        initial=None if initial is None else _initial(Table(initial, f"{where}: initial", RecordingError)),
+        initial=None if initial is None else _initial(TomlTable(initial, f"{where}: initial", RecordingError)),
         taught=_json(about, "taught", where) is True,
         left_out=tuple(left_out),
     )
@@ -132,7 +132,7 @@ def _initial_values(initial: InitialState) -> dict[str, Any]:
     }
 
 
-def _initial(table: Table) -> InitialState:
+def _initial(table: TomlTable) -> InitialState:
     return InitialState(
         t_s=table.number("t_s"),
         position_runway_m=table.vector("position_runway_m", 3),

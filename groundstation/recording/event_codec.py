@@ -141,7 +141,7 @@ def parse_line(data: bytes, sizes_px: Mapping[str, tuple[int, int]], where: str)
         raise RecordingError(where, got=f"no JSON ({shown(str(error))})", wanted="an event") from error
     if not isinstance(values, dict):
         raise RecordingError(where, got=quoted(values), wanted="an event")
-    return _Line(values, sizes_px, where).parsed()
+    return _EventFields(values, sizes_px, where).parsed()
 
 
 _KINDS: Mapping[type, str] = {
@@ -155,7 +155,7 @@ _KINDS: Mapping[type, str] = {
 }
 
 
-class _Line:
+class _EventFields:
     """One line's values, each checked as it is asked for."""
 
     def __init__(self, values: Mapping[str, Any], sizes_px: Mapping[str, tuple[int, int]], where: str) -> None:
@@ -216,7 +216,7 @@ class _Line:
         colour = self._flag("colour")
         parts = []
         for row in rows:
-            part = _Line(row, self._sizes, self._where)
+            part = _EventFields(row, self._sizes, self._where)
             x, y, w, h = (part._whole(key) for key in "xywh")
             parts.append(PartNote(topic=part._text("topic"), x=x, y=y, w=w, h=h))
         return PixelsNote(of=self._whole("of"), parts=tuple(parts), colour=colour)

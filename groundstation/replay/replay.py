@@ -27,14 +27,14 @@ from groundstation.replay.recorded_run import (
 from groundstation.replay.reference_knowledge import ReferenceKnowledge, reference_knowledge
 from groundstation.replay.run import RunOutcome, run
 from groundstation.session import Session, load_dgps, load_session, load_truth
-from groundstation.sinks.identity import Identity, IdentitySink
+from groundstation.sinks.identity import AnswerComparison, IdentitySink
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.smoothed_track import SmoothedTrackSink
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.sources.reference import reference_fixes, with_reference
 from groundstation.sources.session_source import session_source
 from groundstation.thread_scheduling import short_gil_switch_interval
-from groundstation.tracking.config import Config, Start, config_to_mapping
+from groundstation.tracking.config import Config, TrackStart, config_to_mapping
 from groundstation.tracking.count_descriptions import count_words
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.warm_up import warm_up
@@ -84,7 +84,7 @@ class ReplayResult:
     evaluation: Evaluation
     files: tuple[Path, ...]
     fault: InputError | None
-    identity: Identity | None = None
+    identity: AnswerComparison | None = None
 
 
 def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda done, total: None) -> ReplayResult:
@@ -272,11 +272,11 @@ def _initial(
     return _start(config.start, session, dgps, first_s)
 
 
-def _start(kind: Start, session: Session, dgps: Sequence[DgpsFix], first_s: float) -> InitialState | None:
+def _start(kind: TrackStart, session: Session, dgps: Sequence[DgpsFix], first_s: float) -> InitialState | None:
     """Return the state to start from, or None to search."""
-    if kind is Start.SEARCH or (kind is Start.AUTO and session.initial is None):
+    if kind is TrackStart.SEARCH or (kind is TrackStart.AUTO and session.initial is None):
         return None
-    if kind in (Start.AUTO, Start.INITIAL):
+    if kind in (TrackStart.AUTO, TrackStart.INITIAL):
         if session.initial is None:
             raise SessionError(f"{session.name}: session.toml", got="no [initial]", wanted="one, for start = 'initial'")
         return session.initial

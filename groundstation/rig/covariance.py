@@ -12,7 +12,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import RigError
-from groundstation.files.toml_table import Table, quoted
+from groundstation.files.toml_table import TomlTable, quoted
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 
 # what printing a matrix with six digits may do to its correlations
@@ -39,7 +39,7 @@ class ParameterCovariance:
         return cls(names=(), matrix=np.zeros((0, 0)))
 
 
-def read_covariance(table: Table, stations: Sequence[str] = ()) -> ParameterCovariance:
+def read_covariance(table: TomlTable, stations: Sequence[str] = ()) -> ParameterCovariance:
     """Read ``parameters`` and ``matrix``: symmetric, positive semi-definite, one row per known, different name.
 
     Parameters
@@ -60,13 +60,13 @@ def read_covariance(table: Table, stations: Sequence[str] = ()) -> ParameterCova
         raise table.fail("matrix", f"{len(rows)} rows" if isinstance(rows, list) else quoted(rows), f"{n} rows")
     matrix = np.zeros((n, n))
     for i, row in enumerate(rows):
-        matrix[i] = Table({"row": row}, f"{table.where}: matrix row {i + 1}", RigError).vector("row", n)
+        matrix[i] = TomlTable({"row": row}, f"{table.where}: matrix row {i + 1}", RigError).vector("row", n)
     if fault := _fault(matrix):
         raise table.fail("matrix", fault, "a covariance")
     return ParameterCovariance(names=names, matrix=matrix)
 
 
-def _names(table: Table, stations: Sequence[str]) -> tuple[str, ...]:
+def _names(table: TomlTable, stations: Sequence[str]) -> tuple[str, ...]:
     """Return the names of ``parameters``, every one known and none of them twice."""
     names = table.values.get("parameters", [])
     if not isinstance(names, list) or not all(isinstance(n, str) for n in names) or len(names) > _MAX_PARAMETERS:
@@ -115,7 +115,7 @@ def joined(own: ParameterCovariance, shared: ParameterCovariance) -> ParameterCo
     return ParameterCovariance(names=(*(own.names[k] for k in keep), *shared.names), matrix=matrix)
 
 
-def require_agreement(table: Table, shared: ParameterCovariance, own: Mapping[str, float]) -> None:
+def require_agreement(table: TomlTable, shared: ParameterCovariance, own: Mapping[str, float]) -> None:
     """Raise `RigError` where the shared table gives another variance than ``own``, the stations' by full name."""
     for k, name in enumerate(shared.names):
         stated, given = float(shared.matrix[k, k]), own.get(name)

@@ -9,7 +9,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.errors import RigError
-from groundstation.files.toml_table import Table
+from groundstation.files.toml_table import TomlTable
 
 _MOST_NAME_CHARACTERS = 200
 
@@ -36,7 +36,7 @@ class RigReference:
         return self.offset_s if self.session in ("", session) else None
 
 
-def read_reference(table: Table) -> RigReference:
+def read_reference(table: TomlTable) -> RigReference:
     """Read ``[reference]``; raises `RigError` for an unknown key or a number that cannot be."""
     table.refuse_unknown({"session", "dgps_clock", "antenna_in_body_m", "antenna_sigma_m"})
     session = table.text("session", "")

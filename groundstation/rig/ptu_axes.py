@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.files.toml_table import Table
+from groundstation.files.toml_table import TomlTable
 
 # no head that turns is worse; beyond it, someone meant another unit
 MAX_ZERO_DEG = 360.0
@@ -127,7 +127,7 @@ def axes_in_file_units(axes: PtuAxes) -> dict[str, float]:
     return {key: float(getattr(axes, _field(key)) / unit) for key, unit in units.items()}
 
 
-def read_axes(table: Table) -> PtuAxes:
+def read_axes(table: TomlTable) -> PtuAxes:
     """Read the table ``ptu_axes`` of a station; raises `RigError` for a key or number that cannot be."""
     table.refuse_unknown(set(AXES_KEYS))
     values = {}

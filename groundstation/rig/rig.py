@@ -12,7 +12,7 @@ from groundstation.errors import RigError
 from groundstation.files.image_header import MAX_PICTURE_PX
 from groundstation.files.output_names import name_fault
 from groundstation.files.text_file import TextFile
-from groundstation.files.toml_table import Table, load_toml, quoted
+from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.geometry.calibration import changed_station
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import wxyz_from_matrix
@@ -184,7 +184,7 @@ class Rig:
 def load_rig(path: TextFile) -> Rig:
     """Read a rig file; raises `RigError` with file, station and key of the first fault."""
     document = load_toml(path, RigError)
-    top = Table(document, str(path), RigError)
+    top = TomlTable(document, str(path), RigError)
     top.refuse_unknown({"format", "station", "covariance", "reference"})
     if top.text("format") != RIG_FORMAT:
         raise top.fail("format", quoted(document["format"]), repr(RIG_FORMAT))
@@ -225,7 +225,7 @@ def _own_variances(stations: Sequence[Station]) -> dict[str, float]:
 
 def _station(row: dict[str, Any], number: int, path: str) -> Station:
     """Parse one [[station]] table."""
-    table = Table(row, f"{path}: station {number + 1}", RigError)
+    table = TomlTable(row, f"{path}: station {number + 1}", RigError)
     name = table.text("name")
     if not name.replace("_", "a").replace("-", "a").isalnum():
         raise table.fail("name", quoted(name), "letters, digits, - and _")
@@ -234,7 +234,7 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
     # videos, folders and pictures are called as their stations are
     if (fault := name_fault(name)) is not None:
         raise table.fail("name", fault, "a name that files can have")
-    table = Table(row, f"{path}: station {name}", RigError)
+    table = TomlTable(row, f"{path}: station {name}", RigError)
     table.refuse_unknown(_STATION_KEYS)
     fixed = table.flag("fixed", False)
     known = _known(table)
@@ -269,7 +269,7 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
     )
 
 
-def _known(table: Table) -> tuple[str, ...]:
+def _known(table: TomlTable) -> tuple[str, ...]:
     """Return which parts are calibrated; all of them where the file does not say."""
     value = table.values.get("known", list(PARTS))
     if not isinstance(value, list) or any(v not in PARTS for v in value):
@@ -279,7 +279,7 @@ def _known(table: Table) -> tuple[str, ...]:
     return tuple(p for p in PARTS if p in given)
 
 
-def _unit_quaternion(table: Table, key: str, default: tuple[float, ...] | None) -> FloatArray:
+def _unit_quaternion(table: TomlTable, key: str, default: tuple[float, ...] | None) -> FloatArray:
     """Return a (4,) wxyz quaternion of unit length, renormalised."""
     q = table.vector(key, 4, default)
     length = math.hypot(*q)
@@ -288,7 +288,7 @@ def _unit_quaternion(table: Table, key: str, default: tuple[float, ...] | None) 
     return q / length
 
 
-def _lens(table: Table, required: bool) -> Lens:
+def _lens(table: TomlTable, required: bool) -> Lens:
     """Parse the lens keys."""
     size = table.vector("image_size_px", 2, None if required else (1.0, 1.0), names="[width, height]")
     if np.any(size < 1) or np.any(size != np.round(size)) or np.any(size > 65536) or np.prod(size) > MAX_PICTURE_PX:
@@ -305,7 +305,7 @@ def _lens(table: Table, required: bool) -> Lens:
     )
 
 
-def parse_clock(table: Table) -> ClockModel:
+def parse_clock(table: TomlTable) -> ClockModel:
     """Read a clock table of rig.toml or session.toml."""
     table.refuse_unknown(_CLOCK_KEYS)
     drift_ppm = table.number("drift_ppm", 0.0)

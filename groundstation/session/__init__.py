@@ -5,17 +5,17 @@ and detections are streamed by `groundstation.sources.replay`. `load_dgps` and `
 since a broken reference must not keep a recording from being tracked.
 """
 
-from groundstation.session.folder import GeoOrigin, Phase, Recorded, Session, TargetModel
+from groundstation.session.folder import BackgroundPhase, GeoOrigin, RecordingInfo, Session, TargetModel
 from groundstation.session.load import load_session
 from groundstation.session.media import Medium, MediumKind
 from groundstation.session.references import Truth, load_dgps, load_truth
 
 __all__ = [
+    "BackgroundPhase",
     "GeoOrigin",
     "Medium",
     "MediumKind",
-    "Phase",
-    "Recorded",
+    "RecordingInfo",
     "Session",
     "TargetModel",
     "Truth",

@@ -4,7 +4,7 @@ import datetime
 from dataclasses import dataclass, field
 
 from groundstation.errors import InputError
-from groundstation.files.toml_table import Table, quoted
+from groundstation.files.toml_table import TomlTable, quoted
 from groundstation.session.logs.fixes import LogOptions
 from groundstation.session.logs.gps_time import gps_from_datetime, gps_from_text
 
@@ -19,7 +19,7 @@ class DgpsOptions:
     epoch_gps_s: float | None = None
 
 
-def parse_dgps(table: Table) -> DgpsOptions:
+def parse_dgps(table: TomlTable) -> DgpsOptions:
     """Read the table; raises the table's error for a key or value that is not known."""
     table.refuse_unknown(_KEYS)
     base = table.vector("base", 3) if "base" in table else None
@@ -40,14 +40,14 @@ def parse_dgps(table: Table) -> DgpsOptions:
     return DgpsOptions(reading=reading, epoch_gps_s=_epoch(table) if "epoch_utc" in table else None)
 
 
-def _date(table: Table) -> datetime.date:
+def _date(table: TomlTable) -> datetime.date:
     value = table.values["date"]
     if isinstance(value, datetime.date) and not isinstance(value, datetime.datetime) and value.year >= 1980:
         return value
     raise _wrong(table, "date", "a date such as 2026-05-17, of 1980 or later")
 
 
-def _epoch(table: Table) -> float:
+def _epoch(table: TomlTable) -> float:
     value = table.values["epoch_utc"]
     if isinstance(value, datetime.datetime) and 1980 < value.year < 9999:
         return gps_from_datetime(value)
@@ -57,5 +57,5 @@ def _epoch(table: Table) -> float:
     return found
 
 
-def _wrong(table: Table, key: str, wanted: str) -> InputError:
+def _wrong(table: TomlTable, key: str, wanted: str) -> InputError:
     return table.fail(key, quoted(str(table.values[key])), wanted)

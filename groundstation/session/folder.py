@@ -10,7 +10,7 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import GroundstationError, RecordingError, SessionError
 from groundstation.files.csv_table import CsvTable
 from groundstation.files.text_file import TextFolder
-from groundstation.files.toml_table import Table, load_toml, quoted
+from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.messages import InitialState
 from groundstation.recording.contents import RecordingHeader
 from groundstation.rig.rig import ClockModel, Rig, Station, load_rig, parse_clock
@@ -34,7 +34,7 @@ class TargetModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Phase:
+class BackgroundPhase:
     """A stretch of session time with one kind of background: sky, mixed or ground."""
 
     from_s: float
@@ -53,7 +53,7 @@ class GeoOrigin:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recorded:
+class RecordingInfo:
     """That a session is a recording: the file, how the run was set up, whether the file was closed.
 
     ``path`` of the container; ``header`` what it says of the run; ``fault`` is what is wrong with its end, if anything.
@@ -95,12 +95,12 @@ class Session:
     target: TargetModel
     initial: InitialState | None
     origin: GeoOrigin | None
-    phases: tuple[Phase, ...]
+    phases: tuple[BackgroundPhase, ...]
     clocks: dict[str, ClockModel]
     dgps: DgpsOptions
     media: dict[str, Medium]
     left_out: frozenset[str]
-    recorded: Recorded | None = None
+    recorded: RecordingInfo | None = None
 
     @property
     def detections_only(self) -> bool:
@@ -147,7 +147,7 @@ def read_session(
 ) -> Session:
     """Read session.toml of a folder or a recording; ``name`` where it gives none. Raises `SessionError`."""
     path = folder / "session.toml"
-    top = Table(load_toml(path, SessionError), str(path), SessionError)
+    top = TomlTable(load_toml(path, SessionError), str(path), SessionError)
     _refuse_misspelt(top)
     clocks = _clocks(top.table("clocks"), {*rig.names, *left_out})
     frame = top.text("frame", "runway")
@@ -189,7 +189,7 @@ def ptu_table(session: Session) -> CsvTable | None:
     return CsvTable(session.folder / "ptu.csv", ["t_s", *columns]) if turning else None
 
 
-def _refuse_misspelt(top: Table) -> None:
+def _refuse_misspelt(top: TomlTable) -> None:
     """Raise for a table whose name is nearly one that is read; other entries are the recorder's own notes."""
     if len(top.values) > _MAX_ENTRIES:
         raise SessionError(top.where, got=f"{len(top.values)} entries", wanted=f"at most {_MAX_ENTRIES}")
@@ -211,7 +211,7 @@ def _left_out(folder: Path, rig: Rig) -> frozenset[str]:
     return frozenset(own.names) - frozenset(rig.names)
 
 
-def _clocks(table: Table, stations: set[str]) -> dict[str, ClockModel]:
+def _clocks(table: TomlTable, stations: set[str]) -> dict[str, ClockModel]:
     """Parse [clocks]: by station or table, t_dgps = t + offset."""
     clocks = {}
     for name in table.values:
@@ -240,7 +240,7 @@ def _with_clocks(rig: Rig, clocks: dict[str, ClockModel], pictures: str) -> Rig:
     return replace(rig, stations=tuple(stations))
 
 
-def _target(table: Table) -> TargetModel:
+def _target(table: TomlTable) -> TargetModel:
     table.refuse_unknown({"span_m", "antenna_in_body_m"})
     return TargetModel(
         span_m=table.number("span_m", above=0.0) if "span_m" in table else None,
@@ -248,7 +248,7 @@ def _target(table: Table) -> TargetModel:
     )
 
 
-def _initial(table: Table) -> InitialState:
+def _initial(table: TomlTable) -> InitialState:
     table.refuse_unknown({"t_s", "position_m", "velocity_m_s", "sigma_position_m", "sigma_velocity_m_s"})
     return InitialState(
         t_s=table.number("t_s"),
@@ -259,7 +259,7 @@ def _initial(table: Table) -> InitialState:
     )
 
 
-def _sigmas(table: Table, key: str) -> FloatArray:
+def _sigmas(table: TomlTable, key: str) -> FloatArray:
     """Return one sigma for all axes, or three."""
     if isinstance(table.values.get(key), list):
         sigmas = table.vector(key, 3)
@@ -269,7 +269,7 @@ def _sigmas(table: Table, key: str) -> FloatArray:
     return np.full(3, table.number(key, above=0.0))
 
 
-def parse_origin(table: Table, frame: str) -> GeoOrigin:
+def parse_origin(table: TomlTable, frame: str) -> GeoOrigin:
     """Parse [origin]; raises the table's error."""
     table.refuse_unknown({"lat_deg", "lon_deg", "height_m", "y_axis_azimuth_deg"})
     return GeoOrigin(
@@ -281,13 +281,13 @@ def parse_origin(table: Table, frame: str) -> GeoOrigin:
     )
 
 
-def _phases(top: Table) -> tuple[Phase, ...]:
+def _phases(top: TomlTable) -> tuple[BackgroundPhase, ...]:
     rows = top.values.get("phase", [])
     if not isinstance(rows, list) or len(rows) > _MAX_PHASES:
         raise top.fail("phase", quoted(rows), f"at most {_MAX_PHASES} [[phase]] tables")
     phases = []
     for number, row in enumerate(rows, start=1):
-        table = Table(row, f"{top.where}: phase {number}", SessionError)
+        table = TomlTable(row, f"{top.where}: phase {number}", SessionError)
         table.refuse_unknown({"from_s", "to_s", "background"})
         start, end = table.number("from_s"), table.number("to_s")
         if end < start:
@@ -295,5 +295,5 @@ def _phases(top: Table) -> tuple[Phase, ...]:
         background = table.text("background")
         if background not in ("sky", "mixed", "ground"):
             raise table.fail("background", quoted(background), "'sky', 'mixed' or 'ground'")
-        phases.append(Phase(from_s=start, to_s=end, background=background))
+        phases.append(BackgroundPhase(from_s=start, to_s=end, background=background))
     return tuple(phases)

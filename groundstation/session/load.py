@@ -8,7 +8,7 @@ from groundstation.files.text_file import AttachedFiles
 from groundstation.recording.container_reader import ContainerReader, Contents
 from groundstation.recording.contents import RIG, parse_end, parse_header
 from groundstation.rig.rig import load_rig
-from groundstation.session.folder import Recorded, Session, load_folder, read_session
+from groundstation.session.folder import RecordingInfo, Session, load_folder, read_session
 from groundstation.session.media import Medium, MediumKind
 
 
@@ -36,7 +36,7 @@ def _load_recording(path: Path, rig_path: Path | None) -> Session:
     medium = Medium(kind=MediumKind.RECORDING, path=path)
     media = dict.fromkeys(rig.names, medium) if header.pictures else {}
     end = parse_end(contents)
-    recorded = Recorded(
+    recorded = RecordingInfo(
         path=path,
         header=header,
         epochs=None if end is None else end.epochs,

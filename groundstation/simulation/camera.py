@@ -9,7 +9,7 @@ from groundstation.geometry.kernels import MIN_DEPTH_M
 from groundstation.geometry.station import StationGeometry
 from groundstation.simulation.checks import require, require_finite, require_not_negative, require_shape, require_share
 from groundstation.simulation.kernels import project_many
-from groundstation.simulation.pointing import Pointing, PointingHistory
+from groundstation.simulation.pointing import HeadAngles, PointingHistory
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.simulation.window import FlightWindow
 
@@ -79,7 +79,7 @@ class Looks:
     reported_px: FloatArray
     reported: MaskArray
     outlier: MaskArray
-    pointing: Pointing
+    pointing: HeadAngles
 
 
 def look(

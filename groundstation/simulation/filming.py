@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from groundstation.errors import ConfigError, ScenarioError
-from groundstation.files.toml_table import Table, load_toml, quoted
+from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.airframe import trainer
 from groundstation.simulation.faults import Fault, FaultKind
@@ -127,15 +127,15 @@ def _words(request: FilmRequest) -> dict[str, str]:
 def load_faults(path: Path) -> tuple[Fault, ...]:
     """Read a timetable of faults; raises `ConfigError` with file, row and key of the first mistake."""
     document = load_toml(path, ConfigError)
-    top = Table(document, str(path), ConfigError)
+    top = TomlTable(document, str(path), ConfigError)
     top.refuse_unknown({"fault"})
     rows = document.get("fault", [])
     if not isinstance(rows, list):
         raise top.fail("fault", quoted(rows), "[[fault]] tables")
-    return tuple(_fault(Table(row, f"{path}: fault {number + 1}", ConfigError)) for number, row in enumerate(rows))
+    return tuple(_fault(TomlTable(row, f"{path}: fault {number + 1}", ConfigError)) for number, row in enumerate(rows))
 
 
-def _fault(table: Table) -> Fault:
+def _fault(table: TomlTable) -> Fault:
     """Read one [[fault]]."""
     table.refuse_unknown(_FAULT_KEYS)
     kind = FaultKind(table.choice("what", [k.value for k in FaultKind]))

@@ -23,7 +23,7 @@ _MAX_STEPS = 4_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pointing:
+class HeadAngles:
     """A station's state at n times: (pan, tilt) of head and of encoder shaft, rad; the head's rates, rad/s; (n, 2)."""
 
     head_rad: FloatArray
@@ -34,7 +34,7 @@ class Pointing:
 class PointingHistory(Protocol):
     """A station's pointing over the flight."""
 
-    def at(self, t_s: FloatArray) -> Pointing:
+    def at(self, t_s: FloatArray) -> HeadAngles:
         """Return the pointing at true session times (n,), s."""
 
 
@@ -171,13 +171,13 @@ class _Ideal:
     geometry: StationGeometry
     trajectory: Trajectory
 
-    def at(self, t_s: FloatArray) -> Pointing:
+    def at(self, t_s: FloatArray) -> HeadAngles:
         angles, before, after = (
             aim_many(self.geometry.packed, self.trajectory.position(t_s + step))
             for step in (0.0, -_DIFFERENCE_S, _DIFFERENCE_S)
         )
         turned = (after - before + np.pi) % (2.0 * np.pi) - np.pi
-        return Pointing(head_rad=angles, head_rate_rad_s=turned / (2.0 * _DIFFERENCE_S), encoder_rad=angles)
+        return HeadAngles(head_rad=angles, head_rate_rad_s=turned / (2.0 * _DIFFERENCE_S), encoder_rad=angles)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,11 +185,11 @@ class _Wandered:
     aimed: PointingHistory
     deviation: Trajectory
 
-    def at(self, t_s: FloatArray) -> Pointing:
+    def at(self, t_s: FloatArray) -> HeadAngles:
         aimed = self.aimed.at(t_s)
         head = aimed.head_rad + self.deviation.position(t_s)[:, :2]
         rate = aimed.head_rate_rad_s + self.deviation.velocity(t_s)[:, :2]
-        return Pointing(head_rad=head, head_rate_rad_s=rate, encoder_rad=head)
+        return HeadAngles(head_rad=head, head_rate_rad_s=rate, encoder_rad=head)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,9 +197,9 @@ class _Still:
     pan_rad: float
     tilt_rad: float
 
-    def at(self, t_s: FloatArray) -> Pointing:
+    def at(self, t_s: FloatArray) -> HeadAngles:
         angles = np.tile([self.pan_rad, self.tilt_rad], (t_s.size, 1))
-        return Pointing(head_rad=angles, head_rate_rad_s=np.zeros_like(angles), encoder_rad=angles)
+        return HeadAngles(head_rad=angles, head_rate_rad_s=np.zeros_like(angles), encoder_rad=angles)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -212,7 +212,7 @@ class _Driven:
     head: FloatArray
     backlash_rad: float
 
-    def at(self, t_s: FloatArray) -> Pointing:
+    def at(self, t_s: FloatArray) -> HeadAngles:
         place = (t_s - self.start_s) / STEP_S
         k = np.clip(np.floor(place).astype(np.int64), 0, len(self.motor) - 2)
         s = (STEP_S * (place - k))[:, None]
@@ -223,4 +223,4 @@ class _Driven:
         # the head moves with the motor where the gears touch in that direction
         rate = self.rate[k] + s * bend
         dragged = np.where(rate > 0, head <= motor - half, head >= motor + half)
-        return Pointing(head_rad=head, head_rate_rad_s=np.where(dragged, rate, 0.0), encoder_rad=motor)
+        return HeadAngles(head_rad=head, head_rate_rad_s=np.where(dragged, rate, 0.0), encoder_rad=motor)

@@ -54,7 +54,7 @@ class PtuModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PtuReadings:
+class SimulatedReadings:
     """Readings of one unit: ``samples`` by time, and when each arrived (n,), true session time in s."""
 
     samples: tuple[PtuSample, ...]
@@ -68,7 +68,7 @@ def read_ptu(
     history: PointingHistory,
     span_s: tuple[float, float],
     generator: np.random.Generator,
-) -> PtuReadings:
+) -> SimulatedReadings:
     """Sample a unit's encoders over a span of true session time, s; stamps are as the user's rig maps them."""
     ideal = true.ptu_axes.reads_true and believed.ptu_axes.reads_true
     what = f"station {true.name}: ptu_axes"
@@ -90,7 +90,7 @@ def read_ptu(
         PtuSample(t_s=float(at), station=true.name, pan_rad=float(pan), tilt_rad=float(tilt))
         for at, (pan, tilt) in zip(stamps, angles, strict=True)
     )
-    return PtuReadings(samples=samples, arrival_s=arrival)
+    return SimulatedReadings(samples=samples, arrival_s=arrival)
 
 
 def _in_line(arrival_s: FloatArray) -> FloatArray:

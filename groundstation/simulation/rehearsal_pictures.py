@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from groundstation.arrays import FloatArray
-from groundstation.live.inbox import CameraFrame
+from groundstation.live.inbox import TimedPicture
 from groundstation.rig.rig import Rig
 from groundstation.simulation.rehearsal import Rehearsal, RehearsalConfig, RehearsalFault, RehearsalFaultKind
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -50,5 +50,5 @@ class PictureRehearsal(Rehearsal):
         stamp_s = t_s + h.step_s * self._is(RehearsalFaultKind.CAMERA_CLOCK_STEPPED, name, t_s)
         head = self._heads[name]
         picture = self._cameras[name].picture(t_s, *(float(v) for v in (*head.angles, *head.rates)))
-        shot = CameraFrame(t_s=stamp_s, arrived_s=t_s + delay_s, station=name, picture=picture)
+        shot = TimedPicture(t_s=stamp_s, arrived_s=t_s + delay_s, station=name, picture=picture)
         self._at(t_s + delay_s, partial(self._deliver, shot))

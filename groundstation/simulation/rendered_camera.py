@@ -35,7 +35,7 @@ _SHADOW = 0.5  # of the light is taken away
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeadState:
+class HeadMotion:
     """Where a head is at mid-exposure and how it turns: pan and tilt in rad, their rates in rad/s."""
 
     pan_rad: float
@@ -43,10 +43,10 @@ class HeadState:
     pan_rate_rad_s: float = 0.0
     tilt_rate_rad_s: float = 0.0
 
-    def after(self, dt_s: float) -> "HeadState":
+    def after(self, dt_s: float) -> "HeadMotion":
         """Return the state so much later, s, at constant rates."""
         pan, tilt = self.pan_rad + dt_s * self.pan_rate_rad_s, self.tilt_rad + dt_s * self.tilt_rate_rad_s
-        return HeadState(
+        return HeadMotion(
             pan_rad=pan, tilt_rad=tilt, pan_rate_rad_s=self.pan_rate_rad_s, tilt_rate_rad_s=self.tilt_rate_rad_s
         )
 
@@ -130,7 +130,7 @@ class RenderedCamera:
         self, t_s: float, pan_rad: float, tilt_rad: float, pan_rate_rad_s: float = 0.0, tilt_rate_rad_s: float = 0.0
     ) -> RawPicture:
         """Return the picture exposed around a true session time, s, at true angles and rates, rad and rad/s."""
-        head = HeadState(
+        head = HeadMotion(
             pan_rad=pan_rad, tilt_rad=tilt_rad, pan_rate_rad_s=pan_rate_rad_s, tilt_rate_rad_s=tilt_rate_rad_s
         )
         self._look_around(head)
@@ -159,7 +159,7 @@ class RenderedCamera:
         silhouette: bool = True,
     ) -> PictureTruth:
         """Return what the picture of the same arguments truly shows; quick where no silhouette is wanted."""
-        head = HeadState(
+        head = HeadMotion(
             pan_rad=pan_rad, tilt_rad=tilt_rad, pan_rate_rad_s=pan_rate_rad_s, tilt_rate_rad_s=tilt_rate_rad_s
         )
         nothing = np.zeros((0, 0), dtype=bool)
@@ -172,7 +172,7 @@ class RenderedCamera:
         mask, corner = self._silhouette(moment, turned) if silhouette else (nothing, (0, 0))
         return PictureTruth(pixel_px=pixel, visible=visible, silhouette=mask, corner_px=corner)
 
-    def _silhouette(self, t_s: float, head: HeadState) -> tuple[MaskArray, tuple[int, int]]:
+    def _silhouette(self, t_s: float, head: HeadMotion) -> tuple[MaskArray, tuple[int, int]]:
         """Return the aircraft's mask (h, w) and its corner; (0, 0) where it is not in the picture."""
         pose = self.world.aircraft_at(t_s)
         skin = self.world.skin(pose)
@@ -182,7 +182,7 @@ class RenderedCamera:
         return cut_to_picture(drawn.cover[:, :, 3] >= 0.5, drawn.corner, self._geometry.image_size_px)
 
     # -------------------------------------------------------------------------------- the surroundings
-    def _look_around(self, head: HeadState) -> None:
+    def _look_around(self, head: HeadMotion) -> None:
         """Fill the light with what is behind the aircraft."""
         rows = self._row_times()
         render_kernels.directions(self._rays, self._turns(head, rows), self._nodes)
@@ -208,7 +208,7 @@ class RenderedCamera:
         rows = render_kernels.TILE * np.arange(len(self._rays))
         return np.asarray(((rows + 0.5) / height - 0.5) * self.station.readout_s)
 
-    def _turns(self, head: HeadState, after_s: FloatArray) -> FloatArray:
+    def _turns(self, head: HeadMotion, after_s: FloatArray) -> FloatArray:
         """Return runway_from_camera (n, 3, 3) so much later, s."""
         packed = self._geometry.packed
         base, mounted = packed[0:9].reshape(3, 3), packed[12:21].reshape(3, 3)
@@ -222,13 +222,13 @@ class RenderedCamera:
         return np.array([turn(float(dt_s)) for dt_s in after_s])
 
     # ------------------------------------------------------------------------------------ the aircraft
-    def _pixel(self, t_s: float, head: HeadState) -> FloatArray | None:
+    def _pixel(self, t_s: float, head: HeadMotion) -> FloatArray | None:
         """Return where the nose is seen, (2,) px."""
         nose = self.world.trajectory.position(np.array([t_s]))[0]
         projection = self._geometry.project(nose, head.pan_rad, head.tilt_rad)
         return None if projection is None else projection.pixel
 
-    def _moment(self, t_s: float, head: HeadState) -> tuple[float, HeadState] | None:
+    def _moment(self, t_s: float, head: HeadMotion) -> tuple[float, HeadMotion] | None:
         """Return when the nose's row is exposed, and the head then; None if it is not in front."""
         height = self._geometry.image_size_px[1]
         dt = 0.0
@@ -240,7 +240,7 @@ class RenderedCamera:
         there = self._pixel(t_s + dt, head.after(dt)) is not None
         return (t_s + dt, head.after(dt)) if there else None
 
-    def _motion(self, t_s: float, head: HeadState) -> FloatArray:
+    def _motion(self, t_s: float, head: HeadMotion) -> FloatArray:
         """Return how far the nose moves in the picture within an exposure, (2,) px."""
         half = 0.5 * self.optics.exposure_s
         early, late = self._pixel(t_s - half, head.after(-half)), self._pixel(t_s + half, head.after(half))
@@ -263,7 +263,7 @@ class RenderedCamera:
         self,
         corners_runway_m: FloatArray,
         colours: FloatArray,
-        head: HeadState,
+        head: HeadMotion,
         motion: FloatArray,
         chosen: MaskArray | None = None,
     ) -> _Drawn | None:

@@ -68,7 +68,7 @@ class Known:
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Identity:
+class TargetAppearance:
     """Learns what a target looks like, and remembers what was known of it some frames ago.
 
     Attributes
@@ -82,7 +82,7 @@ class Identity:
     frames: int = 0
     doubt_s: float | None = None
     calm: int = 0
-    other: "Identity | None" = None
+    other: "TargetAppearance | None" = None
     other_s: float = 0.0
     _known: deque[Known] = field(default_factory=lambda: deque(maxlen=_BEFORE))
 
@@ -126,7 +126,7 @@ class Identity:
         A bird flaps, comes and goes; a target that has turned or flown before another background stays as it is.
         """
         if self.other is None or self.other.unlikeness(looks) > most:
-            self.other, self.other_s = Identity(), t_s
+            self.other, self.other_s = TargetAppearance(), t_s
         self.other.learn(looks, motion, (0.0, 0.0), None, t_s)
         return t_s - self.other_s
 

@@ -4,7 +4,7 @@ import copy
 from dataclasses import dataclass, field
 
 from groundstation.arrays import ImageArray
-from groundstation.single_camera.pixel_identity import Identity
+from groundstation.single_camera.pixel_identity import TargetAppearance
 from groundstation.single_camera.pixel_motion import PixelMotion
 
 
@@ -42,7 +42,7 @@ class PixelTarget:
     frames: int = 0
     seen: int = 0
     small: ImageArray | None = None
-    identity: Identity = field(default_factory=Identity)
+    identity: TargetAppearance = field(default_factory=TargetAppearance)
 
     @property
     def length_px(self) -> float:

@@ -14,7 +14,7 @@ from groundstation.detection.pixel_track import PixelTrack, in_full
 from groundstation.detection.target_search import Found, TargetSearch, overlaps
 from groundstation.detection.working_picture import WorkingPicture
 from groundstation.messages import Detection, Miss, MissReason, Roi, TrackStatus
-from groundstation.single_camera.pixel_identity import Identity, looks_of
+from groundstation.single_camera.pixel_identity import TargetAppearance, looks_of
 from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_target import PixelTarget
 from groundstation.single_camera.pixel_tracker_config import PixelTrackerConfig
@@ -241,7 +241,7 @@ class PixelTracker:
             return look[0], Miss(reason=MissReason.AMBIGUOUS, detail="something else, away from the target's path")
         looks = looks_of(image, seen)
         if identity.stays_other(looks, target.motion, self._config.unlikeness, t_s) > self._config.accept_s:
-            target.identity = Identity()
+            target.identity = TargetAppearance()
             self._saw(target, seen, t_s)
         return look
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from groundstation.detection.acquisition import AcquisitionConfig
 from groundstation.detection.config import DetectionConfig
-from groundstation.detection.target_search import SearchConfig
+from groundstation.detection.target_search import ConfirmationConfig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +31,7 @@ class PixelTrackerConfig:
         default_factory=lambda: DetectionConfig(roi_basic_px=(100, 64), min_contrast_to_noise=2.2)
     )
     acquisition: AcquisitionConfig = field(default_factory=AcquisitionConfig)
-    search: SearchConfig = field(default_factory=SearchConfig)
+    search: ConfirmationConfig = field(default_factory=ConfirmationConfig)
     least_shake_px: float = 2.0
     most_shake_px: float = 20.0
     search_after: int = 2

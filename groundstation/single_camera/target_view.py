@@ -6,7 +6,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.detector import DetectionHint, Detector
-from groundstation.detection.local_search import CLEAR_SCORE, LocalSearch, Sight, alike, best_sight
+from groundstation.detection.local_search import CLEAR_SCORE, Blob, LocalSearch, alike, best_sight
 from groundstation.detection.picture_shift import picture_shift
 from groundstation.detection.roi import place_roi
 from groundstation.detection.target_search import overlaps
@@ -53,7 +53,7 @@ class TargetView:
         self._local = LocalSearch(config.acquisition)
         self.detector = Detector(config.detection, image_size_px)
 
-    def inside(self, image: ImageArray, box: Box) -> Sight | None:
+    def inside(self, image: ImageArray, box: Box) -> Blob | None:
         """Return what stands out most inside a loose box."""
         return self._local.inside(image, box)
 
@@ -71,7 +71,7 @@ class TargetView:
         )
         return roi, self.detector.detect(image, roi, hint)
 
-    def at(self, image: ImageArray, sight: Sight, basic_px: tuple[int, int] | None = None) -> Look:
+    def at(self, image: ImageArray, sight: Blob, basic_px: tuple[int, int] | None = None) -> Look:
         """Let the detector look at something that stands out, with ``basic_px`` around it."""
         place, covariance = sight.centre_px, (_SIGHT_SIGMA_PX + 0.05 * sight.size_px) ** 2 * np.eye(2)
         config = self._config.detection
@@ -136,7 +136,7 @@ class TargetView:
                 return again
         return look
 
-    def _whole(self, target: PixelTarget, image: ImageArray, sight: Sight, look: tuple[Roi | None, Detection]) -> Look:
+    def _whole(self, target: PixelTarget, image: ImageArray, sight: Blob, look: tuple[Roi | None, Detection]) -> Look:
         """Return the look at the whole thing where the detector has seen a part of it, or more than that.
 
         What is whole was learnt by earlier second looks: beside a pole or before a cloud they see more.
@@ -215,6 +215,6 @@ def is_beside(target: PixelTarget, seen: Detection | Miss, other: Detection) -> 
     return in_place(target, seen) and not in_place(target, other) and not overlaps(seen.box, other.box)
 
 
-def _shows(look: Look, sight: Sight) -> bool:
+def _shows(look: Look, sight: Blob) -> bool:
     """Return whether a look has seen what stands out there."""
     return isinstance(look[1], Detection) and overlaps(look[1].box, sight.box)

@@ -74,11 +74,11 @@ def track_video(
     """
     video = VideoFile(request.video)
     total = _checked(request, video)
-    tally = _Tally()
+    tally = _FrameCounts()
     fault: InputError | None = None
     with ExitStack() as opened:
         table, sinks = _open_sinks(request, video, environment, opened)
-        rows = _Rows(table, tally, video)
+        rows = _TableRows(table, tally, video)
         warm_up()
         tracker = PixelTracker(video.size_px)
         begun = False
@@ -115,7 +115,7 @@ def format_track_summary(result: TrackResult) -> str:
 
 
 @dataclass(slots=True, kw_only=True)
-class _Tally:
+class _FrameCounts:
     """Counts over the frames so far."""
 
     frames: int = 0
@@ -156,10 +156,10 @@ class _Tally:
         )
 
 
-class _Rows:
+class _TableRows:
     """The table's rows and their count: one for each frame, for the damaged ones, too, which nobody could look at."""
 
-    def __init__(self, table: PixelTrackFile, tally: _Tally, video: VideoFile) -> None:
+    def __init__(self, table: PixelTrackFile, tally: _FrameCounts, video: VideoFile) -> None:
         self._table, self._tally, self._video = table, tally, video
         self._damaged = 0
         self._newest: tuple[int, float, TrackStatus] | None = None

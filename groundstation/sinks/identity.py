@@ -12,7 +12,7 @@ _MAX_WAITING = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identity:
+class AnswerComparison:
     """How many answers were compared, how many differ and from which epoch on, and how many have no counterpart.
 
     ``states`` and ``states_differing`` count likewise the answers to heartbeats.
@@ -71,10 +71,10 @@ class IdentitySink:
     def close(self) -> None:
         """Nothing is held open."""
 
-    def result(self) -> Identity:
+    def result(self) -> AnswerComparison:
         """Return what came of it."""
         alone = len(self._recorded) + len(self._answered) + self._dropped
-        return Identity(
+        return AnswerComparison(
             compared=self._compared,
             differing=self._differing,
             first_epoch=self._first,

@@ -23,11 +23,11 @@ QUEUE_FRAMES = 6
 # forward decoding of so few frames is as quick as a seek
 SEEK_BEYOND = 200
 
-__all__ = ["Picture", "PictureReader", "image_files"]
+__all__ = ["DecodedFrame", "PictureReader", "image_files"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Picture:
+class DecodedFrame:
     """One decoded frame: its number in the medium and its pixels (h, w, 3) uint8 BGR."""
 
     index: int
@@ -64,7 +64,7 @@ class PictureReader:
         self._size = size_px
         self._listed = int(indices[-1]) + 1 if listed is None and len(indices) else listed or 0
         self._whole = whole
-        self._queue: queue.Queue[Picture | SessionError | None] = queue.Queue(maxsize=QUEUE_FRAMES)
+        self._queue: queue.Queue[DecodedFrame | SessionError | None] = queue.Queue(maxsize=QUEUE_FRAMES)
         self._pool = FramePool(size_px)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name=f"decode-{medium.path.name}", daemon=True)
@@ -81,7 +81,7 @@ class PictureReader:
             except queue.Empty:
                 self._thread.join(timeout=0.02)
 
-    def next(self) -> Picture | None:
+    def next(self) -> DecodedFrame | None:
         """Return the next picture, None after the last; raises `SessionError` where the medium is at fault."""
         item = self._queue.get()
         if isinstance(item, SessionError):
@@ -103,7 +103,7 @@ class PictureReader:
             got = shown(f"{type(error).__name__}: {error}", 200)
             self._put(self._fault(got, "pictures that OpenCV can decode"))
 
-    def _put(self, item: Picture | SessionError | None) -> None:
+    def _put(self, item: DecodedFrame | SessionError | None) -> None:
         while not self._stop.is_set():
             try:
                 self._queue.put(item, timeout=0.1)
@@ -114,7 +114,7 @@ class PictureReader:
     def _fault(self, got: str, wanted: str, where: str = "") -> SessionError:
         return SessionError(f"{self._medium.path.name}{where}", got=got, wanted=wanted)
 
-    def _checked(self, decoded: object, index: int, line: int) -> Picture:
+    def _checked(self, decoded: object, index: int, line: int) -> DecodedFrame:
         """Return the picture, or raise if it is missing or has another size than the rig says."""
         if not isinstance(decoded, np.ndarray):
             wanted = f"a picture for frames.csv line {line}"
@@ -125,9 +125,9 @@ class PictureReader:
         if (image.shape[1], image.shape[0]) != self._size:
             size = (image.shape[1], image.shape[0])
             raise size_fault(f"{self._medium.path.name}: frame {index}", size, self._size)
-        return Picture(index=index, image=image)
+        return DecodedFrame(index=index, image=image)
 
-    def _decode_video(self) -> Iterator[Picture]:
+    def _decode_video(self) -> Iterator[DecodedFrame]:
         capture = open_video(self._medium.path)
         try:
             if not capture.isOpened():
@@ -169,7 +169,7 @@ class PictureReader:
         got = f"the end of the video after {place} frames{damaged}"
         return self._fault(got, f"{self._listed} frames as listed in frames.csv", f": frame {place}")
 
-    def _read_images(self) -> Iterator[Picture]:
+    def _read_images(self) -> Iterator[DecodedFrame]:
         files = image_files(self._medium.path)
         for number, line in zip(self._indices, self._lines, strict=True):
             if self._stop.is_set():

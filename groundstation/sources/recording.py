@@ -31,7 +31,7 @@ from groundstation.recording.event_codec import (
 )
 from groundstation.recording.pixels import decoded
 from groundstation.session import Session
-from groundstation.session.folder import Recorded
+from groundstation.session.folder import RecordingInfo
 
 # PTU readings from this long before the part asked for to this long after it, so that all angles are known
 LEAD_S = 1.0
@@ -85,7 +85,7 @@ class RecordingSource:
     def __init__(
         self,
         session: Session,
-        recorded: Recorded,
+        recorded: RecordingInfo,
         from_s: float | None = None,
         to_s: float | None = None,
         *,

@@ -17,7 +17,7 @@ from groundstation.detection.acquisition import CandidateFinder
 from groundstation.detection.channel_contrast import measure_channels
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.roi import place_roi
-from groundstation.estimation.initialise import Sighting
+from groundstation.estimation.initialise import CameraCandidate
 from groundstation.messages import Detection, Frame, Miss, MissReason, Roi
 from groundstation.picture import Picture, as_picture
 from groundstation.rig.rig import Station
@@ -34,7 +34,7 @@ _CONTRAST_EVERY = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Look:
+class SearchResult:
     """What a camera expected, where it looked, and what it found."""
 
     roi: Roi | None
@@ -117,14 +117,14 @@ class CameraTracker:
             yield
         self._extent, self._px_per_m, self._detections = extent, scale, detections
 
-    def search(self, frame: Frame, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> list[Sighting]:
+    def search(self, frame: Frame, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> list[CameraCandidate]:
         """Look at the whole frame and return the candidates in it: none where a recording kept only a part of it."""
         if not as_picture(frame.image).has_all:
             return []
         pose = self.geometry.camera_pose(pan_rad, tilt_rad)
         found = self._finder.find(frame.image, frame.t_s, pose.runway_from_camera.T)
         return [
-            Sighting(
+            CameraCandidate(
                 t_s=frame.t_s,
                 station=frame.station,
                 pixel=np.array([c.u_px, c.v_px]),
@@ -144,7 +144,7 @@ class CameraTracker:
         centre_px: FloatArray,
         covariance_px2: FloatArray,
         hint: DetectionHint,
-    ) -> Look | None:
+    ) -> SearchResult | None:
         """Place the region of interest and look there; None if nothing of it is inside the image."""
         self._px_per_m = hint.px_per_m
         extent, size_px = self._extent.at(hint.px_per_m), self.station.lens.image_size_px
@@ -154,7 +154,9 @@ class CameraTracker:
         recorded = _recorded(as_picture(frame.image), roi, centre_px)
         if recorded is None:
             detail = "what it wants to look at is not among what the recording kept of this picture"
-            return Look(roi=roi, result=Miss(reason=MissReason.NOT_RECORDED, detail=detail), channel_contrast=None)
+            return SearchResult(
+                roi=roi, result=Miss(reason=MissReason.NOT_RECORDED, detail=detail), channel_contrast=None
+            )
         roi = recorded
         result = self._detector.detect(frame.image, roi, hint)
         contrast = None
@@ -162,7 +164,7 @@ class CameraTracker:
             if self._detections % _CONTRAST_EVERY == 0:
                 contrast = measure_channels(frame.image, roi, silhouette_mask(result, roi))
             self._detections += 1
-        return Look(roi=roi, result=result, channel_contrast=contrast)
+        return SearchResult(roi=roi, result=result, channel_contrast=contrast)
 
     def accepted(self, detection: Detection) -> None:
         """Remember the extent of the silhouette, seen in the last look, that the filter believed."""

@@ -27,7 +27,7 @@ from groundstation.tracking.synchronise import SynchroniseConfig
 T = TypeVar("T")
 
 
-class Start(StrEnum):
+class TrackStart(StrEnum):
     """How the track begins."""
 
     AUTO = "auto"  # from [initial] where the session has it, else by searching
@@ -40,7 +40,7 @@ class Start(StrEnum):
 class Config:
     """The whole tuning, one table per component."""
 
-    start: Start = Start.AUTO
+    start: TrackStart = TrackStart.AUTO
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     acquisition: AcquisitionConfig = field(default_factory=AcquisitionConfig)
     synchronise: SynchroniseConfig = field(default_factory=SynchroniseConfig)

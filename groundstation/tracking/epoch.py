@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from groundstation.estimation.triangulation import View, triangulate
+from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.messages import Epoch, Triangulation, TriangulationStatus
 
 _KEPT_S = 2.0
@@ -19,7 +19,7 @@ class EpochView:
     t_s: float
     epoch: int
     station: str
-    view: View
+    view: TriangulationView
     accepted: bool
     labelled: bool
     trusted: bool = True

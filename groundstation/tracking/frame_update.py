@@ -16,12 +16,12 @@ from groundstation.estimation.config import Predictor
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.encoders import EncoderFeed
 from groundstation.estimation.field_of_view import probability_in_view
-from groundstation.estimation.initialise import Sighting
+from groundstation.estimation.initialise import CameraCandidate
 from groundstation.estimation.measurement import PixelPrediction
 from groundstation.estimation.trajectory_curve import Knot
-from groundstation.estimation.triangulation import View
+from groundstation.estimation.triangulation import TriangulationView
 from groundstation.geometry.angles import wrap_rad
-from groundstation.integrity.station_exclusion import Verdict
+from groundstation.integrity.station_exclusion import StationVerdict
 from groundstation.messages import (
     CameraReport,
     Detection,
@@ -198,13 +198,13 @@ class FrameUpdate:
             return _Angles(pan_rad=pan, tilt_rad=tilt, sigma_rad=doubt)
         return None
 
-    def _search(self, record: Frame | PixelMeasurement, angles: _Angles) -> list[Sighting]:
+    def _search(self, record: Frame | PixelMeasurement, angles: _Angles) -> list[CameraCandidate]:
         """Nothing is known: return the candidates of the whole frame, or the pixel that someone else found."""
         if isinstance(record, Frame):
             camera = self._cameras[record.station]
             return camera.search(record, angles.pan_rad, angles.tilt_rad, self._pointing_sigma_rad(record, angles))
         return [
-            Sighting(
+            CameraCandidate(
                 t_s=record.t_s,
                 station=record.station,
                 pixel=np.array([record.u_px, record.v_px]),
@@ -282,7 +282,7 @@ class FrameUpdate:
                     if self._learns_span:
                         self._learn_span(camera, found)
             self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))
-        view = View(
+        view = TriangulationView(
             station=camera.geometry,
             pixel=pixel,
             covariance_px2=found.covariance_px2,
@@ -312,7 +312,7 @@ class FrameUpdate:
 
     def _in_vain(self, record: Frame, miss: Miss) -> None:
         """Take a look that found nothing as evidence; where something was found, but not what, it is none."""
-        if miss.reason not in _NOTHING_THERE or self._health.watch.verdict(record.station) is Verdict.EXCLUDED:
+        if miss.reason not in _NOTHING_THERE or self._health.watch.verdict(record.station) is StationVerdict.EXCLUDED:
             return
         before = self._ekf.in_view(record.station)
         share = self._keeper.life.existence.miss(record.station, record.t_s, before)

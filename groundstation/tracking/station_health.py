@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from groundstation.estimation.ekf import StationEkf
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity.leave_one_out import held_against
-from groundstation.integrity.solution_separation import Sight
-from groundstation.integrity.station_exclusion import Finding, IntegrityConfig, IntegrityWatch, Verdict
+from groundstation.integrity.solution_separation import PixelResidual
+from groundstation.integrity.station_exclusion import Finding, IntegrityConfig, IntegrityWatch, StationVerdict
 from groundstation.messages import TrackEvent
 from groundstation.tracking.epoch import EpochPage, EpochView
 
@@ -31,7 +31,7 @@ class StationHealth:
 
     def uses(self, station: str) -> bool:
         """Return whether a station's pixels are to be fused; count it if not."""
-        if self.watch.verdict(station) is not Verdict.EXCLUDED:
+        if self.watch.verdict(station) is not StationVerdict.EXCLUDED:
             return True
         self.excluded_pixels += 1
         return False
@@ -70,7 +70,7 @@ class StationHealth:
                 events.append(TrackEvent(t_s=t_s, level="info", text=f"station {name}: delivers again"))
         return events
 
-    def _sight(self, seen: EpochView) -> Sight | None:
+    def _sight(self, seen: EpochView) -> PixelResidual | None:
         """Hold one pixel against the prediction for its own exposure, with what the filter has learnt of the rig."""
         ekf, view = self._ekf, seen.view
         if ekf.time_s is None:
@@ -92,7 +92,7 @@ class StationHealth:
             residual,
             noise,
         )
-        return Sight(
+        return PixelResidual(
             station=seen.station,
             residual_px=residual,
             jacobian_px_per_m=projection.jacobian[:, :3],
@@ -102,5 +102,5 @@ class StationHealth:
 
 
 def _line(t_s: float, finding: Finding) -> TrackEvent:
-    level = "info" if finding.verdict is Verdict.TRUSTED else "warning"
+    level = "info" if finding.verdict is StationVerdict.TRUSTED else "warning"
     return TrackEvent(t_s=t_s, level=level, text=finding.text)

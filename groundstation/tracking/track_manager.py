@@ -11,7 +11,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.ekf import StationEkf
-from groundstation.estimation.initialise import Sighting, TrackInitiator
+from groundstation.estimation.initialise import CameraCandidate, TrackInitiator
 from groundstation.estimation.trajectory_curve import Knot, TrajectoryPredictor
 from groundstation.messages import Epoch, InitialState, Kinematics, TrackEvent, TrackState, TrackStatus
 from groundstation.tracking.camera_tracker import CameraTracker
@@ -46,7 +46,7 @@ class TrackManager:
         self._answered_s = -math.inf
         self._initiator = TrackInitiator({n: c.geometry for n, c in cameras.items()}, config.initiation, span_m)
         self._initial = initial
-        self._sightings: list[Sighting] = []
+        self._sightings: list[CameraCandidate] = []
         self._events: list[TrackEvent] = []
 
     def take_events(self) -> list[TrackEvent]:
@@ -64,7 +64,7 @@ class TrackManager:
             return False
         return not self._ekf.has_target or self.life.needs_search(t_s)
 
-    def sighted(self, sightings: list[Sighting]) -> None:
+    def sighted(self, sightings: list[CameraCandidate]) -> None:
         """Take candidates for the epoch to come."""
         self._sightings += sightings
 

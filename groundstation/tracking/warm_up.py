@@ -12,7 +12,7 @@ from groundstation.detection.roi import place_roi
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.estimation.triangulation import View, triangulate
+from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.station import StationGeometry
 from groundstation.integrity import leave_one_out
@@ -81,7 +81,7 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
         projection = station.project(target, 0.0, 0.0)
         if projection is not None:
             views.append(
-                View(
+                TriangulationView(
                     station=station,
                     pixel=projection.pixel,
                     covariance_px2=np.eye(2),

@@ -12,7 +12,7 @@ from ptu_drivers.flir.probe import UnitFacts
 from ptu_drivers.health import DoubtReason
 from ptu_drivers.instants import DeviceClock, Instant, Latency, of_query
 from ptu_drivers.messages import AngleSample, Axis, Reading
-from ptu_drivers.plausibility import Plausibility, Point, Verdict
+from ptu_drivers.plausibility import AngleVerdict, Plausibility, Point
 from ptu_drivers.settings import UnitSettings
 
 _SQRT12 = 12.0**0.5
@@ -78,10 +78,10 @@ class Poller:
         """
         raw = self._ask(deadline_s)
         verdicts = {axis: self._gates[axis].judge(raw.point(axis)) for axis in Axis}
-        if Verdict.IMPOSSIBLE in verdicts.values():
+        if AngleVerdict.IMPOSSIBLE in verdicts.values():
             self.forget()
             raise Doubtful(DoubtReason.TOO_FAST, str(raw.counts))
-        if Verdict.CONFIRM in verdicts.values():
+        if AngleVerdict.CONFIRM in verdicts.values():
             raw = self._confirmed(raw, deadline_s)
         for axis in Axis:
             self._gates[axis].accept(raw.point(axis))

@@ -16,7 +16,7 @@ from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Rea
 from ptu_drivers.own_options import made_of
 from ptu_drivers.pelco.codec import Opcode, PelcoFraming, PelcoMessage, with_word
 from ptu_drivers.pelco.exchange import PelcoExchange, PelcoReply
-from ptu_drivers.plausibility import Plausibility, Point, Verdict
+from ptu_drivers.plausibility import AngleVerdict, Plausibility, Point
 from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.preemption import PreemptibleLine
 from ptu_drivers.settings import UnitSettings, insist_on_baud
@@ -154,7 +154,7 @@ class PelcoUnit(PolledUnit):
         """
         gate = self._gates[axis]
         point = self._point(axis, until_s)
-        if gate.judge(point) is not Verdict.PLAUSIBLE:
+        if gate.judge(point) is not AngleVerdict.PLAUSIBLE:
             again = self._point(axis, until_s)
             if not gate.confirms(point, again):
                 gate.forget()

@@ -8,7 +8,7 @@ import pytest
 from groundstation.detection.appearance import Appearance, first_look
 from groundstation.detection.choice import Memory, choose, features_of
 from groundstation.detection.config import DetectionConfig
-from groundstation.detection.look import Look, start_look
+from groundstation.detection.look import WorkingImage, start_look
 from groundstation.detection.regions import Group, Regions, find_regions
 from groundstation.messages import Miss, MissReason
 from tests.detection.painted import look_at, whole
@@ -20,7 +20,7 @@ LARGEST_UNREDUCED = 100.0  # px of span, more than it and less than twice it
 AIRCRAFT_CONTRAST, BIRD_CONTRAST = 15.0, 40.0
 
 
-def working(boxes: list[tuple[slice, slice, float]], scale: int) -> tuple[Look, Regions]:
+def working(boxes: list[tuple[slice, slice, float]], scale: int) -> tuple[WorkingImage, Regions]:
     """Return regions of rows, columns and contrast in a working picture, of an image ``scale`` times as large."""
     phi = np.full((SIZE[1], SIZE[0]), -1.0, np.float32)
     contrast = np.zeros_like(phi)
@@ -35,7 +35,7 @@ def working(boxes: list[tuple[slice, slice, float]], scale: int) -> tuple[Look, 
     return look, find_regions(phi, contrast)
 
 
-def scene(bird_height_px: int, scale: int) -> tuple[Look, Regions]:
+def scene(bird_height_px: int, scale: int) -> tuple[WorkingImage, Regions]:
     """Return a wing with a fuselage and, two rows below the left half of it, a bird that stands out more."""
     boxes = [
         (slice(38, 41), slice(55, 145), AIRCRAFT_CONTRAST),
@@ -103,7 +103,7 @@ SLACK = 1.0 + 12.0 / SPAN * 0.5  # a silhouette of 90 px, no miss
 TOLERANCES = (14.0, 6.0, 6.0, 0.25, 0.3)
 
 
-def known(look: Look, regions: Regions, off: np.ndarray, frames: int = 5, misses: int = 0) -> Memory:
+def known(look: WorkingImage, regions: Regions, off: np.ndarray, frames: int = 5, misses: int = 0) -> Memory:
     """Return the memory of a target whose features (5,) are those of the only group but for an offset."""
     group = choose(regions, look, None, DetectionConfig())
     assert isinstance(group, Group)
@@ -112,7 +112,7 @@ def known(look: Look, regions: Regions, off: np.ndarray, frames: int = 5, misses
     return Memory(span_px=SPAN, mass=group.mass, appearance=learnt, misses=misses)
 
 
-def alone() -> tuple[Look, Regions]:
+def alone() -> tuple[WorkingImage, Regions]:
     return working([(slice(38, 42), slice(55, 145), AIRCRAFT_CONTRAST)], 1)
 
 

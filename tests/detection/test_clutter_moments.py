@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from groundstation.detection.background import _Seen
+from groundstation.detection.background import _FramePart
 from groundstation.detection.preprocess import _clutter_moments
 
 
@@ -26,7 +26,7 @@ def test_moments_are_those_of_every_second_pixel_outside_the_box(
 
 def test_an_earlier_part_gives_its_colours_apart_and_its_grey() -> None:
     image = np.random.default_rng(3).integers(0, 255, (5, 7, 3), dtype=np.uint8)
-    seen = _Seen(image=image, corner=(0, 0))
+    seen = _FramePart(image=image, corner=(0, 0))
     assert [np.asarray(plane).shape for plane in seen.colour] == [(5, 7)] * 3
     for channel in range(3):
         np.testing.assert_allclose(seen.colour[channel], image[:, :, channel])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from groundstation.detection.fuselage import _core
-from groundstation.single_camera.pixel_identity import Identity
+from groundstation.single_camera.pixel_identity import TargetAppearance
 
 
 def test_the_mean_is_over_the_row_and_not_beyond_its_ends() -> None:
@@ -16,7 +16,7 @@ def test_the_mean_is_over_the_row_and_not_beyond_its_ends() -> None:
 
 
 def test_what_was_known_before_a_doubt_is_the_oldest_that_is_kept() -> None:
-    identity = Identity()
+    identity = TargetAppearance()
     identity._known = ["long ago", "lately"]
     identity.calm, identity.other = 5, object()
     assert identity.doubt(3.0) == "long ago"

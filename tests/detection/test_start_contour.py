@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from groundstation.detection.look import Look, start_look
-from groundstation.detection.start_contour import Silhouette, start_contour
+from groundstation.detection.look import WorkingImage, start_look
+from groundstation.detection.start_contour import PreviousSilhouette, start_contour
 from tests.detection.painted import look_at, sky, whole
 
 
-def look(point: tuple[float, float], span_px: float | None, sigma_px: float) -> Look:
+def look(point: tuple[float, float], span_px: float | None, sigma_px: float) -> WorkingImage:
     image = sky((220, 120)).astype(np.uint8)
     return start_look(image, whole(image), look_at(point, span_px, sigma_px), (span_px, 0.1), (2.0, 160.0))
 
 
-def silhouette() -> Silhouette:
+def silhouette() -> PreviousSilhouette:
     mask = np.zeros((11, 41), np.uint8)
     mask[5, :] = 1
     mask[:, 20] = 1
-    return Silhouette(mask=mask, point=np.array([20.0, 5.0]), width=41.0, scale=1.0)
+    return PreviousSilhouette(mask=mask, point=np.array([20.0, 5.0]), width=41.0, scale=1.0)
 
 
 def test_first_an_ellipse_of_the_expected_size() -> None:

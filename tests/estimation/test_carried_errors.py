@@ -15,8 +15,8 @@ from filter_flights.drive import in_order
 
 from groundstation.estimation.measurement import EncoderModel, PixelModel, ReferenceModel
 from groundstation.estimation.state import state_layout
-from groundstation.evaluation.bounds import View
-from groundstation.evaluation.calibration_bounds import Movement, nuisance_sensitivities, reference_information
+from groundstation.evaluation.bounds import StationView
+from groundstation.evaluation.calibration_bounds import MotionProfile, nuisance_sensitivities, reference_information
 from groundstation.messages import DgpsFix, PixelMeasurement, PtuSample
 from groundstation.simulation import simulate
 from tests.stereo_rig import aim, make_rig
@@ -91,7 +91,7 @@ def test_the_bounds_sensitivities_are_the_filters(rng: np.random.Generator) -> N
     x[layout.constant] = 0.0
     rig, age = make_rig(), 3.0
     views = [
-        View(
+        StationView(
             geometry=s.geometry(),
             pan_rad=float(x[layout.angles[s.name]][0]),
             tilt_rad=float(x[layout.angles[s.name]][1]),
@@ -100,7 +100,7 @@ def test_the_bounds_sensitivities_are_the_filters(rng: np.random.Generator) -> N
         )
         for s in rig.stations
     ]
-    movement = Movement(
+    movement = MotionProfile(
         velocity_runway_m_s=x[layout.velocity], rates_rad_s=[x[layout.rates[n]] for n in rig.names], age_s=age
     )
     found = nuisance_sensitivities(x[layout.position], views, movement, NAMES)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from groundstation.estimation.config import InitiationConfig
-from groundstation.estimation.initialise import Fix, Sighting, TrackInitiator
+from groundstation.estimation.initialise import CameraCandidate, Fix, TrackInitiator
 from groundstation.messages import Kinematics
 from tests.stereo_rig import aim, glide, make_rig
 
@@ -27,14 +27,14 @@ class Scene:
         self.generator = generator
         self.initiator = TrackInitiator(self.geometries, config or InitiationConfig(), span_m)
 
-    def sight(self, t: float, point: np.ndarray, width_m: float = SPAN_M, score: float = 10.0) -> list[Sighting]:
+    def sight(self, t: float, point: np.ndarray, width_m: float = SPAN_M, score: float = 10.0) -> list[CameraCandidate]:
         out = []
         for name, geometry in self.geometries.items():
             pan, tilt = aim(geometry, np.array([0.0, 300.0, 15.0]))
             projection = geometry.project(point, pan, tilt)
             assert projection is not None
             out.append(
-                Sighting(
+                CameraCandidate(
                     t_s=t,
                     station=name,
                     pixel=projection.pixel + self.generator.normal(0, SIGMA_PX, 2),
@@ -83,7 +83,7 @@ def test_random_candidates_are_never_acquired(rng: np.random.Generator) -> None:
         for name in scene.geometries:
             for _ in range(10):
                 sightings.append(
-                    Sighting(
+                    CameraCandidate(
                         t_s=k * 0.1,
                         station=name,
                         pixel=rng.uniform([0, 0], [1279, 959]),
@@ -178,7 +178,7 @@ def test_only_what_an_aircraft_could_be_is_a_fix(point: tuple[float, ...], width
         projection = geometry.project(place, pan, tilt)
         assert projection is not None
         found.append(
-            Sighting(
+            CameraCandidate(
                 t_s=0.0,
                 station=name,
                 pixel=projection.pixel,

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.estimation.triangulation import View, triangulate
+from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.rig.rig import Rig
 from groundstation.simulation import StationErrors, perturbed
 from tests.stereo_rig import aim, make_rig
@@ -70,7 +70,7 @@ def test_a_new_start_stands_where_the_learnt_rig_puts_it() -> None:
         assert projection is not None
         pixels[s.name] = projection.pixel
     views = [
-        View(
+        TriangulationView(
             station=s.geometry(),
             pixel=pixels[s.name],
             covariance_px2=np.eye(2),

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from groundstation.estimation.triangulation import View, midpoint, triangulate
+from groundstation.estimation.triangulation import TriangulationView, midpoint, triangulate
 from tests.stereo_rig import aim, make_rig
 
 
 def exact_views(
     point: np.ndarray, names: tuple[str, ...] = ("left", "right"), angle_sigma_rad: float = 3e-5
-) -> list[View]:
+) -> list[TriangulationView]:
     views = []
     for s in make_rig(names).stations:
         geometry = s.geometry()
@@ -20,7 +20,7 @@ def exact_views(
         projection = geometry.project(point, pan, tilt)
         assert projection is not None
         views.append(
-            View(
+            TriangulationView(
                 station=geometry,
                 pixel=projection.pixel,
                 covariance_px2=np.diag([0.25, 0.16]),

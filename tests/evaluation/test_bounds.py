@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from groundstation.evaluation.bounds import (
-    View,
+    StationView,
     fix_covariance,
     fix_information,
     motion_matrices,
@@ -37,14 +37,14 @@ def _station(name: str, x_m: float, y_m: float = 0.0) -> StationGeometry:
 PAIR = (_station("left", -BASE_M / 2), _station("right", BASE_M / 2))
 
 
-def _views(point: np.ndarray, case: str, stations: tuple[StationGeometry, ...] = PAIR) -> list[View]:
+def _views(point: np.ndarray, case: str, stations: tuple[StationGeometry, ...] = PAIR) -> list[StationView]:
     """Every station looks straight at the point."""
     sigma_px, sigma_rad = CASES[case]
     views = []
     for station in stations:
         d = point - station.packed[9:12]
         views.append(
-            View(
+            StationView(
                 geometry=station,
                 pan_rad=float(np.arctan2(-d[0], d[1])),
                 tilt_rad=float(np.arctan2(d[2], np.hypot(d[0], d[1]))),

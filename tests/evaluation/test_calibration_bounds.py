@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from groundstation.evaluation.bounds import View, fix_covariance, posterior_bound
+from groundstation.evaluation.bounds import StationView, fix_covariance, posterior_bound
 from groundstation.evaluation.calibration_bounds import (
     calibration_sensitivities,
     fix_consider,
@@ -45,7 +45,7 @@ def _sigma(covariance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.diag(covariance)[:3])
 
 
-def _located(point: np.ndarray, true: list[StationGeometry], assumed: list[View]) -> np.ndarray:
+def _located(point: np.ndarray, true: list[StationGeometry], assumed: list[StationView]) -> np.ndarray:
     """Weighted least squares on the pixels of the true stations, by someone who assumes others."""
     x = point.copy()
     for _ in range(6):

@@ -16,7 +16,7 @@ import pytest
 from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.evaluation.comparison_text import format_comparison
-from groundstation.evaluation.figures_of_run import Moved, figures_of, moved_figures
+from groundstation.evaluation.figures_of_run import FigureChange, figures_of, moved_figures
 from groundstation.evaluation.table import format_accuracy_table
 from groundstation.replay.compare import CompareRequest, compare, comparison_csv, comparison_json, load_summary
 from groundstation.simulation import case_b, simulate
@@ -201,7 +201,7 @@ def test_what_has_moved() -> None:
     assert moved["a"].within(0.0, 0.21)
     assert not moved["gone"].within(1.0, 1.0)
     assert not moved["new"].within(1.0, 1.0)
-    assert Moved(before=0.0, after=1.0).percent is None
+    assert FigureChange(before=0.0, after=1.0).percent is None
 
 
 def evo_ape() -> str:

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 
 from groundstation.experiments.localisation import _against_dgps
-from groundstation.experiments.recorded import Recorded
+from groundstation.experiments.recorded import TruthSession
 
 
 def test_the_ends_belong_to_it() -> None:
-    recorded = Recorded.__new__(Recorded)
+    recorded = TruthSession.__new__(TruthSession)
     recorded.from_s, recorded.to_s = 1.0, 3.0
     assert recorded.inside(np.array([0.9, 1.0, 2.0, 3.0, 3.1])).tolist() == [False, True, True, True, False]
 

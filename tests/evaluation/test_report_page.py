@@ -20,7 +20,7 @@ from groundstation.evaluation.run_description import RunDescription
 from groundstation.experiments.detection_tables import ROI_COLUMNS
 from groundstation.experiments.experiment import Experiment, Findings, Paper, PaperFigure
 from groundstation.experiments.page import paper_page
-from groundstation.experiments.tables import Table
+from groundstation.experiments.tables import ResultTable
 from groundstation.messages import CarriedError, DgpsFix
 from groundstation.rig.rig import Rig
 from tests.browser import Browser, browser
@@ -157,7 +157,7 @@ def test_printed_nothing_is_cut_off_or_folded_away(chromium: Browser, written: P
 
 def test_the_papers_page_shows_its_widest_table_on_a_screen_and_on_paper(chromium: Browser, tmp_path: Path) -> None:
     row = ["400×300, 0 sigma", *[0.0456] * (len(ROI_COLUMNS) - 2), "157 ms, 212 ms"]
-    filled = Table(name="roi", title="ROI", columns=ROI_COLUMNS, rows=[row] * 3, timed=range(1, 7))
+    filled = ResultTable(name="roi", title="ROI", columns=ROI_COLUMNS, rows=[row] * 3, timed=range(1, 7))
     findings = Findings(tables=(filled,))
     region = Experiment(name="roi", title="Region", numbers="table 1", paper=Paper.GROUND, run=lambda _: findings)
     page = tmp_path / "page.html"

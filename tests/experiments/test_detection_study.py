@@ -11,7 +11,7 @@ from groundstation.detection.detector import warm_up
 from groundstation.errors import SessionError
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments import detection_tables as findings
-from groundstation.experiments.looks import Outcome, watch
+from groundstation.experiments.looks import DetectorOutcome, watch
 from groundstation.experiments.scenes import Scene, scenes
 from groundstation.messages import Roi
 from groundstation.session import load_session
@@ -26,14 +26,14 @@ def first_scenes(folder: Path) -> list[Scene]:
 
 
 @pytest.fixture(scope="module")
-def outcomes(landing_1: Path) -> dict[str, list[Outcome]]:
+def outcomes(landing_1: Path) -> dict[str, list[DetectorOutcome]]:
     warm_up()
     return watch(first_scenes(landing_1), CONFIGS, lambda number: None)
 
 
-def made_up(**changes: object) -> Outcome:
+def made_up(**changes: object) -> DetectorOutcome:
     """An outcome with a point 3 px right of the nose, stated at 2 px."""
-    plain = Outcome(
+    plain = DetectorOutcome(
         station="left",
         t_s=1.0,
         background="sky",
@@ -68,7 +68,7 @@ def test_predictions_are_off_by_the_noise_that_they_state(landing_1: Path) -> No
     assert all(s.hint.forward_px_per_m is not None and s.hint.height_m is not None for s in shown)
 
 
-def test_the_study_repeats_to_the_last_digit(landing_1: Path, outcomes: dict[str, list[Outcome]]) -> None:
+def test_the_study_repeats_to_the_last_digit(landing_1: Path, outcomes: dict[str, list[DetectorOutcome]]) -> None:
     numbers: list[int] = []
     again = watch(first_scenes(landing_1), CONFIGS, numbers.append)
     assert numbers == [1, 2, 3, 4, 5, 6]
@@ -78,7 +78,7 @@ def test_the_study_repeats_to_the_last_digit(landing_1: Path, outcomes: dict[str
             assert np.array_equal(a.error_px, b.error_px, equal_nan=True)
 
 
-def test_on_the_bundled_landing_the_nose_is_found_inside_the_region(outcomes: dict[str, list[Outcome]]) -> None:
+def test_on_the_bundled_landing_the_nose_is_found_inside_the_region(outcomes: dict[str, list[DetectorOutcome]]) -> None:
     for found in outcomes["250×100"]:
         assert found.found
         assert not found.wrong
@@ -119,7 +119,7 @@ def test_tables_count_misses_deviations_and_honesty() -> None:
     assert row["lag-1 correlation"] == pytest.approx(1.0)
 
 
-def test_tables_and_pictures_are_written(tmp_path: Path, outcomes: dict[str, list[Outcome]]) -> None:
+def test_tables_and_pictures_are_written(tmp_path: Path, outcomes: dict[str, list[DetectorOutcome]]) -> None:
     table = findings.accuracy_table(outcomes["250×100"])
     table.write_csv(tmp_path)
     assert len((tmp_path / "accuracy.csv").read_text().splitlines()) == 1 + len(table.rows)

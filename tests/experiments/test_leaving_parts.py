@@ -8,7 +8,7 @@ import pytest
 
 from groundstation.errors import InputError
 from groundstation.experiments import nose_edges, reproduce
-from groundstation.experiments.leaving import _Seen
+from groundstation.experiments.leaving import _Draw
 
 
 class Filter:
@@ -23,8 +23,8 @@ class Filter:
         self.state = 0.5 * self.state
 
 
-def seen(mass: float) -> _Seen:
-    draw = _Seen.__new__(_Seen)
+def seen(mass: float) -> _Draw:
+    draw = _Draw.__new__(_Draw)
     draw._ekf, draw._station, draw._truth_m = Filter(), "left", np.array([0.5, 0.0, 0.0])
     draw.mass, draw.detected = mass, np.zeros(2)
     return draw

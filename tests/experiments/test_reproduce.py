@@ -17,11 +17,11 @@ from groundstation.experiments.localisation import failing
 from groundstation.experiments.nose_alone import FLAT, HOUGH, PRINTED, Alone, deciding, order_words
 from groundstation.experiments.nose_pictures import PANEL_PX, panel, sheet
 from groundstation.experiments.page import paper_page
-from groundstation.experiments.recorded import Recorded
+from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.registry import EXPERIMENTS, named
 from groundstation.experiments.reproduce import ReproduceRequest, reproduce
-from groundstation.experiments.tables import Table
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.experiments.tables import ResultTable
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.scenes.sequences import NoseFrame
 from tests.docs.pages import ROOT
 from tests.docs.test_commands import run_page
@@ -36,17 +36,17 @@ WANTED = (
 
 
 @pytest.fixture(scope="module")
-def recorded(landing_1: Path) -> Recorded:
-    return Recorded(landing_1, FROM_S, TO_S)
+def recorded(landing_1: Path) -> TruthSession:
+    return TruthSession(landing_1, FROM_S, TO_S)
 
 
 @pytest.fixture(scope="module")
-def found(recorded: Recorded) -> dict[str, Findings]:
+def found(recorded: TruthSession) -> dict[str, Findings]:
     """Every experiment done once on the stretch."""
     return {e.name: e.run(recorded) for e in EXPERIMENTS}
 
 
-def untimed(folder: Path, table: Table) -> list[list[str]]:
+def untimed(folder: Path, table: ResultTable) -> list[list[str]]:
     """Return a table as it was written to a folder, without its times."""
     with (folder / f"{table.name}.csv").open(newline="", encoding="utf-8") as stream:
         rows = list(csv.reader(stream))
@@ -110,7 +110,7 @@ def test_nothing_is_there_but_once_more(found: dict[str, Findings], again: Path)
     assert {path.name for path in again.iterdir()} == tables | figures | {"reproduce.html"}
 
 
-def rows_of(table: Table, *, where: str) -> Iterator[list[object]]:
+def rows_of(table: ResultTable, *, where: str) -> Iterator[list[object]]:
     return (list(row) for row in table.rows if where in str(row[0]))
 
 
@@ -144,10 +144,10 @@ def test_constant_speed_makes_up_for_the_delay(found: dict[str, Findings]) -> No
 
 
 def test_a_filmed_take_off_takes_the_simulated_ones_place(
-    recorded: Recorded, found: dict[str, Findings], landing_1: Path
+    recorded: TruthSession, found: dict[str, Findings], landing_1: Path
 ) -> None:
     """Expected: the landing's rows stay to the last digit; the second flight's are those of its pictures."""
-    filmed = Recorded(landing_1, FROM_S, TO_S, take_off=recorded)
+    filmed = TruthSession(landing_1, FROM_S, TO_S, take_off=recorded)
     filmed.__dict__["collected"] = recorded.collected
     findings = named("online").run(filmed)
     (before,), (after,) = found["online"].tables, findings.tables
@@ -157,7 +157,7 @@ def test_a_filmed_take_off_takes_the_simulated_ones_place(
     assert any("simulated" in words for words in found["online"].differences)
 
 
-def test_only_the_stretch_is_spoilt(recorded: Recorded) -> None:
+def test_only_the_stretch_is_spoilt(recorded: TruthSession) -> None:
     before = recorded.detected
     after, (from_s, to_s) = failing(before)
     assert FROM_S < from_s < to_s < TO_S
@@ -271,7 +271,7 @@ def followed(name: str, variant_px: float, flat_px: float, hough_px: float = 50.
     """An approach with such errors in each of four pictures."""
     sizes = {PRINTED: variant_px, FLAT: flat_px, HOUGH: hough_px}
     picture = np.zeros((480, 640, 3), np.uint8)
-    pose = CameraPose(threshold_from_camera=np.eye(3), camera_threshold_m=np.zeros(3))
+    pose = NoseCameraPose(threshold_from_camera=np.eye(3), camera_threshold_m=np.zeros(3))
     return Alone(
         scene=name,
         seed=1,

@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundstation.errors import ConfigError, RigError
-from groundstation.files.toml_table import MAX_TOML_BYTES, Table, load_toml, quoted, shown
+from groundstation.files.toml_table import MAX_TOML_BYTES, TomlTable, load_toml, quoted, shown
 from tests.complaints import only
 from tests.mutation import toml_values
 
 
-def table(**values: Any) -> Table:
-    return Table(values, "rig.toml", RigError)
+def table(**values: Any) -> TomlTable:
+    return TomlTable(values, "rig.toml", RigError)
 
 
 def test_values_come_back_with_their_type() -> None:
@@ -107,7 +107,7 @@ def test_what_is_shown_fits_into_one_line() -> None:
 
 @given(toml_values(), st.text(max_size=5))
 def test_any_value_gives_a_result_or_one_printable_line(value: Any, key: str) -> None:
-    t = Table({key: value}, "f.toml", RigError)
+    t = TomlTable({key: value}, "f.toml", RigError)
     for read in (
         lambda: t.number(key, minimum=0.0),
         lambda: t.vector(key, 3),

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from groundstation.integrity.solution_separation import Sight
-from groundstation.integrity.station_exclusion import IntegrityConfig, IntegrityWatch, Verdict
+from groundstation.integrity.solution_separation import PixelResidual
+from groundstation.integrity.station_exclusion import IntegrityConfig, IntegrityWatch, StationVerdict
 from groundstation.messages import DetectionStatus, PixelMeasurement
 from groundstation.simulation import StationErrors, perturbed, simulate
 from groundstation.simulation.approach import Glide
@@ -23,7 +23,9 @@ def mount(pan_deg: float = 0.0, tilt_deg: float = 0.0) -> StationErrors:
     return StationErrors(mount_rad=np.radians([tilt_deg, 0.0, pan_deg]))
 
 
-def sights(rng: np.random.Generator, bias_px: dict[str, np.ndarray] | None = None, count: int = 3) -> list[Sight]:
+def sights(
+    rng: np.random.Generator, bias_px: dict[str, np.ndarray] | None = None, count: int = 3
+) -> list[PixelResidual]:
     """Noise of 1 px about a target 200 m away that stands anywhere: a common move explains nothing."""
     point, moved = np.array([0.0, 200.0, 8.0]), rng.normal(0, 3.0, 3)
     out = []
@@ -36,7 +38,7 @@ def sights(rng: np.random.Generator, bias_px: dict[str, np.ndarray] | None = Non
         H = projection.jacobian[:, :3]
         off = (bias_px or {}).get(station.name, np.zeros(2))
         residual = H @ moved + rng.normal(0, 1.0, 2) + off
-        out.append(Sight(station=station.name, residual_px=residual, jacobian_px_per_m=H, noise_px2=np.eye(2)))
+        out.append(PixelResidual(station=station.name, residual_px=residual, jacobian_px_per_m=H, noise_px2=np.eye(2)))
     return out
 
 
@@ -63,7 +65,7 @@ def test_false_alarms_are_as_rare_as_stated(rng: np.random.Generator) -> None:
     hours = 0.12
     for k in range(int(hours * 36000)):
         for finding in watcher.epoch(0.1 * k, sights(rng)):
-            if finding.verdict is not Verdict.TRUSTED:
+            if finding.verdict is not StationVerdict.TRUSTED:
                 alarms += 1
                 watcher = IntegrityWatch(STATIONS, IntegrityConfig(constant_px=0.0, false_alarms_per_hour=200.0))
     expected = 200.0 * hours
@@ -197,7 +199,7 @@ def test_a_station_is_trusted_again_only_by_so_many_epochs_of_so_long(
         off = {"left": np.array([0.0, 6.0])} if out_s is None and k >= 10 else {}
         for finding in watcher.epoch(t_s, sights(rng, off)):
             assert finding.stations == ("left",)
-            if finding.verdict is Verdict.EXCLUDED:
+            if finding.verdict is StationVerdict.EXCLUDED:
                 out_s = t_s
             else:
                 back_s = t_s
@@ -207,7 +209,7 @@ def test_a_station_is_trusted_again_only_by_so_many_epochs_of_so_long(
     assert back_s is not None
     least_s = 0.1 * min_epochs + readmit_s
     assert least_s - 1e-9 <= back_s - out_s <= least_s + 0.4 + 1e-9
-    assert watcher.verdict("left") is Verdict.TRUSTED
+    assert watcher.verdict("left") is StationVerdict.TRUSTED
 
 
 @pytest.mark.parametrize(("share", "trusted"), [(0.45, True), (0.55, False), (0.9, False)])
@@ -229,11 +231,11 @@ def test_in_and_out_are_not_the_same_limit(share: float, trusted: bool) -> None:
     per_px2 = left_off(IntegrityWatch(STATIONS, replace(config, false_alarms_per_hour=1e-9)), 1.0, range(40))
     watcher = IntegrityWatch(STATIONS, config)
     left_off(watcher, 6.0, range(20))
-    assert watcher.verdict("left") is Verdict.EXCLUDED
+    assert watcher.verdict("left") is StationVerdict.EXCLUDED
     left = left_off(watcher, float(np.sqrt(share * limit / per_px2)), range(20, 80))
     # the window's end may hold one epoch more, by the rounding of its stamps
     assert share * limit <= left * (1.0 + 1e-9) < 1.06 * share * limit
-    assert (watcher.verdict("left") is Verdict.TRUSTED) is trusted
+    assert (watcher.verdict("left") is StationVerdict.TRUSTED) is trusted
 
 
 def test_two_stations_cannot_say_which() -> None:

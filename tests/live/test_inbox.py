@@ -5,15 +5,15 @@ import threading
 import numpy as np
 import pytest
 
-from groundstation.live.inbox import CameraFrame, DeviceLogLine, Inbox, Item
+from groundstation.live.inbox import DeviceLogLine, Inbox, Item, TimedPicture
 from groundstation.messages import PtuSample, ReferenceFix
 from groundstation.picture import as_picture
 
 PICTURE = as_picture(np.zeros((2, 2, 3), np.uint8))
 
 
-def shot(station: str, t_s: float) -> CameraFrame:
-    return CameraFrame(t_s=t_s, arrived_s=t_s, station=station, picture=PICTURE)
+def shot(station: str, t_s: float) -> TimedPicture:
+    return TimedPicture(t_s=t_s, arrived_s=t_s, station=station, picture=PICTURE)
 
 
 def sample(t_s: float, station: str = "left") -> PtuSample:
@@ -28,7 +28,7 @@ def drained(inbox: Inbox) -> list[Item]:
 
 
 def shots(items: list[Item]) -> list[tuple[str, float]]:
-    return [(item.station, item.t_s) for item in items if isinstance(item, CameraFrame)]
+    return [(item.station, item.t_s) for item in items if isinstance(item, TimedPicture)]
 
 
 def test_a_full_camera_costs_its_own_oldest_frame_and_no_other_cameras() -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.live.inbox import CameraFrame, DeviceLogLine, Inbox
+from groundstation.live.inbox import DeviceLogLine, Inbox, TimedPicture
 from groundstation.live.pairing import Pairing, Shedding
 from groundstation.messages import Epoch, PtuSample
 from groundstation.picture import BgrPicture
@@ -66,8 +66,8 @@ def test_every_frame_has_one_pair_and_every_pair_is_closed_once(arrivals: list[t
         assert np.ptp([t for _, t in own]) <= 0.5 * PERIOD
 
 
-def shot(station: str, t_s: float) -> CameraFrame:
-    return CameraFrame(t_s=t_s, arrived_s=t_s, station=station, picture=BgrPicture(np.zeros((2, 2, 3), np.uint8)))
+def shot(station: str, t_s: float) -> TimedPicture:
+    return TimedPicture(t_s=t_s, arrived_s=t_s, station=station, picture=BgrPicture(np.zeros((2, 2, 3), np.uint8)))
 
 
 def test_the_oldest_frame_of_the_same_camera_goes() -> None:

@@ -21,7 +21,7 @@ from groundstation.onboard.approach.track_file import PICTURE_COLUMNS, TRACK_COL
 from groundstation.onboard.edges.camera_file import load_nose_camera
 from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import load_imu
-from groundstation.onboard.pose.inertial import NavigationStatus, Outcome
+from groundstation.onboard.pose.inertial import NavigationStatus, UpdateOutcome
 from groundstation.simulation import flight_model
 from groundstation.sources.video_file import VideoFile
 from tests.complaints import complaint
@@ -148,7 +148,7 @@ def test_a_flight_without_a_pose_is_no_success(
 
 def test_every_outcome_has_words() -> None:
     """Expected: all that `NoseReport.outcome` can be that is not a use, in the words and on the page."""
-    parts = {"no_pose", "no_edges", "edges_alone", "no_fit", *NoCorners, *Outcome} - USED
+    parts = {"no_pose", "no_edges", "edges_alone", "no_fit", *NoCorners, *UpdateOutcome} - USED
     assert set(WORDS) == parts
     page = (Path(__file__).parents[2] / "docs" / "onboard-fly.md").read_text(encoding="utf-8")
     for name in parts | USED:

@@ -10,7 +10,7 @@ from ptu_drivers import Axis, NoReading, PanTiltUnit, UnitSettings
 from ptu_drivers.errors import LineError
 from ptu_drivers.flir.setup import connect
 from ptu_drivers.messages import Reading
-from ptu_drivers.monitor import Moved, format_moved, halted, move
+from ptu_drivers.monitor import MoveResult, format_moved, halted, move
 from ptu_drivers.pelco.codec import PelcoFraming
 from ptu_drivers.pelco.unit import PelcoOptions, connect_pelco
 from ptu_drivers.simulated.flir import FlirModel
@@ -32,7 +32,9 @@ def pelco() -> tuple[VirtualLine, PanTiltUnit]:
     return line, connect_pelco(line, UnitSettings(), options, PelcoFraming.D, watch=False)
 
 
-def moved(line: VirtualLine, unit: PanTiltUnit, after_s: float = 0.0, act: Callable[[], None] | None = None) -> Moved:
+def moved(
+    line: VirtualLine, unit: PanTiltUnit, after_s: float = 0.0, act: Callable[[], None] | None = None
+) -> MoveResult:
     if act is not None:
         line.at(line.now() + after_s, act)
     (pan,) = move(unit, {Axis.PAN: FAR_RAD}, None, line.now, line.wait)

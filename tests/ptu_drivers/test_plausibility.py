@@ -9,7 +9,7 @@ from ptu_drivers import DoubtReason, NoReading, Reading, UnitSettings
 from ptu_drivers.flir.setup import connect
 from ptu_drivers.instants import DeviceClock, Latency, of_query
 from ptu_drivers.messages import AngleSource
-from ptu_drivers.plausibility import Plausibility, Point, Verdict
+from ptu_drivers.plausibility import AngleVerdict, Plausibility, Point
 from ptu_drivers.simulated.axis import SimulatedAxis
 from ptu_drivers.simulated.flir import FlirModel
 from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
@@ -35,8 +35,8 @@ def test_no_true_motion_is_ever_called_impossible() -> None:
         t += rnd.uniform(0.01, 0.06)
         point = at(t, round(axis.motor(t + rnd.gauss(0.0, 0.0003))))
         verdict = g.judge(point)
-        assert verdict is not Verdict.IMPOSSIBLE
-        if verdict is Verdict.CONFIRM:
+        assert verdict is not AngleVerdict.IMPOSSIBLE
+        if verdict is AngleVerdict.CONFIRM:
             confirmed += 1
             t += 0.02
             again = at(t, round(axis.motor(t + rnd.gauss(0.0, 0.0003))))
@@ -59,14 +59,14 @@ def test_a_lost_digit_is_impossible_or_unconfirmed() -> None:
                 g.accept(at(0.03 * n, true))
             wrong, again = at(0.09, int(rest)), at(0.105, true)
             verdict = g.judge(wrong)
-            passed = verdict is Verdict.PLAUSIBLE or (verdict is Verdict.CONFIRM and g.confirms(wrong, again))
+            passed = verdict is AngleVerdict.PLAUSIBLE or (verdict is AngleVerdict.CONFIRM and g.confirms(wrong, again))
             assert not passed or abs(int(rest) - true) <= 9, (true, rest)
 
 
 @pytest.mark.parametrize("way", [1, -1])
 def test_what_no_axis_can_turn_is_impossible_however_often_it_is_said(way: int) -> None:
     """At most 1.1 times the fastest, two steps and what the instants leave open: 456 counts in 0.05 s."""
-    for moved, verdict in ((440, Verdict.CONFIRM), (452, Verdict.CONFIRM), (460, Verdict.IMPOSSIBLE)):
+    for moved, verdict in ((440, AngleVerdict.CONFIRM), (452, AngleVerdict.CONFIRM), (460, AngleVerdict.IMPOSSIBLE)):
         g = gate()
         g.accept(at(0.0, 100))
         g.accept(at(0.05, 100))
@@ -74,19 +74,19 @@ def test_what_no_axis_can_turn_is_impossible_however_often_it_is_said(way: int) 
     # without time between them only the steps and the instants count
     g = gate()
     g.accept(at(0.1, 100))
-    assert g.judge(at(0.1, 100 + way * 12)) is not Verdict.IMPOSSIBLE
-    assert g.judge(at(0.1, 100 + way * 14)) is Verdict.IMPOSSIBLE
+    assert g.judge(at(0.1, 100 + way * 12)) is not AngleVerdict.IMPOSSIBLE
+    assert g.judge(at(0.1, 100 + way * 14)) is AngleVerdict.IMPOSSIBLE
 
 
 @pytest.mark.parametrize("way", [1, -1])
 def test_without_a_past_two_angles_must_be_within_reach_of_each_other(way: int) -> None:
     g = gate()
-    assert g.judge(at(0.0, 0)) is Verdict.CONFIRM
+    assert g.judge(at(0.0, 0)) is AngleVerdict.CONFIRM
     assert g.confirms(at(0.0, 0), at(0.05, way * 450))
     assert not g.confirms(at(0.0, 0), at(0.05, way * 460))
     g.accept(at(0.0, 0))
     g.forget()
-    assert g.judge(at(0.01, 0)) is Verdict.CONFIRM
+    assert g.judge(at(0.01, 0)) is AngleVerdict.CONFIRM
     assert not g.has_past
 
 

@@ -7,7 +7,7 @@ import pytest
 from groundstation.errors import RecordingError
 from groundstation.files.read_budget import ReadBudget
 from groundstation.recording.container_reader import _Inside
-from groundstation.recording.event_codec import _Line, line
+from groundstation.recording.event_codec import _EventFields, line
 
 
 @pytest.mark.parametrize("data", [b"\x05", b"\x05" + struct.pack("<Q", 100) + b"short", b"\x05" + bytes(8)])
@@ -24,7 +24,7 @@ def test_names_are_written_as_they_are() -> None:
 
 
 def test_whole_numbers_are_read_as_seconds_like_all_others() -> None:
-    parsed = _Line(
+    parsed = _EventFields(
         {"n": 1, "kind": "ptu", "t_s": 3, "station": "left", "pan_rad": 0, "tilt_rad": 1}, {"left": (8, 8)}, "x"
     )
     event = parsed._event("ptu")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from groundstation.estimation.triangulation import View, triangulate
+from groundstation.estimation.triangulation import TriangulationView, triangulate
 from groundstation.geometry.angles import wrap_rad
 from groundstation.messages import Epoch, PixelMeasurement, PtuSample
 from groundstation.simulation import SimulatedFlight
@@ -18,14 +18,14 @@ def triangulated(flight: SimulatedFlight) -> tuple[np.ndarray, np.ndarray]:
         mine = sorted((e for e in flight.events if isinstance(e, PtuSample) and e.station == name), key=lambda e: e.t_s)
         angles[name] = np.array([[e.t_s, wrap_rad(e.pan_rad), e.tilt_rad] for e in mine]).reshape(-1, 3)
     epochs = [e for e in flight.events if isinstance(e, Epoch)]
-    views: dict[int, list[View]] = {}
+    views: dict[int, list[TriangulationView]] = {}
     for event in flight.events:
         if not isinstance(event, PixelMeasurement):
             continue
         table, pan, tilt = angles[event.station], 0.0, 0.0
         if len(table):
             pan, tilt = (float(np.interp(event.t_s, table[:, 0], table[:, k])) for k in (1, 2))
-        view = View(
+        view = TriangulationView(
             station=flight.rig[event.station].geometry(),
             pixel=np.array([event.u_px, event.v_px]),
             pan_rad=pan,

@@ -22,7 +22,7 @@ from groundstation.simulation.pointing import (
     SecondOrderLoop,
     pointing_history,
 )
-from groundstation.simulation.ptu import PtuModel, PtuReadings, StampedAt, in_steps, read_ptu
+from groundstation.simulation.ptu import PtuModel, SimulatedReadings, StampedAt, in_steps, read_ptu
 from groundstation.simulation.rig_errors import StationErrors, perturbed
 
 SPAN = (0.0, 15.0)
@@ -132,14 +132,14 @@ def test_backlash_hides_half_the_gap_from_the_encoder() -> None:
     assert np.any((seen.head_rate_rad_s[:, 0] == 0.0) & (np.abs(apart[:, 0]) < 0.49 * gap))
 
 
-def read(model: PtuModel, *, resolution_rad: float, sigma_rad: float, **clock: float) -> PtuReadings:
+def read(model: PtuModel, *, resolution_rad: float, sigma_rad: float, **clock: float) -> SimulatedReadings:
     believed = standard_station("left", -5.0, resolution_rad=resolution_rad, sigma_rad=sigma_rad)
     true = replace(believed, ptu_clock=ClockModel(**clock))
     history = pointing_history(model.pointing, true.geometry(), weaving_approach(), SPAN)
     return read_ptu(model, true, believed, history, (0.0, 14.0), np.random.default_rng(5))
 
 
-def bearings(readings: PtuReadings) -> np.ndarray:
+def bearings(readings: SimulatedReadings) -> np.ndarray:
     history = pointing_history(IdealPointing(), standard_station("left", -5.0).geometry(), weaving_approach(), SPAN)
     return np.array([[s.pan_rad, s.tilt_rad] for s in readings.samples]) - history.at(readings.arrival_s).head_rad
 

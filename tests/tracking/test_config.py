@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from groundstation.errors import ConfigError
 from groundstation.tracking.config import (
     Config,
-    Start,
+    TrackStart,
     config_from_mapping,
     config_to_mapping,
     config_to_toml,
@@ -36,7 +36,7 @@ def test_no_file_and_an_empty_file_give_the_defaults(tmp_path: Path) -> None:
 
 def test_what_a_file_leaves_out_keeps_its_default(tmp_path: Path) -> None:
     config = load(tmp_path, 'start = "dgps"\n[detection]\nroi_basic_px = [300, 120]\n[detection.level_set]\nmu = 1\n')
-    assert config.start is Start.DGPS
+    assert config.start is TrackStart.DGPS
     assert config.detection.roi_basic_px == (300, 120)
     assert config.detection.level_set.mu == 1.0
     assert isinstance(config.detection.level_set.mu, float)

@@ -14,7 +14,7 @@ from groundstation.onboard.approach.config import ApproachConfig, CornerMethod
 from groundstation.onboard.approach.corner_errors import lasting_modes, lasting_sigmas, tracked_modes, weights_of_ends
 from groundstation.onboard.approach.threshold import SeenThreshold, seen_threshold
 from groundstation.onboard.edges.lines import PITCH, ROLL, UP
-from groundstation.onboard.edges.pose import CameraPose, corrected_pose, pixels_from_points
+from groundstation.onboard.edges.pose import NoseCameraPose, corrected_pose, pixels_from_points
 from groundstation.onboard.edges.report import Edges
 from groundstation.onboard.pose.corners import corners_from_lines, refine_corners
 from groundstation.onboard.pose.runway import Runway
@@ -80,7 +80,7 @@ class FoundCorners:
 def find_corners(
     image: ImageArray,
     edges: Edges,
-    pose: CameraPose,
+    pose: NoseCameraPose,
     runway: Runway,
     kappa: FloatArray,
     config: ApproachConfig,
@@ -142,7 +142,7 @@ def find_corners(
     )
 
 
-def start_corners(edges: Edges, pose: CameraPose, runway: Runway, kappa: FloatArray) -> FloatArray | None:
+def start_corners(edges: Edges, pose: NoseCameraPose, runway: Runway, kappa: FloatArray) -> FloatArray | None:
     """Return where the tracked edges meet the thresholds that a pose predicts, (4, 2) px, or None."""
     predicted = pixels_from_points(pose, kappa, runway.corners_m)
     if not np.isfinite(predicted).all():
@@ -152,7 +152,7 @@ def start_corners(edges: Edges, pose: CameraPose, runway: Runway, kappa: FloatAr
     return corners_from_lines(left, right, near, far)
 
 
-def _corrected(pose: CameraPose, edges: Edges) -> CameraPose:
+def _corrected(pose: NoseCameraPose, edges: Edges) -> NoseCameraPose:
     """Return a pose without what the tracker has found to be wrong with it for good."""
     mean = edges.state.mean
     return corrected_pose(pose, *(float(v) for v in mean[[ROLL, PITCH, UP]])) if mean.size > UP else pose

@@ -9,7 +9,7 @@ from groundstation.errors import InputError
 from groundstation.files.csv_table import CsvTable
 from groundstation.files.text_file import absence
 from groundstation.files.toml_table import finite_number, shown
-from groundstation.onboard.pose.agreement import PositionSeries
+from groundstation.onboard.pose.agreement import PositionTrack
 
 _PLACE = ("x_m", "y_m", "z_m")
 _COVARIANCE = ("cov_xx_m2", "cov_xy_m2", "cov_xz_m2", "cov_yy_m2", "cov_yz_m2", "cov_zz_m2")
@@ -20,7 +20,7 @@ class GroundTrackError(InputError):
     """A ground track is not usable."""
 
 
-def read_ground_track(path: Path, threshold_m: FloatArray, sigma_m: float) -> PositionSeries:
+def read_ground_track(path: Path, threshold_m: FloatArray, sigma_m: float) -> PositionTrack:
     """Read a track; raises `InputError`.
 
     Parameters
@@ -38,7 +38,7 @@ def read_ground_track(path: Path, threshold_m: FloatArray, sigma_m: float) -> Po
     if len(back):
         before, now = t[back[0] : back[0] + 2]
         raise GroundTrackError(f"{path}: time", got=f"{now:.15g} after {before:.15g} s", wanted="growing times")
-    return PositionSeries(t_s=t, position_m=places - threshold_m, covariance_m2=covariances)
+    return PositionTrack(t_s=t, position_m=places - threshold_m, covariance_m2=covariances)
 
 
 def _from_csv(path: Path, sigma_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -20,7 +20,7 @@ from groundstation.onboard.approach.sensitivity import pixels_by_pose, pose_by_p
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.lines import PITCH, ROLL, UP, C, D
-from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix
+from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix
 from groundstation.onboard.edges.report import EdgeReport, Edges
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.tracker import EdgeTracker
@@ -33,9 +33,9 @@ from groundstation.onboard.pose.inertial import (
     InertialFilter,
     Navigation,
     NavigationStatus,
-    Outcome,
     PoseInnovation,
     PoseObservation,
+    UpdateOutcome,
 )
 from groundstation.onboard.pose.runway import Runway
 from groundstation.onboard.pose.solve import PoseStatus, RunwayPose, SeenPoints, solve_pose
@@ -75,7 +75,7 @@ class NoseReport:
     """
 
     t_s: float
-    told: CameraPose | None
+    told: NoseCameraPose | None
     edges: EdgeReport | None
     corners: FoundCorners | NoCorners | None
     pose: RunwayPose | None
@@ -149,7 +149,7 @@ class NoseNavigator:
         self._lasting.feel(sample)
         self._last = sample
 
-    def see(self, t_s: float, image: ImageArray, outside: CameraPose | None) -> NoseReport:
+    def see(self, t_s: float, image: ImageArray, outside: NoseCameraPose | None) -> NoseReport:
         """Take a picture (h, w, 3) uint8 BGR, with a pose from outside as far as there is one."""
         if self._last is not None and t_s > self._last.t_s:
             # the sample before holds until the next: the state is brought to the picture's time
@@ -176,7 +176,7 @@ class NoseNavigator:
             innovation = self._correct(t_s, corners, pose)
         return self._report(t_s, told, edges, corners, pose, innovation)
 
-    def _told(self, outside: CameraPose | None) -> CameraPose | None:
+    def _told(self, outside: NoseCameraPose | None) -> NoseCameraPose | None:
         """Return the pose for the tracker: that from outside as long as there is one, so that nothing feeds itself.
 
         With the first of the filter's own the tracker begins anew, where the survey says.
@@ -193,12 +193,12 @@ class NoseNavigator:
             self._tracker.start(self._surveyed())
         return own
 
-    def _own(self) -> CameraPose | None:
+    def _own(self) -> NoseCameraPose | None:
         """Return where the filter puts the camera; None below the ground."""
         position, wxyz = self._filter.camera_pose()
         if position[2] <= 0.0:
             return None
-        return CameraPose(threshold_from_camera=matrix_from_wxyz(wxyz), camera_threshold_m=position)
+        return NoseCameraPose(threshold_from_camera=matrix_from_wxyz(wxyz), camera_threshold_m=position)
 
     def _surveyed(self) -> LineState:
         """Return the edges' place by the survey: in the filter's own frame they lie there, to what it is wrong by."""
@@ -210,7 +210,7 @@ class NoseNavigator:
         covariance[UP, UP] = tracker.lasting_height_m**2
         return LineState(mean=np.array([1.0, 0.0, -half, half, 0.0, 0.0, 0.0]), covariance=covariance)
 
-    def _row_sigmas(self, told: CameraPose) -> FloatArray | None:
+    def _row_sigmas(self, told: NoseCameraPose) -> FloatArray | None:
         """Return how well the filter knows the thresholds' rows, (2,) px; None while it is not trusted."""
         fix = self._fix(self._filter.navigation, 0.0) if self._inside else None
         H = None
@@ -272,13 +272,13 @@ class NoseNavigator:
         innovation = self._filter.see(observation)
         self._lasting.see(observation, lasting)
         self._learn_scatter(innovation, observation)
-        if innovation.outcome in (Outcome.USED, Outcome.STARTED, Outcome.RESTARTED):
+        if innovation.outcome in (UpdateOutcome.USED, UpdateOutcome.STARTED, UpdateOutcome.RESTARTED):
             self._used += 1
             self._confirmed = self._confirmed or self._used >= self._config.confirmed_after
-        self._refused = self._refused + 1 if innovation.outcome is Outcome.GATED else 0
+        self._refused = self._refused + 1 if innovation.outcome is UpdateOutcome.GATED else 0
         if not self._inside and self._refused >= self._config.give_up_after:
             self._begin()
-        if innovation.outcome is Outcome.RESTARTED:
+        if innovation.outcome is UpdateOutcome.RESTARTED:
             # its velocity is unknown again: the tracker goes back to what it was told before
             self._used, self._inside, self._confirmed = 1, False, False
         return innovation
@@ -295,7 +295,7 @@ class NoseNavigator:
 
     def _learn_scatter(self, innovation: PoseInnovation, observation: PoseObservation) -> None:
         """Let the covariance that each picture has anew follow what innovations show, never below what fits say."""
-        if innovation.outcome not in (Outcome.USED, Outcome.GATED) or observation.lasting is None:
+        if innovation.outcome not in (UpdateOutcome.USED, UpdateOutcome.GATED) or observation.lasting is None:
             return
         value = innovation.value
         share = float(value @ np.linalg.solve(innovation.covariance - observation.lasting, value)) / value.size
@@ -317,7 +317,7 @@ class NoseNavigator:
     def _report(
         self,
         t_s: float,
-        told: CameraPose | None,
+        told: NoseCameraPose | None,
         edges: EdgeReport | None,
         corners: FoundCorners | NoCorners | None,
         pose: RunwayPose | None,

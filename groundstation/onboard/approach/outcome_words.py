@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 from groundstation.onboard.approach.corner_finder import NoCorners
-from groundstation.onboard.pose.inertial import Outcome
+from groundstation.onboard.pose.inertial import UpdateOutcome
 
-USED = frozenset({Outcome.STARTED.value, Outcome.USED.value, Outcome.RESTARTED.value})
+USED = frozenset({UpdateOutcome.STARTED.value, UpdateOutcome.USED.value, UpdateOutcome.RESTARTED.value})
 WORDS: Mapping[str, str] = {
     "no_pose": "no pose to look for edges by",
     "no_edges": "no edges found",
@@ -17,11 +17,11 @@ WORDS: Mapping[str, str] = {
     NoCorners.NO_THRESHOLD: "edges, but neither threshold seen where it would be",
     NoCorners.NO_CORNER: "edges, but no corner at their ends",
     NoCorners.TURNED: "edges, but corners far from their ends",
-    Outcome.GATED: "a pose that the filter refused",
-    Outcome.LATE: "a pose that came too late",
+    UpdateOutcome.GATED: "a pose that the filter refused",
+    UpdateOutcome.LATE: "a pose that came too late",
 }
 # these have nothing to do with what runway was announced
-_NOT_THE_RUNWAYS = frozenset({"no_pose", Outcome.LATE.value})
+_NOT_THE_RUNWAYS = frozenset({"no_pose", UpdateOutcome.LATE.value})
 
 
 def why_unused(outcomes: Mapping[str, int], length_m: float, width_m: float) -> str:

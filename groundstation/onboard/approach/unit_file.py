@@ -8,7 +8,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.files.csv_table import CsvTable
-from groundstation.files.toml_table import Table, load_toml
+from groundstation.files.toml_table import TomlTable, load_toml
 from groundstation.onboard.approach.config import ApproachConfig
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera
 from groundstation.onboard.pose.inertial import CameraMount, ImuSample, InertialConfig
@@ -42,7 +42,7 @@ class InertialUnit:
 
 def load_unit(path: Path, camera: NoseCamera) -> InertialUnit:
     """Read the optional [imu] of a camera file; raises `CameraFileError`."""
-    table = Table(load_toml(path, CameraFileError), str(path), CameraFileError)
+    table = TomlTable(load_toml(path, CameraFileError), str(path), CameraFileError)
     usual = ApproachConfig().inertial
     place = np.zeros(3)
     config = usual

@@ -8,9 +8,9 @@ import numpy as np
 
 from groundstation.errors import InputError
 from groundstation.files.image_header import MAX_PICTURE_PX
-from groundstation.files.toml_table import Table, load_toml
+from groundstation.files.toml_table import TomlTable, load_toml
 from groundstation.geometry.camera import Lens
-from groundstation.onboard.edges.pose import Attitude, CameraPose, RunwayPlace, nose_pose
+from groundstation.onboard.edges.pose import Attitude, NoseCameraPose, RunwayPlace, nose_pose
 from groundstation.onboard.edges.search_band import RunwayGuess, position_by_height
 
 _KEYS = frozenset(
@@ -46,12 +46,12 @@ class NoseCamera:
     unsaid: tuple[str, ...]
     heading_rad: float
     place: RunwayPlace | None
-    start: CameraPose | None
+    start: NoseCameraPose | None
 
 
 def load_nose_camera(path: Path) -> NoseCamera:
     """Read a camera file; raises `CameraFileError`."""
-    table = Table(load_toml(path, CameraFileError), str(path), CameraFileError)
+    table = TomlTable(load_toml(path, CameraFileError), str(path), CameraFileError)
     # [imu] is read by those who use the inertial unit
     table.refuse_unknown(_KEYS)
     roll, pitch, yaw = np.radians(table.vector("mount_deg", 3, (0.0, 0.0, 0.0)))
@@ -82,7 +82,7 @@ def is_camera_file(path: Path) -> bool:
     return not {"mount_deg", "runway", "start", "imu"}.isdisjoint(load_toml(path, CameraFileError))
 
 
-def _lens(table: Table) -> Lens:
+def _lens(table: TomlTable) -> Lens:
     size = table.vector("image_size_px", 2, names="[width, height]")
     if np.any(size < 16) or np.any(size != np.round(size)) or np.any(size > 65536) or np.prod(size) > MAX_PICTURE_PX:
         wanted = f"two whole numbers of pixels from 16 to 65536, at most {MAX_PICTURE_PX // 10**6} million pixels"
@@ -99,7 +99,7 @@ def _lens(table: Table) -> Lens:
     )
 
 
-def _place(runway: Table, heading_rad: float) -> RunwayPlace | None:
+def _place(runway: TomlTable, heading_rad: float) -> RunwayPlace | None:
     given = [key for key in ("lat_deg", "lon_deg", "alt_m") if key in runway]
     if not given:
         return None
@@ -111,7 +111,7 @@ def _place(runway: Table, heading_rad: float) -> RunwayPlace | None:
     )
 
 
-def _start(table: Table, guess: RunwayGuess, heading_rad: float, mount: Attitude) -> CameraPose:
+def _start(table: TomlTable, guess: RunwayGuess, heading_rad: float, mount: Attitude) -> NoseCameraPose:
     start = table.table("start")
     start.refuse_unknown(_START_KEYS)
     position = position_by_height(start.number("height_m", above=0.0), guess)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from groundstation.onboard.edges.descent import DescentConfig, Energy
-from groundstation.onboard.edges.detection import DetectionConfig
+from groundstation.onboard.edges.detection import EdgeDetectionConfig
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.strip import StripConfig
@@ -63,7 +63,7 @@ class TrackerConfig:
     guess: RunwayGuess = field(default_factory=RunwayGuess)
     descent: DescentConfig = field(default_factory=DescentConfig)
     strip: StripConfig = field(default_factory=StripConfig)
-    detection: DetectionConfig = field(default_factory=DetectionConfig)
+    detection: EdgeDetectionConfig = field(default_factory=EdgeDetectionConfig)
     profile: ProfileConfig | None = field(default_factory=ProfileConfig)
     paint_m: float = 1.2
     first_band_m: float = 5.0

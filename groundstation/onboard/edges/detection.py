@@ -18,7 +18,7 @@ from groundstation.onboard.edges.energy import spatially_variant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DetectionConfig:
+class EdgeDetectionConfig:
     """Tuning of Algorithm 1.
 
     Attributes
@@ -135,7 +135,7 @@ def detect(
     image: ImageArray,
     rows_px: FloatArray,
     px_per_m: FloatArray,
-    config: DetectionConfig,
+    config: EdgeDetectionConfig,
     plausible: Callable[[FloatArray], float],
 ) -> Detected | NoPair:
     """Run Algorithm 1 between two rows.
@@ -194,7 +194,7 @@ def lowest_minima(profile: FloatArray, count: int, apart: float) -> FloatArray:
 
 
 def _angles(
-    image: ImageArray, rows: FloatArray, columns: FloatArray, reaches: FloatArray, config: DetectionConfig
+    image: ImageArray, rows: FloatArray, columns: FloatArray, reaches: FloatArray, config: EdgeDetectionConfig
 ) -> FloatArray:
     """Return each column (n,) with its best angle off the vertical, (n, 2): coarse grid first, then a fine one."""
     if columns.size == 0:

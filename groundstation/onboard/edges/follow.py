@@ -21,10 +21,10 @@ from groundstation.onboard.edges.lines import (
     measurement_matrix,
     project_lines,
 )
-from groundstation.onboard.edges.look import Look, Lookout, edge_noise, look_at, pose_noise
+from groundstation.onboard.edges.look import FrameGeometry, Lookout, edge_noise, look_at, pose_noise
 from groundstation.onboard.edges.marks import Change, Marks
 from groundstation.onboard.edges.paint import without_paint
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.profile import edges_by_profile, reach_px
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import Raised
@@ -54,7 +54,7 @@ class Followed:
 def follow(
     lookout: Lookout,
     image: ImageArray,
-    pose: CameraPose,
+    pose: NoseCameraPose,
     state: LineState,
     *,
     thorough: bool,
@@ -102,7 +102,7 @@ def _by_profile(
     config: TrackerConfig,
     profile: ProfileConfig,
     image: ImageArray,
-    look: Look,
+    look: FrameGeometry,
     predicted: LineState,
     marks: Marks | None,
     *,
@@ -125,7 +125,7 @@ def _by_profile(
 def profiled(
     config: ProfileConfig,
     image: ImageArray,
-    look: Look,
+    look: FrameGeometry,
     state: LineState,
     guess: FloatArray,
     prior: FloatArray,
@@ -141,7 +141,7 @@ def profiled(
     )
 
 
-def scale_of(look: Look, state: LineState) -> FloatArray:
+def scale_of(look: FrameGeometry, state: LineState) -> FloatArray:
     """Return the px in a metre across the runway, at the upper and the lower row (2,)."""
     return np.asarray(np.abs(look.predicted[2:] - look.predicted[:2]) / abs(float(state.mean[C] - state.mean[D])))
 
@@ -184,7 +184,7 @@ def plain_edges(crossings_px: FloatArray) -> FoundEdges:
 
 
 def _measure(
-    config: TrackerConfig, image: ImageArray, look: Look, predicted: LineState, *, thorough: bool
+    config: TrackerConfig, image: ImageArray, look: FrameGeometry, predicted: LineState, *, thorough: bool
 ) -> FoundEdges | None:
     """Return the edges that the picture shows about the prediction."""
     guess = look.predicted
@@ -217,7 +217,7 @@ def _loosened(config: TrackerConfig, state: LineState, change: Change) -> LineSt
     return LineState(mean=state.mean, covariance=covariance)
 
 
-def _update(lookout: Lookout, predicted: LineState, look: Look, found: FoundEdges) -> LineUpdate:
+def _update(lookout: Lookout, predicted: LineState, look: FrameGeometry, found: FoundEdges) -> LineUpdate:
     config = lookout.config
     if config.measurement is Measurement.LINES:
         lines = lines_from_crossings(found.crossings_px, look.rows)
@@ -228,7 +228,7 @@ def _update(lookout: Lookout, predicted: LineState, look: Look, found: FoundEdge
 
 
 def _in_picture(
-    config: TrackerConfig, predicted: LineState, look: Look, found: FoundEdges, update: LineUpdate
+    config: TrackerConfig, predicted: LineState, look: FrameGeometry, found: FoundEdges, update: LineUpdate
 ) -> tuple[FloatArray, FloatArray]:
     """Return the edges in this picture, where the pose's error moves prediction and truth apart alike.
 
@@ -246,14 +246,14 @@ def _in_picture(
     return crossings, covariance
 
 
-def _lasting(config: TrackerConfig, look: Look, predicted: LineState, found: FoundEdges | None) -> FloatArray:
+def _lasting(config: TrackerConfig, look: FrameGeometry, predicted: LineState, found: FoundEdges | None) -> FloatArray:
     """Return what more pictures do not average out, (4, 4) px²; the paper's measurement knows of none."""
     if config.measurement is Measurement.LINES and found is not None:
         return np.zeros((4, 4))
     return edge_noise(config, look.predicted, look.rows, predicted.mean, found)
 
 
-def _missed(config: TrackerConfig, look: Look, predicted: LineState, miss: EdgeMiss, nis: float) -> Followed:
+def _missed(config: TrackerConfig, look: FrameGeometry, predicted: LineState, miss: EdgeMiss, nis: float) -> Followed:
     """Return the prediction, with its own covariance."""
     lasting = _lasting(config, look, predicted, None)
     edges = Edges(

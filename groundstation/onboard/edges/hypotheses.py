@@ -31,7 +31,7 @@ from groundstation.onboard.edges.look import Lookout, edge_noise, look_between, 
 from groundstation.onboard.edges.marks import Marks
 from groundstation.onboard.edges.paint import without_paint
 from groundstation.onboard.edges.plausible import plausible
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeMiss, Edges
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
 from groundstation.onboard.edges.strip import find_edges, search_edges, settle
@@ -125,7 +125,7 @@ class PairSearch:
 
     painted: ImageArray
     image: ImageArray
-    pose: CameraPose
+    pose: NoseCameraPose
     rows: FloatArray
     e: FloatArray
     middle: FloatArray
@@ -135,14 +135,14 @@ class PairSearch:
     miss: EdgeMiss
 
 
-def find_pairs(lookout: Lookout, image: ImageArray, pose: CameraPose) -> list[Hypothesis] | EdgeMiss:
+def find_pairs(lookout: Lookout, image: ImageArray, pose: NoseCameraPose) -> list[Hypothesis] | EdgeMiss:
     """Run Algorithm 1, and return what its best pairs look like from near by; or why there is none."""
     search = begin_search(lookout, image, pose, [])
     look_on(lookout, search, len(search.waiting))
     return search.found or search.miss
 
 
-def begin_search(lookout: Lookout, image: ImageArray, pose: CameraPose, known: list[Hypothesis]) -> PairSearch:
+def begin_search(lookout: Lookout, image: ImageArray, pose: NoseCameraPose, known: list[Hypothesis]) -> PairSearch:
     """Run Algorithm 1; its pairs, and the announced runway, wait to be looked at in this very picture, which is kept.
 
     Pairs that are ``known`` already are left out, and fewer are looked at where there are such.
@@ -202,7 +202,7 @@ def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
 
 
 def followed(
-    lookout: Lookout, image: ImageArray, pose: CameraPose, old: list[Hypothesis], new: list[Hypothesis]
+    lookout: Lookout, image: ImageArray, pose: NoseCameraPose, old: list[Hypothesis], new: list[Hypothesis]
 ) -> list[Hypothesis]:
     """Return every pair one frame later, without those that were not seen for long, and without doubles.
 
@@ -245,7 +245,7 @@ def same_lines_px(edges: Edges, crossings_px: FloatArray, rows_px: FloatArray) -
     return bool(np.abs(there - crossings_px).max() < apart)
 
 
-def _announced(lookout: Lookout, image: ImageArray, rows: FloatArray, pose: CameraPose) -> FoundEdges | None:
+def _announced(lookout: Lookout, image: ImageArray, rows: FloatArray, pose: NoseCameraPose) -> FoundEdges | None:
     """Return what is seen about where the announced runway lies by the pose, to within what both may be off by."""
     config = lookout.config
     half = 0.5 * config.guess.width_m
@@ -262,7 +262,7 @@ def _announced(lookout: Lookout, image: ImageArray, rows: FloatArray, pose: Came
 
 
 def _first_look(
-    lookout: Lookout, image: ImageArray, crossings: FloatArray, rows: FloatArray, pose: CameraPose, e: FloatArray
+    lookout: Lookout, image: ImageArray, crossings: FloatArray, rows: FloatArray, pose: NoseCameraPose, e: FloatArray
 ) -> FoundEdges | None:
     """Return a detected pair, made better by what follows it in every other frame."""
     config = lookout.config
@@ -288,7 +288,7 @@ def _started(
     found: FoundEdges,
     detected: FloatArray,
     rows: FloatArray,
-    pose: CameraPose,
+    pose: NoseCameraPose,
 ) -> Hypothesis:
     """Return the filter's start: next to nothing known of the lines, and the pose's errors as configured.
 

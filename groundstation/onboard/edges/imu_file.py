@@ -11,7 +11,7 @@ from groundstation.errors import InputError
 from groundstation.files.text_file import absence
 from groundstation.files.toml_table import shown
 from groundstation.onboard.edges.camera_file import NoseCamera
-from groundstation.onboard.edges.pose import Attitude, CameraPose, nose_pose, threshold_position
+from groundstation.onboard.edges.pose import Attitude, NoseCameraPose, nose_pose, threshold_position
 
 _ATTITUDE = ("roll_deg", "pitch_deg", "yaw_deg")
 _EARTH = ("lat_deg", "lon_deg", "alt_m")
@@ -42,7 +42,7 @@ class PoseLog:
         """Return the first and the last time."""
         return float(self._t[0]), float(self._t[-1])
 
-    def pose(self, t_s: float) -> CameraPose | None:
+    def pose(self, t_s: float) -> NoseCameraPose | None:
         """Return the pose at a time, in between linearly; None outside, and in gaps longer than `MAX_GAP_S`."""
         after = int(np.searchsorted(self._t, t_s))
         low, high = max(after - 1, 0), min(after, self._t.size - 1)

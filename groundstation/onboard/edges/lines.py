@@ -16,7 +16,7 @@ from groundstation.onboard.edges.line_kernel import (
     project,
     state_through,
 )
-from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels
+from groundstation.onboard.edges.pose import NoseCameraPose, ground_from_pixels
 
 STATE = ("a", "b", "c", "d")
 A, B, C, D = range(4)
@@ -25,12 +25,12 @@ ROLL, PITCH, UP = range(4, 7)
 _LINES = ((A, B, C), (A, B, D))
 
 
-def line_map(pose: CameraPose, kappa: FloatArray) -> FloatArray:
+def line_map(pose: NoseCameraPose, kappa: FloatArray) -> FloatArray:
     """Return E = (κ[r₁ r₂ t])⁻ᵀ, (3, 3): a line of the ground to the line of the picture, Eqs. 30 and B15."""
     return line_map_of(pose.threshold_from_camera, pose.camera_threshold_m, kappa)
 
 
-def measurement_matrix(pose: CameraPose, kappa: FloatArray) -> FloatArray:
+def measurement_matrix(pose: NoseCameraPose, kappa: FloatArray) -> FloatArray:
     """Return C_k (6, 4), Eqs. 34 and B19: both lines of the picture from the state (Eq. 32's second as in B17)."""
     e = line_map(pose, kappa)
     matrix = np.zeros((6, 4))
@@ -74,7 +74,7 @@ def project_lines(state: FloatArray, e: FloatArray, rows_px: FloatArray) -> tupl
     return crossings, jacobian
 
 
-def pose_jacobian(crossings_px: FloatArray, rows_px: FloatArray, pose: CameraPose, kappa: FloatArray) -> FloatArray:
+def pose_jacobian(crossings_px: FloatArray, rows_px: FloatArray, pose: NoseCameraPose, kappa: FloatArray) -> FloatArray:
     """Return how crossings move with the pose, (4, 6): rotation vector (3,) and shift (3,), camera frame.
 
     The camera turns by θ (threshold_from_camera → threshold_from_camera · exp[θ]×) and moves by its own axes.
@@ -84,7 +84,7 @@ def pose_jacobian(crossings_px: FloatArray, rows_px: FloatArray, pose: CameraPos
     return jacobian
 
 
-def bias_jacobian(jacobian: FloatArray, pose: CameraPose) -> FloatArray:
+def bias_jacobian(jacobian: FloatArray, pose: NoseCameraPose) -> FloatArray:
     """Return how crossings move with (ROLL, PITCH, UP), (4, 3), from `pose_jacobian`'s (4, 6)."""
     out = np.empty((4, 3))
     correlated_part(jacobian, pose.threshold_from_camera, out)
@@ -92,7 +92,7 @@ def bias_jacobian(jacobian: FloatArray, pose: CameraPose) -> FloatArray:
 
 
 def state_from_crossings(
-    crossings_px: FloatArray, rows_px: FloatArray, pose: CameraPose, kappa: FloatArray
+    crossings_px: FloatArray, rows_px: FloatArray, pose: NoseCameraPose, kappa: FloatArray
 ) -> FloatArray:
     """Return the state (4,) of two lines of the picture; where they are not parallel, their mean direction.
 

@@ -11,7 +11,7 @@ from groundstation.onboard.edges.found import FoundEdges
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.line_kernel import band_widths_of, look_kernel, noise_of_pose
 from groundstation.onboard.edges.lines import PITCH, ROLL, UP, C, D
-from groundstation.onboard.edges.pose import CameraPose, corrected_pose
+from groundstation.onboard.edges.pose import NoseCameraPose, corrected_pose
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
 
 # fainter than a quarter of plain contrast an edge is not drawn farther: the profile's own sigma grows there
@@ -28,10 +28,10 @@ class Lookout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Look:
+class FrameGeometry:
     """A frame's geometry: pose, line map E, rows, crossings of the prediction, how they move, bands."""
 
-    pose: CameraPose
+    pose: NoseCameraPose
     e: FloatArray
     rows: FloatArray
     predicted: FloatArray
@@ -41,7 +41,7 @@ class Look:
     across: FloatArray
 
 
-def look_at(lookout: Lookout, pose: CameraPose, state: LineState) -> Look | None:
+def look_at(lookout: Lookout, pose: NoseCameraPose, state: LineState) -> FrameGeometry | None:
     """Return the geometry of a frame for predicted lines, None where no rows hold runway."""
     mean = state.mean[:4]
     if state.mean.size > 4:
@@ -57,7 +57,7 @@ def look_at(lookout: Lookout, pose: CameraPose, state: LineState) -> Look | None
     return None if isinstance(rows, NoBand) else look_between(lookout, pose, state, rows)
 
 
-def look_between(lookout: Lookout, pose: CameraPose, state: LineState, rows: FloatArray) -> Look:
+def look_between(lookout: Lookout, pose: NoseCameraPose, state: LineState, rows: FloatArray) -> FrameGeometry:
     """Return the geometry between rows (2,) that are given, the pose taken as it is."""
     config, size = lookout.config, state.mean.size
     predicted, h, by_pose = np.empty(4), np.empty((4, size)), np.empty((4, 6))
@@ -76,7 +76,9 @@ def look_between(lookout: Lookout, pose: CameraPose, state: LineState, rows: Flo
         widths,
         across,
     )
-    return Look(pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths, across=across)
+    return FrameGeometry(
+        pose=pose, e=e, rows=rows, predicted=predicted, h=h, by_pose=by_pose, widths=widths, across=across
+    )
 
 
 def widths_of(
@@ -88,7 +90,7 @@ def widths_of(
     return widths
 
 
-def pose_noise(config: TrackerConfig, look: Look) -> FloatArray:
+def pose_noise(config: TrackerConfig, look: FrameGeometry) -> FloatArray:
     """Return what the pose's uncertainty is at the crossings, (4, 4) px²."""
     if config.measurement is Measurement.LINES:
         return np.zeros((4, 4))

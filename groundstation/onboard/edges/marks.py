@@ -86,7 +86,7 @@ class Change(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Comparison:
+class MarkComparison:
     """Marks after it, what has proved better than what was held, and if so how far the lines moved, (4,) px."""
 
     marks: Marks
@@ -142,7 +142,7 @@ def unsettled_m2(marks: Marks, config: ProfileConfig) -> FloatArray:
 
 def compared(
     marks: Marks, profiles: Straightened, moved_px: FloatArray, px_per_m: FloatArray, count: int, config: ProfileConfig
-) -> Comparison:
+) -> MarkComparison:
     """Compare so many other layouts, those first that have waited longest, with lines held at (4,) px outwards.
 
     Nothing changes before each has been tried; a layout has to be better in two pictures at least. In the dark all are
@@ -165,10 +165,10 @@ def compared(
     new = max([marks.places, *turn], key=lambda places: gains[places] if times[places] > 1.0 else -math.inf)
     untried = any(times[places] < 1.0 for places in turn)
     if untried or times[new] < 2.0 or gains[new] <= config.layout_margin:
-        return Comparison(marks=after, change=Change.NONE, moved_px=moved_px)
+        return MarkComparison(marks=after, change=Change.NONE, moved_px=moved_px)
     change = Change.LINES if new == marks.places else Change.LAYOUT
     moved_px = there.get(new, moved_px + scale * moved_m[new])
-    return Comparison(marks=_anew(after, new, config), change=change, moved_px=moved_px)
+    return MarkComparison(marks=_anew(after, new, config), change=change, moved_px=moved_px)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry.rotation import rotation_from_vector
-from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels
+from groundstation.onboard.edges.pose import NoseCameraPose, ground_from_pixels
 
 _BELOW_HORIZON_PX = 6.0
 
@@ -64,21 +64,21 @@ class NoMotion(Enum):
     NO_SOLUTION = "no decomposition leaves the points in front of the camera"
 
 
-def horizon_rows(pose: CameraPose, kappa: FloatArray, width: int) -> FloatArray:
+def horizon_rows(pose: NoseCameraPose, kappa: FloatArray, width: int) -> FloatArray:
     """Return the horizon's row for each column (width,)."""
     line = np.linalg.inv(kappa).T @ pose.threshold_from_camera[2]
     return np.asarray(-(line[0] * np.arange(width) + line[2]) / line[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Features:
+class CornerFeatures:
     """Corners of a picture (n, 2) px with their descriptors (n, 128)."""
 
     pixels: FloatArray
     descriptors: FloatArray
 
 
-def ground_features(image: ImageArray, pose: CameraPose, kappa: FloatArray, config: MotionConfig) -> Features:
+def ground_features(image: ImageArray, pose: NoseCameraPose, kappa: FloatArray, config: MotionConfig) -> CornerFeatures:
     """Return Harris corners below the horizon with SIFT descriptors."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     horizon = horizon_rows(pose, kappa, grey.shape[1]) + _BELOW_HORIZON_PX
@@ -87,15 +87,15 @@ def ground_features(image: ImageArray, pose: CameraPose, kappa: FloatArray, conf
         grey, config.corners, config.quality, config.apart_px, mask=mask, useHarrisDetector=True, k=0.04
     )
     if corners is None:
-        return Features(pixels=np.empty((0, 2)), descriptors=np.empty((0, 128), np.float32))
+        return CornerFeatures(pixels=np.empty((0, 2)), descriptors=np.empty((0, 128), np.float32))
     points = [cv2.KeyPoint(float(u), float(v), config.patch_px) for u, v in corners[:, 0]]
     sift = cv2.SIFT.create(contrastThreshold=0.0)
     points, descriptors = sift.compute(grey, points)  # type: ignore[assignment]
     pixels = np.array([point.pt for point in points], dtype=np.float64).reshape(-1, 2)
-    return Features(pixels=pixels, descriptors=np.asarray(descriptors))
+    return CornerFeatures(pixels=pixels, descriptors=np.asarray(descriptors))
 
 
-def matched(first: Features, second: Features, ratio: float) -> tuple[FloatArray, FloatArray]:
+def matched(first: CornerFeatures, second: CornerFeatures, ratio: float) -> tuple[FloatArray, FloatArray]:
     """Return pixels (n, 2) of both pictures whose best match is better than ``ratio`` times the second best."""
     if len(first.pixels) < 2 or len(second.pixels) < 2:
         return np.empty((0, 2)), np.empty((0, 2))
@@ -105,7 +105,7 @@ def matched(first: Features, second: Features, ratio: float) -> tuple[FloatArray
 
 
 def recover_motion(
-    first_px: FloatArray, second_px: FloatArray, pose: CameraPose, kappa: FloatArray, config: MotionConfig
+    first_px: FloatArray, second_px: FloatArray, pose: NoseCameraPose, kappa: FloatArray, config: MotionConfig
 ) -> Motion | NoMotion:
     """Return the motion between two pictures from matched pixels (n, 2) of both; ``pose`` is the first one's."""
     if len(first_px) < config.least_inliers:
@@ -125,7 +125,7 @@ def refined_motion(
     first_px: FloatArray,
     second_px: FloatArray,
     start: Motion | NoMotion,
-    pose: CameraPose,
+    pose: NoseCameraPose,
     kappa: FloatArray,
     scale_px: float,
 ) -> Motion | NoMotion:
@@ -170,7 +170,9 @@ def least_squares_cost(residuals: FloatArray, scale: float) -> float:
     return float(scale**2 * np.sum(np.sqrt(1.0 + (residuals / scale) ** 2) - 1.0))
 
 
-def decompose(homography: FloatArray, used_px: FloatArray, pose: CameraPose, kappa: FloatArray) -> Motion | NoMotion:
+def decompose(
+    homography: FloatArray, used_px: FloatArray, pose: NoseCameraPose, kappa: FloatArray
+) -> Motion | NoMotion:
     """Return the motion behind a homography (3, 3) of pixels: of its four, the one with points in front of the camera.
 
     Where two remain, the one whose normal is nearer to the vertical of the pose. ``used_px`` (n, 2), first picture.
@@ -200,7 +202,7 @@ def decompose(homography: FloatArray, used_px: FloatArray, pose: CameraPose, kap
     )
 
 
-def _distance(pixels: FloatArray, normal: FloatArray, pose: CameraPose, kappa: FloatArray) -> float:
+def _distance(pixels: FloatArray, normal: FloatArray, pose: NoseCameraPose, kappa: FloatArray) -> float:
     """Return d, steps 6 and 7: points back on the ground, into the camera's frame, and their mean along n."""
     ground = ground_from_pixels(pose, kappa, pixels)
     seen = np.isfinite(ground).all(axis=1)
@@ -210,9 +212,9 @@ def _distance(pixels: FloatArray, normal: FloatArray, pose: CameraPose, kappa: F
     return float(np.median(camera @ normal))
 
 
-def composed(pose: CameraPose, motion: Motion) -> CameraPose:
+def composed(pose: NoseCameraPose, motion: Motion) -> NoseCameraPose:
     """Return the second camera's pose from the first one's, Eq. 39."""
-    return CameraPose(
+    return NoseCameraPose(
         threshold_from_camera=pose.threshold_from_camera @ motion.first_from_second,
         camera_threshold_m=pose.threshold_from_camera @ motion.second_in_first_m + pose.camera_threshold_m,
     )
@@ -221,15 +223,15 @@ def composed(pose: CameraPose, motion: Motion) -> CameraPose:
 class VisualOdometry:
     """Poses from pictures alone, from a first pose on; where a picture gives no motion the last motion goes on."""
 
-    def __init__(self, kappa: FloatArray, start: CameraPose, config: MotionConfig | None = None) -> None:
+    def __init__(self, kappa: FloatArray, start: NoseCameraPose, config: MotionConfig | None = None) -> None:
         self._kappa = kappa
         self._config = config or MotionConfig()
-        self._features: Features | None = None
+        self._features: CornerFeatures | None = None
         self._last: Motion | None = None
         self.pose = start
         self.failures: list[NoMotion] = []
 
-    def step(self, image: ImageArray) -> CameraPose:
+    def step(self, image: ImageArray) -> NoseCameraPose:
         """Take the next picture (h, w, 3) and return its pose; the first one has the pose that it was started with."""
         if self._features is None:
             self._features = ground_features(image, self.pose, self._kappa, self._config)

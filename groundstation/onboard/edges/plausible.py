@@ -8,7 +8,7 @@ from numba import njit
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.line_kernel import ground_of, state_through
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 
 _FARTHEST = 3.0
 # place and width have long tails: a position may be off by a runway's width, pitch makes a far one look narrow
@@ -17,7 +17,7 @@ _FARTHEST_WIDTH = 5.5
 
 
 def plausible(
-    crossings_px: FloatArray, rows_px: FloatArray, pose: CameraPose, kappa: FloatArray, config: TrackerConfig
+    crossings_px: FloatArray, rows_px: FloatArray, pose: NoseCameraPose, kappa: FloatArray, config: TrackerConfig
 ) -> float:
     """Return the weight of a pair: 0 unless parallel on the ground, along the runway, near it, and of its width.
 

@@ -39,7 +39,7 @@ class Attitude:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CameraPose:
+class NoseCameraPose:
     """A camera over the runway.
 
     Attributes
@@ -62,7 +62,7 @@ class RunwayPlace:
     heading_rad: float
 
 
-def nose_pose(position_threshold_m: FloatArray, attitude: Attitude, mount: Attitude | None = None) -> CameraPose:
+def nose_pose(position_threshold_m: FloatArray, attitude: Attitude, mount: Attitude | None = None) -> NoseCameraPose:
     """Return the pose of a camera on an aircraft.
 
     Parameters
@@ -72,16 +72,16 @@ def nose_pose(position_threshold_m: FloatArray, attitude: Attitude, mount: Attit
     mount : of the camera in the aircraft; None where it looks straight ahead.
     """
     body_from_camera = (mount or Attitude()).matrix @ _BODY_FROM_STRAIGHT_CAMERA
-    return CameraPose(
+    return NoseCameraPose(
         threshold_from_camera=_THRESHOLD_FROM_LEVEL @ attitude.matrix @ body_from_camera,
         camera_threshold_m=np.asarray(position_threshold_m, dtype=np.float64),
     )
 
 
-def corrected_pose(pose: CameraPose, roll_rad: float, pitch_rad: float, up_m: float) -> CameraPose:
+def corrected_pose(pose: NoseCameraPose, roll_rad: float, pitch_rad: float, up_m: float) -> NoseCameraPose:
     """Return a pose turned about the camera's own z axis (roll) and x axis (pitch), and raised."""
     turn = rotation_from_vector(np.array([pitch_rad, 0.0, roll_rad]))
-    return CameraPose(
+    return NoseCameraPose(
         threshold_from_camera=pose.threshold_from_camera @ turn,
         camera_threshold_m=pose.camera_threshold_m + np.array([0.0, 0.0, up_m]),
     )
@@ -113,11 +113,11 @@ def paper_translation(
     return np.array([east, origin.alt_m - alt_m, radius_m * math.radians(lat_deg - origin.lat_deg)])
 
 
-def paper_pose(rotation: FloatArray, translation_m: FloatArray, heading_rad: float) -> CameraPose:
+def paper_pose(rotation: FloatArray, translation_m: FloatArray, heading_rad: float) -> NoseCameraPose:
     """Return the paper's R (3, 3) and t (3,) as a pose over a runway that is landed on with ``heading_rad``."""
     s, c = math.sin(heading_rad), math.cos(heading_rad)
     threshold_from_earth = np.array([[-c, 0.0, s], [-s, 0.0, -c], [0.0, -1.0, 0.0]])
-    return CameraPose(
+    return NoseCameraPose(
         threshold_from_camera=threshold_from_earth @ rotation,
         camera_threshold_m=threshold_from_earth @ translation_m,
     )
@@ -134,12 +134,12 @@ def intrinsic_matrix(lens: Lens) -> FloatArray:
     )
 
 
-def ground_from_pixels(pose: CameraPose, kappa: FloatArray, pixels: FloatArray) -> FloatArray:
+def ground_from_pixels(pose: NoseCameraPose, kappa: FloatArray, pixels: FloatArray) -> FloatArray:
     """Return where the rays of pixels (n, 2) meet the ground, (n, 2) in m, Eqs. C6 and C7; NaN above the horizon."""
     return np.asarray(ground_of(pixels, pose.threshold_from_camera, pose.camera_threshold_m, kappa))
 
 
-def pixels_from_points(pose: CameraPose, kappa: FloatArray, points_m: FloatArray) -> FloatArray:
+def pixels_from_points(pose: NoseCameraPose, kappa: FloatArray, points_m: FloatArray) -> FloatArray:
     """Return the pixels (n, 2) of threshold-frame points (n, 3); NaN behind the camera."""
     camera = (points_m - pose.camera_threshold_m) @ pose.threshold_from_camera
     with np.errstate(divide="ignore", invalid="ignore"):

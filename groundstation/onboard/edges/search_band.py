@@ -12,7 +12,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.onboard.edges.line_kernel import horizon_direction, seen_rows, widths_between
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 
 
 class NoBand(Enum):
@@ -44,7 +44,7 @@ class RunwayGuess:
 
 
 def band_rows(
-    pose: CameraPose,
+    pose: NoseCameraPose,
     kappa: FloatArray,
     image_size_px: tuple[int, int],
     guess: RunwayGuess,

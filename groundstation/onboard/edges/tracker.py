@@ -30,7 +30,7 @@ from groundstation.onboard.edges.hypotheses import (
 )
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.look import Lookout
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 
 # pieces of work that following the runway counts for, with its descent: more than it takes, so that there is room
@@ -64,7 +64,7 @@ class EdgeTracker:
         self._forget()
         self._unchecked = 0
 
-    def step(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
+    def step(self, image: ImageArray, pose: NoseCameraPose) -> EdgeReport:
         """Take one picture (h, w, 3) uint8 BGR and its pose."""
         if self._runway is not None:
             return self._track(self._runway, image, pose)
@@ -79,7 +79,7 @@ class EdgeTracker:
         """Drop all that is being compared."""
         self._open, self._arrived, self._search = [], [], None
 
-    def _track(self, runway: Hypothesis, image: ImageArray, pose: CameraPose) -> EdgeReport:
+    def _track(self, runway: Hypothesis, image: ImageArray, pose: NoseCameraPose) -> EdgeReport:
         """Follow the runway; doubt it where there is reason to, and in any case now and then."""
         # a search takes the time in which other layouts are compared
         searching = self._search is not None or self._due(runway, self._unchecked + 1)
@@ -97,7 +97,7 @@ class EdgeTracker:
         status = EdgeStatus.TRACKING if step.miss is EdgeMiss.NONE else EdgeStatus.COASTING
         return EdgeReport(status=status, miss=step.miss, edges=step.edges)
 
-    def _doubted(self, runway: Hypothesis, image: ImageArray, pose: CameraPose) -> bool:
+    def _doubted(self, runway: Hypothesis, image: ImageArray, pose: NoseCameraPose) -> bool:
         """Return whether Algorithm 1 has brought a better pair; all are compared anew if so."""
         config, search = self._config, self._search
         if search is None:
@@ -122,7 +122,9 @@ class EdgeTracker:
         strange = strange or score(runway, config) < config.doubt_score
         return unchecked >= (config.doubt_frames if strange else config.check_frames)
 
-    def _search_on(self, image: ImageArray, pose: CameraPose, known: list[Hypothesis], work: int) -> PairSearch | None:
+    def _search_on(
+        self, image: ImageArray, pose: NoseCameraPose, known: list[Hypothesis], work: int
+    ) -> PairSearch | None:
         """Begin a search, or go on with that which is under way; ``work`` was done in this frame already."""
         # one piece at least, but where new pairs were followed besides: in the next frame there are fewer of them
         least = int(self._runway is not None or work <= self._config.hypotheses)
@@ -133,7 +135,7 @@ class EdgeTracker:
             look_on(self._lookout, self._search, left)
         return self._search
 
-    def _seek(self, image: ImageArray, pose: CameraPose) -> EdgeReport:
+    def _seek(self, image: ImageArray, pose: NoseCameraPose) -> EdgeReport:
         """Begin with what Algorithm 1 finds, all of it in one frame: nothing else is to be done."""
         self._forget()
         found = find_pairs(self._lookout, image, pose)
@@ -142,7 +144,7 @@ class EdgeTracker:
         self._open, self._compared = merged(self._lookout, [], found), 1
         return self._chosen()
 
-    def _compare(self, image: ImageArray, pose: CameraPose, work: int) -> EdgeReport:
+    def _compare(self, image: ImageArray, pose: NoseCameraPose, work: int) -> EdgeReport:
         """Choose where one hypothesis is clearly the best; if not, add what Algorithm 1 finds."""
         self._compared += 1
         report = self._chosen()

@@ -13,7 +13,7 @@ FALSE_ALARM = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PositionSeries:
+class PositionTrack:
     """Positions (n, 3) in m with covariances (n, 3, 3) at times (n,), one frame, one clock, times growing."""
 
     t_s: FloatArray
@@ -51,7 +51,7 @@ class Agreement:
         return self.ratio <= self.limit
 
 
-def compare_positions(ground: PositionSeries, onboard: PositionSeries, longest_gap_s: float = 0.5) -> Agreement | None:
+def compare_positions(ground: PositionTrack, onboard: PositionTrack, longest_gap_s: float = 0.5) -> Agreement | None:
     """Compare at the ground's times, the aircraft's positions interpolated; None where they share no time.
 
     A filter's errors stay for a while, so the limit counts as many independent differences as their correlation
@@ -89,7 +89,7 @@ def _dof_of(white: FloatArray) -> float:
 
 
 def _interpolated(
-    series: PositionSeries, t_s: FloatArray, longest_gap_s: float
+    series: PositionTrack, t_s: FloatArray, longest_gap_s: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return those of the times that lie within a gap short enough, with position and covariance there."""
     after = np.searchsorted(series.t_s, t_s, side="left")

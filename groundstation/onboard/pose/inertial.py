@@ -93,7 +93,7 @@ class CameraMount:
     body_from_camera: FloatArray
 
 
-class Outcome(enum.StrEnum):
+class UpdateOutcome(enum.StrEnum):
     """What became of an observation."""
 
     STARTED = "started"
@@ -115,7 +115,7 @@ class NavigationStatus(enum.StrEnum):
 class PoseInnovation:
     """What an observation said: ``value`` (6,) position (m) and rotation (rad), its covariance (6, 6), NIS."""
 
-    outcome: Outcome
+    outcome: UpdateOutcome
     value: FloatArray
     covariance: FloatArray
 
@@ -197,21 +197,21 @@ class InertialFilter:
     def see(self, observation: PoseObservation) -> PoseInnovation:
         """Take a pose: start from it, correct the state, or refuse it; a pose older than the state is late and left."""
         if not self.started:
-            return self._start(observation, Outcome.STARTED)
+            return self._start(observation, UpdateOutcome.STARTED)
         if observation.t_s < self._t_s - 1e-9:
-            return PoseInnovation(outcome=Outcome.LATE, value=np.zeros(6), covariance=observation.covariance)
+            return PoseInnovation(outcome=UpdateOutcome.LATE, value=np.zeros(6), covariance=observation.covariance)
         self._move_to(observation.t_s)
         value, H = self._innovation(observation)
         S = H @ self._P @ H.T + observation.covariance
-        innovation = PoseInnovation(outcome=Outcome.USED, value=value, covariance=S)
+        innovation = PoseInnovation(outcome=UpdateOutcome.USED, value=value, covariance=S)
         allowed = innovation
         if observation.lasting is not None:
-            allowed = PoseInnovation(outcome=Outcome.USED, value=value, covariance=S + observation.lasting)
+            allowed = PoseInnovation(outcome=UpdateOutcome.USED, value=value, covariance=S + observation.lasting)
         if allowed.nis > _GATE:
             self._refused += 1
             if self._refused >= self._config.restart_after:
-                return self._start(observation, Outcome.RESTARTED)
-            return PoseInnovation(outcome=Outcome.GATED, value=value, covariance=allowed.covariance)
+                return self._start(observation, UpdateOutcome.RESTARTED)
+            return PoseInnovation(outcome=UpdateOutcome.GATED, value=value, covariance=allowed.covariance)
         self._refused = 0
         self._correct(H, value, S, observation.covariance)
         self._seen_s = observation.t_s
@@ -257,7 +257,7 @@ class InertialFilter:
         self._force_bias = self._force_bias + change[FORCE_BIAS]
         self._rate_bias = self._rate_bias + change[RATE_BIAS]
 
-    def _start(self, observation: PoseObservation, outcome: Outcome) -> PoseInnovation:
+    def _start(self, observation: PoseObservation, outcome: UpdateOutcome) -> PoseInnovation:
         """Start from a pose; velocity and biases are as unknown as the configuration says."""
         config = self._config
         R = matrix_from_wxyz(observation.runway_from_camera_wxyz) @ self._mount.body_from_camera.T

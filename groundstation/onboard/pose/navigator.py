@@ -20,7 +20,7 @@ from groundstation.onboard.pose.solve import PoseStatus, RunwayPose, SeenPoints,
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sight:
+class PictureResult:
     """What one picture gave: the solver's pose, and the filter's innovation where the pose reached the filter."""
 
     pose: RunwayPose | None
@@ -42,18 +42,18 @@ class RunwayNavigator:
         """Take an inertial sample."""
         self.filter.feel(sample)
 
-    def see(self, t_s: float, seen: SeenPoints) -> Sight:
+    def see(self, t_s: float, seen: SeenPoints) -> PictureResult:
         """Take a picture's corners; a pose that does not fit them never reaches the filter."""
         pose = solve_pose(seen)
         if pose is None or pose.status is not PoseStatus.OK:
-            return Sight(pose=pose, innovation=None)
+            return PictureResult(pose=pose, innovation=None)
         observation = PoseObservation(
             t_s=t_s,
             position_m=pose.position_m,
             runway_from_camera_wxyz=pose.runway_from_camera_wxyz,
             covariance=self._covariance(seen, pose),
         )
-        return Sight(pose=pose, innovation=self.filter.see(observation))
+        return PictureResult(pose=pose, innovation=self.filter.see(observation))
 
     def _covariance(self, seen: SeenPoints, pose: RunwayPose) -> FloatArray:
         """Return the pose's covariance, where the state knows better at the state's own pose.

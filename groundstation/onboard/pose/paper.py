@@ -13,7 +13,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, IntArray
 from groundstation.geometry.dual_quaternion import normalised
 from groundstation.onboard.pose.kernel import PAPER, levenberg_marquardt
-from groundstation.onboard.pose.solve import TOLERANCE, SeenPoints, View, first_poses, pair_normals
+from groundstation.onboard.pose.solve import TOLERANCE, SeenPoints, SolverInput, first_poses, pair_normals
 from groundstation.onboard.pose.view_kernel import matrix_of, pose_of, turned_to_front
 
 # of the corners in `runway.CORNERS` order, the farther one first
@@ -41,7 +41,7 @@ def solve_paper(
 
     Returns None without a start. ``start`` is runway_from_camera_wxyz (4,) and position_m (3,).
     """
-    view = View(seen)
+    view = SolverInput(seen)
     if start is not None:
         q = view.dual(*start)
     else:

@@ -66,7 +66,7 @@ def default_setup(corner_sigma_px: float = 0.5, lost_s: tuple[float, float] = (2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Approach:
+class SimulatedApproach:
     """One flight: truth at every inertial sample, the samples, and what the camera saw at some of them.
 
     ``position_m``, ``velocity_m_s`` (n, 3), ``runway_from_body`` (n, 3, 3), ``force_bias``, ``rate_bias`` (n, 3);
@@ -83,7 +83,7 @@ class Approach:
     seen: dict[int, SeenPoints]
 
 
-def fly(setup: ApproachSetup, rng: np.random.Generator) -> Approach:
+def fly(setup: ApproachSetup, rng: np.random.Generator) -> SimulatedApproach:
     """Simulate one approach; the trajectory's gusts, the biases and all noise are drawn from ``rng``."""
     n = round(setup.duration_s * setup.imu_hz)
     t = np.asarray(np.arange(n) / setup.imu_hz, dtype=np.float64)
@@ -103,7 +103,7 @@ def motion_of(
     acceleration: FloatArray,
     runway_from_body: FloatArray,
     rng: np.random.Generator,
-) -> Approach:
+) -> SimulatedApproach:
     """Return the flight under accelerations (n, 3) from a place (3,) and a velocity (3,), with samples and corners.
 
     ``t`` (n,) are the inertial samples' times, ``runway_from_body`` (n, 3, 3); biases and noise are drawn from ``rng``.
@@ -126,7 +126,7 @@ def motion_of(
         view = see_runway(setup, position[k], runway_from_body[k], rng)
         if view is not None:
             seen[k] = view
-    return Approach(
+    return SimulatedApproach(
         t_s=t,
         position_m=position,
         velocity_m_s=velocity,

@@ -9,8 +9,8 @@ from groundstation.geometry.rotation import rotation_x, rotation_y, rotation_z
 from groundstation.onboard.pose.inertial_kernel import GRAVITY_M_S2
 from groundstation.onboard.pose.simulated_approach import (
     RUNWAY_FROM_LEVEL_BODY,
-    Approach,
     ApproachSetup,
+    SimulatedApproach,
     motion_of,
     waves,
 )
@@ -37,7 +37,7 @@ class Passes:
 
 def fly_passes(
     setup: ApproachSetup, passes: Passes, rng: np.random.Generator
-) -> tuple[Approach, list[tuple[float, float]]]:
+) -> tuple[SimulatedApproach, list[tuple[float, float]]]:
     """Return the flight, and from when to when each pass lasted, s; gusts, biases and noise are drawn from ``rng``.
 
     The runway is seen wherever all its corners are in the picture, and nowhere else.

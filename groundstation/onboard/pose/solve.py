@@ -110,7 +110,7 @@ class RunwayPose:
         return float(np.linalg.norm(self.position_m))
 
 
-class View:
+class SolverInput:
     """The solver's inputs for one picture: rays, whitened tangents, points in a unit of their own size.
 
     Raises `ValueError` where a pixel has no ray through this lens.
@@ -159,7 +159,7 @@ def solve_pose(
 
     Returns None where no pose has all points in front of the camera.
     """
-    view = View(seen)
+    view = SolverInput(seen)
     attitude = attitude_rows(known)
     dof = 2 * len(view.points) + len(attitude) - 6
     gate = misfit_gate(dof)
@@ -186,7 +186,7 @@ def solve_pose(
     return _result(view, known, best, best_cost, dof, steps + more)
 
 
-def first_poses(view: View) -> FloatArray:
+def first_poses(view: SolverInput) -> FloatArray:
     """Return starts (k, 8), the best first, from triples of the points alone; none where these lie on a line."""
     starts = np.empty((_STARTS, 8))
     found = three_point_starts(view.points, view.rays, view.tangents, starts)
@@ -197,7 +197,7 @@ def pose_covariance(
     seen: SeenPoints, position_m: FloatArray, wxyz: FloatArray, known: KnownAttitude | None = None
 ) -> FloatArray:
     """Return the covariance (6, 6) that the corners of ``seen`` give a pose, as in `RunwayPose.covariance`."""
-    view = View(seen)
+    view = SolverInput(seen)
     return _covariance(view, known, view.dual(wxyz, position_m))
 
 
@@ -228,7 +228,7 @@ def all_pairs(count: int) -> IntArray:
     return np.array([(i, j) for i in range(count) for j in range(count) if i != j], dtype=np.int64)
 
 
-def _weighted(view: View, attitude: FloatArray, q: FloatArray) -> tuple[float, int]:
+def _weighted(view: SolverInput, attitude: FloatArray, q: FloatArray) -> tuple[float, int]:
     """Minimise the weighted cost from ``q`` in place; infinite where points lie behind or it does not converge."""
     cost, steps, good = levenberg_marquardt(
         WEIGHTED, q, view.points, view.rays, view.tangents, attitude,
@@ -237,7 +237,7 @@ def _weighted(view: View, attitude: FloatArray, q: FloatArray) -> tuple[float, i
     return (cost if good else np.inf), steps
 
 
-def _polynomial(view: View, q: FloatArray) -> int:
+def _polynomial(view: SolverInput, q: FloatArray) -> int:
     """Minimise the paper's cost, which has no depth to divide by and so may start anywhere; in place."""
     pairs = all_pairs(len(view.points))
     normals = pair_normals(view.rays, pairs)
@@ -247,7 +247,7 @@ def _polynomial(view: View, q: FloatArray) -> int:
     return int(steps)
 
 
-def _covariance(view: View, known: KnownAttitude | None, q: FloatArray) -> FloatArray:
+def _covariance(view: SolverInput, known: KnownAttitude | None, q: FloatArray) -> FloatArray:
     information = information_of(view.points, view.rays, view.tangents, q)
     if known is not None:
         information[3:, 3:] += np.diag(1.0 / np.asarray(known.sigma_rad) ** 2)
@@ -259,7 +259,7 @@ def _covariance(view: View, known: KnownAttitude | None, q: FloatArray) -> Float
 
 
 def _result(
-    view: View, known: KnownAttitude | None, q: FloatArray, cost: float, dof: int, steps: int
+    view: SolverInput, known: KnownAttitude | None, q: FloatArray, cost: float, dof: int, steps: int
 ) -> RunwayPose | None:
     """Return the pose of a minimum; None where the points do not hold it."""
     unit = normalised(q)

@@ -14,7 +14,7 @@ _SETTLE_S = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Approach:
+class StraightApproach:
     """A straight approach with gusts.
 
     Attributes
@@ -59,7 +59,7 @@ class Sensors:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Flown:
+class PoseSeries:
     """Poses over time: ``t_s`` (n,), ``position_threshold_m`` (n, 3), ``attitude_rad`` (n, 3) roll, pitch, yaw."""
 
     t_s: FloatArray
@@ -72,7 +72,7 @@ class Flown:
         return Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw)
 
 
-def fly(approach: Approach, generator: np.random.Generator) -> Flown:
+def fly(approach: StraightApproach, generator: np.random.Generator) -> PoseSeries:
     """Return the exact poses at the frames' times."""
     t = np.arange(approach.frames) / approach.rate_hz
     start_height = (approach.start_y_m - approach.aim_y_m) * math.tan(approach.slope_rad)
@@ -89,17 +89,17 @@ def fly(approach: Approach, generator: np.random.Generator) -> Flown:
     position[:, 2] = np.maximum(position[:, 2], 1.0)
     attitude = smooth_noise(generator, t, approach.gust_rad, approach.gust_s)
     attitude += [0.0, approach.pitch_rad, approach.crab_rad]
-    return Flown(t_s=t, position_threshold_m=position, attitude_rad=attitude)
+    return PoseSeries(t_s=t, position_threshold_m=position, attitude_rad=attitude)
 
 
-def measured(flown: Flown, sensors: Sensors, generator: np.random.Generator) -> Flown:
+def measured(flown: PoseSeries, sensors: Sensors, generator: np.random.Generator) -> PoseSeries:
     """Return what the sensors say at the same times."""
     count = flown.t_s.size
     attitude = flown.attitude_rad + generator.normal(0.0, sensors.attitude_bias_rad, 3)
     attitude = attitude + generator.normal(0.0, sensors.attitude_noise_rad, (count, 3))
     position = flown.position_threshold_m + generator.normal(0.0, sensors.position_bias_m)
     position = position + generator.normal(0.0, sensors.position_noise_m, (count, 3))
-    return Flown(t_s=flown.t_s, position_threshold_m=position, attitude_rad=attitude)
+    return PoseSeries(t_s=flown.t_s, position_threshold_m=position, attitude_rad=attitude)
 
 
 def smooth_noise(

@@ -8,14 +8,14 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_y, wxyz_from_matrix
-from groundstation.onboard.edges.pose import CameraPose
+from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.pose.inertial import CameraMount, InertialConfig
 from groundstation.onboard.pose.runway import Runway, rectangle
 from groundstation.onboard.pose.simulated_approach import (
     BODY_FROM_FORWARD_CAMERA,
     RUNWAY_FROM_LEVEL_BODY,
-    Approach,
     ApproachSetup,
+    SimulatedApproach,
     drawn_attitudes,
     motion_of,
 )
@@ -42,7 +42,7 @@ class NoseFlight:
 
     sequence: Sequence
     setup: ApproachSetup
-    motion: Approach
+    motion: SimulatedApproach
 
     @property
     def runway(self) -> Runway:
@@ -54,10 +54,10 @@ class NoseFlight:
         """Return the samples at which a picture is taken."""
         return range(0, len(self.motion.t_s), self.setup.imu_hz // self.setup.camera_hz)
 
-    def pose(self, sample: int) -> CameraPose:
+    def pose(self, sample: int) -> NoseCameraPose:
         """Return the camera's exact pose at a sample."""
         R = self.motion.runway_from_body[sample]
-        return CameraPose(
+        return NoseCameraPose(
             threshold_from_camera=R @ self.setup.mount.body_from_camera,
             camera_threshold_m=self.motion.position_m[sample] + R @ self.setup.mount.camera_in_body_m,
         )

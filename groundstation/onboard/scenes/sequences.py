@@ -9,8 +9,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry.camera import Lens
-from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix, nose_pose, pixels_from_points
-from groundstation.onboard.scenes.flight import Approach, Flown, Sensors, fly, measured
+from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix, nose_pose, pixels_from_points
+from groundstation.onboard.scenes.flight import PoseSeries, Sensors, StraightApproach, fly, measured
 from groundstation.onboard.scenes.ground import Airfield, Surfaces, edge_lamps, patches
 from groundstation.onboard.scenes.kernels import add_lamps, render_ground
 from groundstation.onboard.scenes.light import DAY, DUSK, HAZE, NIGHT, Light
@@ -36,7 +36,7 @@ class Sequence:
     seed: int
     airfield: Airfield
     light: Light
-    approach: Approach
+    approach: StraightApproach
     sensors: Sensors = field(default_factory=Sensors)
 
 
@@ -47,8 +47,8 @@ class NoseFrame:
     index: int
     t_s: float
     image: ImageArray
-    truth: CameraPose
-    said: CameraPose
+    truth: NoseCameraPose
+    said: NoseCameraPose
 
 
 _ROAD = math.radians(90.0)
@@ -60,7 +60,7 @@ SEQUENCES: tuple[Sequence, ...] = (
         seed=101,
         airfield=Airfield(roads=((-46.0, -150.0, math.radians(2.0), 8.0), (0.0, 70.0, _ROAD + 0.15, 8.0))),
         light=DAY,
-        approach=Approach(start_y_m=280.0),
+        approach=StraightApproach(start_y_m=280.0),
     ),
     Sequence(
         name="haze, sand",
@@ -73,14 +73,14 @@ SEQUENCES: tuple[Sequence, ...] = (
             width_m=22.0,
         ),
         light=HAZE,
-        approach=Approach(start_y_m=210.0, start_x_m=-6.0, crab_rad=math.radians(-4.0)),
+        approach=StraightApproach(start_y_m=210.0, start_x_m=-6.0, crab_rad=math.radians(-4.0)),
     ),
     Sequence(
         name="dusk, turbulence",
         seed=303,
         airfield=Airfield(roads=((-38.0, 0.0, math.radians(1.0), 7.0),)),
         light=DUSK,
-        approach=Approach(
+        approach=StraightApproach(
             start_y_m=190.0, gust_rad=(math.radians(4.0), math.radians(2.0), math.radians(2.0)), gust_s=0.35
         ),
     ),
@@ -89,7 +89,7 @@ SEQUENCES: tuple[Sequence, ...] = (
         seed=404,
         airfield=Airfield(roads=((-50.0, 0.0, math.radians(3.0), 8.0),)),
         light=NIGHT,
-        approach=Approach(start_y_m=220.0, start_x_m=5.0),
+        approach=StraightApproach(start_y_m=220.0, start_x_m=5.0),
     ),
     Sequence(
         name="day, short final",
@@ -98,7 +98,7 @@ SEQUENCES: tuple[Sequence, ...] = (
             taxiway_side=-1, roads=((36.0, -100.0, math.radians(-1.5), 8.0), (0.0, 25.0, _ROAD, 6.0)), edge_stripe_m=0.0
         ),
         light=replace(DAY, cloud_shadow=0.5),
-        approach=Approach(
+        approach=StraightApproach(
             start_y_m=130.0, start_x_m=-2.0, gust_rad=(math.radians(3.0), math.radians(1.5), math.radians(1.5))
         ),
     ),
@@ -113,7 +113,7 @@ SEQUENCES: tuple[Sequence, ...] = (
             repair_tint=0.0,
         ),
         light=replace(DAY, cloud_shadow=0.75, cloud_m=(110.0, 60.0)),
-        approach=Approach(start_y_m=200.0, start_x_m=4.0, crab_rad=math.radians(-3.0)),
+        approach=StraightApproach(start_y_m=200.0, start_x_m=4.0, crab_rad=math.radians(-3.0)),
     ),
 )
 
@@ -165,8 +165,8 @@ class Renderer:
         self.sequence = sequence
         self.lens = lens
         generator = np.random.default_rng(sequence.seed)
-        self.flown: Flown = fly(sequence.approach, generator)
-        self.said: Flown = measured(self.flown, sequence.sensors, generator)
+        self.flown: PoseSeries = fly(sequence.approach, generator)
+        self.said: PoseSeries = measured(self.flown, sequence.sensors, generator)
         self._patches = patches(sequence.airfield, generator)
         self._lamps = edge_lamps(sequence.airfield)
         self._rays = pixel_rays(lens)
@@ -176,7 +176,7 @@ class Renderer:
         for index in range(self.flown.t_s.size):
             yield self.frame(index)
 
-    def pose(self, index: int, flown: Flown | None = None) -> CameraPose:
+    def pose(self, index: int, flown: PoseSeries | None = None) -> NoseCameraPose:
         """Return the exact pose of a frame, or that of another account of the flight."""
         source = flown or self.flown
         return nose_pose(source.position_threshold_m[index], source.attitude(index))
@@ -192,7 +192,7 @@ class Renderer:
             said=self.pose(index, self.said),
         )
 
-    def picture(self, pose: CameraPose, noise_seed: int = 0) -> ImageArray:
+    def picture(self, pose: NoseCameraPose, noise_seed: int = 0) -> ImageArray:
         """Render what is seen from a pose, (h, w, 3) uint8 BGR."""
         field, light = self.sequence.airfield, self.sequence.light
         w, h = self.lens.image_size_px
@@ -209,7 +209,7 @@ class Renderer:
         generator = np.random.default_rng([self.sequence.seed, noise_seed])
         return _exposed(linear, light, generator)
 
-    def _light_lamps(self, linear: FloatArray, pose: CameraPose, light: Light) -> None:
+    def _light_lamps(self, linear: FloatArray, pose: NoseCameraPose, light: Light) -> None:
         pixels = pixels_from_points(pose, intrinsic_matrix(self.lens), self._lamps[:, :3])
         ahead = np.isfinite(pixels).all(axis=1)
         distances = np.linalg.norm(self._lamps[:, :3] - pose.camera_threshold_m, axis=1)

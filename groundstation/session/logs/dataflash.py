@@ -37,7 +37,7 @@ def read_dataflash(path: Path, options: LogOptions, remarks: Remarks) -> list[Lo
     if path.stat().st_size > _MAX_BYTES:
         raise LogError(path.name, got="a larger file", wanted=f"at most {_MAX_BYTES} bytes of log")
     said = _Complaints()
-    rows = _Rows(path, options, remarks)
+    rows = _FixRows(path, options, remarks)
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), open_log(str(path)) as log:
             while (message := log.recv_match(type=["GPS", "GPA"])) is not None:
@@ -106,7 +106,7 @@ class _Formats(dict[int, Any]):
             super().__setitem__(kind, description)
 
 
-class _Rows:
+class _FixRows:
     """Gathers fixes from messages."""
 
     def __init__(self, path: Path, options: LogOptions, remarks: Remarks) -> None:

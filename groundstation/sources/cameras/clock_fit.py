@@ -75,7 +75,7 @@ class ClockFitState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Line:
+class _ClockLine:
     """y = y0 + (1 + drift)·(x − x0); ``spread_s`` is twice the bins' median over it."""
 
     x0: float
@@ -95,7 +95,7 @@ class ClockFit:
     def __init__(self, config: ClockFitConfig | None = None) -> None:
         self._config = config or ClockFitConfig()
         self._bins: deque[tuple[float, float]] = deque(maxlen=self._config.bins)
-        self._line: _Line | None = None
+        self._line: _ClockLine | None = None
         self._origin_ns = 0
         self._bin_start = -math.inf
         self._last: tuple[float, float] | None = None
@@ -186,13 +186,13 @@ class ClockFit:
             self._bins[-1] = (x, y)
             self._line = None
 
-    def _fit(self) -> _Line:
+    def _fit(self) -> _ClockLine:
         """Return the line under the bins."""
         if self._line is None:
             self._line = envelope(np.array(self._bins), self._config.drift_sigma)
         return self._line
 
-    def _sigma(self, line: _Line, x: float) -> float:
+    def _sigma(self, line: _ClockLine, x: float) -> float:
         """Return one sigma of the line at x, s.
 
         The line is late by the shortest delay that occurred, which nobody knows: next to nothing where short delays are
@@ -202,7 +202,7 @@ class ClockFit:
         unsettled = self._config.jump_s / 2.0 if line.bins < self._config.settled else 0.0
         return math.hypot(level, line.drift_sigma * (x - line.x0), self._config.floor_s, unsettled)
 
-    def _doubt(self, line: _Line) -> float:
+    def _doubt(self, line: _ClockLine) -> float:
         """Return what the line may be off while arrivals contradict it, s; a few late ones are only late."""
         if self._early:
             return max(line.at(x) - y for x, y in self._early)
@@ -211,7 +211,7 @@ class ClockFit:
         return min(y - line.at(x) for x, y in self._late)
 
 
-def envelope(points: FloatArray, drift_sigma: float) -> _Line:
+def envelope(points: FloatArray, drift_sigma: float) -> _ClockLine:
     """Return the most likely line under ``points`` (n, 2): device's x, host's y, in s, x rising."""
     x0, y0 = (float(v) for v in points.mean(axis=0))
     x = points[:, 0] - x0
@@ -231,7 +231,7 @@ def envelope(points: FloatArray, drift_sigma: float) -> _Line:
     # for exponential delays the rms; a camera that is held up for seconds does not change it
     spread = 2.0 * float(np.median(over - base))
     fitted = spread / (width * math.sqrt(n)) if width > 0.0 and n > 2 else math.inf
-    return _Line(
+    return _ClockLine(
         x0=x0,
         y0=y0 + base,
         drift=drift,

@@ -16,7 +16,7 @@ _ROI = ("OffsetX", "OffsetY", "Width", "Height")
 _STEP = 0.02
 
 
-class Features(Protocol):
+class GenicamFeatures(Protocol):
     """A camera's features by name; None where it has none of that name, or it cannot be read now."""
 
     def number(self, name: str) -> float | None:
@@ -29,7 +29,7 @@ class Features(Protocol):
         """Write a value; raises `CameraError` where the camera refuses it."""
 
 
-def apply_settings(features: Features, settings: CameraSettings, where: str) -> SettingsReadBack:
+def apply_settings(features: GenicamFeatures, settings: CameraSettings, where: str) -> SettingsReadBack:
     """Write settings to a camera at rest and return what it says of them afterwards.
 
     Raises `CameraError` for a setting that the camera does not have, refuses, or keeps otherwise than asked.
@@ -56,7 +56,7 @@ def apply_settings(features: Features, settings: CameraSettings, where: str) -> 
     return found
 
 
-def read_back(features: Features) -> SettingsReadBack:
+def read_back(features: GenicamFeatures) -> SettingsReadBack:
     """Return what the camera says that it is set to."""
     exposure_us = _first_number(features, _EXPOSURE)
     size = (features.number("Width"), features.number("Height"))
@@ -77,13 +77,13 @@ def read_back(features: Features) -> SettingsReadBack:
     )
 
 
-def _automatic_off(features: Features, name: str) -> None:
+def _automatic_off(features: GenicamFeatures, name: str) -> None:
     """Switch an automatic off where there is one that is on."""
     if features.text(name) not in (None, "Off"):
         features.write(name, "Off")
 
 
-def _write_trigger(features: Features, trigger: str, where: str) -> None:
+def _write_trigger(features: GenicamFeatures, trigger: str, where: str) -> None:
     if features.text("TriggerMode") is None:
         if trigger == "off":
             return
@@ -95,7 +95,7 @@ def _write_trigger(features: Features, trigger: str, where: str) -> None:
     _write(features, "TriggerMode", "Off" if trigger == "off" else "On", f"{where}: trigger")
 
 
-def _write_roi(features: Features, roi_px: tuple[int, int, int, int], where: str) -> None:
+def _write_roi(features: GenicamFeatures, roi_px: tuple[int, int, int, int], where: str) -> None:
     """Write a region: to the corner first, so that any size fits, then the size, then the place."""
     x, y, w, h = roi_px
     for name, value in (("OffsetX", 0), ("OffsetY", 0), ("Width", w), ("Height", h), ("OffsetX", x), ("OffsetY", y)):
@@ -104,7 +104,7 @@ def _write_roi(features: Features, roi_px: tuple[int, int, int, int], where: str
         _write(features, name, value, f"{where}: region")
 
 
-def _write(features: Features, name: str, value: float | str | bool, where: str) -> None:
+def _write(features: GenicamFeatures, name: str, value: float | str | bool, where: str) -> None:
     """Write one feature and compare it with what it then says."""
     is_text = isinstance(value, str)
     if (features.text(name) if is_text or isinstance(value, bool) else features.number(name)) is None:
@@ -118,7 +118,7 @@ def _write(features: Features, name: str, value: float | str | bool, where: str)
         raise CameraError(f"{where}: got {name} {got}; wanted {value}")
 
 
-def _write_number(features: Features, names: tuple[str, ...], value: float, where: str) -> None:
+def _write_number(features: GenicamFeatures, names: tuple[str, ...], value: float, where: str) -> None:
     """Write the first feature of these names that the camera has; it may round to its own steps."""
     name = next((n for n in names if features.number(n) is not None), None)
     if name is None:
@@ -129,5 +129,5 @@ def _write_number(features: Features, names: tuple[str, ...], value: float, wher
         raise CameraError(f"{where}: got {name} {got}; wanted {value:g}")
 
 
-def _first_number(features: Features, names: tuple[str, ...]) -> float | None:
+def _first_number(features: GenicamFeatures, names: tuple[str, ...]) -> float | None:
     return next((v for n in names if (v := features.number(n)) is not None), None)

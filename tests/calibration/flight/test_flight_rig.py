@@ -10,7 +10,7 @@ from calibration.flight.verdict import judge_flight
 from groundstation.errors import RigError
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior, rig_prior
-from groundstation.evaluation.bounds import View
+from groundstation.evaluation.bounds import StationView
 from groundstation.evaluation.calibration_bounds import calibration_sensitivities
 from groundstation.geometry.aim import aim_at
 from groundstation.replay.reference_knowledge import reference_knowledge
@@ -69,7 +69,7 @@ def _height_difference(rig: Rig, prior: ParameterPrior) -> float:
     for station in rig.stations:
         aim = aim_at(station.geometry(), point)
         views.append(
-            View(
+            StationView(
                 geometry=station.geometry(),
                 pan_rad=aim.pan_rad,
                 tilt_rad=aim.tilt_rad,

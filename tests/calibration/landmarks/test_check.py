@@ -16,7 +16,7 @@ from calibration.landmarks.check_reference import require_seen_anew
 from calibration.landmarks.check_report import station_line
 from calibration.landmarks.survey import solve_survey
 from calibration.rig_reach import approach_point
-from calibration.sightings import Sighting, read_sightings
+from calibration.sightings import LandmarkSighting, read_sightings
 from groundstation.cli.main import main
 from groundstation.errors import GroundstationError, InputError
 from groundstation.geometry.aim import aim_at
@@ -304,7 +304,7 @@ def test_a_table_is_the_same_however_it_is_written(tmp_path: Path, rng: np.rando
     path, survey = tmp_path / "today.csv", tmp_path / "rig.sightings.csv"
     write_sightings(survey, look(day.true, day.stands, rng, 6))
 
-    def rewritten(table: Path) -> tuple[Sighting, ...]:
+    def rewritten(table: Path) -> tuple[LandmarkSighting, ...]:
         head, *rows = [line.split(",") for line in table.read_text().splitlines()]
         for row in rows:
             if how == "u_px to 3 decimals":

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from calibration.lens.boards import CalibrationBoard
-from calibration.lens.corners import View
+from calibration.lens.corners import BoardView
 from calibration.lens.fit import camera_matrix
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry.camera import Lens
@@ -61,9 +61,9 @@ def corner_views(
     *,
     sigma_px: float,
     tilt_deg: float = 40.0,
-) -> list[View]:
+) -> list[BoardView]:
     """Corners of ``count`` boards with white noise, those inside the image."""
-    views: list[View] = []
+    views: list[BoardView] = []
     while len(views) < count:
         pose = a_pose(rng, board, lens, tilt_deg)
         exact, _ = cv2.projectPoints(
@@ -72,7 +72,7 @@ def corner_views(
         pixel = exact.reshape(-1, 2) + rng.normal(0.0, sigma_px, (len(exact), 2))
         inside = np.flatnonzero(np.all((pixel > 0) & (pixel < np.array(lens.image_size_px) - 1), axis=1))
         if len(inside) > 0.6 * len(pixel):
-            seen = View(
+            seen = BoardView(
                 name=f"{len(views):02d}",
                 ids=inside,
                 board_m=board.corners_m[inside],

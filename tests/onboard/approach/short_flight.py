@@ -8,7 +8,7 @@ from groundstation.arrays import ImageArray
 from groundstation.onboard.approach.navigator import NoseNavigator
 from groundstation.onboard.edges.pose import Attitude, nose_pose
 from groundstation.onboard.fly import series_of
-from groundstation.onboard.pose.agreement import PositionSeries
+from groundstation.onboard.pose.agreement import PositionTrack
 from groundstation.onboard.scenes.nose_flight import CAMERA_PITCH_DEG, NoseFlight, nose_flight, nose_setup, said_poses
 from groundstation.onboard.scenes.sequences import SEQUENCES
 
@@ -29,7 +29,7 @@ def short_flight() -> tuple[NoseFlight, list[ImageArray]]:
     return flight, [picture for _, picture in flight.pictures()]
 
 
-def ground_series(flight: NoseFlight, pictures: list[ImageArray]) -> PositionSeries:
+def ground_series(flight: NoseFlight, pictures: list[ImageArray]) -> PositionTrack:
     """Return the aircraft's own positions of the flight."""
     navigator = NoseNavigator(flight.runway, flight.setup.lens, flight.setup.mount)
     attitude, place = said_poses(flight, np.random.default_rng(5))

@@ -20,7 +20,7 @@ from groundstation.onboard.approach.sensitivity import pixels_by_pose, pose_by_p
 from groundstation.onboard.approach.threshold import seen_threshold
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.lines import line_map, project_lines
-from groundstation.onboard.edges.pose import Attitude, CameraPose, intrinsic_matrix, nose_pose, pixels_from_points
+from groundstation.onboard.edges.pose import Attitude, NoseCameraPose, intrinsic_matrix, nose_pose, pixels_from_points
 from groundstation.onboard.edges.report import Edges
 from groundstation.onboard.pose.runway import rectangle
 from groundstation.onboard.pose.solve import SeenPoints, solve_pose
@@ -34,7 +34,7 @@ LASTING_PX2 = 0.25 * np.eye(4) + np.kron(np.diag([1.0, 2.0]), np.outer([0.3, 1.0
 CORNERS = pixels_from_points(POSE, KAPPA, RUNWAY.corners_m)
 
 
-def edges(pose: CameraPose = POSE) -> Edges:
+def edges(pose: NoseCameraPose = POSE) -> Edges:
     mean = np.array([1.0, 0.0, -10.0, 10.0, 0.0, 0.0, 0.0])
     rows = np.array([CORNERS[1:3, 1].max() + 4.0, CORNERS[[0, 3], 1].min() - 4.0])
     crossings, _ = project_lines(mean[:4], line_map(pose, KAPPA), rows)
@@ -218,7 +218,7 @@ def test_pixels_by_pose_against_differences() -> None:
         step[k] = 1e-4
         sides = []
         for sign in (1.0, -1.0):
-            moved = CameraPose(
+            moved = NoseCameraPose(
                 threshold_from_camera=rotation_from_vector(sign * step[3:]) @ POSE.threshold_from_camera,
                 camera_threshold_m=POSE.camera_threshold_m + sign * step[:3],
             )

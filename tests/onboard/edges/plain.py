@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from groundstation.onboard.edges.pose import CameraPose, pixels_from_points
+from groundstation.onboard.edges.pose import NoseCameraPose, pixels_from_points
 
 
-def pixel_from_ground(pose: CameraPose, kappa: np.ndarray) -> np.ndarray:
+def pixel_from_ground(pose: NoseCameraPose, kappa: np.ndarray) -> np.ndarray:
     rotation = pose.threshold_from_camera.T
     return kappa @ np.column_stack([rotation[:, 0], rotation[:, 1], -rotation @ pose.camera_threshold_m])
 
 
-def line_map(pose: CameraPose, kappa: np.ndarray) -> np.ndarray:
+def line_map(pose: NoseCameraPose, kappa: np.ndarray) -> np.ndarray:
     return np.linalg.inv(pixel_from_ground(pose, kappa)).T
 
 
@@ -25,7 +25,7 @@ def project_lines(state: np.ndarray, e: np.ndarray, rows: np.ndarray) -> tuple[n
     return crossings, jacobian
 
 
-def pose_jacobian(crossings: np.ndarray, rows: np.ndarray, pose: CameraPose, kappa: np.ndarray) -> np.ndarray:
+def pose_jacobian(crossings: np.ndarray, rows: np.ndarray, pose: NoseCameraPose, kappa: np.ndarray) -> np.ndarray:
     slopes = np.repeat((crossings[1::2] - crossings[0::2]) / (rows[1] - rows[0]), 2)
     ray = np.column_stack([crossings, np.tile(rows, 2), np.ones(4)]) @ np.linalg.inv(kappa).T
     x, y, one, zero = ray[:, 0], ray[:, 1], np.ones(4), np.zeros(4)
@@ -35,7 +35,7 @@ def pose_jacobian(crossings: np.ndarray, rows: np.ndarray, pose: CameraPose, kap
     return kappa[0, 0] * by_x + kappa[0, 1] * by_y - slopes[:, None] * kappa[1, 1] * by_y
 
 
-def ground_from_pixels(pose: CameraPose, kappa: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+def ground_from_pixels(pose: NoseCameraPose, kappa: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     rays = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(kappa).T @ pose.threshold_from_camera.T
     reach = -pose.camera_threshold_m[2] / rays[:, 2]
     ground = pose.camera_threshold_m[:2] + reach[:, None] * rays[:, :2]
@@ -53,7 +53,11 @@ def state_from_ground(ground: np.ndarray) -> np.ndarray:
 
 
 def seen_rows(
-    pose: CameraPose, kappa: np.ndarray, size: tuple[int, int], sides: tuple[float, float], ends: tuple[float, float]
+    pose: NoseCameraPose,
+    kappa: np.ndarray,
+    size: tuple[int, int],
+    sides: tuple[float, float],
+    ends: tuple[float, float],
 ) -> np.ndarray | None:
     y = pose.camera_threshold_m[1]
     ys, seen = y - np.geomspace(y - ends[0], y - ends[1], 40), []

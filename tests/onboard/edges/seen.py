@@ -5,7 +5,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.lines import line_map, project_lines
-from groundstation.onboard.edges.pose import Attitude, CameraPose, nose_pose
+from groundstation.onboard.edges.pose import Attitude, NoseCameraPose, nose_pose
 
 KAPPA = np.array([[620.0, 0.0, 319.5], [0.0, 610.0, 239.5], [0.0, 0.0, 1.0]])
 SIZE = (640, 480)
@@ -15,7 +15,7 @@ ROWS = np.array([262.0, 300.0])
 
 def approach(
     *, x: float = 3.0, y: float = 150.0, z: float = 15.0, roll: float = 0.03, pitch: float = -0.03, yaw: float = 0.04
-) -> CameraPose:
+) -> NoseCameraPose:
     """Return a pose on an approach; rad and m."""
     return nose_pose(np.array([x, y, z]), Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw))
 
@@ -39,7 +39,7 @@ def smooth_picture(seed: int) -> ImageArray:
 
 
 def painted_runway(
-    pose: CameraPose, *, inside: tuple[int, int, int] = (90, 90, 95), outside: tuple[int, int, int] = (50, 110, 80),
+    pose: NoseCameraPose, *, inside: tuple[int, int, int] = (90, 90, 95), outside: tuple[int, int, int] = (50, 110, 80),
     noise: float = 3.0, seed: int = 3, lines: FloatArray = RUNWAY,
 ) -> ImageArray:  # fmt: skip
     """Return a picture (480, 640, 3) of plain ground and a plain endless runway, a pixel of blur, noise."""

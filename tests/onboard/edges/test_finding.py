@@ -3,7 +3,7 @@
 import numpy as np
 
 from groundstation.onboard.edges.baselines import graph_cut_edges, hough_edges
-from groundstation.onboard.edges.detection import Detected, DetectionConfig, NoPair, detect, lowest_minima, response
+from groundstation.onboard.edges.detection import Detected, EdgeDetectionConfig, NoPair, detect, lowest_minima, response
 from groundstation.onboard.edges.lines import line_map, project_lines, shifted
 from groundstation.onboard.edges.paint import bridge, lamp_mask, without_paint
 from groundstation.onboard.edges.search_band import across_direction, band_widths
@@ -46,13 +46,13 @@ def test_minima_are_the_lowest_and_apart() -> None:
 
 def test_algorithm_1_finds_the_runway_and_says_when_no_pair_will_do() -> None:
     picture = painted_runway(POSE)
-    found = detect(picture, ROWS, PX_PER_M, DetectionConfig(), lambda x: 1.0)
+    found = detect(picture, ROWS, PX_PER_M, EdgeDetectionConfig(), lambda x: 1.0)
     assert isinstance(found, Detected)
     assert np.abs(found.crossings_px - TRUTH).max() < 3.0
     assert len(found.candidates) <= 5
-    assert isinstance(detect(picture, ROWS, PX_PER_M, DetectionConfig(), lambda x: 0.0), NoPair)
+    assert isinstance(detect(picture, ROWS, PX_PER_M, EdgeDetectionConfig(), lambda x: 0.0), NoPair)
     blank = np.full((480, 640, 3), 90, np.uint8)
-    assert isinstance(detect(blank, ROWS, PX_PER_M, DetectionConfig(), lambda x: 1.0), NoPair)
+    assert isinstance(detect(blank, ROWS, PX_PER_M, EdgeDetectionConfig(), lambda x: 1.0), NoPair)
 
 
 def test_the_strip_finds_edges_from_afar_to_a_fraction_of_a_pixel() -> None:

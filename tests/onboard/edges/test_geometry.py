@@ -21,7 +21,7 @@ from groundstation.onboard.edges.lines import (
 )
 from groundstation.onboard.edges.pose import (
     Attitude,
-    CameraPose,
+    NoseCameraPose,
     RunwayPlace,
     corrected_pose,
     ground_from_pixels,
@@ -100,7 +100,7 @@ def test_the_derivative_of_crossings_by_the_pose_is_that_of_differences(pose) ->
         turned = corrected_pose(pose, 0.0, 0.0, 0.0)
         from groundstation.geometry.rotation import rotation_from_vector
 
-        changed = CameraPose(
+        changed = NoseCameraPose(
             threshold_from_camera=turned.threshold_from_camera @ rotation_from_vector(x[:3]),
             camera_threshold_m=pose.camera_threshold_m + pose.threshold_from_camera @ x[3:],
         )

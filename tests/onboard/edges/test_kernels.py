@@ -12,7 +12,7 @@ from groundstation.onboard.edges.line_kernel import seen_rows
 from groundstation.onboard.edges.lines import bias_jacobian, line_map, pose_jacobian, project_lines, state_from_ground
 from groundstation.onboard.edges.look import Lookout, look_between, pose_noise
 from groundstation.onboard.edges.paint import median_grey
-from groundstation.onboard.edges.pose import CameraPose, ground_from_pixels
+from groundstation.onboard.edges.pose import NoseCameraPose, ground_from_pixels
 from groundstation.onboard.edges.strip_kernel import (
     displacement_scores,
     edges_agree,
@@ -23,7 +23,7 @@ from tests.onboard.edges.seen import KAPPA, ROWS, SIZE, approach, painted_runway
 SEEDS = range(8)
 
 
-def drawn_pose(rng: np.random.Generator) -> CameraPose:
+def drawn_pose(rng: np.random.Generator) -> NoseCameraPose:
     x, y, z = rng.uniform(-8.0, 8.0), rng.uniform(40.0, 300.0), rng.uniform(5.0, 30.0)
     roll, pitch, yaw = rng.uniform(-0.1, 0.1, 3)
     return approach(x=x, y=y, z=z, roll=roll, pitch=-0.05 + 0.3 * pitch, yaw=yaw)

@@ -14,7 +14,7 @@ from groundstation.onboard.edges.follow import Followed, follow, lamps_seen, pla
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.lines import C, D, line_map, project_lines
 from groundstation.onboard.edges.look import Lookout
-from groundstation.onboard.edges.marks import Change, Comparison, Marks, Places, compared, first_marks, unsettled_m2
+from groundstation.onboard.edges.marks import Change, MarkComparison, Marks, Places, compared, first_marks, unsettled_m2
 from groundstation.onboard.edges.pose import pixels_from_points
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import Fit, Layout, Straightened
@@ -27,7 +27,9 @@ NOTHING = Straightened.__new__(Straightened)
 STATE = LineState(mean=np.concatenate([RUNWAY, np.zeros(3)]), covariance=np.diag([1e-6, 1e-6, 0.01, 0.01, *[1e-6] * 3]))
 
 
-def told(monkeypatch: pytest.MonkeyPatch, marks: Marks, says: dict[Places, float], moved_m: float = 0.3) -> Comparison:
+def told(
+    monkeypatch: pytest.MonkeyPatch, marks: Marks, says: dict[Places, float], moved_m: float = 0.3
+) -> MarkComparison:
     """Return what one picture changes that says of each layout by what it is better, and that it is so far out."""
     monkeypatch.setattr(
         marks_module,

@@ -17,25 +17,25 @@ from groundstation.onboard.edges.motion import (
     decompose,
     recover_motion,
 )
-from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix, pixels_from_points
+from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix, pixels_from_points
 from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, Renderer
 from tests.onboard.edges.seen import KAPPA, approach
 
 
-def later(pose: CameraPose, turn: tuple[float, float, float], move: tuple[float, float, float]) -> CameraPose:
-    return CameraPose(
+def later(pose: NoseCameraPose, turn: tuple[float, float, float], move: tuple[float, float, float]) -> NoseCameraPose:
+    return NoseCameraPose(
         threshold_from_camera=pose.threshold_from_camera @ rotation_from_vector(np.array(turn)),
         camera_threshold_m=pose.camera_threshold_m + np.array(move),
     )
 
 
-def apart(a: CameraPose, b: CameraPose) -> tuple[float, float]:
+def apart(a: NoseCameraPose, b: NoseCameraPose) -> tuple[float, float]:
     """Return metres and rad between two poses."""
     turn = cv2.Rodrigues(a.threshold_from_camera.T @ b.threshold_from_camera)[0]
     return float(np.linalg.norm(a.camera_threshold_m - b.camera_threshold_m)), float(np.linalg.norm(turn))
 
 
-def seen_from(first: CameraPose, second: CameraPose, rng: np.random.Generator, noise: float, strays: int):
+def seen_from(first: NoseCameraPose, second: NoseCameraPose, rng: np.random.Generator, noise: float, strays: int):
     ground = np.column_stack([rng.uniform(-60, 60, 300), rng.uniform(-100, 110, 300), np.zeros(300)])
     a, b = pixels_from_points(first, KAPPA, ground), pixels_from_points(second, KAPPA, ground)
     a, b = a + noise * rng.normal(size=a.shape), b + noise * rng.normal(size=b.shape)

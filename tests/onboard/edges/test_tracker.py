@@ -15,7 +15,7 @@ from groundstation.onboard.edges.follow import plain_edges
 from groundstation.onboard.edges.kalman import LineState
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
 from groundstation.onboard.edges.look import edge_noise
-from groundstation.onboard.edges.pose import CameraPose, intrinsic_matrix
+from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.tracker import EdgeTracker
@@ -242,5 +242,5 @@ def test_a_lasting_error_of_pitch_and_roll_is_found() -> None:
 
 def test_a_runway_behind_is_no_band() -> None:
     tracker = EdgeTracker(KAPPA, SIZE, TrackerConfig())
-    away: CameraPose = approach(yaw=3.0)
+    away: NoseCameraPose = approach(yaw=3.0)
     assert tracker.step(np.zeros((480, 640, 3), np.uint8), away).miss is EdgeMiss.NO_BAND

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import chi2
 
-from groundstation.onboard.pose.agreement import PositionSeries, compare_positions
+from groundstation.onboard.pose.agreement import PositionTrack, compare_positions
 
 GROUND = np.diag([0.05, 1.0, 0.05]) ** 2
 ONBOARD = np.diag([0.3, 2.0, 0.2]) ** 2
@@ -11,14 +11,14 @@ ONBOARD = np.diag([0.3, 2.0, 0.2]) ** 2
 
 def series(
     rng: np.random.Generator, rate_hz: float, covariance: np.ndarray, off: np.ndarray, memory: float = 0.0
-) -> PositionSeries:
+) -> PositionTrack:
     t = np.arange(0.0, 20.0, 1.0 / rate_hz)
     truth = np.stack([0 * t, 400 - 20 * t, 25 - 1.2 * t], axis=1)
     root = np.linalg.cholesky(covariance)
     noise = rng.standard_normal((len(t), 3))
     for k in range(1, len(t)):
         noise[k] = memory * noise[k - 1] + np.sqrt(1 - memory**2) * noise[k]
-    return PositionSeries(
+    return PositionTrack(
         t_s=t, position_m=truth + noise @ root.T + off, covariance_m2=np.broadcast_to(covariance, (len(t), 3, 3))
     )
 
@@ -56,11 +56,11 @@ def test_both_together_are_better_than_either(rng: np.random.Generator) -> None:
 def test_only_shared_time_counts(rng: np.random.Generator) -> None:
     ground, onboard = series(rng, 10, GROUND, np.zeros(3)), series(rng, 25, ONBOARD, np.zeros(3))
     kept = (onboard.t_s < 5.0) | (onboard.t_s > 12.0)
-    part = PositionSeries(
+    part = PositionTrack(
         t_s=onboard.t_s[kept], position_m=onboard.position_m[kept], covariance_m2=onboard.covariance_m2[kept]
     )
     both = compare_positions(ground, part)
     assert both is not None
     assert not ((both.t_s > 5.0) & (both.t_s < 12.0)).any()
-    later = PositionSeries(t_s=ground.t_s + 100, position_m=ground.position_m, covariance_m2=ground.covariance_m2)
+    later = PositionTrack(t_s=ground.t_s + 100, position_m=ground.position_m, covariance_m2=ground.covariance_m2)
     assert compare_positions(ground, later) is None

@@ -17,13 +17,13 @@ from groundstation.onboard.pose.inertial import (
     InertialFilter,
     Navigation,
     NavigationStatus,
-    Outcome,
     PoseObservation,
+    UpdateOutcome,
     rotation_vector,
 )
 from groundstation.onboard.pose.inertial_kernel import STATE_SIZE, strapdown, transition, turned
 from groundstation.onboard.pose.navigator import RunwayNavigator
-from groundstation.onboard.pose.simulated_approach import Approach, default_setup, fly
+from groundstation.onboard.pose.simulated_approach import SimulatedApproach, default_setup, fly
 
 SETUP = default_setup(corner_sigma_px=0.5, lost_s=(12.0, 22.0))
 SHORT = replace(SETUP, duration_s=30.0)
@@ -85,7 +85,7 @@ def test_the_innovations_jacobian_has_a_numeric_twin(rng: np.random.Generator) -
         np.testing.assert_allclose(-value / 1e-5, H[:, k], atol=1e-4)
 
 
-def error_of(approach: Approach, k: int, now: Navigation) -> np.ndarray:
+def error_of(approach: SimulatedApproach, k: int, now: Navigation) -> np.ndarray:
     turn = rotation_vector(approach.runway_from_body[k] @ matrix_from_wxyz(now.runway_from_body_wxyz).T)
     return np.concatenate(
         [
@@ -129,7 +129,7 @@ def test_it_is_consistent_through_a_loss_of_the_runway() -> None:
             if k in approach.seen:
                 innovation = navigator.see(sample.t_s, approach.seen[k]).innovation
                 assert innovation is not None
-                if innovation.outcome is Outcome.USED:
+                if innovation.outcome is UpdateOutcome.USED:
                     nis.append(innovation.nis)
             if k in nees:
                 now = navigator.navigation
@@ -144,7 +144,7 @@ def test_it_is_consistent_through_a_loss_of_the_runway() -> None:
 
 
 @pytest.fixture
-def flying(rng: np.random.Generator) -> tuple[InertialFilter, Approach]:
+def flying(rng: np.random.Generator) -> tuple[InertialFilter, SimulatedApproach]:
     """A filter after 8 s of approach."""
     approach = fly(replace(SHORT, duration_s=10.0), rng)
     navigator = RunwayNavigator(SHORT.config, SHORT.mount)
@@ -155,7 +155,7 @@ def flying(rng: np.random.Generator) -> tuple[InertialFilter, Approach]:
     return navigator.filter, approach
 
 
-def observation_at(approach: Approach, k: int, off_m: float) -> PoseObservation:
+def observation_at(approach: SimulatedApproach, k: int, off_m: float) -> PoseObservation:
     R = approach.runway_from_body[k]
     camera = approach.position_m[k] + R @ SHORT.mount.camera_in_body_m
     return PoseObservation(
@@ -166,25 +166,25 @@ def observation_at(approach: Approach, k: int, off_m: float) -> PoseObservation:
     )
 
 
-def test_a_pose_that_cannot_be_is_gated(flying: tuple[InertialFilter, Approach]) -> None:
+def test_a_pose_that_cannot_be_is_gated(flying: tuple[InertialFilter, SimulatedApproach]) -> None:
     ours, approach = flying
     before = ours.navigation
-    assert ours.see(observation_at(approach, 799, 200.0)).outcome is Outcome.GATED
+    assert ours.see(observation_at(approach, 799, 200.0)).outcome is UpdateOutcome.GATED
     np.testing.assert_array_equal(ours.navigation.P, before.P)
-    assert ours.see(observation_at(approach, 799, 0.0)).outcome is Outcome.USED
+    assert ours.see(observation_at(approach, 799, 0.0)).outcome is UpdateOutcome.USED
 
 
-def test_poses_that_keep_saying_so_start_it_again(flying: tuple[InertialFilter, Approach]) -> None:
+def test_poses_that_keep_saying_so_start_it_again(flying: tuple[InertialFilter, SimulatedApproach]) -> None:
     ours, approach = flying
     outcomes = [ours.see(observation_at(approach, 799, 200.0)).outcome for _ in range(SHORT.config.restart_after)]
-    assert outcomes == [Outcome.GATED] * (SHORT.config.restart_after - 1) + [Outcome.RESTARTED]
+    assert outcomes == [UpdateOutcome.GATED] * (SHORT.config.restart_after - 1) + [UpdateOutcome.RESTARTED]
     assert abs(ours.navigation.position_m[0] - approach.position_m[799][0]) > 190.0
 
 
-def test_a_late_pose_is_left(flying: tuple[InertialFilter, Approach]) -> None:
+def test_a_late_pose_is_left(flying: tuple[InertialFilter, SimulatedApproach]) -> None:
     ours, approach = flying
     before = ours.navigation
-    assert ours.see(observation_at(approach, 700, 0.0)).outcome is Outcome.LATE
+    assert ours.see(observation_at(approach, 700, 0.0)).outcome is UpdateOutcome.LATE
     np.testing.assert_array_equal(ours.navigation.position_m, before.position_m)
 
 

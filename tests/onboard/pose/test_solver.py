@@ -16,7 +16,7 @@ from groundstation.onboard.pose.solve import (
     PoseStatus,
     RunwayPose,
     SeenPoints,
-    View,
+    SolverInput,
     attitude_rows,
     pair_normals,
     pose_covariance,
@@ -25,7 +25,7 @@ from groundstation.onboard.pose.solve import (
 from tests.onboard.pose.approaches import LENS, RUNWAY, pose_on_approach, project, quaternion, seen
 
 
-def evaluate(kind: int, q: np.ndarray, view: View, attitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def evaluate(kind: int, q: np.ndarray, view: SolverInput, attitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     count = 2 * len(SIX_PAIRS) + 2 if kind == PAPER else 2 * len(view.points) + len(attitude) + 2
     r, J = np.empty(count), np.empty((count, 8))
     normals = pair_normals(view.rays, SIX_PAIRS)
@@ -48,7 +48,7 @@ def test_jacobians_against_differences(kind: int, range_m: float, rng: np.random
     """Away from the solution and off the unit length, near and far."""
     for _ in range(20):
         truth = pose_on_approach(rng, range_m)
-        view = View(seen(rng, truth, 0.5))
+        view = SolverInput(seen(rng, truth, 0.5))
         known = KnownAttitude(runway_from_camera_wxyz=quaternion(truth), sigma_rad=np.array([0.01, 0.02, np.inf]))
         q = view.dual(quaternion(truth), truth[0]) * rng.uniform(0.8, 1.2) + 0.01 * rng.standard_normal(8)
         _, J = evaluate(kind, q, view, attitude_rows(known))
@@ -65,7 +65,7 @@ def test_the_compiled_solver_ends_where_scipy_ends(kind: int, rng: np.random.Gen
     for _ in range(15):
         truth = pose_on_approach(rng)
         picture = seen(rng, truth, 0.5)
-        view = View(picture)
+        view = SolverInput(picture)
         start = view.dual(quaternion(truth), truth[0])
         none = np.zeros((0, 4))
         theirs = least_squares(
@@ -193,7 +193,7 @@ def test_a_known_horizon_makes_the_pose_better_and_stays_consistent(rng: np.rand
 def test_the_dual_part_is_linear_in_the_attitude(rng: np.random.Generator) -> None:
     """With the right attitude the linear solve gives q_d = ½ t q_r."""
     truth = pose_on_approach(rng)
-    view = View(seen(rng, truth, 0.0))
+    view = SolverInput(seen(rng, truth, 0.0))
     real = quaternion_conjugate(quaternion(truth))
     t = -truth[1].T @ truth[0]
     for pairs in (SIX_PAIRS, FOUR_SIDES):
@@ -203,7 +203,7 @@ def test_the_dual_part_is_linear_in_the_attitude(rng: np.random.Generator) -> No
 
 def test_the_two_constraints_hold_at_the_truth(rng: np.random.Generator) -> None:
     truth = pose_on_approach(rng)
-    view = View(seen(rng, truth, 0.0))
+    view = SolverInput(seen(rng, truth, 0.0))
     r, _ = evaluate(PAPER, view.dual(quaternion(truth), truth[0]), view, np.zeros((0, 4)))
     np.testing.assert_allclose(r, 0.0, atol=1e-6)
 

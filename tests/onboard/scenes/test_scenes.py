@@ -9,7 +9,7 @@ from onboard_edges_study.methods import certain_truth, truth
 
 from groundstation.onboard.edges.lines import line_map, project_lines
 from groundstation.onboard.edges.pose import Attitude, intrinsic_matrix, nose_pose
-from groundstation.onboard.scenes.flight import Approach, fly, smooth_noise
+from groundstation.onboard.scenes.flight import StraightApproach, fly, smooth_noise
 from groundstation.onboard.scenes.ground import Airfield, edge_lamps, patches
 from groundstation.onboard.scenes.light import Light
 from groundstation.onboard.scenes.sequences import NOSE_LENS, SEQUENCES, Renderer, Sequence, varied
@@ -37,7 +37,9 @@ def test_a_frame_is_the_same_each_time_and_another_with_another_seed() -> None:
 def test_the_pavement_ends_where_the_pose_says() -> None:
     """Half-way between ground and pavement, to a tenth of a pixel, for a plain airfield seen from a tilted camera."""
     field = Airfield(taxiway_side=0, edge_stripe_m=0.0, bars=0, end_m=0.0, field_m=0.0)
-    renderer = Renderer(Sequence(name="plain", seed=1, airfield=field, light=PLAIN, approach=Approach(frames=2)))
+    renderer = Renderer(
+        Sequence(name="plain", seed=1, airfield=field, light=PLAIN, approach=StraightApproach(frames=2))
+    )
     attitude = Attitude(roll_rad=0.05, pitch_rad=-0.04, yaw_rad=0.03)
     pose = nose_pose(np.array([2.0, 60.0, 9.0]), attitude)
     # a white runway on black ground
@@ -68,7 +70,7 @@ def test_gusts_are_smooth_and_as_strong_as_asked(rng: np.random.Generator) -> No
 
 
 def test_an_approach_comes_down_its_slope(rng: np.random.Generator) -> None:
-    approach = Approach(gust_rad=(0.0, 0.0, 0.0), drift_m=(0.0, 0.0, 0.0))
+    approach = StraightApproach(gust_rad=(0.0, 0.0, 0.0), drift_m=(0.0, 0.0, 0.0))
     flown = fly(approach, rng)
     steps = np.diff(flown.position_threshold_m, axis=0)
     np.testing.assert_allclose(steps[:, 1], -2.2, atol=1e-9)
