@@ -147,3 +147,13 @@ def test_modules_have_names_that_say_something() -> None:
 def test_modules_stay_readable() -> None:
     long = {n: k for n, p in modules().items() if (k := len(p.read_text().splitlines())) > 360}
     assert not long, f"too long to find one's way in: {long}"
+
+
+def test_no_two_classes_have_one_name() -> None:
+    """Expected: a class is named after what it alone is, so that it is found by its name."""
+    found: dict[str, list[str]] = {}
+    for name, path in modules().items():
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef):
+                found.setdefault(node.name, []).append(name)
+    assert not {n: places for n, places in found.items() if len(places) > 1}
