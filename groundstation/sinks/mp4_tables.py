@@ -14,6 +14,7 @@ import numpy as np
 _HOLDERS = (b"moov", b"trak", b"mdia", b"minf", b"dinf", b"stbl", b"edts", b"udta", b"ilst", b"mvex", b"meta")
 # bytes of an entry, after a full box's version and flags and the number of entries
 _ENTRY_BYTES = {b"stts": 8, b"ctts": 8, b"stsc": 12, b"stco": 4, b"co64": 8, b"stss": 4, b"elst": 12}
+_MAY_END_EARLY = (b"moov", b"udta", b"meta", b"ilst", b"")
 _HEAD = 8
 _DEEPEST = 10
 
@@ -82,17 +83,21 @@ def _check(kind: bytes, body: bytes, file_bytes: int, depth: int) -> None:
 
 
 def _boxes(body: bytes, holder: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """Yield kind and content of the boxes in one; a few bytes may be left at its end, or an end marker of zeros."""
+    """Yield kind and content of the boxes in one.
+
+    Zeros after the last box are a box of no length to Rerun's reader, at which it stays for ever; so are fewer than
+    eight of them inside a track. QuickTime ends its user data with four, which the reader reports as an error.
+    """
     place = 0
     while place + _HEAD <= len(body):
         size, kind = struct.unpack(">I4s", body[place : place + _HEAD])
-        if not size and not any(body[place:]):
-            return
         if size < _HEAD or place + size > len(body):
             name = holder.decode("latin-1") or "a note"
             raise _UntrueError(f"a box of {size} bytes in {name!r}, where {len(body) - place} are left")
         yield kind, body[place + _HEAD : place + size]
         place += size
+    if place < len(body) and holder not in _MAY_END_EARLY:
+        raise _UntrueError(f"{len(body) - place} bytes after the boxes in {holder.decode('latin-1')!r}")
 
 
 def _check_table(kind: bytes, body: bytes, most: int) -> None:

@@ -49,3 +49,30 @@ def test_what_cannot_be_is_said_and_not_read(tmp_path: Path, kind: bytes, offset
     assert mp4_fault(path).startswith(says)
     with pytest.raises(SessionError, match=says.replace("'", "."), check=lambda e: "left.mp4" in str(e)):
         load_video(VideoAsset(path=path))
+
+
+@pytest.mark.parametrize(
+    ("holders", "zeros", "says"),
+    [
+        ((b"moov", b"udta"), 8, "a box of 0 bytes in 'udta'"),
+        ((b"moov",), 12, "a box of 0 bytes in 'moov'"),
+        ((b"moov", b"trak"), 4, "4 bytes after the boxes in 'trak'"),
+        ((b"moov", b"trak", b"mdia", b"minf", b"stbl"), 128, "a box of 0 bytes in 'stbl'"),
+        ((b"moov", b"trak", b"mdia", b"minf", b"dinf"), 4, "4 bytes after the boxes in 'dinf'"),
+        # QuickTime's end of user data
+        ((b"moov", b"udta"), 4, ""),
+    ],
+)
+def test_zeros_after_the_last_box(tmp_path: Path, holders: tuple[bytes, ...], zeros: int, says: str) -> None:
+    """Expected: refused where Rerun's reader does not end (found by `benchmarks/reader_fuzz.py`)."""
+    path = tmp_path / "left.mp4"
+    write_video(path, range(4), "mp4v")
+    content = bytearray(path.read_bytes())
+    place = content.index(holders[-1]) - 4
+    end = place + struct.unpack_from(">I", content, place)[0]
+    content[end:end] = bytes(zeros)
+    for kind in holders:
+        place = content.index(kind) - 4
+        struct.pack_into(">I", content, place, struct.unpack_from(">I", content, place)[0] + zeros)
+    path.write_bytes(content)
+    assert mp4_fault(path) == says
