@@ -75,4 +75,6 @@ def test_zeros_after_the_last_box(tmp_path: Path, holders: tuple[bytes, ...], ze
         place = content.index(kind) - 4
         struct.pack_into(">I", content, place, struct.unpack_from(">I", content, place)[0] + zeros)
     path.write_bytes(content)
-    assert mp4_fault(path) == says
+    fault = mp4_fault(path)
+    assert fault.startswith(says)
+    assert bool(fault) is bool(says)
