@@ -4,6 +4,8 @@ Nothing is probed, homed or set. The halt goes out before anything is asked: whe
 still stops. Then the unit is asked in its own protocol, so that the caller knows whether it was heard.
 """
 
+import contextlib
+import importlib
 import socket
 import time
 from collections.abc import Callable, Mapping
@@ -32,6 +34,14 @@ from ptu_drivers.transport import SerialTransport
 _REPLY_S = 0.15
 # a connection to a unit's network line is waited for so long in one try
 _OPEN_S = 0.5
+# what is read at the first use otherwise: by a line's scheme and by protocol
+_MODULES = MappingProxyType(
+    {
+        "socket": ("serial.urlhandler.protocol_socket",),
+        "rfc2217": ("serial.rfc2217", "serial.urlhandler.protocol_rfc2217"),
+        "dynamixel": ("ptu_drivers.dynamixel.bus", "ptu_drivers.dynamixel.table"),
+    }
+)
 # a D-series unit drops what comes faster than ten commands a second
 _PACE_S = 0.11
 
@@ -52,11 +62,15 @@ class HaltLine:
     baud: int = 0
 
 
-def with_address(line: HaltLine) -> HaltLine:
-    """Return the same line by its host's number, so that a halt waits for no name server; as it is where none is known.
+def prepared(line: HaltLine) -> HaltLine:
+    """Return the line by its host's number, with all modules read that a halt needs.
 
+    A halt then waits for no name server, and needs little memory. A name that nothing is known of stays as it is.
     Asks the system's resolver, which may take seconds: to be called when the line is set up.
     """
+    with contextlib.suppress(ImportError):
+        for name in ("serial", *_MODULES.get(line.url.partition("://")[0], ()), *_MODULES.get(line.protocol, ())):
+            importlib.import_module(name)
     parts = urlsplit(line.url)
     try:
         host, port = parts.hostname, parts.port

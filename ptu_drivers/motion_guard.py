@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from ptu_drivers.errors import PtuError
-from ptu_drivers.halt_only import HaltLine, halt_once, with_address
+from ptu_drivers.halt_only import HaltLine, halt_once, prepared
 
 # A lease's length, and how long a process may be silent before nothing relies on it. A unit then stands within 1 s,
 # half a second of braking included; renewals come every 0.05 s, so that a busy machine has seven chances.
@@ -29,6 +29,8 @@ HALTING_S = 2.0
 _ORPHANED_S = 10.0
 _BEATS = 2
 _NICE = -10
+# what a halt takes at the most, with room for a thread's stack
+_RESERVE_BYTES = 16 << 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,13 +85,39 @@ class MotionLeases:
         self._values[_BEATS + self.names.index(name)] = 0.0
 
 
+class MemoryReserve:
+    """Memory that is kept for a halt: given back to the system before one, so that it succeeds where there is no other.
+
+    Without it a halt at the limit of the process's address space took up to 1.4 s (`benchmarks/live_kill.py`).
+    """
+
+    def __init__(self, size: int = _RESERVE_BYTES) -> None:
+        self._size = size
+        self._held: bytearray | None = None
+        self.hold()
+
+    @property
+    def held(self) -> bool:
+        """Whether the memory is kept."""
+        return self._held is not None
+
+    def hold(self) -> None:
+        """Take the memory, if there is enough."""
+        with contextlib.suppress(MemoryError):
+            self._held = self._held or bytearray(self._size)
+
+    def release(self) -> None:
+        """Give the memory back."""
+        self._held = None
+
+
 class HaltingThread:
     """Halts one unit whenever it is asked to, in a thread of its own: a line that hangs holds up no other.
 
     Parameters
     ----------
     report : takes what came of it. attempt : one try, as `halt_once`; raises PtuError.
-    find : looks up the line's address, once, before anything is asked.
+    find : prepares the line, once, before anything is asked. reserve : memory for the halt.
     """
 
     def __init__(
@@ -99,9 +127,11 @@ class HaltingThread:
         report: Callable[[GuardReport], None],
         *,
         attempt: Callable[[HaltLine, int], None] = halt_once,
-        find: Callable[[HaltLine], HaltLine] = with_address,
+        find: Callable[[HaltLine], HaltLine] = prepared,
+        reserve: MemoryReserve | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._reserve = reserve
         self._name, self._line, self._report, self._attempt, self._clock = name, line, report, attempt, clock
         self._find = find
         self._asked = threading.Event()
@@ -124,8 +154,12 @@ class HaltingThread:
             self._asked.wait()
             self._halting = True
             self._asked.clear()
+            if self._reserve is not None:
+                self._reserve.release()
             self._report(self._halt())
             self._halting = False
+            if self._reserve is not None:
+                self._reserve.hold()
 
     def _halt(self) -> GuardReport:
         began_s = self._clock()
@@ -190,7 +224,8 @@ def serve_guard(lines: Mapping[str, HaltLine], leases: MotionLeases, pipe: Conne
         with sending, contextlib.suppress(OSError):
             pipe.send(what)
 
-    halting = {name: HaltingThread(name, line, report) for name, line in lines.items()}
+    reserve = MemoryReserve()
+    halting = {name: HaltingThread(name, line, report, reserve=reserve) for name, line in lines.items()}
     expiry = Expiry(leases)
     orphaned_s: float | None = None
     while True:

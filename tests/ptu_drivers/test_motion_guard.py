@@ -13,7 +13,16 @@ import pytest
 from ptu_drivers.errors import NoAnswerError
 from ptu_drivers.halt_only import HaltLine
 from ptu_drivers.messages import Axis
-from ptu_drivers.motion_guard import HALTING_S, LEASE_S, Expiry, GuardReport, HaltingThread, MotionLeases, serve_guard
+from ptu_drivers.motion_guard import (
+    HALTING_S,
+    LEASE_S,
+    Expiry,
+    GuardReport,
+    HaltingThread,
+    MemoryReserve,
+    MotionLeases,
+    serve_guard,
+)
 from ptu_drivers.simulated.line import VirtualLine
 from ptu_drivers.simulated.pelco import PelcoModel, SimulatedPelco
 from ptu_drivers.simulated.server import SimulatedServer
@@ -123,6 +132,23 @@ def test_the_lines_address_is_looked_up_once_and_before_it_is_needed() -> None:
     for _ in range(2):
         thread.request()
         assert tried.get(timeout=10.0) == "socket://192.0.2.7:4000"
+
+
+def test_memory_that_is_kept_for_a_halt_is_free_while_one_goes_on() -> None:
+    reserve, free = MemoryReserve(1000), queue.Queue[bool]()
+    assert reserve.held
+    reports = queue.Queue[GuardReport]()
+    thread = HaltingThread("left", LINE, reports.put, attempt=lambda *_: free.put(not reserve.held), reserve=reserve)
+    for _ in range(2):
+        thread.request()
+        assert free.get(timeout=10.0)
+        assert reports.get(timeout=10.0).acknowledged
+        while thread.busy or not reserve.held:
+            time.sleep(0.001)
+
+
+def test_without_memory_to_keep_the_guard_goes_on() -> None:
+    assert not MemoryReserve(1 << 60).held
 
 
 def test_a_request_during_a_halt_is_another_halt() -> None:

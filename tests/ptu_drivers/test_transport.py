@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ptu_drivers.errors import LineError
-from ptu_drivers.halt_only import HaltLine, with_address
+from ptu_drivers.halt_only import HaltLine, prepared
 from ptu_drivers.transport import SerialTransport
 
 
@@ -99,19 +99,19 @@ def test_a_hosts_name_is_looked_up_ahead(url: str, found: str, monkeypatch: pyte
         socket, "getaddrinfo", lambda *_, **__: [(socket.AF_INET, socket.SOCK_STREAM, 6, "", ("192.0.2.7", 0))]
     )
     line = HaltLine(url=url, protocol="pelco-d", options={"address": 3}, baud=2400)
-    assert with_address(line) == HaltLine(url=found, protocol="pelco-d", options={"address": 3}, baud=2400)
+    assert prepared(line) == HaltLine(url=found, protocol="pelco-d", options={"address": 3}, baud=2400)
 
 
 def test_an_address_of_ipv6_has_its_brackets_and_an_unknown_name_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     known: list[Any] = [(socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("2001:db8::7", 0, 0, 0))]
     monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: known)
-    assert with_address(HaltLine(url="http://unit.lan:11111")).url == "http://[2001:db8::7]:11111"
+    assert prepared(HaltLine(url="http://unit.lan:11111")).url == "http://[2001:db8::7]:11111"
 
     def unknown(*_: object, **__: object) -> list[Any]:
         raise socket.gaierror(-2, "Name or service not known")
 
     monkeypatch.setattr(socket, "getaddrinfo", unknown)
-    assert with_address(HaltLine(url="http://unit.lan:11111")).url == "http://unit.lan:11111"
+    assert prepared(HaltLine(url="http://unit.lan:11111")).url == "http://unit.lan:11111"
 
 
 def test_a_line_that_is_quick_is_open(monkeypatch: pytest.MonkeyPatch, port: HangingPort) -> None:
