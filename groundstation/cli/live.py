@@ -260,7 +260,7 @@ def _words(result: "LiveResult", score: "DayScore | None" = None) -> str:
     """Return how it went, for a person."""
     from groundstation.live.board import dropped_words
     from groundstation.simulation.simulated_day import format_score
-    from groundstation.tracking.count_descriptions import count_words
+    from groundstation.tracking.count_descriptions import describe_counts
 
     done = result.operation
     share = 100.0 * done.tracked / done.epochs if done.epochs else 0.0
@@ -279,7 +279,7 @@ def _words(result: "LiveResult", score: "DayScore | None" = None) -> str:
         lines.append(f"recorded: {result.recorded}")
     if done.dropped:
         lines.append(dropped_words(done.dropped))
-    lines += [f"counted: {what}" for what in count_words(done.counts)]
+    lines += [f"counted: {what}" for what in describe_counts(done.counts)]
     if score is not None:
         lines += ["", format_score(score)]
     lines += ["", *(f"wrote {path}" for path in result.files)]

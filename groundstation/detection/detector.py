@@ -54,7 +54,7 @@ class Detector:
         self._background.reset()
 
     @contextmanager
-    def aside(self) -> Iterator[None]:
+    def state_preserved(self) -> Iterator[None]:
         """Inside, look without learning: what is remembered afterwards is what was before."""
         memory, last, background = self._memory, self._last, self._background
         self._background = background.copy()

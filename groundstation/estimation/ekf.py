@@ -46,7 +46,7 @@ class StationEkf(FilterCore):
     """`FilterCore` and the measurements: encoder readings, pixels, silhouettes' widths, misses, reference positions."""
 
     @contextmanager
-    def ahead(self, t_s: float) -> Iterator[None]:
+    def predicted_ahead(self, t_s: float) -> Iterator[None]:
         """Inside, the filter is as it will be at ``t_s`` if nothing comes until then: to be asked, not to be changed.
 
         Afterwards it is what it was, to the last bit; nothing of it is recorded. An earlier time leaves it where it is.
@@ -55,7 +55,7 @@ class StationEkf(FilterCore):
         try:
             if self.time_s is not None and t_s > self.time_s:
                 self._bank = self._bank.copy()
-                FilterCore._carry(self, self.time_s, t_s)
+                FilterCore._propagate(self, self.time_s, t_s)
             yield
         finally:
             self._bank, self.time_s = kept
@@ -118,7 +118,7 @@ class StationEkf(FilterCore):
             correlated_part(H, x, covariance_px2, offset.start, correlated_share, measured)
             R = (1.0 - correlated_share) * covariance_px2
         if in_view[0, 0] + in_view[1, 1] > _VAGUE_SIGMA**2 * (covariance_px2[0, 0] + covariance_px2[1, 1]):
-            placed = self._placed_anew(
+            placed = self._reinitialise_range(
                 Seen(station=station, pixel=pixel, covariance_px2=covariance_px2, row_dt_s=row_dt_s)
             )
             if placed is not None:
@@ -141,33 +141,33 @@ class StationEkf(FilterCore):
                 if in_view[0, 0] > _SETTLED_SIGMA**2 * R[0, 0] or in_view[1, 1] > _SETTLED_SIGMA**2 * R[1, 1]:
                     state = (x, P, self._estimated())
                     first = Linearised(jacobian=H, residual=residual)
-                    seen = self._bends.iterated(station, measured, first, state, R, (row_dt_s, self._age_s()))
+                    seen = self._linearisation.iterated(station, measured, first, state, R, (row_dt_s, self._age_s()))
                     H, moved = seen.jacobian, seen.residual
-            if self._bends.carries_clock(station):
-                R = R + self._bends.speed_noise(station, H, P, self._age_s())
+            if self._linearisation.carries_clock(station):
+                R = R + self._linearisation.speed_noise(station, H, P, self._age_s())
                 if self._learns_clocks:
-                    R += self._bends.passage_noise(station, H, (x, P), self._age_s(), self._motions[0])
+                    R += self._linearisation.passage_noise(station, H, (x, P), self._age_s(), self._motions[0])
             self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
             self._note_contribution(station)
-        if self._young is not None:
-            self._grow_up(self._young.after(accepted=accepted))
+        if self._provisional is not None:
+            self._judge_provisional(self._provisional.after(accepted=accepted))
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 
-    def _grow_up(self, track: ProvisionalTrack) -> None:
+    def _judge_provisional(self, track: ProvisionalTrack) -> None:
         """Judge a young track by its pixels; begin it again where the first of them were the wrong ones."""
-        self._young = None if track.confirmed else track
+        self._provisional = None if track.confirmed else track
         if track.refuted:
-            self._begin_again(track)
+            self._restart_provisional(track)
 
-    def _begin_again(self, start: ProvisionalTrack) -> None:
+    def _restart_provisional(self, start: ProvisionalTrack) -> None:
         self.starts_taken_back += 1
-        self._young = replace(start, accepted=0, refused=0, in_a_row=0)
+        self._provisional = replace(start, accepted=0, refused=0, consecutive_refusals=0)
         self._place_target(start, 0.0 if self.time_s is None else self.time_s - start.t_s)
 
-    def _placed_anew(self, seen: Seen) -> Innovation | None:
+    def _reinitialise_range(self, seen: Seen) -> Innovation | None:
         """Put a target that one other camera has held alone to where the two rays meet; None where it is not so."""
         x, P, age_s = self.state, self.covariance, self._age_s()
-        held = self._second.holder(seen, x, P, age_s)
+        held = self._second_view.holder(seen, x, P, age_s)
         if held is None:
             return None
         try:
@@ -179,7 +179,7 @@ class StationEkf(FilterCore):
         meeting = midpoint(rays)
         if meeting is None:
             return None
-        placed = self._second.place((held, seen), rays[0].origin_runway_m, meeting[0], (x, P), age_s)
+        placed = self._second_view.place((held, seen), rays[0].origin_runway_m, meeting[0], (x, P), age_s)
         if placed is None or placed.square > self._width_gate:
             return None
         self._bank.place(self.layout.target, placed.target, placed.covariance)
@@ -203,20 +203,20 @@ class StationEkf(FilterCore):
         """
         teaches = self._config.calibration is CalibrationUse.REFERENCE and self._rig_is_open()
         if self._watch_reference_clock(position_m, covariance_m2, ahead_s):
-            self._open_reference_clock()
+            self._reopen_reference_clock()
         expected, R = self._expect_reference(covariance_m2, ahead_s)
         residual = position_m - expected.value
         S = innovation_covariance(self.covariance, expected.jacobian, R)
         nis = float(residual @ np.linalg.solve(S, residual))
         if teaches and self._replaces(nis, may_replace=may_replace):
-            return self._adopt(position_m, covariance_m2, ahead_s)
+            return self._adopt_reference(position_m, covariance_m2, ahead_s)
         accepted = nis <= self._reference_gate
         self._references_refused = self._references_refused + 1 if may_replace and not accepted else 0
         # a receiver that contradicted better evidence has to agree once before it may replace anything
         self._reference_contradicted = not accepted and (self._reference_contradicted or not may_replace)
         if accepted:
             self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
-            self._young = None
+            self._provisional = None
             self._bank.correct(residual, expected.jacobian, R, self._estimated(), telling=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
 
@@ -250,7 +250,7 @@ class StationEkf(FilterCore):
         S = innovation_covariance(self.covariance, expected.jacobian, R)
         return has_stepped(position_m - expected.value, S, self.state[self.layout.velocity])
 
-    def _open_reference_clock(self) -> None:
+    def _reopen_reference_clock(self) -> None:
         """Let the reference's clock be off by as much as one that nobody knows; what it was is no more than a hint."""
         place = self.layout.parameters[REFERENCE_CLOCK]
         self._bank.doubt(slice(place, place + 1), np.array([self._config.reference_clock_sigma_s**2]))
@@ -266,7 +266,7 @@ class StationEkf(FilterCore):
         ]
         return not shares or max(shares) > _OPEN_SHARE
 
-    def _adopt(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float) -> Innovation:
+    def _adopt_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float) -> Innovation:
         """Put the target where a reference says, with the doubt and the correlations of its clock and antenna."""
         expected = self._reference.predict(self.state, ahead_s, self._age_s())
         residual = position_m - expected.value
@@ -283,7 +283,7 @@ class StationEkf(FilterCore):
         self._bank.share(self.layout.position, self.layout.constant, -expected.jacobian[:, self.layout.constant])
         self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
         self._references_refused, self._reference_contradicted = 0, False
-        self._young = None
+        self._provisional = None
         return Innovation(residual=residual, covariance=around, nis=0.0, dof=0, accepted=True)
 
     def update_width(self, station: str, width_px: float, span_m: float, *, alone: bool) -> Innovation | None:
@@ -296,7 +296,7 @@ class StationEkf(FilterCore):
         expected = self._widths[station].predict(self.state, span_m, *self.angles(station))
         if expected is None or width_px <= 0.0:
             return None
-        self._age_span(width_px)
+        self._inflate_span(width_px)
         residual = np.array([math.log(width_px)]) - expected.value
         R = np.array([[self._config.width_sigma_log**2]])
         S = innovation_covariance(self.covariance, expected.jacobian, R)
@@ -307,7 +307,7 @@ class StationEkf(FilterCore):
             self._bank.correct(residual, expected.jacobian, R, estimated, telling=False)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=1, accepted=accepted)
 
-    def _age_span(self, width_px: float) -> None:
+    def _inflate_span(self, width_px: float) -> None:
         """Let what was learnt of the span age since the last width, the sooner the smaller the silhouette."""
         if self._span is None or self.time_s is None or not self._span_ages:
             return
@@ -316,7 +316,7 @@ class StationEkf(FilterCore):
             self._bank.doubt(slice(self._span, self._span + 1), np.array([grown]))
         self._width_s = self.time_s
 
-    def absorb_miss(self, station: str, detection_probability: float) -> None:
+    def update_miss(self, station: str, detection_probability: float) -> None:
         """Take in that a camera which looked has seen nothing.
 
         The part of the prediction that lies inside counts (1 − P_D) of what it did; the Gaussian with the moments

@@ -54,7 +54,7 @@ class EncoderFeed:
         self._max_rate = math.radians(config.ptu_max_rate_deg_s)
         # replaced, never written to: snapshots hold it
         self._known: Mapping[str, _Known] = {}
-        self._began_anew = False
+        self._axis_restarted = False
 
     def read(self, sample: PtuSample) -> str | None:
         """Fuse one reading, at or after the filter's time; return a line for the log if something was odd."""
@@ -76,7 +76,7 @@ class EncoderFeed:
         if known.suspect is not None:
             note = self._settle(known.suspect, sample, ahead)
             known = known._replace(suspect=None)
-            if self._began_anew:
+            if self._axis_restarted:
                 # the axis stands on this very reading now: it must not count twice
                 return note, known._replace(newest_s=sample.t_s)
         innovation = self._ekf.update_encoder(
@@ -149,7 +149,7 @@ class EncoderFeed:
 
     def _settle(self, suspect: PtuSample, sample: PtuSample, ahead_s: float) -> str | None:
         """Decide what the reading before was, now that another is here, ``ahead_s`` after the filter's time."""
-        self._began_anew = False
+        self._axis_restarted = False
         dt = sample.t_s - suspect.t_s
         if dt <= 0.0:
             return None
@@ -159,7 +159,7 @@ class EncoderFeed:
         off, back = self._off(sample, ahead_s), self._off(suspect, ahead_s - dt)
         moved = off > 0.5 * back and max(abs(pan_rate), abs(tilt_rate)) <= self._max_rate
         where = f"station {sample.station}: PTU reading at {suspect.t_s:.3f} s"
-        self._began_anew = moved
+        self._axis_restarted = moved
         if moved:
             now = (sample.pan_rad - ahead_s * pan_rate, sample.tilt_rad - ahead_s * tilt_rate)
             self._ekf.set_angles(sample.station, now, (pan_rate, tilt_rate), sigma)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.clock_watch import ClockWatch
+from groundstation.estimation.clock_monitor import ClockMonitor
 from groundstation.estimation.compiled_filter import BoolArray, innovation_covariance
 from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.field_of_view import probability_in_view
@@ -19,7 +19,7 @@ from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior, pointi
 from groundstation.estimation.provisional_track import ProvisionalTrack
 from groundstation.estimation.second_view import SecondView
 from groundstation.estimation.silhouette import WidthModel
-from groundstation.estimation.state import EkfState, Remembered, StateLayout, state_layout
+from groundstation.estimation.state import EkfState, EkfStateFields, StateLayout, state_layout
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import CarriedError, Kinematics
@@ -75,17 +75,17 @@ class FilterCore:
         self._widths = {name: WidthModel(self.layout, geometry) for name, geometry in stations.items()}
         self._width_gate = float(chi2.ppf(config.gate_probability, 1))
         self._reference = ReferenceModel(self.layout)
-        self._bends = PixelLinearisation(self.layout, self._pixels)
-        self._second = SecondView(self.layout, self._pixels)
+        self._linearisation = PixelLinearisation(self.layout, self._pixels)
+        self._second_view = SecondView(self.layout, self._pixels)
         self._pointing = {name: pointing_places(self.layout.parameters, name) for name in stations}
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
         # clocks and shutters would be learnt from the encoders' noise, which looks like motion
-        self._taught = self._all.copy()
+        self._learnt_from_reference = self._all.copy()
         for name in stations:
-            self._taught[time_places(self.layout.parameters, name)] = False
-        self._watch = ClockWatch.of({name: time_places(self.layout.parameters, name) for name in turning})
+            self._learnt_from_reference[time_places(self.layout.parameters, name)] = False
+        self._watch = ClockMonitor.of({name: time_places(self.layout.parameters, name) for name in turning})
         self._learns_clocks = config.calibration is CalibrationUse.ESTIMATE
         self._rig_uncertain = any(name.partition(".")[2] in CALIBRATION_PARAMETERS for name in prior.names)
         self._span_only = np.zeros(self.layout.size, np.bool_)
@@ -104,7 +104,7 @@ class FilterCore:
         self._contributed_s: Mapping[str, float] = {}
         # when a width was last fused of this target
         self._width_s: float | None = None
-        self._young: ProvisionalTrack | None = None
+        self._provisional: ProvisionalTrack | None = None
         self.starts_taken_back = 0
 
     # ------------------------------------------------------------------------------------------ state
@@ -161,9 +161,9 @@ class FilterCore:
 
     def snapshot(self) -> EkfState:
         """Return all that the filter is now."""
-        return EkfState(*self._remembered())
+        return EkfState(*self._state_fields())
 
-    def _remembered(self) -> Remembered:
+    def _state_fields(self) -> EkfStateFields:
         """Return the fields of `EkfState`, in their order; none of them is ever written over."""
         return (
             self.time_s,
@@ -174,7 +174,7 @@ class FilterCore:
             self._newest_reference_s,
             self._references_refused,
             self._reference_contradicted,
-            self._young,
+            self._provisional,
             self.starts_taken_back,
             self._watch,
             self._contributed_s,
@@ -188,7 +188,7 @@ class FilterCore:
         self._read, self._newest_reference_s = saved.read, saved.newest_reference_s
         self._references_refused = saved.references_refused
         self._reference_contradicted = saved.reference_contradicted
-        self._young, self.starts_taken_back = saved.young, saved.starts_taken_back
+        self._provisional, self.starts_taken_back = saved.provisional, saved.starts_taken_back
         self._watch, self._contributed_s = saved.watch, saved.contributed_s
         self._width_s = saved.width_s
 
@@ -218,7 +218,7 @@ class FilterCore:
         now_s = 0.0 if self.time_s is None else self.time_s
         begun = ProvisionalTrack(t_s=now_s - age_s, mean=mean, covariance=covariance, triangulated=triangulated)
         # the paper's weighting stays the paper's, with what comes of it
-        self._young = None if self._config.out_of_view is OutOfViewWeighting.PAPER else begun
+        self._provisional = None if self._config.out_of_view is OutOfViewWeighting.PAPER else begun
         self._place_target(begun, age_s)
 
     def _place_target(self, begun: ProvisionalTrack, age_s: float) -> None:
@@ -237,15 +237,15 @@ class FilterCore:
         self._bank.forget_modes()
         self.has_target = True
         if begun.triangulated and self.layout.parameters:
-            self._allow_for_rig(start, F @ covariance @ F.T + Q)
+            self._correlate_with_rig(start, F @ covariance @ F.T + Q)
 
-    def _allow_for_rig(self, start: FloatArray, covariance: FloatArray) -> None:
+    def _correlate_with_rig(self, start: FloatArray, covariance: FloatArray) -> None:
         """Move a start (6,) that was triangulated by the rig file to where the errors learnt since put it."""
         target, constant = self.layout.target, self.layout.constant
         sensitivity = None
         # how a point moves with the errors depends on where it is: the second look is from the better place
         for _ in range(2):
-            sensitivity = self._bends.sensitivity(self.state, self._age_s())
+            sensitivity = self._linearisation.sensitivity(self.state, self._age_s())
             if sensitivity is None:
                 return
             self._bank.place(target, start + sensitivity @ self.state[constant], covariance)
@@ -266,7 +266,7 @@ class FilterCore:
         """Forget the target; the PTUs' angles and what was learnt of the rig stay."""
         self._bank.place(self.layout.target, np.zeros(6), np.zeros((6, 6)))
         self.has_target = False
-        self._young = None
+        self._provisional = None
         self._newest_reference_s = -math.inf
         self._contributed_s = {}
 
@@ -307,9 +307,9 @@ class FilterCore:
         if self.time_s is None:
             self.time_s = self._first_s = t_s
         if t_s > self.time_s:
-            self._carry(self.time_s, t_s)
+            self._propagate(self.time_s, t_s)
 
-    def _carry(self, from_s: float, to_s: float) -> FloatArray:
+    def _propagate(self, from_s: float, to_s: float) -> FloatArray:
         """Carry the state from its time to a later one and return the transition F (n, n)."""
         F, noises = self._motions[0].with_noises(self._psds, to_s - from_s)
         if not self.has_target:
@@ -322,7 +322,7 @@ class FilterCore:
         """Return the target's predicted pixel in one camera now; None if behind it."""
         return self._pixels[station].predict(self.state, row_dt_s, self._age_s())
 
-    def in_view(self, station: str) -> float:
+    def probability_in_view(self, station: str) -> float:
         """Return how likely the target is inside a camera's image now."""
         prediction = self.predict_pixel(station)
         if prediction is None:
@@ -342,7 +342,7 @@ class FilterCore:
             case CalibrationUse.CONSIDER:
                 return self._moving
             case CalibrationUse.REFERENCE:
-                return self._taught
+                return self._learnt_from_reference
 
     def _estimated(self) -> BoolArray:
         """Return which states (n,) an update may move."""

@@ -1,10 +1,10 @@
-"""A target that one camera has held for long is placed anew when a second camera sees it.
+"""Re-initialisation of a target that one camera has tracked alone, when a second camera detects it.
 
-One camera alone tells where the target is across its ray. Along the ray the filter has what the motion model allows,
-a needle of tens of metres after seconds; and since each pixel was linearised where the needle's middle was thought to
-be, the needle is too short, and not quite where the ray is. An update by the second camera's pixel takes all that for
-knowledge. What the first camera does know is where the target is in its own image, and how fast it moves there: so
-those two are kept, the position is where the two rays meet, and the velocity is what `BearingOnlyPrior` says there.
+The pixels of one camera determine the target across the camera's ray. Along the ray the covariance grows by the motion
+model to tens of metres within seconds; since each pixel was linearised about the mean at its time, that covariance is
+too short and slightly off the ray. A plain update with the second camera's pixel would treat the difference as
+information. The bearing in the first camera and its rate are well observed. They are kept: the new position is the
+intersection of the two rays and the new velocity follows from `BearingOnlyPrior` at that point.
 docs/derivation.md, "Placed anew".
 """
 
@@ -22,11 +22,12 @@ from groundstation.estimation.compiled_filter import innovation_covariance
 from groundstation.estimation.measurement import PixelModel, PixelPrediction
 from groundstation.estimation.state import StateLayout
 
-# a pixel meets a needle where one sigma along that bends it by more sigmas of its noise, or is more of the depth, …
+# re-initialisation applies where one sigma along the ray bends the pixel by more sigmas of its noise, or exceeds this
+# share of the depth, …
 _BENT_SIGMA, _LONG_SHARE = 1.0, 0.1
-# … and that is pinned by a camera in whose image it is straight to this, and known to so many sigmas of noise
+# … and another camera observes the target with a bend and a spread below these many sigmas of noise
 _STRAIGHT_SIGMA, _PINNED_SIGMA = 1.0, 10.0
-# a prior that is off by more sigmas of its length is none of this target
+# an intersection further from the prior than this many sigmas of its distance is not the same target
 _MOST_SIGMA = 6.0
 _BEHIND = 1e3  # residual where a trial point is behind a camera, sigmas
 _NOTHING = np.zeros((2, 2))
@@ -44,11 +45,11 @@ class Seen:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reinitialisation:
-    """A target placed anew.
+    """A re-initialised target.
 
-    ``target`` (6,) position and velocity, ``covariance`` (6, 6) without what the rig does to it, ``sensitivity``
+    ``target`` (6,) position and velocity, ``covariance`` (6, 6) without the contribution of the rig, ``sensitivity``
     (6, m) to the carried errors; ``residual`` (2,) of the second camera's pixel, px, with covariance (2, 2); ``square``
-    is how far the rays miss each other, χ² of one degree of freedom.
+    is the squared miss distance of the rays, χ² with one degree of freedom.
     """
 
     target: FloatArray
@@ -60,16 +61,17 @@ class Reinitialisation:
 
 
 class SecondView:
-    """Finds whether a pixel meets a needle, and places the target anew from the two rays."""
+    """Detects when a pixel needs a re-initialisation, and computes the target from the two rays."""
 
     def __init__(self, layout: StateLayout, pixels: Mapping[str, PixelModel]) -> None:
         self._layout = layout
         self._pixels = pixels
 
     def holder(self, seen: Seen, x: FloatArray, P: FloatArray, age_s: float) -> Seen | None:
-        """Return another camera that pins the target, with the pixel where the filter (n,), (n, n) has it there.
+        """Return the camera that has tracked the target so far, with the pixel predicted from x (n,), P (n, n).
 
-        None where it takes none: the prior must be long, or bent for this pixel, and straight for the other camera.
+        None where no re-initialisation is needed: the prior has to be long, or non-linear for this pixel, and linear
+        for the other camera.
         """
         noise = math.sqrt((seen.covariance_px2[0, 0] + seen.covariance_px2[1, 1]) / 2.0)
         own = self._pixels[seen.station].predict(x, 0.0, age_s)
@@ -97,30 +99,31 @@ class SecondView:
         prior: tuple[FloatArray, FloatArray],
         age_s: float,
     ) -> Reinitialisation | None:
-        """Return the target where two rays meet, or None where that is behind a camera or far off the prior.
+        """Return the target at the intersection of two rays; None if it is behind a camera or far from the prior.
 
         Parameters
         ----------
         views : the holder's, and the second camera's pixel.
-        rays_from_m : where the holder's rays begin (3,).
-        near_m : about where the rays meet (3,).
+        rays_from_m : origin of the holder's rays (3,).
+        near_m : approximate intersection of the rays (3,).
         prior : x (n,), P (n, n).
         """
         x, P = prior
-        needle = BearingOnlyPrior(x[self._layout.target], P[self._layout.target, self._layout.target], rays_from_m)
-        problem = _Meeting(self._layout, self._pixels, views, needle, x, age_s)
+        target = self._layout.target
+        bearing_prior = BearingOnlyPrior(x[target], P[target, target], rays_from_m)
+        problem = _Meeting(self._layout, self._pixels, views, bearing_prior, x, age_s)
         if not problem.weigh(near_m, P):
             return None
         fit = least_squares(problem.residuals, near_m, jac=problem.jacobian, x_scale="jac")
-        if problem.looks(fit.x) is None or needle.sigmas_to(fit.x) > _MOST_SIGMA:
+        if problem.predictions(fit.x) is None or bearing_prior.sigmas_to(fit.x) > _MOST_SIGMA:
             return None
         J = problem.jacobian(fit.x)
         spread = np.linalg.inv(J.T @ J)
-        slope, by_errors = needle.velocity_slope(fit.x), -spread @ J.T @ problem.by_errors(fit.x)
-        velocity = slope @ spread @ slope.T + needle.velocity_spread(fit.x)
+        slope, by_errors = bearing_prior.velocity_slope(fit.x), -spread @ J.T @ problem.by_errors(fit.x)
+        velocity = slope @ spread @ slope.T + bearing_prior.velocity_spread(fit.x)
         residual, covariance = problem.of_second(fit.fun)
         return Reinitialisation(
-            target=np.concatenate([fit.x, needle.velocity(fit.x)]),
+            target=np.concatenate([fit.x, bearing_prior.velocity(fit.x)]),
             covariance=np.block([[spread, spread @ slope.T], [slope @ spread, velocity]]),
             sensitivity=np.vstack([by_errors, slope @ by_errors]),
             residual=residual,
@@ -129,7 +132,7 @@ class SecondView:
         )
 
     def _bend(self, station: str, here: PixelPrediction | None, x: FloatArray, off: FloatArray, age_s: float) -> float:
-        """Return how much a step ``off`` (n,) either way bends the pixel that is ``here``, px; inf if behind."""
+        """Return the second difference of the pixel ``here`` for steps ±``off`` (n,), px; inf if behind the camera."""
         model = self._pixels[station]
         before, after = model.predict(x - off, 0.0, age_s), model.predict(x + off, 0.0, age_s)
         if before is None or here is None or after is None:
@@ -148,66 +151,66 @@ def _longest_axis(P: FloatArray, axis: FloatArray) -> float:
 
 
 class _Meeting:
-    """The least-squares problem of one point (3,) that two pixels see; residuals in sigmas, (4,)."""
+    """The least-squares problem of one point (3,) observed by two pixels; residuals in sigmas, (4,)."""
 
     def __init__(
         self,
         layout: StateLayout,
         pixels: Mapping[str, PixelModel],
         views: tuple[Seen, Seen],
-        needle: BearingOnlyPrior,
+        prior: BearingOnlyPrior,
         x: FloatArray,
         age_s: float,
     ) -> None:
         self._layout, self._pixels, self._views = layout, pixels, views
-        self._needle, self._x, self._age_s = needle, x, age_s
+        self._prior, self._x, self._age_s = prior, x, age_s
         self._roots: list[FloatArray] = []
 
-    def looks(self, point_m: FloatArray) -> list[PixelPrediction] | None:
+    def predictions(self, point_m: FloatArray) -> list[PixelPrediction] | None:
         """Return both cameras' predictions of a target at a point (3,), None behind one of them."""
         state = self._x.copy()
-        state[self._layout.target] = np.concatenate([point_m, self._needle.velocity(point_m)])
+        state[self._layout.target] = np.concatenate([point_m, self._prior.velocity(point_m)])
         found = [self._pixels[v.station].predict(state, v.row_dt_s, self._age_s) for v in self._views]
         ahead = [p for p in found if p is not None]
         return ahead if len(ahead) == len(found) else None
 
     def weigh(self, point_m: FloatArray, P: FloatArray) -> bool:
-        """Set the noises: of the pixels, of the angles, and of where the velocity takes the target until exposure."""
-        looks = self.looks(point_m)
-        if looks is None:
+        """Set the noise of each pixel: of the detection, of the angles and of the motion until the exposure."""
+        predictions = self.predictions(point_m)
+        if predictions is None:
             return False
-        spread = self._needle.velocity_spread(point_m)
-        for view, look in zip(self._views, looks, strict=True):
-            late = look.jacobian[:, self._layout.velocity]
+        spread = self._prior.velocity_spread(point_m)
+        for view, prediction in zip(self._views, predictions, strict=True):
+            late = prediction.jacobian[:, self._layout.velocity]
             R = view.covariance_px2 + late @ spread @ late.T
             angles = self._layout.angles.get(view.station)
             if angles is not None:
-                R = R + look.jacobian[:, angles] @ P[angles, angles] @ look.jacobian[:, angles].T
+                R = R + prediction.jacobian[:, angles] @ P[angles, angles] @ prediction.jacobian[:, angles].T
             self._roots.append(np.asarray(np.linalg.cholesky(R), dtype=np.float64))
         return True
 
     def residuals(self, point_m: FloatArray) -> FloatArray:
-        """Return seen − predicted in sigmas, (4,)."""
-        looks = self.looks(point_m)
-        if looks is None:
+        """Return measured − predicted in sigmas, (4,)."""
+        predictions = self.predictions(point_m)
+        if predictions is None:
             return np.full(4, _BEHIND)
-        off = [v.pixel - p.pixel for v, p in zip(self._views, looks, strict=True)]
+        off = [v.pixel - p.pixel for v, p in zip(self._views, predictions, strict=True)]
         return np.concatenate([np.linalg.solve(L, each) for L, each in zip(self._roots, off, strict=True)])
 
     def jacobian(self, point_m: FloatArray) -> FloatArray:
-        """Return ∂residuals/∂point, (4, 3); the velocity goes with the point."""
-        slope = self._needle.velocity_slope(point_m)
+        """Return ∂residuals/∂point, (4, 3); the velocity depends on the point."""
+        slope = self._prior.velocity_slope(point_m)
         here, speed = self._layout.position, self._layout.velocity
-        looks = self.looks(point_m)
-        if looks is None:
+        predictions = self.predictions(point_m)
+        if predictions is None:
             return np.zeros((4, 3))
-        own = [p.jacobian[:, here] + p.jacobian[:, speed] @ slope for p in looks]
+        own = [p.jacobian[:, here] + p.jacobian[:, speed] @ slope for p in predictions]
         return -np.vstack([np.linalg.solve(L, each) for L, each in zip(self._roots, own, strict=True)])
 
     def by_errors(self, point_m: FloatArray) -> FloatArray:
         """Return ∂residuals/∂(carried errors), (4, m)."""
-        looks = self.looks(point_m) or []
-        own = [p.jacobian[:, self._layout.constant] for p in looks]
+        predictions = self.predictions(point_m) or []
+        own = [p.jacobian[:, self._layout.constant] for p in predictions]
         return -np.vstack([np.linalg.solve(L, each) for L, each in zip(self._roots, own, strict=True)])
 
     def of_second(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,18 +1,19 @@
-"""The whole flight, looked at from its end: what the filter would have said had it known what came later.
+"""Fixed-interval smoother: estimates of the whole flight, given the measurements before and after each time.
 
-Rauch, Tung & Striebel's backward pass over the filter's own models, along its history
-(`groundstation.estimation.smoother_history`). It begins where a target was given up or the flight ends and stops where
-it was begun. Linearisations are the filter's.
+Rauch-Tung-Striebel backward pass over the models of the filter, along its history
+(`groundstation.estimation.smoother_history`). A pass begins where a track ends and stops where it was started. The
+linearisation points are those of the filter.
 
-- With several modes it is the mixture's mean and covariance that are smoothed, in one step for all: a moment-matched
-  approximation, as the filter's output is.
-- Errors of calibration and clocks have no noise, so C is the identity for them: what was learnt of them later holds
-  before. Where they are only considered nothing is learnt: they keep value and variance, and what they cause in the
-  track stays in its covariance, however long the flight. There the rest is approximate, since Rauch's formula supposes
-  the optimal gain, which is not Schmidt's.
+- With several modes, mean and covariance of the mixture are smoothed in one step: a moment-matched approximation, as
+  is the output of the filter.
+- Errors of calibration and clocks have no process noise, so that C is the identity for them: later estimates hold for
+  all earlier times. Consider parameters keep value and variance, and their contribution stays in the covariance of the
+  track for any length of flight. The other states are then approximate, since the Rauch-Tung-Striebel equations assume
+  the optimal gain, not that of Schmidt.
 
-Memory: the tape takes 24 n² bytes for each step of n states. Beyond ``max_bytes`` the older half of what is held is
-smoothed and let go: for it the future ends where the tape ended then, far later than a target remembers.
+Memory: the history takes 24 n² bytes for each step of n states. Beyond ``max_bytes`` the older half of the buffered
+steps is smoothed and released: measurements after that point do not reach it. The lag is much longer than the memory
+of the target states.
 """
 
 import math
@@ -21,9 +22,9 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.smoother_history import Cut, MotionOver, Record, Transition, back, back_into
+from groundstation.estimation.smoother_history import Cut, MotionOver, Record, Transition, smooth_across, smooth_within
 
-Found = Callable[[float, FloatArray, FloatArray], None]
+SmoothedCallback = Callable[[float, FloatArray, FloatArray], None]
 _ROUNDING_S = 1e-9
 _BYTES = 8
 _MATRICES = 3
@@ -31,28 +32,28 @@ _LEAST_STEPS = 200
 
 
 class Smoother:
-    """Takes a tape as it is let go, and gives means and covariances at wanted times.
+    """Receives the released records of a filter history and computes means and covariances at requested times.
 
     Parameters
     ----------
     motion_over : (dt in s, mode weights) → F, Q, as `StationEkf.motion_over`.
-    found : takes each answer: time in s, mean (n,), covariance (n, n). Times without a target get none.
-    max_bytes : how much of the tape may be held.
+    found : receives each result: time in s, mean (n,), covariance (n, n); not called for times without a target.
+    max_bytes : maximum size of the buffered records.
     """
 
-    def __init__(self, motion_over: MotionOver, found: Found, max_bytes: float = 2.5e8) -> None:
+    def __init__(self, motion_over: MotionOver, found: SmoothedCallback, max_bytes: float = 2.5e8) -> None:
         self._motion_over = motion_over
         self._found = found
         self._max_bytes = max_bytes
         self._held: deque[Transition] = deque()
-        self._wanted: list[float] = []
+        self._requested: list[float] = []
 
-    def want(self, t_s: float) -> None:
-        """Ask for an answer at a time; to be asked before the tape has gone past it by half its bound."""
-        self._wanted.insert(bisect_left(self._wanted, t_s), t_s)
+    def request(self, t_s: float) -> None:
+        """Request an estimate at a time; to be called before the buffer has advanced past it by half its size."""
+        self._requested.insert(bisect_left(self._requested, t_s), t_s)
 
     def take(self, record: Record) -> None:
-        """Take the next record that nothing will change any more."""
+        """Add the next final record."""
         if isinstance(record, Cut):
             self._smooth(record.t_s, record.x, record.P, keep=0)
             return
@@ -63,29 +64,29 @@ class Smoother:
             self._smooth(newest.t_s, newest.x, newest.P, keep=len(self._held) // 2)
 
     def _smooth(self, t_s: float, x: FloatArray, P: FloatArray, keep: int) -> None:
-        """Go back from the newest state; answer and let go of all but the newest ``keep`` steps."""
+        """Smooth backwards from the newest state; release all but the newest ``keep`` steps."""
         steps = list(self._held)
         count = len(steps) - keep
         until_s = self._held[count].t_s if keep else math.inf
         if keep:
-            # the state before the newest step is the one begun with
+            # the pass starts with the state before the newest step
             steps.pop()
         else:
-            for wanted in self._taken(t_s - _ROUNDING_S, t_s + _ROUNDING_S):
+            for wanted in self._pop_requested(t_s - _ROUNDING_S, t_s + _ROUNDING_S):
                 self._found(wanted, x, P)
         for step in reversed(steps):
-            for wanted in self._taken(step.t_s, min(step.next_s, until_s)):
-                self._found(wanted, *back_into(step, wanted, x, P, self._motion_over))
-            x, P = back(step, x, P)
+            for wanted in self._pop_requested(step.t_s, min(step.next_s, until_s)):
+                self._found(wanted, *smooth_within(step, wanted, x, P, self._motion_over))
+            x, P = smooth_across(step, x, P)
         for _ in range(count):
             self._held.popleft()
-        # what lies before the first step had no target
+        # before the first step there was no target
         if steps:
-            del self._wanted[: bisect_left(self._wanted, steps[0].t_s)]
+            del self._requested[: bisect_left(self._requested, steps[0].t_s)]
 
-    def _taken(self, from_s: float, to_s: float) -> Iterator[float]:
-        """Take the wanted times of [from, to) off the list."""
-        first, last = bisect_left(self._wanted, from_s), bisect_left(self._wanted, to_s)
-        taken = self._wanted[first:last]
-        del self._wanted[first:last]
+    def _pop_requested(self, from_s: float, to_s: float) -> Iterator[float]:
+        """Remove and return the requested times in [from, to)."""
+        first, last = bisect_left(self._requested, from_s), bisect_left(self._requested, to_s)
+        taken = self._requested[first:last]
+        del self._requested[first:last]
         return iter(taken)

@@ -1,12 +1,12 @@
-"""What the filter has gone through, kept so that one can go back along it (Rauch, Tung & Striebel 1965).
+"""History of the filter's transitions, for the backward pass of Rauch, Tung & Striebel (1965).
 
-Between two measurements a state goes from x with P to x⁺ = F x + noise with P⁺: by a prediction, or by a reset that
-forgets. What is known later, x̂⁺ with P̂⁺, is carried back by C = P Fᵀ (P⁺)⁻¹:
+Between two measurements the state changes from x with P to x⁺ = F x + noise with P⁺, by a prediction or by a reset of
+some states. The smoothed estimate after it, x̂⁺ with P̂⁺, gives the one before it with C = P Fᵀ (P⁺)⁻¹:
 
     x̂ = x + C (x̂⁺ − x⁺),   P̂ = P + C (P̂⁺ − P⁺) Cᵀ
 
-A reset of some states is a transition whose F has zero rows there: C's columns vanish, and nothing that was learnt
-after it reaches what those states were before.
+A reset of some states is a transition whose F has zero rows for them: the columns of C vanish, and later measurements
+do not affect those states before the reset.
 """
 
 from collections import deque
@@ -17,17 +17,17 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 
-# of a correlation matrix: keeps it positive where a state is known exactly
+# added to the diagonal of a correlation matrix, which keeps it positive definite for exactly known states
 _RELATIVE_FLOOR = 1e-13
 
 
-# five for each pair of frames: not frozen, which would take making one twice as long
+# five per epoch: not frozen, since frozen ones take twice as long to create
 @dataclass(slots=True, kw_only=True, eq=False)
 class Transition:
-    """A step of the filter without a measurement, from ``t_s`` to ``next_s``.
+    """A transition of the filter without a measurement, from ``t_s`` to ``next_s``.
 
-    ``x`` (n,) and ``P`` (n, n) before it, all measurements until then included; ``F`` (n, n); ``x_next`` and ``P_next``
-    right after it. ``weights`` (r,) are those of the modes in a prediction. Not to be written to.
+    ``x`` (n,) and ``P`` (n, n) are the filtered estimate before it, ``F`` (n, n) its matrix, ``x_next`` and ``P_next``
+    the estimate right after it, ``weights`` (r,) the mode weights of a prediction. Arrays are read-only.
     """
 
     t_s: float
@@ -42,7 +42,7 @@ class Transition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cut:
-    """The end of a target at ``t_s``: its last state ``x`` (n,) with ``P`` (n, n); nothing goes back across it."""
+    """The end of a track at ``t_s``: its last state ``x`` (n,) with ``P`` (n, n); smoothing does not cross it."""
 
     t_s: float
     x: FloatArray
@@ -54,9 +54,9 @@ MotionOver = Callable[[float, FloatArray], tuple[FloatArray, FloatArray]]
 
 
 class SmootherHistory:
-    """Records in order; the newest can be taken back, the oldest are let go once nothing can change them.
+    """Records in order: the newest can be removed again, the oldest are released once they are final.
 
-    ``archive`` is given what is let go.
+    ``archive`` receives the released records.
     """
 
     def __init__(self) -> None:
@@ -72,20 +72,20 @@ class SmootherHistory:
 
     @property
     def mark(self) -> int:
-        """How many records there have been: a place to come back to."""
+        """Number of records so far, for `truncate` and `release`."""
         return self._released + len(self._records)
 
     def append(self, record: Record) -> None:
-        """Add the newest."""
+        """Add a record."""
         self._records.append(record)
 
     def truncate(self, mark: int) -> None:
-        """Take back everything after a `mark`."""
+        """Remove all records after a `mark`."""
         while self.mark > mark and self._records:
             self._records.pop()
 
     def release(self, mark: int) -> None:
-        """Let go of everything before a `mark`."""
+        """Release all records before a `mark` to the archive."""
         while self._released < mark and self._records:
             record = self._records.popleft()
             self._released += 1
@@ -93,17 +93,17 @@ class SmootherHistory:
                 self.archive(record)
 
 
-def back(step: Transition, x_later: FloatArray, P_later: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean (n,) and covariance (n, n) before a step, given those known after it."""
+def smooth_across(step: Transition, x_later: FloatArray, P_later: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return smoothed mean (n,) and covariance (n, n) before a transition, given those after it."""
     C = _gain(step.P, step.F, step.P_next)
     P = step.P + C @ (P_later - step.P_next) @ C.T
     return step.x + C @ (x_later - step.x_next), 0.5 * (P + P.T)
 
 
-def back_into(
+def smooth_within(
     step: Transition, t_s: float, x_later: FloatArray, P_later: FloatArray, motion_over: MotionOver
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance at a time inside a prediction, given those known after it."""
+    """Return smoothed mean and covariance at a time inside a prediction, given those after it."""
     F, Q = motion_over(t_s - step.t_s, step.weights)
     x, P = F @ step.x, F @ step.P @ F.T + Q
     rest, _ = motion_over(step.next_s - t_s, step.weights)
@@ -117,13 +117,13 @@ def back_into(
         P_next=step.P_next,
         weights=step.weights,
     )
-    return back(part, x_later, P_later)
+    return smooth_across(part, x_later, P_later)
 
 
 def _gain(P: FloatArray, F: FloatArray, P_next: FloatArray) -> FloatArray:
-    """Return P Fᵀ (P⁺)⁻¹; states range from 10⁻⁶ rad to 10³ m, so it is solved in units of their sigmas."""
+    """Return C = P Fᵀ (P⁺)⁻¹, solved in units of the sigmas, since states range from 10⁻⁶ rad to 10³ m."""
     sigma = np.sqrt(np.maximum(np.diag(P_next), 0.0))
-    # a state that is known exactly learns nothing
+    # an exactly known state has no gain
     inverse = np.where(sigma > 0.0, 1.0 / np.maximum(sigma, 1e-150), 0.0)
     correlation = P_next * np.outer(inverse, inverse)
     diagonal = np.arange(len(sigma))

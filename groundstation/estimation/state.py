@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from groundstation.arrays import FloatArray
-from groundstation.estimation.clock_watch import ClockWatch
+from groundstation.estimation.clock_monitor import ClockMonitor
 from groundstation.estimation.provisional_track import ProvisionalTrack
 
 
@@ -61,15 +61,15 @@ class EkfState:
     newest_reference_s: float
     references_refused: int
     reference_contradicted: bool
-    young: ProvisionalTrack | None
+    provisional: ProvisionalTrack | None
     starts_taken_back: int
-    watch: ClockWatch
+    watch: ClockMonitor
     contributed_s: Mapping[str, float]
     width_s: float | None
 
 
 # the fields of `EkfState`, in their order
-Remembered = tuple[
+EkfStateFields = tuple[
     float | None,
     float | None,
     bool,
@@ -80,7 +80,7 @@ Remembered = tuple[
     bool,
     ProvisionalTrack | None,
     int,
-    ClockWatch,
+    ClockMonitor,
     Mapping[str, float],
     float | None,
 ]

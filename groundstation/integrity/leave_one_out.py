@@ -1,4 +1,4 @@
-"""One station's pixel against the fix of the others: the algebra of `solution_separation`, compiled."""
+"""Leave-one-out residual of a station's pixel to the fix of the others: compiled algebra of `solution_separation`."""
 
 import math
 
@@ -8,13 +8,13 @@ from numba import njit
 from groundstation.arrays import FloatArray
 from groundstation.estimation.compiled_filter import BoolArray, solve_small
 
-LEAST_SHARE = 1e-2  # of the information in one direction: what is less is none
+LEAST_SHARE = 1e-2  # directions with less than this share of the largest information are not used
 # of an epoch: A₀₀, A₀₁, A₁₁, g₀, g₁, the variances of its noise and of its constant error, px²
-PART_SIZE = 7
+TERM_COUNT = 7
 
 
 @njit(cache=True)
-def leave_out(
+def leave_one_out(
     own: int,
     noises: FloatArray,
     jacobians: FloatArray,
@@ -25,19 +25,19 @@ def leave_out(
 ) -> None:
     """Write A (2, 2) and g (2,) of one of k stations against the fix of the others that are used.
 
-    With everybody's information J = Σ Hᵀ W H and pull c = Σ Hᵀ W r, and the station's own H₀, W₀, r₀: eliminating the
-    target from all of them, g = W₀ (r₀ − H₀ δ̂) and A = W₀ − W₀ H₀ J⁻¹ H₀ᵀ W₀ with δ̂ = J⁻¹ c.
+    With the information J = Σ Hᵀ W H and c = Σ Hᵀ W r of all used stations, and the station's own H₀, W₀, r₀:
+    eliminating the target gives g = W₀ (r₀ − H₀ δ̂) and A = W₀ − W₀ H₀ J⁻¹ H₀ᵀ W₀ with δ̂ = J⁻¹ c.
 
     Parameters
     ----------
-    own : which of the stations it is.
+    own : index of the station.
     noises : (k, 2, 2) covariances W⁻¹, px².
     jacobians : (k, 2, 3) H, px per m.
     residuals : (k, 2) r, px.
-    used : (k,) whose pixels count; the station's own do in any case.
+    used : (k,) whether a station's pixel enters the fix; the station's own always does.
     """
     J = np.zeros((3, 3))
-    # c, and behind it the station's own Hᵀ W: both are wanted times J⁻¹
+    # columns: c, then the station's own Hᵀ W; both are multiplied by J⁻¹
     right = np.zeros((3, 3))
     own_weight = np.empty((2, 2))
     for k in range(len(noises)):
@@ -72,7 +72,7 @@ def leave_out(
 
 
 @njit(cache=True)
-def write_part(
+def write_epoch_terms(
     own: int,
     noises: FloatArray,
     jacobians: FloatArray,
@@ -82,15 +82,15 @@ def write_part(
     most: float,
     part: FloatArray,
 ) -> None:
-    """Write what `summed_up` wants of one epoch of one station, ``part`` (7,).
+    """Write the terms of one epoch of one station for `window_statistic`, ``part`` (7,).
 
-    Arrays are those of `leave_out`. ``constant_px2`` is the variance of its constant error; g is shortened so that the
-    epoch's own T is ``most`` at most.
+    Arrays are those of `leave_one_out`. ``constant_px2`` is the variance of its constant error; g is scaled down so
+    that T of the epoch alone is at most ``most``.
     """
     A, g = np.empty((2, 2)), np.empty(2)
-    leave_out(own, noises, jacobians, residuals, used, A, g)
+    leave_one_out(own, noises, jacobians, residuals, used, A, g)
     noise = 0.5 * (noises[own, 0, 0] + noises[own, 1, 1])
-    share = min(1.0, math.sqrt(most * (1.0 + constant_px2 / noise) / max(explained(A, g), 1e-12)))
+    share = min(1.0, math.sqrt(most * (1.0 + constant_px2 / noise) / max(separation_statistic(A, g), 1e-12)))
     part[0], part[1], part[2] = A[0, 0], A[0, 1], A[1, 1]
     part[3], part[4] = g[0] * share, g[1] * share
     part[5], part[6] = noise, constant_px2
@@ -98,7 +98,7 @@ def write_part(
 
 @njit(cache=True)
 def whiten(residual: FloatArray, covariance: FloatArray, longest: float, white: FloatArray) -> None:
-    """Write L⁻¹ r (2,) of a residual (2,) with covariance (2, 2) = L Lᵀ, shortened to ``longest`` at most."""
+    """Write L⁻¹ r (2,) of a residual (2,) with covariance (2, 2) = L Lᵀ, limited to the length ``longest``."""
     L = np.linalg.cholesky(covariance)
     white[0] = residual[0] / L[0, 0]
     white[1] = (residual[1] - L[1, 0] * white[0]) / L[1, 1]
@@ -106,8 +106,8 @@ def whiten(residual: FloatArray, covariance: FloatArray, longest: float, white: 
 
 
 @njit(cache=True)
-def explained(A: FloatArray, g: FloatArray) -> float:
-    """Return gᵀ A⁺ g of a symmetric A (2, 2); directions of less than `LEAST_SHARE` of the largest count as none."""
+def separation_statistic(A: FloatArray, g: FloatArray) -> float:
+    """Return gᵀ A⁺ g of a symmetric A (2, 2); directions below `LEAST_SHARE` of the largest are left out."""
     a, b, c = A[0, 0], A[0, 1], A[1, 1]
     middle, radius = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
     turn = 0.5 * math.atan2(2.0 * b, a - c)
@@ -120,14 +120,14 @@ def explained(A: FloatArray, g: FloatArray) -> float:
 
 
 @njit(cache=True)
-def summed_up(parts: FloatArray, count: int, bias: FloatArray) -> tuple[float, int]:
+def window_statistic(parts: FloatArray, count: int, bias: FloatArray) -> tuple[float, int]:
     """Write b̂ = A⁺ g (2,) of the sums over the first ``count`` epochs (k, 7); return T and its degrees of freedom.
 
-    A direction that the others say nothing of, across the line of sight of two stations, is left out.
+    Unobservable directions are left out: with two stations, the one along the epipolar line.
     """
-    sums = np.zeros(PART_SIZE)
+    sums = np.zeros(TERM_COUNT)
     for k in range(count):
-        for j in range(PART_SIZE):
+        for j in range(TERM_COUNT):
             sums[j] += parts[k, j]
     noise, constant = sums[5] / count, sums[6] / count
     values, vectors = np.linalg.eigh(np.array([[sums[0], sums[1]], [sums[1], sums[2]]]))
@@ -143,7 +143,7 @@ def summed_up(parts: FloatArray, count: int, bias: FloatArray) -> tuple[float, i
 
 
 @njit(cache=True)
-def held_against(
+def subtract_rig_errors(
     jacobian: FloatArray,
     H: FloatArray,
     constant: int,
@@ -153,10 +153,10 @@ def held_against(
     residual: FloatArray,
     noise: FloatArray,
 ) -> float:
-    """Take what the rig's learnt errors make off a residual (2,), and add the angles' noise to a pixel's (2, 2).
+    """Subtract the estimated rig errors from a residual (2,), and add the angle noise to ``noise`` (2, 2).
 
-    ``jacobian`` (2, 5) by point and angles, ``H`` (2, n) by the state, whose errors of the rig begin at ``constant``.
-    Returns the sum of the variances, px², that those errors cause.
+    ``jacobian`` (2, 5) by point and angles, ``H`` (2, n) by the state, whose rig errors start at index ``constant``.
+    Returns the sum of the pixel variances, px², caused by the uncertainty of those errors.
     """
     n, spread = x.size, 0.0
     for a in range(2):
@@ -172,8 +172,10 @@ def held_against(
 
 def warm_up() -> None:
     """Compile the kernels."""
-    held_against(np.zeros((2, 5)), np.zeros((2, 3)), 1, np.zeros(3), np.eye(3), 0.0, np.zeros(2), np.zeros((2, 2)))
+    subtract_rig_errors(
+        np.zeros((2, 5)), np.zeros((2, 3)), 1, np.zeros(3), np.eye(3), 0.0, np.zeros(2), np.zeros((2, 2))
+    )
     noises, jacobians = np.tile(np.eye(2), (2, 1, 1)), np.sqrt(np.arange(12.0)).reshape(2, 2, 3)
-    write_part(0, noises, jacobians, np.zeros((2, 2)), np.ones(2, np.bool_), 0.0, 1.0, np.empty(PART_SIZE))
+    write_epoch_terms(0, noises, jacobians, np.zeros((2, 2)), np.ones(2, np.bool_), 0.0, 1.0, np.empty(TERM_COUNT))
     whiten(np.zeros(2), np.eye(2), 1.0, np.empty(2))
-    summed_up(np.ones((2, PART_SIZE)), 1, np.zeros(2))
+    window_statistic(np.ones((2, TERM_COUNT)), 1, np.zeros(2))

@@ -1,17 +1,18 @@
-"""Is each station still where and when the rig file says? Faults found in the pictures alone, and which to leave out.
+"""Fault detection and exclusion: stations whose calibration or clock no longer agrees with the rig file.
 
-Three or more stations over-determine the fix of one epoch, two its height only. Let y (2N,) be the stacked pixels'
-residuals about the filter's prediction, whitened by their noise, and H (2N, 3) their whitened Jacobian by the target's
-position. M = I − H (HᵀH)⁻¹ Hᵀ takes away whatever a moved target would explain, so a manoeuvre, in which all stations
-jump together, leaves nothing. "Station s is off by a constant b px": y = H δ + E_s b + noise, of which an epoch tells
-A = E_sᵀ M E_s and g = E_sᵀ M y. Summed over a window, b̂ = A⁺ g, and T_s = gᵀ A⁺ g / (1 + n ρ) is χ² if nothing is off
-but noise and a constant error of variance ρ times the noise's (calibration, the nose). T_s is the squared solution
-separation of the fix with and without the station, in its own pixels: a leave-one-out test.
+Three or more stations over-determine the fix of one epoch, two stations only its height. Let y (2N,) be the stacked
+pixel residuals to the filter's prediction, whitened by their noise, and H (2N, 3) their whitened Jacobian by the target
+position. M = I − H (HᵀH)⁻¹ Hᵀ removes the part that a displaced target explains, so that a manoeuvre, which displaces
+the pixels of all stations, has no effect. The fault hypothesis "station s has a constant error of b px" is
+y = H δ + E_s b + noise; an epoch contributes A = E_sᵀ M E_s and g = E_sᵀ M y. Summed over a window, b̂ = A⁺ g, and
+T_s = gᵀ A⁺ g / (1 + n ρ) is χ² distributed if there are only noise and a constant error with ρ times the variance of
+the noise (calibration, target point). T_s is the squared solution separation of the fix with and without the station,
+in the station's pixels: a leave-one-out test.
 
-The largest T_s finds the fault, its distance from the next says whether it is known whose it is. Where T does not tell
-(three stations have one bearing to spare), the filter's own innovations may: until the filter has believed a fault,
-only the faulty station's jump, so whose jumped first is to blame. With two stations T is the same for both: the fault
-is seen, not whose it is.
+The largest T_s detects a fault, and its margin to the next one decides whether the faulty station is identified. If the
+margin is too small (three stations have one redundant bearing), the filter innovations are used: before the filter has
+followed the fault, only the innovations of the faulty station jump, so that the first station to jump is the faulty
+one. With two stations T is equal for both: a fault is detected but not identified.
 """
 
 import math
@@ -23,30 +24,30 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.integrity.solution_separation import PixelResidual, Separation, SightStack, StationWindow
+from groundstation.integrity.solution_separation import PixelResidual, ResidualStack, Separation, StationWindow
 
 # jumps within one epoch are simultaneous
 _TOGETHER_S = 0.02
-# windows overlap: so many of them are as good as independent, each window's length
+# effective number of independent tests per window length, since windows overlap
 _INDEPENDENT_PER_WINDOW = 5.0
-# a window of seconds does not change its mind from one picture to the next
+# interval of the tests, short against the window
 _JUDGED_EVERY_S = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegrityConfig:
-    """Tuning of the watch over the stations.
+    """Tuning of the integrity monitor.
 
     Attributes
     ----------
-    enabled : whether stations are watched at all.
-    false_alarms_per_hour : of flight, over all stations, if their noise is what it is said to be.
-    window_s : epochs of this time are judged together.
-    min_epochs : and at least so many.
-    constant_px : one sigma of a station's constant error that is no fault: calibration and the nose's bias.
-    margin : T of the faulty station over the next one's, to be sure whose fault it is.
-    readmit_s : an excluded station is used again after it has agreed with the others for so long.
-    silent_s : a station that has delivered nothing for so long is reported.
+    enabled : whether stations are monitored.
+    false_alarms_per_hour : of flight, over all stations, if their noise is as configured.
+    window_s : length of the test window.
+    min_epochs : minimum number of epochs in a window.
+    constant_px : one sigma of the constant error of a station without a fault: calibration and target point bias.
+    margin : minimum ratio of T of the faulty station to the next one, to identify it.
+    readmit_s : an excluded station is used again after it has agreed with the others for this time.
+    silent_s : a station that has delivered nothing for this time is reported.
     """
 
     enabled: bool = True
@@ -67,24 +68,24 @@ class IntegrityConfig:
 
 
 class StationVerdict(StrEnum):
-    """What is held of a station."""
+    """Integrity status of a station."""
 
     TRUSTED = "trusted"
-    DOUBTED = "doubted"  # something is off, it may be this one: used with more noise
-    EXCLUDED = "excluded"  # known to be off: watched, not used
+    DOUBTED = "doubted"  # possibly the faulty station: used with inflated noise
+    EXCLUDED = "excluded"  # identified as faulty: monitored, not used
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """A change of a station's verdict, or of several at once; ``text`` says it in plain words."""
+class VerdictChange:
+    """A change of the verdict of one or several stations; ``text`` is the line for the log."""
 
     stations: tuple[str, ...]
     verdict: StationVerdict
     text: str
 
 
-class IntegrityWatch:
-    """Watches the stations of one rig."""
+class IntegrityMonitor:
+    """Detects faults of the stations of one rig and excludes faulty stations."""
 
     def __init__(self, stations: Sequence[str], config: IntegrityConfig) -> None:
         self.exclusions = 0
@@ -101,50 +102,50 @@ class IntegrityWatch:
         self._limits = {dof: float(chi2.isf(tail, dof)) for dof in (1, 2)}
 
     def verdict(self, station: str) -> StationVerdict:
-        """Return what is held of a station now."""
+        """Return the current verdict on a station."""
         return self._verdicts[station]
 
     def extra_px2(self, station: str) -> FloatArray:
-        """Return the covariance (2, 2) to add to a doubted station's pixels; zero for the others."""
+        """Return the covariance (2, 2) to add to the pixels of a doubted station; zero for the others."""
         return self._extra.get(station, np.zeros((2, 2)))
 
     def forget(self) -> None:
-        """Start the windows anew (another target); verdicts stay."""
+        """Clear the windows, for another target; verdicts stay."""
         for window in self._windows.values():
             window.forget()
 
-    def judged(self, station: str, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray) -> None:
-        """Take an innovation of the filter, accepted or not, of a station that is used."""
-        self._windows[station].judged(t_s, residual_px, covariance_px2)
+    def add_innovation(self, station: str, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray) -> None:
+        """Add an innovation of the filter, accepted or not, of a used station."""
+        self._windows[station].add_innovation(t_s, residual_px, covariance_px2)
 
-    def jumped_s(self, station: str) -> float | None:
-        """Return when a station's innovations began to jump, within the last two windows; None if they did not."""
-        return self._windows[station].jumped_s()
+    def first_jump_s(self, station: str) -> float | None:
+        """Return the time of the first jump of a station's innovations in the last two windows; None without a jump."""
+        return self._windows[station].first_jump_s()
 
-    def epoch(self, t_s: float, sights: Sequence[PixelResidual]) -> list[Finding]:
-        """Take the pixels of one epoch and return which verdicts they change."""
+    def epoch(self, t_s: float, residuals: Sequence[PixelResidual]) -> list[VerdictChange]:
+        """Add the pixels of one epoch and return the verdict changes."""
         if not self._config.enabled:
             return []
-        used = [self._verdicts[s.station] is not StationVerdict.EXCLUDED for s in sights]
-        together = SightStack.of(sights, used)
-        for k, sight in enumerate(sights):
-            # a station that is left out is held against those that are not
-            self._windows[sight.station].add(t_s, sight.constant_px2, k, together)
+        used = [self._verdicts[s.station] is not StationVerdict.EXCLUDED for s in residuals]
+        together = ResidualStack.of(residuals, used)
+        for k, residual in enumerate(residuals):
+            # an excluded station is compared with the used ones
+            self._windows[residual.station].add(t_s, residual.constant_px2, k, together)
         if t_s < self._judged_s + _JUDGED_EVERY_S:
             return []
         self._judged_s = t_s
-        found = self._readmit(t_s, [s.station for s in sights])
+        found = self._readmit(t_s, [s.station for s in residuals])
         if found:
             return found
-        return self._accuse(t_s, [s.station for s, is_used in zip(sights, used, strict=True) if is_used])
+        return self._detect_fault(t_s, [s.station for s, is_used in zip(residuals, used, strict=True) if is_used])
 
     def separation(self, station: str) -> Separation:
-        """Return the window's leave-one-out test of one station."""
+        """Return the leave-one-out test of one station over its window."""
         return self._windows[station].separation()
 
     # ------------------------------------------------------------------------------------------ inside
     def _alarms(self, names: Sequence[str]) -> dict[str, Separation]:
-        """Return those whose separation is beyond what noise makes of it."""
+        """Return the stations whose separation exceeds the detection limit."""
         out = {}
         for name in names:
             s = self.separation(name)
@@ -152,14 +153,14 @@ class IntegrityWatch:
                 out[name] = s
         return out
 
-    def _readmit(self, t_s: float, names: Sequence[str]) -> list[Finding]:
-        """Trust again who has agreed for long enough."""
+    def _readmit(self, t_s: float, names: Sequence[str]) -> list[VerdictChange]:
+        """Trust stations again that have agreed with the others for long enough."""
         back = []
         for name in names:
             if self._verdicts[name] is StationVerdict.TRUSTED:
                 continue
             s = self.separation(name)
-            # half of the limit: in and out are not to be the same step
+            # half of the limit, for hysteresis
             agrees = s.epochs >= self._config.min_epochs and s.statistic < 0.5 * self._limits[s.dof]
             if not agrees:
                 self._agrees_since.pop(name, None)
@@ -172,31 +173,31 @@ class IntegrityWatch:
         if not back:
             return []
         text = f"{_named(back)}: agrees with the others since {self._config.readmit_s:g} s, trusted again"
-        return [Finding(stations=tuple(back), verdict=StationVerdict.TRUSTED, text=text)]
+        return [VerdictChange(stations=tuple(back), verdict=StationVerdict.TRUSTED, text=text)]
 
-    def _accuse(self, t_s: float, used: Sequence[str]) -> list[Finding]:
-        """Exclude the one station that is off, or doubt all those that may be."""
+    def _detect_fault(self, t_s: float, used: Sequence[str]) -> list[VerdictChange]:
+        """Exclude the faulty station if it is identified, else doubt all stations with an alarm."""
         alarms = self._alarms(used)
         if not alarms:
             return []
         first_s = min(self._windows[name].first_s for name in alarms)
-        guilty = self._guilty(alarms) if len(used) >= 3 else None
-        if guilty is not None:
-            self._verdicts[guilty] = StationVerdict.EXCLUDED
-            self._extra.pop(guilty, None)
+        faulty = self._identify_faulty(alarms) if len(used) >= 3 else None
+        if faulty is not None:
+            self._verdicts[faulty] = StationVerdict.EXCLUDED
+            self._extra.pop(faulty, None)
             for name in used:
-                # what the others were held against was wrong
+                # the windows of the others contain residuals to the faulty station
                 self._windows[name].forget_epochs()
-                if name != guilty and self._verdicts[name] is StationVerdict.DOUBTED:
+                if name != faulty and self._verdicts[name] is StationVerdict.DOUBTED:
                     self._verdicts[name] = StationVerdict.TRUSTED
                     self._extra.pop(name, None)
-            self._since[guilty] = first_s
+            self._since[faulty] = first_s
             self.exclusions += 1
-            off = alarms[guilty]
+            off = alarms[faulty]
             u, v = off.bias_px
-            text = f"{_named([guilty])}: pixels off by ({u:+.1f}, {v:+.1f}) px against the others since about"
+            text = f"{_named([faulty])}: pixels off by ({u:+.1f}, {v:+.1f}) px against the others since about"
             text += f" {first_s:.1f} s, no longer used"
-            return [Finding(stations=(guilty,), verdict=StationVerdict.EXCLUDED, text=text)]
+            return [VerdictChange(stations=(faulty,), verdict=StationVerdict.EXCLUDED, text=text)]
         news = [name for name in alarms if self._verdicts[name] is StationVerdict.TRUSTED]
         for name, off in alarms.items():
             self._verdicts[name] = StationVerdict.DOUBTED
@@ -207,10 +208,10 @@ class IntegrityWatch:
         worst = max(float(np.hypot(*off.bias_px)) for off in alarms.values())
         text = f"{_named(list(alarms))}: rays miss each other by {worst:.1f} px since about {first_s:.1f} s;"
         text += " which of them is off cannot be told, all are trusted less"
-        return [Finding(stations=tuple(alarms), verdict=StationVerdict.DOUBTED, text=text)]
+        return [VerdictChange(stations=tuple(alarms), verdict=StationVerdict.DOUBTED, text=text)]
 
-    def _guilty(self, alarms: Mapping[str, Separation]) -> str | None:
-        """Return the station that is off, or None if it cannot be told."""
+    def _identify_faulty(self, alarms: Mapping[str, Separation]) -> str | None:
+        """Return the faulty station, or None if it is not identifiable."""
         order = sorted(alarms, key=lambda name: alarms[name].statistic, reverse=True)
         if len(order) == 1:
             return order[0]
@@ -218,11 +219,11 @@ class IntegrityWatch:
         if alarms[order[0]].statistic > margin * alarms[order[1]].statistic:
             return order[0]
         if any(self._verdicts[name] is StationVerdict.DOUBTED for name in alarms):
-            # the filter has gone along with the fault since: innovations no longer tell
+            # the filter has followed the fault since: its innovations are no longer informative
             return None
-        # the separations are alike: whose innovations jumped first?
+        # similar separations: the station whose innovations jumped first
         alike = [name for name in order if margin * alarms[name].statistic >= alarms[order[0]].statistic]
-        jumps = sorted((t_s, name) for name in alike if (t_s := self.jumped_s(name)) is not None)
+        jumps = sorted((t_s, name) for name in alike if (t_s := self.first_jump_s(name)) is not None)
         if not jumps or (len(jumps) > 1 and jumps[1][0] - jumps[0][0] < _TOGETHER_S):
             return None
         return jumps[0][1]

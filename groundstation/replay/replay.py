@@ -35,7 +35,7 @@ from groundstation.sources.reference import reference_fixes, with_reference
 from groundstation.sources.session_source import session_source
 from groundstation.thread_scheduling import short_gil_switch_interval
 from groundstation.tracking.config import Config, TrackStart, config_to_mapping
-from groundstation.tracking.count_descriptions import count_words
+from groundstation.tracking.count_descriptions import describe_counts
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.warm_up import warm_up
 from groundstation.viewer.session import reference_tracks, session_view
@@ -150,8 +150,8 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     if outcome.fault is not None:
         faults.append(str(outcome.fault))
     faults += recording_notes(source, recorder)
-    faults += count_words(pipeline.counts)
-    if taught and pipeline.taught_until_s is None:
+    faults += describe_counts(pipeline.counts)
+    if taught and pipeline.reference_used_until_s is None:
         faults.append("nothing was learnt from DGPS: no target was held while it was there, or nothing may be learnt")
     description = RunDescription(
         name=session.name,
@@ -163,12 +163,12 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         speed=_speed(outcome, span_s, prepared_s),
         faults=tuple(faults),
         carried_errors=pipeline.carried_errors,
-        learnt_until_s=_by_dgps_clock(pipeline.taught_until_s, known),
+        learnt_until_s=_by_dgps_clock(pipeline.reference_used_until_s, known),
         fused_late=pipeline.fused_late,
     )
-    if pipeline.taught_until_s is not None:
+    if pipeline.reference_used_until_s is not None:
         # what the filter was told is no proof of what it knows
-        until_s = pipeline.taught_until_s + known.offset_s
+        until_s = pipeline.reference_used_until_s + known.offset_s
         dgps = tuple(fix for fix in dgps if fix.t_s > until_s)
     given_all = None if smoothed is None else smoothed.collected()
     evaluation = evaluate_run(

@@ -59,7 +59,7 @@ class _Extent:
         return _Extent(size_px=(growth * w, growth * h), middle_px=(growth * x, growth * y), px_per_m=px_per_m)
 
 
-_UNSEEN = _Extent(size_px=(0.0, 0.0), middle_px=(0.0, 0.0), px_per_m=None)
+_NO_EXTENT = _Extent(size_px=(0.0, 0.0), middle_px=(0.0, 0.0), px_per_m=None)
 
 
 class SpanModel:
@@ -97,7 +97,7 @@ class CameraTracker:
         self._config = config
         self._detector = Detector(config.detection, station.lens.image_size_px)
         self._finder = CandidateFinder(config.acquisition, station.lens.image_size_px, station.lens)
-        self._extent = _UNSEEN
+        self._extent = _NO_EXTENT
         self._px_per_m: float | None = None
         self._direction = FlightDirection()
         self._detections = 0
@@ -106,14 +106,14 @@ class CameraTracker:
         """Forget the target: after a loss nothing of it is trusted."""
         self._detector.reset()
         self._finder.reset()
-        self._extent = _UNSEEN
+        self._extent = _NO_EXTENT
         self._direction.reset()
 
     @contextmanager
-    def aside(self) -> Iterator[None]:
+    def state_preserved(self) -> Iterator[None]:
         """Inside, look at an older frame: its target's size, looks and background are not those of the next one."""
         extent, scale, detections = self._extent, self._px_per_m, self._detections
-        with self._detector.aside():
+        with self._detector.state_preserved():
             yield
         self._extent, self._px_per_m, self._detections = extent, scale, detections
 
@@ -138,7 +138,7 @@ class CameraTracker:
             for c in found
         ]
 
-    def look(
+    def detect(
         self,
         frame: Frame,
         centre_px: FloatArray,
@@ -166,7 +166,7 @@ class CameraTracker:
             self._detections += 1
         return SearchResult(roi=roi, result=result, channel_contrast=contrast)
 
-    def accepted(self, detection: Detection) -> None:
+    def update_extent(self, detection: Detection) -> None:
         """Remember the extent of the silhouette, seen in the last look, that the filter believed."""
         x, y, w, h = detection.box
         middle = (x + 0.5 * w - detection.u_px, y + 0.5 * h - detection.v_px)

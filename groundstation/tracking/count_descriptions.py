@@ -16,6 +16,6 @@ _WORDS = {
 }
 
 
-def count_words(counts: Mapping[str, int]) -> list[str]:
+def describe_counts(counts: Mapping[str, int]) -> list[str]:
     """Return each count that is not zero as a line for a person; one of another name is said by that name."""
     return [f"{n} {_WORDS.get(name, name.replace('_', ' '))}" for name, n in counts.items() if n]

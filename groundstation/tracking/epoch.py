@@ -1,4 +1,4 @@
-"""What the cameras saw in one epoch, gathered for its answer: views to triangulate, and who was believed."""
+"""The pixels of one epoch, collected for its estimate: views to triangulate, and the stations that were accepted."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ class EpochView:
     """One camera's target pixel with its station's angles, and whether the filter accepted it.
 
     ``labelled`` marks pixels of a detections-only session, which belong to an epoch by their time. A station that is
-    not ``trusted`` is watched, and takes no part in the baseline.
+    not ``trusted`` is monitored, but excluded from the triangulation.
     """
 
     t_s: float
@@ -26,12 +26,12 @@ class EpochView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EpochPage:
-    """What was seen for one epoch.
+class EpochViews:
+    """All pixels of one epoch.
 
-    ``views`` are those not yet used by an earlier epoch. ``accepted`` names the stations whose pixel the filter
-    accepted, in this epoch or, with labelled pixels, close in time. ``arrived_s`` is the stopwatch at the epoch's
-    first frame, None if it had none.
+    ``views`` are those not used by an earlier epoch. ``accepted`` names the stations whose pixel the filter
+    accepted, in this epoch or, with labelled pixels, close in time. ``arrived_s`` is the stopwatch at the arrival of
+    the epoch's first frame, None without a frame.
     """
 
     views: tuple[EpochView, ...]
@@ -39,7 +39,7 @@ class EpochPage:
     arrived_s: float | None
 
     def triangulate(self, residual_gate_sigma: float) -> tuple[TriangulationStatus, Triangulation | None]:
-        """Return the baseline's answer; ``residual`` where the rays do not meet within their noise."""
+        """Triangulate the trusted views; status ``residual`` if the rays miss each other by more than their noise."""
         trusted = [v.view for v in self.views if v.trusted]
         if len(trusted) < 2:
             return TriangulationStatus.ONE_VIEW, None
@@ -52,7 +52,7 @@ class EpochPage:
 
 
 class EpochBuffer:
-    """Views by epoch until the epoch is answered; keeps no more than a moment's worth."""
+    """Buffers views until their epoch is closed, for at most two seconds."""
 
     def __init__(self, labelled_window_s: float) -> None:
         self._window_s = labelled_window_s
@@ -61,15 +61,15 @@ class EpochBuffer:
         self._used: set[int] = set()
 
     def arrived(self, epoch: int, stopwatch_s: float) -> None:
-        """Note when the first record of an epoch came in."""
+        """Store the arrival time of the first record of an epoch."""
         self._arrived.setdefault(epoch, stopwatch_s)
 
     def add(self, view: EpochView) -> None:
-        """Take one camera's view."""
+        """Add the view of one camera."""
         self._views.append(view)
 
-    def close(self, epoch: Epoch) -> EpochPage:
-        """Return an epoch's views and forget it and what is older."""
+    def close(self, epoch: Epoch) -> EpochViews:
+        """Return the views of an epoch; discard them and all older ones."""
         own = [v for v in self._views if not v.labelled and v.epoch == epoch.epoch]
         near = {
             v.station: v
@@ -80,7 +80,7 @@ class EpochBuffer:
         for old in [e for e in self._arrived if e < epoch.epoch - 100]:
             del self._arrived[old]
         seen = (*own, *near.values())
-        # a labelled pixel is triangulated once; alone it may still meet another station's in the next epoch
+        # a labelled pixel is triangulated once; a single one remains available for the next epoch
         fresh = tuple(v for v in near.values() if id(v) not in self._used)
         if len(fresh) >= 2:
             self._used |= {id(v) for v in fresh}
@@ -91,6 +91,6 @@ class EpochBuffer:
             and v.t_s > epoch.t_s - _KEPT_S
         ]
         self._used &= {id(v) for v in self._views}
-        return EpochPage(
+        return EpochViews(
             views=(*own, *fresh), accepted=frozenset(v.station for v in seen if v.accepted), arrived_s=arrived
         )

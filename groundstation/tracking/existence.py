@@ -1,12 +1,11 @@
-"""How likely it is that what is tracked is still there, by what the cameras see and do not see.
+"""Existence probability of the track, from detections and missed detections.
 
-As in integrated probabilistic data association (Mušicki, Evans & Stanković 1994): a look
-that finds nothing multiplies the odds by 1 − P_D p_v, with p_v the predicted mass inside the image and P_D how often
-this camera has found the target lately; an accepted pixel z with innovation covariance S multiplies them by
-1 − P_D + P_D N(z; ẑ, S) / λ, at most by a constant: where the prediction is vague, clutter of density λ lies in its
-gate as easily as the target, and says little. Misses have causes that last
-(a bird, a dark hill), so looks of one camera within a memory τ count as one: a look Δt after the one before has the
-power Δt/τ. What was not looked at says nothing.
+As in integrated probabilistic data association (Mušicki, Evans & Stanković 1994): a missed detection multiplies the
+odds by 1 − P_D p_v, with p_v the predicted probability inside the image and P_D the recent detection rate of the
+camera; an accepted pixel z with innovation covariance S multiplies them by 1 − P_D + P_D N(z; ẑ, S) / λ, limited to a
+constant: with an uncertain prediction, clutter of density λ lies inside the gate as easily as the target. The causes
+of missed detections persist (a bird, a dark hill), so frames of one camera within a memory τ count as one: a frame Δt
+after the previous one enters with the exponent Δt/τ. Frames without a detection attempt have no effect.
 """
 
 import math
@@ -15,11 +14,11 @@ from groundstation.arrays import FloatArray
 
 _FIRST_DETECTION = 0.8
 _LEAST_DETECTION, _MOST_DETECTION = 0.3, 0.95
-# P_D follows what happens over many seconds, and only where the target was surely in the image
+# P_D is averaged over this time, and only updated while the target is inside the image with this probability
 _DETECTION_MEMORY_S = 15.0
 _SURELY = 0.9
 _MOST_HIT_FACTOR = 20.0
-# false candidates that a look accepts, about one in a window of 180 × 180 px
+# density of accepted false candidates, about one in a window of 180 × 180 px
 _CLUTTER_PER_PX2 = 3e-5
 _MOST_ODDS = 999.0
 _FIRST_ODDS = 19.0
@@ -43,17 +42,17 @@ class Existence:
         return self._odds / (1.0 + self._odds)
 
     def start(self) -> None:
-        """Begin with a new target; how well it is found is to be learnt anew."""
+        """Reset the odds and the detection rates for a new target."""
         self._odds = _FIRST_ODDS
         self._detection.clear()
         self._looked_s.clear()
 
     def detection_probability(self, station: str) -> float:
-        """Return P_D of one camera, from its recent successes."""
+        """Return P_D of one camera, from its recent detections."""
         return min(max(self._detection.get(station, _FIRST_DETECTION), _LEAST_DETECTION), _MOST_DETECTION)
 
     def hit(self, station: str, t_s: float, residual_px: FloatArray, covariance_px2: FloatArray) -> None:
-        """Note a pixel that the filter has accepted, with its innovation (2,) and that one's covariance (2, 2)."""
+        """Update with an accepted pixel: innovation (2,) and innovation covariance (2, 2)."""
         self._learn(station, t_s, 1.0, 1.0)
         P_D = self.detection_probability(station)
         a, b, c = float(covariance_px2[0, 0]), float(covariance_px2[1, 1]), float(covariance_px2[0, 1])
@@ -65,9 +64,9 @@ class Existence:
         self._odds = min(self._odds * factor, _MOST_ODDS)
 
     def miss(self, station: str, t_s: float, in_view: float) -> float:
-        """Note a look that found nothing, the target being in the image with probability ``in_view``.
+        """Update with a missed detection, the target being in the image with probability ``in_view``.
 
-        Returns the detection probability that this one look stands for: 1 − (1 − P_D)^(Δt/τ).
+        Returns the detection probability of this single frame: 1 − (1 − P_D)^(Δt/τ).
         """
         P_D = self.detection_probability(station)
         power = self._learn(station, t_s, 0.0, in_view)
@@ -76,12 +75,12 @@ class Existence:
         return share
 
     def _learn(self, station: str, t_s: float, found: float, in_view: float) -> float:
-        """Update P_D; return the look's power Δt/τ."""
+        """Update P_D; return the exponent Δt/τ of the frame."""
         since_s = max(t_s - self._looked_s.get(station, t_s), 0.0)
-        # a picture that came late does not make the last look older
+        # an out-of-sequence frame does not move the time of the newest one back
         self._looked_s[station] = max(t_s, self._looked_s.get(station, t_s))
         if in_view >= _SURELY:
-            # a target that is not there is not missed
+            # weighted by the existence probability: without a target a miss carries no information on P_D
             rate = self.probability * min(since_s / _DETECTION_MEMORY_S, 0.5)
             old = self._detection.get(station, _FIRST_DETECTION)
             self._detection[station] = old + rate * (found - old)

@@ -48,7 +48,7 @@ _MISS_STATUS = {
 }
 # while two cameras see the target, its width teaches the span this often
 _WIDTH_EVERY_S = 0.25
-_NOTHING_THERE = (MissReason.LOW_CONTRAST, MissReason.NO_REGION)
+_NO_TARGET_SEEN = (MissReason.LOW_CONTRAST, MissReason.NO_REGION)
 
 
 def span_prior_sigma(span_m: float | None) -> float:
@@ -87,7 +87,7 @@ class FrameUpdate:
     Parameters
     ----------
     cameras : what looks for the target in each camera's images, by station.
-    encoders, ekf, keeper, book, health : the filter and what surrounds it; shared with the pipeline.
+    encoders, ekf, track_manager, epochs, health : the filter and what surrounds it; shared with the pipeline.
     span : what is known of the target's size.
     stopwatch : a clock for measuring effort, in s.
     keep_images : whether reports carry the images.
@@ -98,8 +98,8 @@ class FrameUpdate:
         cameras: Mapping[str, CameraTracker],
         ekf: StationEkf,
         encoders: EncoderFeed,
-        keeper: TrackManager,
-        book: EpochBuffer,
+        track_manager: TrackManager,
+        epochs: EpochBuffer,
         health: StationHealth,
         config: Config,
         *,
@@ -110,10 +110,10 @@ class FrameUpdate:
         self._cameras = cameras
         self._ekf = ekf
         self._encoders = encoders
-        self._keeper = keeper
-        self._book = book
+        self._track_manager = track_manager
+        self._epochs = epochs
         self._health = health
-        self._width_taught_s: dict[str, float] = {}
+        self._width_fused_s: dict[str, float] = {}
         self._contributed: dict[str, float] = {}
         self._config = config
         self._span, self._learns_span = span, span.span_m is None
@@ -121,7 +121,7 @@ class FrameUpdate:
         self._assumed_span_m = config.initiation.usual_span_m if span.span_m is None else span.span_m
         self._stopwatch, self._keep_images = stopwatch, keep_images
 
-    def take(self, ready: ReadyFrame) -> CameraReport:
+    def process(self, ready: ReadyFrame) -> CameraReport:
         """Look at one camera's frame and update the filter, which stands at its time, with what was seen."""
         record = ready.record
         if ready.late:
@@ -131,9 +131,9 @@ class FrameUpdate:
             fault = ready.angles.value if isinstance(ready.angles, AngleFault) else "PTU readings do not change"
             return self._report(record, None, _missed(MissReason.NO_PTU_ANGLE, fault))
         started = self._stopwatch()
-        searches = self._keeper.searches(record.t_s) and not ready.revisited
+        searches = self._track_manager.needs_search(record.t_s) and not ready.revisited
         found = self._search(record, angles) if searches else []
-        self._keeper.sighted(found)
+        self._track_manager.add_candidates(found)
         if not self._ekf.has_target:
             partial = searches and isinstance(record, Frame) and not as_picture(record.image).has_all
             reason = MissReason.NOT_RECORDED if partial else MissReason.NOT_ACQUIRED
@@ -142,11 +142,11 @@ class FrameUpdate:
         prediction = self._ekf.predict_pixel(record.station)
         if prediction is None:
             return self._report(record, angles, _missed(MissReason.OUT_OF_VIEW, "behind the camera"))
-        seen = self._look(record, prediction)
+        seen = self._detect(record, prediction)
         elapsed_s = self._stopwatch() - started
         if not isinstance(seen.result, Detection):
             return self._report(record, angles, seen, elapsed_s)
-        return self._report(record, angles, seen, elapsed_s, *self._judge(record, seen.result, seen, angles))
+        return self._report(record, angles, seen, elapsed_s, *self._fuse_detection(record, seen.result, seen, angles))
 
     def _report(
         self,
@@ -221,7 +221,7 @@ class FrameUpdate:
         """Return one sigma of where the camera looks: rays of an uncertain rig may pass each other by so much."""
         return float(np.hypot(angles.sigma_rad, self._ekf.pointing_sigma_rad(record.station)))
 
-    def _look(self, record: Frame | PixelMeasurement, prediction: PixelPrediction) -> _Outcome:
+    def _detect(self, record: Frame | PixelMeasurement, prediction: PixelPrediction) -> _Outcome:
         """A target is known: look where it is predicted; the answer is a detection or a named miss."""
         camera, ekf = self._cameras[record.station], self._ekf
         spread = ekf.pixel_covariance(prediction)
@@ -240,17 +240,17 @@ class FrameUpdate:
                 self._span,
                 float(ekf.state[ekf.layout.position][2]),
             )
-            look = camera.look(record, self._roi_centre(record, prediction), spread, hint)
+            look = camera.detect(record, self._roi_centre(record, prediction), spread, hint)
         if look is None:
             miss = Miss(reason=MissReason.OUT_OF_VIEW, detail=f"in view with probability {visible:.2g}")
             return _Outcome(DetectionStatus.OUT_OF_VIEW, miss, prediction.pixel, spread)
         status = DetectionStatus.MISS
         if isinstance(look.result, Miss):
-            self._in_vain(record, look.result)
+            self._fuse_miss(record, look.result)
             status = _MISS_STATUS.get(look.result.reason, DetectionStatus.MISS)
         return _Outcome(status, look.result, prediction.pixel, spread, look.roi, look.channel_contrast)
 
-    def _judge(
+    def _fuse_detection(
         self, record: Frame | PixelMeasurement, found: Detection, seen: _Outcome, angles: _Angles
     ) -> tuple[DetectionStatus, Innovation | None]:
         """Fuse a found pixel if the gate lets it pass, and keep it for the baseline."""
@@ -263,22 +263,24 @@ class FrameUpdate:
         trusted = self._health.uses(record.station)
         innovation, status = None, DetectionStatus.EXCLUDED
         if trusted:
-            R = found.covariance_px2 + self._health.watch.extra_px2(record.station)
+            R = found.covariance_px2 + self._health.monitor.extra_px2(record.station)
             # someone else's pixels are taken for what they say; our detector's errors last
             lasting = self._config.estimation.detection_lasting_share if isinstance(record, Frame) else 0.0
             innovation = self._ekf.update_pixel(record.station, pixel, R, row_dt, lasting)
             status = DetectionStatus.GATED
         if innovation is not None:
-            self._health.watch.judged(record.station, record.t_s, innovation.residual, innovation.covariance)
+            self._health.monitor.add_innovation(record.station, record.t_s, innovation.residual, innovation.covariance)
         accepted = innovation is not None and innovation.accepted
         if innovation is not None and accepted:
             status = DetectionStatus.CUT if found.cut else DetectionStatus.OK
-            self._keeper.life.saw(record.t_s)
+            self._track_manager.state_machine.add_pixel(record.t_s)
             if isinstance(record, Frame):
-                self._keeper.life.existence.hit(record.station, record.t_s, innovation.residual, innovation.covariance)
+                self._track_manager.state_machine.existence.hit(
+                    record.station, record.t_s, innovation.residual, innovation.covariance
+                )
                 if not found.cut:
-                    camera.accepted(found)
-                    self._use_width(camera, found, record.t_s)
+                    camera.update_extent(found)
+                    self._fuse_width(camera, found, record.t_s)
                     if self._learns_span:
                         self._learn_span(camera, found)
             self._contributed[record.station] = max(record.t_s, self._contributed.get(record.station, record.t_s))
@@ -290,7 +292,7 @@ class FrameUpdate:
             tilt_rad=angles.tilt_rad,
             angle_sigma_rad=self._pointing_sigma_rad(record, angles),
         )
-        self._book.add(
+        self._epochs.add(
             EpochView(
                 t_s=record.t_s,
                 epoch=record.epoch,
@@ -310,23 +312,26 @@ class FrameUpdate:
         size = self._cameras[station].geometry.image_size_px
         return probability_in_view(seen.predicted_px, seen.covariance_px2, size) >= 0.5
 
-    def _in_vain(self, record: Frame, miss: Miss) -> None:
+    def _fuse_miss(self, record: Frame, miss: Miss) -> None:
         """Take a look that found nothing as evidence; where something was found, but not what, it is none."""
-        if miss.reason not in _NOTHING_THERE or self._health.watch.verdict(record.station) is StationVerdict.EXCLUDED:
+        if (
+            miss.reason not in _NO_TARGET_SEEN
+            or self._health.monitor.verdict(record.station) is StationVerdict.EXCLUDED
+        ):
             return
-        before = self._ekf.in_view(record.station)
-        share = self._keeper.life.existence.miss(record.station, record.t_s, before)
-        self._ekf.absorb_miss(record.station, share)
+        before = self._ekf.probability_in_view(record.station)
+        share = self._track_manager.state_machine.existence.miss(record.station, record.t_s, before)
+        self._ekf.update_miss(record.station, share)
 
-    def _use_width(self, camera: CameraTracker, found: Detection, t_s: float) -> None:
+    def _fuse_width(self, camera: CameraTracker, found: Detection, t_s: float) -> None:
         """Take the silhouette's width for the range where no other camera sees the target, else for the span."""
         name, span_m = camera.station.name, self._assumed_span_m
-        began_s = self._keeper.life.started_s
+        began_s = self._track_manager.state_machine.started_s
         others = [max(self._contributed.get(station, began_s), began_s) for station in self._cameras if station != name]
         alone = all(t_s - seen > self._config.estimation.alone_after_s for seen in others)
         # what one picture shows of the span the next shows again
-        if alone or t_s - self._width_taught_s.get(name, -math.inf) >= _WIDTH_EVERY_S:
-            self._width_taught_s[name] = t_s
+        if alone or t_s - self._width_fused_s.get(name, -math.inf) >= _WIDTH_EVERY_S:
+            self._width_fused_s[name] = t_s
             self._ekf.update_width(name, found.box[2], span_m, alone=alone)
 
     def _learn_span(self, camera: CameraTracker, found: Detection) -> None:
@@ -341,7 +346,7 @@ class FrameUpdate:
         own = Knot(t_s=record.t_s, position_m=self._ekf.state[self._ekf.layout.position])
         pan, tilt = self._ekf.angles(record.station)
         geometry = self._cameras[record.station].geometry
-        projection = geometry.project(self._keeper.predictor.predict(own), pan, tilt)
+        projection = geometry.project(self._track_manager.predictor.predict(own), pan, tilt)
         return prediction.pixel if projection is None else projection.pixel
 
     def _labelled(self, record: PixelMeasurement) -> Detection:

@@ -1,15 +1,15 @@
-"""What the pipeline has brought forth since its last report."""
+"""The results of the pipeline since its last report."""
 
 from collections.abc import Sequence
 
 from groundstation.messages import CameraReport, StepReport, TrackEstimate, TrackEvent, TrackState
 
-# of most events nothing comes at once: frames wait for their angles
+# most events give no result at once, since frames wait for their angles
 _NOTHING_YET = StepReport()
 
 
 class PendingReport:
-    """Gathers the parts of a `StepReport`, each in its order."""
+    """Collects the parts of a `StepReport`, each in its order."""
 
     def __init__(self) -> None:
         self.cameras: list[CameraReport] = []
@@ -17,7 +17,7 @@ class PendingReport:
         self.states: list[TrackState] = []
 
     def take(self, events: Sequence[TrackEvent]) -> StepReport:
-        """Return all that was gathered, and ``events`` with it, and begin again with nothing."""
+        """Return the collected parts with ``events``, and clear them."""
         if not (self.cameras or self.estimates or self.states or events):
             return _NOTHING_YET
         report = StepReport(

@@ -1,8 +1,8 @@
-"""The order of things, written once: event in → synchronise → predict → look → update → report out.
+"""The processing order of the ground station: event → synchronise → predict → detect → update → report.
 
-`Pipeline.step` takes one event and returns what it brought forth. It reads no clock and touches no file: two
-runs over the same events give the same reports. The only time it knows besides the events' own is a
-stopwatch handed in by the caller, which goes into ``elapsed_s`` and ``latency_s`` and nowhere else.
+`Pipeline.step` takes one event and returns the reports that result from it. It reads no clock and no file: two
+runs over the same events give the same reports. The stopwatch passed by the caller only enters ``elapsed_s`` and
+``latency_s``.
 """
 
 from collections import Counter
@@ -45,17 +45,17 @@ from groundstation.tracking.track_manager import TrackManager
 
 
 class Pipeline:
-    """One target, N stations, events in and reports out.
+    """Tracks one target with N stations: events in, reports out.
 
     Parameters
     ----------
     rig : calibrated stations.
     config : tuning.
     span_m : the target's wing span in m, or None if unknown.
-    initial : where to start; None searches.
-    stopwatch : a clock for measuring effort, in s; the default measures nothing.
-    keep_images : whether reports carry the images (for a viewer that has no video to refer to).
-    reference_errors : what is not known of the reference positions that will come: their clock, their antenna.
+    initial : initial state of the target; with None the target is acquired by searching.
+    stopwatch : returns the elapsed processing time in s; the default disables the measurement.
+    keep_images : whether reports contain the images (for a viewer without a video).
+    reference_errors : prior of the errors of the reference positions: receiver clock and antenna offset.
     """
 
     def __init__(
@@ -74,13 +74,13 @@ class Pipeline:
         self._stopwatch = stopwatch
         self._keep_images = keep_images
         self._reference_errors = reference_errors
-        self._before: Counter[str] = Counter()
-        self._found: Callable[[float, Kinematics], None] | None = None
-        self.taught_until_s: float | None = None
-        self._begin(initial)
+        self._counts_before_restart: Counter[str] = Counter()
+        self._on_smoothed: Callable[[float, Kinematics], None] | None = None
+        self.reference_used_until_s: float | None = None
+        self._set_up(initial)
 
-    def _begin(self, initial: InitialState | None) -> None:
-        """Know nothing but what stands in the rig, and where to start."""
+    def _set_up(self, initial: InitialState | None) -> None:
+        """Create all components from the rig and the configuration."""
         rig, config, span_m = self._rig, self._config, self._span_m
         self._cameras = {s.name: CameraTracker(s, config) for s in rig.stations}
         geometries = {name: c.geometry for name, c in self._cameras.items()}
@@ -88,44 +88,44 @@ class Pipeline:
         prior = rig_prior(rig, self._reference_errors).with_span(span_prior_sigma(span_m))
         self._ekf = RecordedEkf(geometries, turning, config.estimation, prior)
         self._encoders = EncoderFeed(self._ekf, {s.name: s for s in rig.stations}, config.estimation)
-        self._keeper = TrackManager(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
-        self._readings_said = LogThrottle(lambda t_s, text: self._keeper.say(t_s, "warning", text))
+        self._track_manager = TrackManager(self._ekf, self._cameras, config, span_m=span_m, initial=initial)
+        self._throttle = LogThrottle(lambda t_s, text: self._track_manager.log(t_s, "warning", text))
         self._synchroniser = Synchroniser(turning, config.synchronise, cameras=rig.names)
-        self._window = LateMeasurementBuffer(
+        self._late_buffer = LateMeasurementBuffer(
             self._ekf,
             self._encoders,
             stations=rig.names,
             horizon_s=config.estimation.late_horizon_s,
             max_entries=config.estimation.late_max_entries,
             max_gap_s=config.synchronise.max_gap_s,
-            say=self._readings_said.take,
+            log=self._throttle.take,
         )
         self._fused_late = {"fused_late_ptu": 0, "fused_late_frames": 0}
-        self._book = EpochBuffer(config.estimation.fix_window_s)
+        self._epochs = EpochBuffer(config.estimation.fix_window_s)
         self._health = StationHealth(geometries, self._ekf, config.integrity)
         self._frames = FrameUpdate(
             self._cameras,
             self._ekf,
             self._encoders,
-            self._keeper,
-            self._book,
+            self._track_manager,
+            self._epochs,
             self._health,
             config,
             span=SpanModel(span_m),
             stopwatch=self._stopwatch,
             keep_images=self._keep_images,
         )
-        self._references = ReferenceUpdate(self._ekf, self._keeper, self._window, self._readings_said.take)
+        self._references = ReferenceUpdate(self._ekf, self._track_manager, self._late_buffer, self._throttle.take)
         self._out = PendingReport()
-        self._archive()
+        self._start_smoother()
 
     @property
     def counts(self) -> dict[str, int]:
-        """What was refused: what came too late even to go back for, PTU spikes, references, stations, starts."""
-        return {name: self._before[name] + n for name, n in self._counted().items()}
+        """Counts of rejected data: records beyond the late horizon, PTU spikes, references, stations, restarts."""
+        return {name: self._counts_before_restart[name] + n for name, n in self._counts_since_restart().items()}
 
-    def _counted(self) -> dict[str, int]:
-        """Return what was counted since the beginning, or since it began anew."""
+    def _counts_since_restart(self) -> dict[str, int]:
+        """Return the counts since the start, or since the last restart."""
         late, fused, health = self._synchroniser.late, self._fused_late, self._health
         return {
             "late_ptu": late.ptu - fused["fused_late_ptu"],
@@ -133,8 +133,8 @@ class Pipeline:
             "ptu_spikes": self._encoders.spikes,
             "references_refused": self._references.refused + late.references - self._references.fused_late,
             "stations_lost": health.lost,
-            "stations_doubted": health.watch.doubts,
-            "stations_excluded": health.watch.exclusions,
+            "stations_doubted": health.monitor.doubts,
+            "stations_excluded": health.monitor.exclusions,
             "excluded_pixels": health.excluded_pixels,
             "starts_taken_back": self._ekf.starts_taken_back,
             "begun_anew": 0,
@@ -142,197 +142,200 @@ class Pipeline:
 
     @property
     def carried_errors(self) -> tuple[CarriedError, ...]:
-        """What the filter knows now of the errors of calibration and clocks."""
+        """Current estimates of the errors of calibration and clocks."""
         return self._ekf.carried_errors()
 
     @property
     def fused_late(self) -> dict[str, int]:
-        """How many PTU readings came late and were fused in their place, and for how many frames one went back."""
-        return {name: self._before[name] + n for name, n in self._fused_late.items()}
+        """Numbers of out-of-sequence PTU readings and frames that were fused at their own time."""
+        return {name: self._counts_before_restart[name] + n for name, n in self._fused_late.items()}
 
     @property
     def time_s(self) -> float | None:
-        """The session time that the filter stands at; None before the first event."""
+        """Session time of the filter state; None before the first event."""
         return self._ekf.time_s
 
     def estimate_at(self, t_s: float) -> Kinematics | None:
-        """Return the target at a session time, given all that is fused so far; None without a target.
+        """Return the target at a session time, given all measurements fused so far; None without a target.
 
-        Ahead of the filter, to make up for delays, with the modes' process noise; behind it, as far as the window for
-        late data reaches, sharpened by the newer measurements; further back None.
+        Ahead of the filter time the state is predicted with the process noise of the modes, to compensate delays.
+        Behind it the state is smoothed with the newer measurements, as far back as the buffer for late measurements
+        reaches; further back the result is None.
         """
         if not self._ekf.has_target or self._ekf.time_s is None:
             return None
         ahead = t_s >= self._ekf.time_s - ROUNDING_S
-        return self._ekf.kinematics_at(t_s) if ahead else self._ekf.passed(t_s)
+        return self._ekf.kinematics_at(t_s) if ahead else self._ekf.smoothed_at(t_s)
 
-    def smooth(self, found: Callable[[float, Kinematics], None]) -> Callable[[float], None]:
-        """Have the flight smoothed, once its end is known: returns what to call with each time that is wanted.
+    def smooth(self, on_smoothed: Callable[[float, Kinematics], None]) -> Callable[[float], None]:
+        """Enable smoothing of the whole flight; return the function that requests an estimate at a time.
 
-        ``found`` is told the answers, session time in s and the target then, the newest first: when a target ends, at
-        `finish_smoothing`, or, of a long flight, in between. To be called before the first step.
+        ``on_smoothed`` receives session time in s and target, newest first: when a track ends, at `finish_smoothing`,
+        or, for a long flight, in between. To be called before the first step.
         """
-        self._found = found
-        self._archive()
-        return self._want
+        self._on_smoothed = on_smoothed
+        self._start_smoother()
+        return self._request_smoothed
 
-    def _want(self, t_s: float) -> None:
-        self._smoother.want(t_s)
+    def _request_smoothed(self, t_s: float) -> None:
+        self._smoother.request(t_s)
 
-    def _archive(self) -> None:
-        """Have what the filter does from now on kept for smoothing, if that is wanted."""
-        found = self._found
-        if found is not None:
+    def _start_smoother(self) -> None:
+        """Connect a smoother to the history of the filter, if smoothing is enabled."""
+        on_smoothed = self._on_smoothed
+        if on_smoothed is not None:
             self._smoother = Smoother(
-                self._ekf.motion_over, lambda t_s, x, P: found(t_s, self._ekf.kinematics_of(x, P))
+                self._ekf.motion_over, lambda t_s, x, P: on_smoothed(t_s, self._ekf.kinematics_of(x, P))
             )
-            self._ekf.tape.archive = self._smoother.take
+            self._ekf.history.archive = self._smoother.take
 
     def step(self, event: Event) -> StepReport:
-        """Take one event; return the reports of everything whose time has come."""
+        """Process one event; return the reports of all records that are due."""
         if isinstance(event, (Frame, PixelMeasurement)):
-            self._book.arrived(event.epoch, self._stopwatch())
+            self._epochs.arrived(event.epoch, self._stopwatch())
             self._health.delivered(event.station, event.t_s)
         if isinstance(event, FilterReset):
-            return self._begin_anew(event)
+            return self._restart(event)
         if isinstance(event, Heartbeat):
-            return self._pass_time(event.t_s)
+            return self._process_heartbeat(event.t_s)
         return self._run(self._synchroniser.push(event))
 
-    def _begin_anew(self, event: FilterReset) -> StepReport:
-        """Forget everything: numbers had come about that no filter can work with."""
-        self._before.update({**self._counted(), **self._fused_late, "begun_anew": 1})
-        if self._found is not None:
-            self._ekf.finish_tape()
-        self._begin(None)
-        self._keeper.say(event.t_s, "error", f"the filter has failed ({event.why}); begun anew")
+    def _restart(self, event: FilterReset) -> StepReport:
+        """Discard the complete state after a numerical failure of the filter."""
+        self._counts_before_restart.update({**self._counts_since_restart(), **self._fused_late, "begun_anew": 1})
+        if self._on_smoothed is not None:
+            self._ekf.close_history()
+        self._set_up(None)
+        self._track_manager.log(event.t_s, "error", f"the filter has failed ({event.why}); begun anew")
         return self._run(())
 
-    def _pass_time(self, t_s: float) -> StepReport:
-        """Say how the target does at ``t_s``, and decide it if no pair has for long; the filter stays where it is."""
-        self._take(self._synchroniser.pass_time(t_s))
-        if self._keeper.is_quiet(t_s):
+    def _process_heartbeat(self, t_s: float) -> StepReport:
+        """Report the track status at ``t_s``, and update it if no epoch came for long; the filter is not predicted."""
+        self._process(self._synchroniser.pass_time(t_s))
+        if self._track_manager.is_quiet(t_s):
             for line in self._health.silence(t_s):
-                self._keeper.say(line.t_s, line.level, line.text)
-            self._readings_said.pass_time(t_s)
-            if self._keeper.gives_up(t_s):
+                self._track_manager.log(line.t_s, line.level, line.text)
+            self._throttle.pass_time(t_s)
+            if self._track_manager.must_drop(t_s):
                 self._drop(t_s)
-        self._out.states.append(self._keeper.state_at(t_s))
-        return self._out.take(self._keeper.take_events())
+        self._out.states.append(self._track_manager.state_at(t_s))
+        return self._out.take(self._track_manager.take_events())
 
     def _drop(self, t_s: float) -> None:
-        """Give the target up at ``t_s``, which the filter has not come to."""
-        with self._window.decision():
-            self._keeper.drop(t_s)
+        """Drop the target at ``t_s``, ahead of the filter time."""
+        with self._late_buffer.decision():
+            self._track_manager.drop(t_s)
 
     def finish(self) -> StepReport:
-        """Nothing more will come: return the reports of everything still waiting."""
+        """Process all records that are still waiting, at the end of the input; return their reports."""
         return self._run(self._synchroniser.finish(), last=True)
 
     def finish_smoothing(self) -> None:
-        """Look back from the end, after `finish` and after the last wanted time has been said."""
-        self._ekf.finish_tape()
+        """Smooth from the end of the flight; to be called after `finish` and after the last request."""
+        self._ekf.close_history()
 
     def _run(self, ready: Iterable[Ready], *, last: bool = False) -> StepReport:
-        self._take(ready)
+        self._process(ready)
         if last:
-            self._readings_said.finish()
-        return self._out.take(self._keeper.take_events())
+            self._throttle.finish()
+        return self._out.take(self._track_manager.take_events())
 
-    def _take(self, ready: Iterable[Ready]) -> None:
-        """Take in order what is ready."""
+    def _process(self, ready: Iterable[Ready]) -> None:
+        """Process the synchronised records in order."""
         for item in ready:
             if isinstance(item, PtuSample):
-                self._reading(item)
+                self._process_reading(item)
             elif isinstance(item, LateReading):
-                self._late_reading(item.sample)
+                self._process_late_reading(item.sample)
             elif isinstance(item, ReferenceFix):
-                self._learn(item, late=False)
+                self._process_reference(item, late=False)
             elif isinstance(item, LateReference):
-                self._learn(item.fix, late=True)
+                self._process_reference(item.fix, late=True)
             elif isinstance(item, Epoch):
-                with self._window.decision():
-                    self._answer(item)
+                with self._late_buffer.decision():
+                    self._process_epoch(item)
             else:
-                self._out.cameras.append(self._frame(item))
+                self._out.cameras.append(self._process_frame(item))
 
     # ------------------------------------------------------------------------------- time and angles
     def _predict_to(self, t_s: float) -> None:
-        """Carry the filter to ``t_s``; start the target that was given once its time has come."""
+        """Predict the filter to ``t_s``; start the target from the given initial state once its time is reached."""
         self._ekf.predict_to(t_s)
-        self._keeper.start_if_due(t_s)
+        self._track_manager.start_if_due(t_s)
 
-    def _frame(self, ready: ReadyFrame) -> CameraReport:
-        """Bring the filter to a frame's time and let the frame update it."""
+    def _process_frame(self, ready: ReadyFrame) -> CameraReport:
+        """Predict the filter to the time of a frame and update it with the frame."""
         if ready.late:
-            return self._late_frame(ready)
-        if self._ekf.has_target and self._keeper.life.is_unseen(ready.record.t_s):
-            # where no heartbeat has done so: a source without a clock, that had no picture for long
+            return self._process_late_frame(ready)
+        if self._ekf.has_target and self._track_manager.state_machine.is_unseen(ready.record.t_s):
+            # sources without heartbeats: no frame came for longer than a track may coast
             self._drop(ready.record.t_s)
-        with self._window.frame(ready.record.t_s, ready.record.station):
+        with self._late_buffer.frame(ready.record.t_s, ready.record.station):
             self._predict_to(ready.record.t_s)
             if ready.following is not None:
-                self._window.read(ready.following)
-            return self._frames.take(ready)
+                self._late_buffer.read(ready.following)
+            return self._frames.process(ready)
 
-    def _reading(self, sample: PtuSample) -> None:
-        """Bring the filter to a reading's time and let the reading update it."""
-        if self._window.completes(sample):
-            # a frame was held no longer than it may be, and its angles come only now
-            self._window.late_reading(sample, self._synchroniser.release)
+    def _process_reading(self, sample: PtuSample) -> None:
+        """Predict the filter to the time of a PTU reading and update it with the reading."""
+        if self._late_buffer.completes(sample):
+            # the hold time of a frame ended before the reading that completes its angles
+            self._late_buffer.late_reading(sample, self._synchroniser.release)
             return
-        with self._window.reading(sample.t_s, sample.station):
+        with self._late_buffer.reading(sample.t_s, sample.station):
             self._predict_to(sample.t_s)
-            self._window.read(sample)
+            self._late_buffer.read(sample)
 
-    def _late_reading(self, sample: PtuSample) -> None:
-        """Put a late reading in its place, if that is not too long ago."""
-        if self._window.reaches(sample.t_s):
-            self._window.late_reading(sample, self._synchroniser.release)
+    def _process_late_reading(self, sample: PtuSample) -> None:
+        """Fuse an out-of-sequence PTU reading at its own time, if it is within the horizon."""
+        if self._late_buffer.reaches(sample.t_s):
+            self._late_buffer.late_reading(sample, self._synchroniser.release)
             self._fused_late["fused_late_ptu"] += 1
 
-    def _late_frame(self, ready: ReadyFrame) -> CameraReport:
-        """Go back to a late frame's time, look where the target was expected then, and come forward again."""
+    def _process_late_frame(self, ready: ReadyFrame) -> CameraReport:
+        """Rewind the filter to an out-of-sequence frame, detect and fuse there, and replay the later measurements."""
         t_s, station = ready.record.t_s, ready.record.station
-        if not self._window.reaches(t_s):
-            return self._frames.take(ready)
-        following = self._window.claim_following(station, t_s)
-        if following is None and not self._window.has_reading_after(station, t_s):
+        if not self._late_buffer.reaches(t_s):
+            return self._frames.process(ready)
+        following = self._late_buffer.claim_following(station, t_s)
+        if following is None and not self._late_buffer.has_reading_after(station, t_s):
             following = self._synchroniser.claim_following(ready.record)
-        with self._window.late_frame(t_s, station), self._cameras[station].aside():
+        with self._late_buffer.late_frame(t_s, station), self._cameras[station].state_preserved():
             self._ekf.predict_to(t_s)
             if following is not None:
-                self._window.read(following)
+                self._late_buffer.read(following)
             known = self._ekf.has_target
-            # nothing is searched for in the past
-            report = self._frames.take(replace(ready, late=False, revisited=True) if known else ready)
+            # no acquisition from out-of-sequence frames
+            report = self._frames.process(replace(ready, late=False, revisited=True) if known else ready)
         self._fused_late["fused_late_frames"] += known
         return replace(report, status=DetectionStatus.LATE) if report.status is DetectionStatus.OK else report
 
-    def _learn(self, fix: ReferenceFix, *, late: bool) -> None:
-        """Let a reference position correct the target and the errors that are carried."""
+    def _process_reference(self, fix: ReferenceFix, *, late: bool) -> None:
+        """Update the target and the carried errors with a reference position."""
         if self._references.take_late(fix) if late else self._references.take(fix):
-            self.taught_until_s = fix.t_s
+            self.reference_used_until_s = fix.t_s
 
     # ---------------------------------------------------------------------------------------- epochs
-    def _answer(self, epoch: Epoch) -> None:
-        """Say where the target is at the pair's stamp, and how that is known."""
-        page = self._book.close(epoch)
-        triangulation_status, triangulation = page.triangulate(self._config.estimation.residual_gate_sigma)
-        for event in self._health.epoch(epoch.t_s, page):
-            self._keeper.say(event.t_s, event.level, event.text)
-        self._readings_said.pass_time(epoch.t_s)
-        fixed = len(page.accepted) >= 2
+    def _process_epoch(self, epoch: Epoch) -> None:
+        """Estimate the target at the stamp of an epoch and report it with the triangulation."""
+        views = self._epochs.close(epoch)
+        triangulation_status, triangulation = views.triangulate(self._config.estimation.residual_gate_sigma)
+        for event in self._health.epoch(epoch.t_s, views):
+            self._track_manager.log(event.t_s, event.level, event.text)
+        self._throttle.pass_time(epoch.t_s)
+        fixed = len(views.accepted) >= 2
         newest_s = self._synchroniser.newest_s
-        kinematics = self._keeper.answer(epoch, fixed=fixed, proof=fixed and bool(page.views), newest_s=newest_s)
+        kinematics = self._track_manager.process_epoch(
+            epoch, fixed=fixed, proof=fixed and bool(views.views), newest_s=newest_s
+        )
         self._out.estimates.append(
             TrackEstimate(
                 t_s=epoch.t_s,
                 epoch=epoch.epoch,
-                status=self._keeper.life.status,
+                status=self._track_manager.state_machine.status,
                 kinematics=kinematics,
                 triangulation_status=triangulation_status,
                 triangulation=triangulation,
-                latency_s=0.0 if page.arrived_s is None else self._stopwatch() - page.arrived_s,
+                latency_s=0.0 if views.arrived_s is None else self._stopwatch() - views.arrived_s,
             )
         )

@@ -1,4 +1,4 @@
-"""What a reference position, of a receiver aboard, does to the filter: in time, or late and put in its place."""
+"""Updates of the filter with reference positions of a receiver on the aircraft, in order or out of sequence."""
 
 from collections.abc import Callable
 
@@ -11,44 +11,48 @@ from groundstation.tracking.track_manager import TrackManager
 
 
 class ReferenceUpdate:
-    """Lets reference positions correct the target and the errors that are carried; counts what it refuses.
+    """Updates the target and the carried errors with reference positions; counts the rejected ones.
 
     Parameters
     ----------
-    ekf : what is corrected.
-    keeper : knows whether two cameras see the target: then no position replaces it.
-    window : brings the filter back for a position that comes late.
-    warn : takes a warning, at a session time in s.
+    ekf : the filter to update.
+    track_manager : status of the track; while two cameras see the target, no reference position replaces it.
+    late_buffer : rewinds the filter for an out-of-sequence position.
+    warn : receives a session time in s and a warning.
     """
 
     def __init__(
-        self, ekf: RecordedEkf, keeper: TrackManager, window: LateMeasurementBuffer, warn: Callable[[float, str], None]
+        self,
+        ekf: RecordedEkf,
+        track_manager: TrackManager,
+        late_buffer: LateMeasurementBuffer,
+        warn: Callable[[float, str], None],
     ) -> None:
         self.refused = 0
         self.fused_late = 0
-        self._ekf, self._keeper, self._window, self._warn = ekf, keeper, window, warn
+        self._ekf, self._track_manager, self._late_buffer, self._warn = ekf, track_manager, late_buffer, warn
 
     def take(self, fix: ReferenceFix) -> bool:
-        """Fuse a position that is in time; returns whether the filter has learnt from it."""
+        """Fuse a position in order of time; return whether the carried errors were estimated with it."""
         self._ekf.predict_to(fix.t_s)
-        with self._window.decision():
-            self._keeper.start_if_due(fix.t_s)
+        with self._late_buffer.decision():
+            self._track_manager.start_if_due(fix.t_s)
             return self._fuse(fix, 0.0)
 
     def take_late(self, fix: ReferenceFix) -> bool:
-        """Go back to the time of a position that a receiver tells only later, and come forward again."""
-        if not self._window.reaches(fix.t_s):
+        """Fuse an out-of-sequence position at its own time; return whether the carried errors were estimated."""
+        if not self._late_buffer.reaches(fix.t_s):
             return False
         self.fused_late += 1
-        with self._window.late_decision(fix.t_s):
+        with self._late_buffer.late_decision(fix.t_s):
             self._ekf.predict_to(fix.t_s)
             return self._fuse(fix, fix.t_s - (self._ekf.time_s or fix.t_s))
 
     def _fuse(self, fix: ReferenceFix, ahead_s: float) -> bool:
-        """Let a position, stamped ``ahead_s`` after the filter's time, correct a target that there is."""
+        """Fuse a position stamped ``ahead_s`` after the filter time, if there is a target."""
         if not self._ekf.has_target:
             return False
-        seen = self._keeper.life.seen_by_two(fix.t_s)
+        seen = self._track_manager.state_machine.seen_by_two(fix.t_s)
         innovation = self._ekf.update_reference(
             fix.position_runway_m, np.diag(fix.sigma_m**2), ahead_s, may_replace=not seen
         )

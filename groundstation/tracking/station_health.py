@@ -1,25 +1,25 @@
-"""The stations of a running pipeline: which deliver, which agree, and what is said of it.
+"""Availability and integrity of the stations of a running pipeline.
 
-Puts an epoch's pixels into the terms of `groundstation.integrity.station_exclusion` and turns its findings into lines
-of the log.
+Converts the pixels of an epoch into the residuals of `groundstation.integrity.station_exclusion` and its verdict
+changes into log events.
 """
 
 from collections.abc import Mapping
 
 from groundstation.estimation.ekf import StationEkf
 from groundstation.geometry.station import StationGeometry
-from groundstation.integrity.leave_one_out import held_against
+from groundstation.integrity.leave_one_out import subtract_rig_errors
 from groundstation.integrity.solution_separation import PixelResidual
-from groundstation.integrity.station_exclusion import Finding, IntegrityConfig, IntegrityWatch, StationVerdict
+from groundstation.integrity.station_exclusion import IntegrityConfig, IntegrityMonitor, StationVerdict, VerdictChange
 from groundstation.messages import TrackEvent
-from groundstation.tracking.epoch import EpochPage, EpochView
+from groundstation.tracking.epoch import EpochView, EpochViews
 
 
 class StationHealth:
-    """Watches over all stations of one filter; counts what it leaves out."""
+    """Monitors all stations of one filter; counts excluded pixels and lost stations."""
 
     def __init__(self, geometries: Mapping[str, StationGeometry], ekf: StationEkf, config: IntegrityConfig) -> None:
-        self.watch = IntegrityWatch(tuple(geometries), config)
+        self.monitor = IntegrityMonitor(tuple(geometries), config)
         self.lost = 0
         self.excluded_pixels = 0
         self._geometries = geometries
@@ -30,32 +30,32 @@ class StationHealth:
         self._had_target = False
 
     def uses(self, station: str) -> bool:
-        """Return whether a station's pixels are to be fused; count it if not."""
-        if self.watch.verdict(station) is not StationVerdict.EXCLUDED:
+        """Return whether the pixels of a station are fused; count the pixel if not."""
+        if self.monitor.verdict(station) is not StationVerdict.EXCLUDED:
             return True
         self.excluded_pixels += 1
         return False
 
     def delivered(self, station: str, t_s: float) -> None:
-        """Note that a station has sent a frame or a pixel."""
+        """Record that a station has sent a frame or a pixel."""
         self._newest[station] = max(t_s, self._newest.get(station, t_s))
 
-    def epoch(self, t_s: float, page: EpochPage) -> list[TrackEvent]:
-        """Take what was seen in one epoch, and return what is to be said of the stations."""
+    def epoch(self, t_s: float, views: EpochViews) -> list[TrackEvent]:
+        """Evaluate the pixels of one epoch; return the log events of the stations."""
         events = self.silence(t_s)
         if not self._ekf.has_target:
             if self._had_target:
-                self.watch.forget()
+                self.monitor.forget()
             self._had_target = False
             return events
         self._had_target = True
-        sights = [s for s in (self._sight(v) for v in page.views) if s is not None]
-        if len(sights) >= 2:
-            events += [_line(t_s, finding) for finding in self.watch.epoch(t_s, sights)]
+        residuals = [s for s in (self._residual(v) for v in views.views) if s is not None]
+        if len(residuals) >= 2:
+            events += [_line(t_s, change) for change in self.monitor.epoch(t_s, residuals)]
         return events
 
     def silence(self, t_s: float) -> list[TrackEvent]:
-        """Say who has fallen silent, and who is back."""
+        """Return events for stations that have stopped or resumed delivering."""
         events = []
         for name, newest_s in self._newest.items():
             quiet = t_s - newest_s > self._config.silent_s
@@ -70,8 +70,8 @@ class StationHealth:
                 events.append(TrackEvent(t_s=t_s, level="info", text=f"station {name}: delivers again"))
         return events
 
-    def _sight(self, seen: EpochView) -> PixelResidual | None:
-        """Hold one pixel against the prediction for its own exposure, with what the filter has learnt of the rig."""
+    def _residual(self, seen: EpochView) -> PixelResidual | None:
+        """Return the residual of one pixel at its exposure, corrected for the estimated rig errors."""
         ekf, view = self._ekf, seen.view
         if ekf.time_s is None:
             return None
@@ -82,7 +82,7 @@ class StationHealth:
         if projection is None or known is None:
             return None
         residual, noise = view.pixel - projection.pixel, view.covariance_px2.copy()
-        spread = held_against(
+        spread = subtract_rig_errors(
             projection.jacobian,
             known.jacobian,
             layout.constant.start,
@@ -101,6 +101,6 @@ class StationHealth:
         )
 
 
-def _line(t_s: float, finding: Finding) -> TrackEvent:
-    level = "info" if finding.verdict is StationVerdict.TRUSTED else "warning"
-    return TrackEvent(t_s=t_s, level=level, text=finding.text)
+def _line(t_s: float, change: VerdictChange) -> TrackEvent:
+    level = "info" if change.verdict is StationVerdict.TRUSTED else "warning"
+    return TrackEvent(t_s=t_s, level=level, text=change.text)

@@ -72,7 +72,7 @@ def _warm_up_estimation(geometry: StationGeometry) -> None:
     if prediction is not None:
         ekf.update_pixel(geometry.name, prediction.pixel, np.eye(2), correlated_share=0.5)
         ekf.update_width(geometry.name, 40.0, 2.0, alone=True)
-        ekf.absorb_miss(geometry.name, 0.9)
+        ekf.update_miss(geometry.name, 0.9)
         ekf.update_reference(np.array([0.0, 50.0, 0.0]), np.eye(3))
         ekf.kinematics_at(0.3)
     target = np.array([2.0, 50.0, 0.0])

@@ -57,7 +57,7 @@ def fly(seed: int, weighting: OutOfViewWeighting, miss_share: float = 0.0) -> di
             if geometry.contains(projection.pixel):
                 ekf.update_pixel(station.name, projection.pixel + noise, 0.25 * np.eye(2))
             elif miss_share > 0.0:
-                ekf.absorb_miss(station.name, miss_share)
+                ekf.update_miss(station.name, miss_share)
         k = ekf.kinematics_at(t)
         d = k.position_runway_m - point
         where = "before" if t < LEAVES_S else "away" if t < BACK_S else "after"

@@ -75,10 +75,10 @@ def track(**counts: int) -> ProvisionalTrack:
     ],
 )
 def test_the_majority_tells(said: list[int], refuted: bool) -> None:
-    young = track()
+    provisional = track()
     for accepted in said:
-        young = young.after(accepted=bool(accepted))
-    assert young.refuted is refuted
+        provisional = provisional.after(accepted=bool(accepted))
+    assert provisional.refuted is refuted
 
 
 def test_a_track_grows_up_once_enough_agrees_with_it() -> None:

@@ -116,7 +116,7 @@ def test_a_miss_moves_nothing_that_is_only_considered() -> None:
     ekf.start_target(POINT + [0.0, 0.0, 18.0], VELOCITY, np.diag([1.0, 16.0, 25.0, 1.0, 1.0, 1.0]), triangulated=True)
     places = list(ekf.layout.parameters.values())
     before = (ekf.state[places].copy(), np.diag(ekf.covariance)[places].copy(), ekf.state[:3].copy())
-    ekf.absorb_miss("left", 0.9)
+    ekf.update_miss("left", 0.9)
     assert not np.array_equal(ekf.state[:3], before[2]), "the scene is one in which a miss says something"
     np.testing.assert_array_equal(ekf.state[places], before[0])
     np.testing.assert_array_equal(np.diag(ekf.covariance)[places], before[1])

@@ -144,7 +144,7 @@ def test_the_second_camera_s_first_pixel_places_the_craft_honestly(rig_errors: b
 
 def test_taking_it_for_one_more_pixel_would_be_overconfident(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the placing is for: without it the same flights are far outside the bound, or refused."""
-    monkeypatch.setattr(StationEkf, "_placed_anew", lambda self, seen: None)
+    monkeypatch.setattr(StationEkf, "_reinitialise_range", lambda self, seen: None)
     back = [flown(seed, rig_errors=False) for seed in range(RUNS)]
     assert np.mean([b.square(slice(0, 3)) for b in back]) > 3.0 * chi2.ppf(0.999, 3 * RUNS) / RUNS
 
@@ -191,16 +191,16 @@ def test_a_needle_keeps_what_its_camera_sees(rng: np.random.Generator) -> None:
     """Moved along the ray, a target turns about the camera as fast as before; slopes have numeric twins."""
     origin, target = rng.normal(size=3), np.concatenate([rng.normal(0, 30, 3), rng.normal(0, 5, 3)])
     A = rng.normal(size=(6, 6))
-    needle = BearingOnlyPrior(target, A @ A.T, origin)
+    prior = BearingOnlyPrior(target, A @ A.T, origin)
     d = (target[:3] - origin) / np.linalg.norm(target[:3] - origin)
-    np.testing.assert_allclose(needle.velocity(target[:3]), target[3:], atol=1e-9)
+    np.testing.assert_allclose(prior.velocity(target[:3]), target[3:], atol=1e-9)
     for share in (0.5, 2.0):
         point = origin + share * (target[:3] - origin)
-        across = needle.velocity(point) - d * (d @ needle.velocity(point))
+        across = prior.velocity(point) - d * (d @ prior.velocity(point))
         np.testing.assert_allclose(across, share * (target[3:] - d * (d @ target[3:])), atol=1e-9)
-        numeric = (needle.velocity(point + 1e-5 * d) - needle.velocity(point - 1e-5 * d)) / 2e-5
-        np.testing.assert_allclose(needle.velocity_slope(point) @ d, numeric, atol=1e-6)
-        assert np.linalg.eigvalsh(needle.velocity_spread(point))[0] > -1e-9
+        numeric = (prior.velocity(point + 1e-5 * d) - prior.velocity(point - 1e-5 * d)) / 2e-5
+        np.testing.assert_allclose(prior.velocity_slope(point) @ d, numeric, atol=1e-6)
+        assert np.linalg.eigvalsh(prior.velocity_spread(point))[0] > -1e-9
 
 
 def test_a_lone_camera_s_pixel_is_met_where_plain_steps_jump_about() -> None:
@@ -234,6 +234,6 @@ def test_what_was_before_ends_on_the_tape() -> None:
     assert back.placed
     ekf = back.ekf
     assert isinstance(ekf, RecordedEkf)
-    newest = next(iter(reversed(ekf.tape)))
+    newest = next(iter(reversed(ekf.history)))
     assert isinstance(newest, Transition)
     np.testing.assert_array_equal(newest.F[:6, :6], np.zeros((6, 6)))

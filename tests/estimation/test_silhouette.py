@@ -159,7 +159,7 @@ def test_what_a_small_silhouette_shows_of_the_span_does_not_last(kind: type[Stat
         for k in range(40):
             if k == 20:
                 saved = ekf.snapshot()
-            ekf._carry(0.25 * k, 0.25 * (k + 1))
+            ekf._propagate(0.25 * k, 0.25 * (k + 1))
             ekf._bank.place(ekf.layout.target, np.concatenate([point, velocity]), 0.01 * np.eye(6))
             innovation = ekf.update_width("left", width_px, span_m, alone=False)
             assert innovation is not None
@@ -167,7 +167,7 @@ def test_what_a_small_silhouette_shows_of_the_span_does_not_last(kind: type[Stat
         # going back to a snapshot and doing the same gives the same
         ekf.restore(saved)
         for k in range(20, 40):
-            ekf._carry(0.25 * k, 0.25 * (k + 1))
+            ekf._propagate(0.25 * k, 0.25 * (k + 1))
             ekf._bank.place(ekf.layout.target, np.concatenate([point, velocity]), 0.01 * np.eye(6))
             ekf.update_width("left", width_px, span_m, alone=False)
         assert ekf.covariance[at, at] ** 0.5 == sigmas[width_px]

@@ -86,9 +86,9 @@ def smoothed(ekf: RecordedEkf, wanted: list[float], max_bytes: float = 2.5e8) ->
     found: dict[float, tuple] = {}
     smoother = Smoother(ekf.motion_over, lambda t, x, P: found.__setitem__(t, (x, P)), max_bytes)
     for t in wanted:
-        smoother.want(t)
-    ekf.tape.archive = smoother.take
-    ekf.finish_tape()
+        smoother.request(t)
+    ekf.history.archive = smoother.take
+    ekf.close_history()
     return found
 
 

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from groundstation.integrity.leave_one_out import PART_SIZE, explained, leave_out, summed_up, whiten, write_part
+from groundstation.integrity.leave_one_out import (
+    TERM_COUNT,
+    leave_one_out,
+    separation_statistic,
+    whiten,
+    window_statistic,
+    write_epoch_terms,
+)
 
 
 @pytest.mark.parametrize("stations", [2, 3, 5])
@@ -12,7 +19,7 @@ def test_it_is_what_eliminating_the_target_leaves_of_a_bias(rng: np.random.Gener
     roots = rng.normal(size=(stations, 2, 2))
     noises = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(2)
     A, g = np.empty((2, 2)), np.empty(2)
-    leave_out(0, noises, H, r, np.ones(stations, np.bool_), A, g)
+    leave_one_out(0, noises, H, r, np.ones(stations, np.bool_), A, g)
     # target and a bias b of the first station as unknowns of one least-squares problem: b has information A, b̂ = A⁻¹ g
     whiten = np.linalg.cholesky(np.linalg.inv(noises)).transpose(0, 2, 1)
     rows = np.zeros((2 * stations, 5))
@@ -53,8 +60,8 @@ def test_a_station_is_held_against_those_that_are_used(rng: np.random.Generator,
     H, r, noises = rng.normal(size=(4, 2, 3)), rng.normal(size=(4, 2)), np.tile(np.diag([1.0, 2.0]), (4, 1, 1))
     A, g, alone_A, alone_g = np.empty((2, 2)), np.empty(2), np.empty((2, 2)), np.empty(2)
     order = [1, 0, 2]
-    leave_out(0, noises[:3], H[:3], r[:3], np.ones(3, np.bool_), A, g)
-    leave_out(1, noises, H[[*order, 3]], r[[*order, 3]], np.array([True, used[0], True, False]), alone_A, alone_g)
+    leave_one_out(0, noises[:3], H[:3], r[:3], np.ones(3, np.bool_), A, g)
+    leave_one_out(1, noises, H[[*order, 3]], r[[*order, 3]], np.array([True, used[0], True, False]), alone_A, alone_g)
     np.testing.assert_allclose(alone_A, A, rtol=1e-9)
     np.testing.assert_allclose(alone_g, g, rtol=1e-9)
 
@@ -62,11 +69,11 @@ def test_a_station_is_held_against_those_that_are_used(rng: np.random.Generator,
 @pytest.mark.parametrize("most", [1e9, 1e-3])
 def test_an_epochs_part_is_a_and_g_with_its_own_t_bounded(rng: np.random.Generator, most: float) -> None:
     H, r, noises = rng.normal(size=(3, 2, 3)), rng.normal(size=(3, 2)), np.tile(np.diag([1.0, 2.0]), (3, 1, 1))
-    used, A, g, part = np.ones(3, np.bool_), np.empty((2, 2)), np.empty(2), np.empty(PART_SIZE)
-    leave_out(1, noises, H, r, used, A, g)
-    write_part(1, noises, H, r, used, 0.3, most, part)
+    used, A, g, part = np.ones(3, np.bool_), np.empty((2, 2)), np.empty(2), np.empty(TERM_COUNT)
+    leave_one_out(1, noises, H, r, used, A, g)
+    write_epoch_terms(1, noises, H, r, used, 0.3, most, part)
     square = float(g @ np.linalg.solve(A, g))
-    assert explained(A, g) == pytest.approx(square)
+    assert separation_statistic(A, g) == pytest.approx(square)
     share = min(1.0, (most * (1.0 + 0.3 / 1.5) / square) ** 0.5)
     assert (share == 1.0) is (most > 1.0)
     np.testing.assert_allclose(part, [A[0, 0], A[0, 1], A[1, 1], *(share * g), 1.5, 0.3])
@@ -81,7 +88,7 @@ def test_summed_up_epochs_are_the_pseudo_inverse_of_their_sums(rng: np.random.Ge
     parts = np.column_stack([A[:, 0, 0], A[:, 0, 1], A[:, 1, 1], g, np.full(9, noise), np.full(9, constant)])
     bias = np.empty(2)
     # what lies behind the count is not looked at
-    statistic, dof = summed_up(np.vstack([parts, np.full((3, 7), np.nan)]), 9, bias)
+    statistic, dof = window_statistic(np.vstack([parts, np.full((3, 7), np.nan)]), 9, bias)
     wanted = np.linalg.pinv(A.sum(axis=0), rcond=1e-9) @ g.sum(axis=0)
     assert dof == directions
     np.testing.assert_allclose(bias, wanted, rtol=1e-6)

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from groundstation.integrity.solution_separation import PixelResidual
-from groundstation.integrity.station_exclusion import IntegrityConfig, IntegrityWatch, StationVerdict
+from groundstation.integrity.station_exclusion import IntegrityConfig, IntegrityMonitor, StationVerdict
 from groundstation.messages import DetectionStatus, PixelMeasurement
 from groundstation.simulation import StationErrors, perturbed, simulate
 from groundstation.simulation.approach import Glide
@@ -23,7 +23,7 @@ def mount(pan_deg: float = 0.0, tilt_deg: float = 0.0) -> StationErrors:
     return StationErrors(mount_rad=np.radians([tilt_deg, 0.0, pan_deg]))
 
 
-def sights(
+def residuals(
     rng: np.random.Generator, bias_px: dict[str, np.ndarray] | None = None, count: int = 3
 ) -> list[PixelResidual]:
     """Noise of 1 px about a target 200 m away that stands anywhere: a common move explains nothing."""
@@ -48,9 +48,9 @@ def test_separation_is_chi_square_whatever_the_target_does(rng: np.random.Genera
     for count, dof in ((2, 1), (3, 2)):
         values = []
         for _ in range(150):
-            watcher = IntegrityWatch(STATIONS[:count], exact)
+            watcher = IntegrityMonitor(STATIONS[:count], exact)
             for k in range(10):
-                watcher.epoch(0.1 * k, sights(rng, count=count))
+                watcher.epoch(0.1 * k, residuals(rng, count=count))
             found = watcher.separation("left")
             assert found.dof == dof
             values.append(found.statistic)
@@ -60,23 +60,23 @@ def test_separation_is_chi_square_whatever_the_target_does(rng: np.random.Genera
 
 def test_false_alarms_are_as_rare_as_stated(rng: np.random.Generator) -> None:
     """Asked for 200 an hour, to have something to count, in 0.12 h: no more than three sigmas above it."""
-    watcher = IntegrityWatch(STATIONS, IntegrityConfig(constant_px=0.0, false_alarms_per_hour=200.0))
+    watcher = IntegrityMonitor(STATIONS, IntegrityConfig(constant_px=0.0, false_alarms_per_hour=200.0))
     alarms = 0
     hours = 0.12
     for k in range(int(hours * 36000)):
-        for finding in watcher.epoch(0.1 * k, sights(rng)):
+        for finding in watcher.epoch(0.1 * k, residuals(rng)):
             if finding.verdict is not StationVerdict.TRUSTED:
                 alarms += 1
-                watcher = IntegrityWatch(STATIONS, IntegrityConfig(constant_px=0.0, false_alarms_per_hour=200.0))
+                watcher = IntegrityMonitor(STATIONS, IntegrityConfig(constant_px=0.0, false_alarms_per_hour=200.0))
     expected = 200.0 * hours
     assert 0.05 * expected < alarms < expected + 3.0 * expected**0.5
 
 
 def test_one_gross_outlier_is_no_fault(rng: np.random.Generator) -> None:
-    watcher = IntegrityWatch(STATIONS, IntegrityConfig())
+    watcher = IntegrityMonitor(STATIONS, IntegrityConfig())
     for k in range(60):
         off = {"right": np.array([400.0, -90.0])} if k in (10, 37) else {}
-        assert not watcher.epoch(0.1 * k, sights(rng, off))
+        assert not watcher.epoch(0.1 * k, residuals(rng, off))
 
 
 @pytest.mark.parametrize("kind", ["glide", "manoeuvre", "calibration"])
@@ -193,11 +193,11 @@ def test_a_station_is_trusted_again_only_by_so_many_epochs_of_so_long(
     The fault is gone at once, so nothing else holds it back; verdicts are given each 0.2 s.
     """
     config = IntegrityConfig(min_epochs=min_epochs, readmit_s=readmit_s, constant_px=0.1)
-    watcher, out_s, back_s = IntegrityWatch(STATIONS, config), None, None
+    watcher, out_s, back_s = IntegrityMonitor(STATIONS, config), None, None
     for k in range(100):
         t_s = 0.1 * k
         off = {"left": np.array([0.0, 6.0])} if out_s is None and k >= 10 else {}
-        for finding in watcher.epoch(t_s, sights(rng, off)):
+        for finding in watcher.epoch(t_s, residuals(rng, off)):
             assert finding.stations == ("left",)
             if finding.verdict is StationVerdict.EXCLUDED:
                 out_s = t_s
@@ -221,15 +221,15 @@ def test_in_and_out_are_not_the_same_limit(share: float, trusted: bool) -> None:
     quiet = SimpleNamespace(normal=lambda mean, sigma, size: np.zeros(size))
     config = IntegrityConfig(constant_px=0.0, readmit_s=0.4)
 
-    def left_off(watcher: IntegrityWatch, px: float, epochs: range) -> float:
+    def left_off(watcher: IntegrityMonitor, px: float, epochs: range) -> float:
         for k in epochs:
-            watcher.epoch(0.1 * k, sights(quiet, {"left": np.array([0.0, px])}))  # type: ignore[arg-type]
+            watcher.epoch(0.1 * k, residuals(quiet, {"left": np.array([0.0, px])}))  # type: ignore[arg-type]
         return watcher.separation("left").statistic
 
     # false alarms each 0.1 h, over three stations and windows of 2 s, five of them as one
     limit = chi2.isf(0.1 / (1800.0 * 5.0 * 3.0), 2)
-    per_px2 = left_off(IntegrityWatch(STATIONS, replace(config, false_alarms_per_hour=1e-9)), 1.0, range(40))
-    watcher = IntegrityWatch(STATIONS, config)
+    per_px2 = left_off(IntegrityMonitor(STATIONS, replace(config, false_alarms_per_hour=1e-9)), 1.0, range(40))
+    watcher = IntegrityMonitor(STATIONS, config)
     left_off(watcher, 6.0, range(20))
     assert watcher.verdict("left") is StationVerdict.EXCLUDED
     left = left_off(watcher, float(np.sqrt(share * limit / per_px2)), range(20, 80))
@@ -264,7 +264,7 @@ def test_two_stations_cannot_say_which() -> None:
 def test_only_what_is_beyond_the_limit_alarms(beyond: float, epochs: int, alarmed: bool) -> None:
     config = IntegrityConfig()
     assert config.min_epochs == 5
-    watched = IntegrityWatch(("left", "right"), config)
+    watched = IntegrityMonitor(("left", "right"), config)
     separation = SimpleNamespace(epochs=epochs, dof=2, statistic=watched._limits[2] + beyond)
     watched.separation = lambda name: separation
     assert list(watched._alarms(["left"])) == (["left"] if alarmed else [])

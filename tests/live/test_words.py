@@ -26,7 +26,7 @@ from groundstation.simulation.cases import standard_rig
 from groundstation.sources.cameras.camera import CameraCare, CameraDevice, CameraTiming, Grab, SettingsReadBack
 from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.tracking.config import Config
-from groundstation.tracking.count_descriptions import count_words
+from groundstation.tracking.count_descriptions import describe_counts
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.viewer.live import LiveView
 from tests.recording.recorded import events, header, looked_at, small_rig
@@ -85,12 +85,12 @@ def test_what_the_screen_left_out_is_said() -> None:
 def test_each_count_of_the_pipeline_has_its_words() -> None:
     """Expected: no name of the code reaches the operator."""
     counts = Pipeline(standard_rig(), Config()).counts
-    lines = count_words(dict.fromkeys(counts, 3))
+    lines = describe_counts(dict.fromkeys(counts, 3))
     assert len(lines) == len(counts)
     for name, line in zip(counts, lines, strict=True):
         assert name.replace("_", " ") not in line
-    assert count_words({"ptu_spikes": 0}) == []
-    assert count_words({"something_new": 2}) == ["2 something new"]
+    assert describe_counts({"ptu_spikes": 0}) == []
+    assert describe_counts({"something_new": 2}) == ["2 something new"]
 
 
 class Terminal(io.StringIO):

@@ -138,16 +138,16 @@ def test_the_covariance_grows_as_the_motion_model_says(flight: list[Event]) -> N
 def test_a_heartbeat_leaves_the_filter_where_it_is(flight: list[Event]) -> None:
     """Expected: to the last bit, with its window for late data and its tape; one before the filter's time as well."""
     run = Beaten(**CERTAIN).take(until(flight, LOSS_S))
-    ekf, window = run.pipeline._ekf, run.pipeline._window
+    ekf, window = run.pipeline._ekf, run.pipeline._late_buffer
     x, P, weights = ekf.state.copy(), ekf.covariance.copy(), ekf._bank.weights.copy()
-    before = (ekf.time_s, len(window), ekf.tape.mark, len(ekf.steps))
+    before = (ekf.time_s, len(window), ekf.history.mark, len(ekf.journal))
     # what waits is let go by the first
     run.beat(LOSS_S + 1.0)
     x, P, weights = ekf.state.copy(), ekf.covariance.copy(), ekf._bank.weights.copy()
-    before = (ekf.time_s, len(window), ekf.tape.mark, len(ekf.steps))
+    before = (ekf.time_s, len(window), ekf.history.mark, len(ekf.journal))
     for t_s in (LOSS_S + 2.0, LOSS_S + 6.0, LOSS_S - 1.0):
         run.beat(t_s)
-        assert (ekf.time_s, len(window), ekf.tape.mark, len(ekf.steps)) == before
+        assert (ekf.time_s, len(window), ekf.history.mark, len(ekf.journal)) == before
         np.testing.assert_array_equal(ekf.state, x)
         np.testing.assert_array_equal(ekf.covariance, P)
         np.testing.assert_array_equal(ekf._bank.weights, weights)
@@ -221,7 +221,7 @@ def test_lines_that_are_held_back_are_said_in_time(flight: list[Event]) -> None:
     """Expected: of the same kind one at once, the rest together after five seconds, pairs or not."""
     run = Beaten(**CERTAIN).take(until(flight, LOSS_S))
     for k in range(3):
-        run.pipeline._readings_said.take(LOSS_S, f"a jerk of {k}.5°")
+        run.pipeline._throttle.take(LOSS_S, f"a jerk of {k}.5°")
     run.beat(LOSS_S + 4.9)
     assert not any("like it" in e.text for e in run.events)
     run.beat(LOSS_S + 5.0)
@@ -285,7 +285,7 @@ def test_a_find_without_pictures_is_no_find(flight: list[Event]) -> None:
             break
     begun_s = run.estimates[-1].t_s
     # as it is begun from whole frames, which this flight has none of
-    life = run.pipeline._keeper.life
+    life = run.pipeline._track_manager.state_machine
     life.started(begun_s, path(begun_s))
     life.status = TrackStatus.ACQUIRING
     assert run.beat(begun_s + 0.99).status is TrackStatus.ACQUIRING
@@ -296,9 +296,9 @@ def test_a_find_without_pictures_is_no_find(flight: list[Event]) -> None:
 
 def test_candidates_without_pictures_are_not_said_to_be_proved(flight: list[Event]) -> None:
     run = Beaten()
-    keeper = run.pipeline._keeper
+    track_manager = run.pipeline._track_manager
     run.take(until(flight, 0.15))
-    keeper.life.status = TrackStatus.ACQUIRING
+    track_manager.state_machine.status = TrackStatus.ACQUIRING
     assert not run.pipeline._ekf.has_target
     pair_s = run.answered_s
     assert run.beat(pair_s + 0.249).status is TrackStatus.ACQUIRING

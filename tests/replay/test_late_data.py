@@ -166,7 +166,7 @@ def test_positions_of_a_receiver_come_late_and_teach_as_much() -> None:
     assert clock.sigma < 0.05
     refused = taught(events, 0.3, late_horizon_s=0.1)
     assert refused.counts["references_refused"] == len(np.arange(0.511, 5.9, 0.2))
-    assert refused.taught_until_s is None
+    assert refused.reference_used_until_s is None
 
 
 def test_a_receiver_whose_clock_is_ahead_hurries_nothing() -> None:
@@ -215,10 +215,10 @@ def test_the_window_is_bounded_in_time_and_in_number() -> None:
     """Two seconds of 200 Hz readings: no more than the horizon's worth is kept, or than is allowed."""
     events = list(flight_events(make_rig(), glide, np.random.default_rng(7), duration_s=4.0, ptu_hz=200.0))
     by_time, _ = flown(events, tuning(late_horizon_s=0.5))
-    assert len(by_time._window) <= 0.5 * (2 * 200 + 2 * 10) + 5
-    assert len(by_time._ekf.tape) <= 2 * len(by_time._window) + 5
+    assert len(by_time._late_buffer) <= 0.5 * (2 * 200 + 2 * 10) + 5
+    assert len(by_time._ekf.history) <= 2 * len(by_time._late_buffer) + 5
     by_number, _ = flown(events, tuning(late_max_entries=30))
-    assert len(by_number._window) <= 30
+    assert len(by_number._late_buffer) <= 30
 
 
 def test_pictures_that_come_late_are_looked_at_and_disturb_nothing() -> None:

@@ -65,7 +65,7 @@ def test_hundreds_of_a_strangers_positions_move_nothing() -> None:
     alone, disturbed = flown([]), flown(strange := sent(OFF_M))
     assert len(strange) > 200
     assert disturbed.pipeline.counts["references_refused"] == len(strange)
-    assert disturbed.pipeline.taught_until_s is None
+    assert disturbed.pipeline.reference_used_until_s is None
     assert [e.status for e in disturbed.estimates] == [e.status for e in alone.estimates]
     assert disturbed.estimates[-1].status is TrackStatus.TRACKING
     # the filter stands at their times, too, and its modes are mixed a little more often
@@ -83,7 +83,7 @@ def test_a_receiver_that_was_believed_and_goes_wrong_replaces_nothing() -> None:
     wrong = sent(OFF_M, from_s=1.2)
     good, bad = flown(right), flown([*right, *wrong])
     assert bad.pipeline.counts["references_refused"] == len(wrong)
-    assert good.pipeline.taught_until_s == bad.pipeline.taught_until_s
+    assert good.pipeline.reference_used_until_s == bad.pipeline.reference_used_until_s
     sigma = np.sqrt(np.diag(good.pipeline._ekf.covariance)[:3])
     assert np.all(np.abs(bad.positions()[-1] - good.positions()[-1]) < 0.01 * sigma)
     assert contradictions(bad)
@@ -92,7 +92,7 @@ def test_a_receiver_that_was_believed_and_goes_wrong_replaces_nothing() -> None:
 def test_what_the_rigs_errors_explain_still_replaces_the_first_time() -> None:
     """Four metres out along the needle of a rig that admits 0.05°: a reference may say so, and teach."""
     result = flown(sent(np.array([0.0, 4.0, 0.0]), rate_hz=5.0))
-    assert result.pipeline.taught_until_s is not None
+    assert result.pipeline.reference_used_until_s is not None
     end_m = glide(result.estimates[-1].t_s)
     assert result.positions()[-1][1] - end_m[1] == pytest.approx(4.0, abs=0.5)
     assert not contradictions(result)
@@ -102,13 +102,13 @@ def test_one_camera_alone_may_be_corrected() -> None:
     """Without a fix for more than a second the receiver's word counts, as far off as it is."""
     lost_s = 2.0
     result = flown(sent(OFF_M, from_s=4.0), one_camera_from_s=lost_s)
-    assert result.pipeline.taught_until_s is not None
+    assert result.pipeline.reference_used_until_s is not None
 
 
 def test_a_stranger_that_two_cameras_contradicted_does_not_take_the_target_when_one_is_lost() -> None:
     """Expected: not believed before it agrees; five in a row took the target 1.1 s after the loss."""
     alone, disturbed = flown([], one_camera_from_s=3.0), flown(sent(OFF_M), one_camera_from_s=3.0)
-    assert disturbed.pipeline.taught_until_s is None
+    assert disturbed.pipeline.reference_used_until_s is None
     assert disturbed.estimates[-1].status is TrackStatus.COASTING
     sigma = np.sqrt(np.diag(alone.pipeline._ekf.covariance)[:3])
     assert np.all(np.abs(disturbed.positions()[-1] - alone.positions()[-1]) < 0.1 * sigma)
@@ -120,7 +120,7 @@ def test_a_receiver_that_agrees_again_is_believed_again() -> None:
     right = [e for e in sent(np.zeros(3), from_s=2.5, rate_hz=5.0) if e.t_s < 2.8]
     result = flown([*wrong, *right])
     assert result.pipeline.counts["references_refused"] == len(wrong)
-    assert result.pipeline.taught_until_s == right[-1].t_s
+    assert result.pipeline.reference_used_until_s == right[-1].t_s
     assert not result.pipeline._ekf.snapshot().reference_contradicted
 
 

@@ -82,9 +82,9 @@ def test_a_look_reports_the_contrast_of_every_channel(picture: np.ndarray) -> No
         px_per_m=35.0,
     )
     frame = Frame(t_s=0.0, station="left", epoch=0, image=BgrPicture(picture))
-    look = tracker.look(frame, hint.predicted_px, hint.predicted_covariance_px2, hint)
+    look = tracker.detect(frame, hint.predicted_px, hint.predicted_covariance_px2, hint)
     assert look is not None
     assert isinstance(look.result, Detection)
     assert look.channel_contrast is not None
     assert look.channel_contrast["grey"] > 5 * look.channel_contrast["saturation"]
-    assert tracker.look(frame, np.array([-900.0, 480.0]), np.eye(2), hint) is None
+    assert tracker.detect(frame, np.array([-900.0, 480.0]), np.eye(2), hint) is None

@@ -18,7 +18,7 @@ def started(found: bool) -> tuple[TrackStateMachine, StationEkf]:
     at = np.array([0.0, 200.0, 8.0])
     ekf.start_target(at, np.zeros(3), np.diag([0.01, 0.25, 0.01, 0.01, 0.01, 0.01]))
     life = TrackStateMachine(config)
-    life.started(0.0, at if found else None)
+    life.start(0.0, at if found else None)
     return life, ekf
 
 
@@ -30,7 +30,7 @@ def move(ekf: StationEkf, y_m: float) -> None:
 
 def test_no_fix_within_the_time_for_it_is_false() -> None:
     life, ekf = started(found=True)
-    assert life.follow(False, ekf) is TrackStatus.ACQUIRING, "no estimate before the first fix"
+    assert life.update(False, ekf) is TrackStatus.ACQUIRING, "no estimate before the first fix"
     assert not life.is_false(0.9, ekf)
     assert life.is_false(1.1, ekf)
 
@@ -38,7 +38,7 @@ def test_no_fix_within_the_time_for_it_is_false() -> None:
 def test_fixes_without_motion_are_false_after_a_while() -> None:
     life, ekf = started(found=True)
     for k in range(30):
-        life.fixed(k * 0.1)
+        life.add_fix(k * 0.1)
     assert not life.is_false(3.0, ekf)
     assert life.is_false(4.5, ekf)
 
@@ -46,7 +46,7 @@ def test_fixes_without_motion_are_false_after_a_while() -> None:
 def test_what_has_moved_away_is_believed_for_good() -> None:
     life, ekf = started(found=True)
     for k in range(5):
-        life.fixed(k * 0.1)
+        life.add_fix(k * 0.1)
     move(ekf, -15.0)
     assert not life.is_false(2.0, ekf)
     move(ekf, 15.0)
@@ -55,7 +55,7 @@ def test_what_has_moved_away_is_believed_for_good() -> None:
 
 def proved(life: TrackStateMachine, ekf: StationEkf) -> None:
     for k in range(5):
-        life.fixed(k * 0.1)
+        life.add_fix(k * 0.1)
     move(ekf, -15.0)
     assert not life.is_false(2.0, ekf)
 
@@ -66,7 +66,7 @@ def test_what_has_moved_and_then_gets_nowhere_is_dropped() -> None:
     proved(life, ekf)
     false_at = []
     for k in range(21, 90):
-        life.fixed(0.1 * k)
+        life.add_fix(0.1 * k)
         move(ekf, 1.2 if k // 10 % 2 else -1.2)
         if life.is_false(0.1 * k, ekf):
             false_at.append(0.1 * k)
@@ -77,7 +77,7 @@ def test_the_slowest_approach_does_not_stand_still() -> None:
     life, ekf = started(found=True)
     proved(life, ekf)
     for k in range(21, 600):
-        life.fixed(k * 0.1)
+        life.add_fix(k * 0.1)
         move(ekf, -0.5)
         assert not life.is_false(k * 0.1, ekf)
 
@@ -91,7 +91,7 @@ def test_a_given_target_may_stand_still() -> None:
 def test_a_given_target_needs_no_proof() -> None:
     life, ekf = started(found=False)
     assert not life.is_false(100.0, ekf)
-    assert life.follow(False, ekf) is TrackStatus.COASTING
+    assert life.update(False, ekf) is TrackStatus.COASTING
 
 
 def test_time_and_covariance_lose_a_target() -> None:
@@ -108,22 +108,22 @@ def test_time_and_covariance_lose_a_target() -> None:
 def test_a_found_target_is_reported_once_its_velocity_has_settled() -> None:
     life, ekf = started(found=True)
     ekf.covariance[3:6, 3:6] = np.diag([1.0, 20.0**2, 1.0])
-    life.fixed(0.1)
-    assert life.follow(True, ekf) is TrackStatus.ACQUIRING
+    life.add_fix(0.1)
+    assert life.update(True, ekf) is TrackStatus.ACQUIRING
     ekf.covariance[3:6, 3:6] = np.eye(3)
-    assert life.follow(True, ekf) is TrackStatus.TRACKING
+    assert life.update(True, ekf) is TrackStatus.TRACKING
     ekf.covariance[3:6, 3:6] = np.eye(3) * 30.0**2
-    assert life.follow(False, ekf) is TrackStatus.COASTING, "settled once, settled for this target"
+    assert life.update(False, ekf) is TrackStatus.COASTING, "settled once, settled for this target"
 
 
 def seen(life: TrackStateMachine, ekf: StationEkf, t_s: float, cameras: int) -> TrackStatus:
     """Bring a track through one epoch in which so many cameras' pixels were accepted."""
     for _ in range(cameras):
-        life.saw(t_s)
+        life.add_pixel(t_s)
     if cameras > 1:
-        life.fixed(t_s)
-    status = life.follow(cameras > 1, ekf)
-    life.change(t_s, status)
+        life.add_fix(t_s)
+    status = life.update(cameras > 1, ekf)
+    life.set_status(t_s, status)
     return status
 
 
@@ -162,7 +162,7 @@ def test_time_alone_ends_a_find_that_proves_nothing() -> None:
     assert life.is_overdue(1.001)
     for k in range(3):
         assert life.is_overdue(1.001)
-        life.fixed(0.1 * k)
+        life.add_fix(0.1 * k)
     assert not life.is_overdue(4.0)
     assert life.is_overdue(4.001)
     given, _ = started(found=False)
@@ -171,7 +171,7 @@ def test_time_alone_ends_a_find_that_proves_nothing() -> None:
 
 def test_unseen_is_counted_from_the_newest_pixel() -> None:
     life, _ = started(found=False)
-    life.saw(2.0)
-    life.saw(1.0)
+    life.add_pixel(2.0)
+    life.add_pixel(1.0)
     assert not life.is_unseen(10.0)
     assert life.is_unseen(10.001)

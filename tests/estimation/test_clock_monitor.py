@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from groundstation.estimation.clock_watch import ClockWatch
+from groundstation.estimation.clock_monitor import ClockMonitor
 
 PLACES = {"left": (14, 15), "right": (16,), "third": ()}
 
 
-def after(squares: np.ndarray, station: str = "left") -> ClockWatch:
-    watch = ClockWatch.of(PLACES)
+def after(squares: np.ndarray, station: str = "left") -> ClockMonitor:
+    watch = ClockMonitor.of(PLACES)
     for square in squares:
         watch = watch.read(station, float(square))
     return watch
 
 
 def test_nothing_is_learnt_before_the_first_readings() -> None:
-    assert ClockWatch.of(PLACES).quiet() == [14, 15, 16]
+    assert ClockMonitor.of(PLACES).quiet() == [14, 15, 16]
     assert after(np.ones(24)).quiet() == [14, 15, 16]
     assert after(np.ones(25)).quiet() == [16]
 
