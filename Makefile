@@ -77,7 +77,7 @@ cameras: $(VENV)/installed
 figures: $(VENV)/installed
 	$(BIN)/python benchmarks/change_indicator.py --update
 
-## study: the slow measurements whose figures stand in docs/results.md
+## study: the slow measurements whose figures stand in docs/notes
 study: $(VENV)/installed
 	for study in $(filter-out benchmarks/change_indicator.py benchmarks/flightgear_approach.py benchmarks/mutation_score.py benchmarks/reader_fuzz.py benchmarks/recording_fuzz.py,$(wildcard benchmarks/*.py)); do echo "== $$study"; $(BIN)/python $$study || exit 1; done
 

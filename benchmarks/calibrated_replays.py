@@ -5,7 +5,7 @@ usage: python benchmarks/calibrated_replays.py [--data FOLDER] [SECTION …]
 Sections: `drone` (drone-flight-3: calibrated up to 342 s, the EKF from 345 s on against RTK, four stations and three
 pairs), `positions` (the same with no position known), `spoilt` (landing-1 with mounts off by 0.1 deg, takeoff-1 with
 PTU clocks off by 40 ms: taught by one part of the flight, judged on the rest, of which nothing was learnt). Figures in
-docs/results.md.
+docs/notes/calibration.md.
 """
 
 import argparse

@@ -12,7 +12,7 @@ Each error's square over its claimed variance has mean 1 over rigs where the sig
 chi-square. Bounds are (JᵀWJ + prior)⁻¹ of the noise that was put in, at the true rig, path and angles (the same flight
 without noise); paths of aircraft and heads are unknown but for their samples and their smoothness, as found by the fit.
 Where cameras look is base and boresight together, at places on the flight; each of the two is known worse than that.
-Figures in docs/results.md.
+Figures in docs/notes/calibration.md.
 """
 
 import argparse

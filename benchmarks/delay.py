@@ -2,7 +2,7 @@
 
 Flights drawn from the filter's motion model (case B at 10 Hz), y 60–400 m. Asked for 0 … 200 ms after the newest
 pair; beside it an extrapolation by a constant 110 ms whatever the true delay, as the paper has it, and none at all.
-Figures in docs/results.md.
+Figures in docs/notes/position.md.
 """
 
 import argparse

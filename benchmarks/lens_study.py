@@ -4,7 +4,7 @@
 
 Each lens has its own focal lengths (5 %), centre (2 % of the picture's size) and distortion; boards stand anywhere,
 tilted up to 40°; corners with 0.1 px of white noise, or with boards that bend by as much anew in each view. Corners are
-drawn, not found in pictures. Figures in docs/results.md.
+drawn, not found in pictures. Figures in docs/notes/calibration.md.
 """
 
 import argparse

@@ -2,7 +2,7 @@
 
 Each run is seeded: a unit that is moved about (by position and by rate) at 9600 or 115200 baud or on a network line,
 asked in one of three ways, and two to six faults during the motion. An angle counts as wrong if it is off the
-simulated truth by more than 2 counts and 5 sigma of its stated instant. Figures in docs/results.md.
+simulated truth by more than 2 counts and 5 sigma of its stated instant. Figures in docs/notes/field.md.
 """
 
 import argparse

@@ -2,7 +2,7 @@
 
 The simulated unit has 2 to 8 ms of latency, turns at 2000 counts/s and shows six-character positions. In virtual
 time nothing but the protocol counts, and that a port sends up to 1 ms late; on the pty, with the unit in a process of
-its own, this machine counts too: the more it has to do besides, the worse. Figures in docs/results.md.
+its own, this machine counts too: the more it has to do besides, the worse. Figures in docs/notes/field.md.
 """
 
 import argparse

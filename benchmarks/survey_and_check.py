@@ -3,7 +3,7 @@
 Per rig: a survey by six landmarks (coordinates to 2 cm, 40 to 320 m away), encoders of 0.01° and steps of 0.00625°,
 pixels of 0.3 px, mounts off by 0.003°, lenses by 3 px and 1 px, all as the rig says; positions by total station (5 mm)
 or not known. Then checks on other mornings, with the survey's sightings as reference and without, of the same rig and
-of one whose left base was knocked by 0.01°. Figures in docs/results.md.
+of one whose left base was knocked by 0.01°. Figures in docs/notes/calibration.md.
 """
 
 import argparse

@@ -8,7 +8,7 @@ of 0.5 px; drawn are mounts (0.05 deg about each axis), clocks of cameras and PT
 same side. Everything is free: `--free orientation,camera_clock,ptu_clock`, the log's clock besides. Clocks are told
 against the left camera's, since what all have in common no flight shows. The bound is (JᵀWJ + prior)⁻¹ of the noise put
 in, at the truth, and what the point's place adds, which no estimate without bias can take off. Figures in
-docs/results.md.
+docs/notes/position.md.
 """
 
 import argparse

@@ -2,7 +2,7 @@
 
 Most of what is stated lasts as long as a flight: where the aircraft points and how it is built. New in each frame is
 what the noise of the picture does to the outline: it moves the point itself, and it moves the rows of the outline from
-which crab and pitch are read. Seen in 16 drawn flights (docs/results.md, "In a replay").
+which crab and pitch are read. Seen in 16 drawn flights (docs/notes/detection.md, "In a replay").
 """
 
 from groundstation.arrays import FloatArray

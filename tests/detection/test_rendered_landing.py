@@ -132,7 +132,7 @@ def test_the_whole_covariance_holds_for_one_flight(seen: tuple[int, list[Seen]],
 def test_the_stated_noise_is_what_is_new_in_each_frame(seen: tuple[int, list[Seen]], ground: bool) -> None:
     """A bound on regression: inside 95 % bounds widened twofold on either side, and few jumps.
 
-    The shares themselves, and which of them leave the 95 % bounds, stand in docs/results.md.
+    The shares themselves, and which of them leave the 95 % bounds, stand in docs/notes/detection.md.
     """
     found = noise_chi_square(stated([s for s in seen[1] if s.ground == ground]))
     assert found is not None

@@ -17,7 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-PAGES = tuple(sorted((ROOT / "docs").glob("*.md"))) + (
+PAGES = (
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "notes").glob("*.md")),
     ROOT / "README.md",
     ROOT / "CHANGELOG.md",
     ROOT / "recordings" / "README.md",

@@ -16,6 +16,12 @@ def tables_and_paragraphs(text: str) -> list[str]:
     return [part for part in re.split(r"\n\s*\n", text) if part.strip()]
 
 
+def rows_and_paragraphs(text: str) -> list[str]:
+    """Return the paragraphs of a page and the rows of its tables, each row by itself."""
+    parts = tables_and_paragraphs(text)
+    return [line for part in parts for line in (part.splitlines() if part.startswith("|") else [part])]
+
+
 def test_the_readme_states_the_kept_anees_and_nis() -> None:
     (anees,) = re.findall(r"on the bundled landing ANEES is ([\d.]+)", README)
     (nis,) = re.findall(r"but NIS ([\d.]+) \(95 % band", README)
@@ -38,6 +44,12 @@ def test_nis_stands_wherever_anees_does(text: str) -> None:
     assert [part for part in praised if "NIS" not in part] == []
 
 
+def test_on_the_page_of_results_nis_stands_in_each_row_with_anees() -> None:
+    praised = [part for part in rows_and_paragraphs(RESULTS) if "ANEES" in part]
+    assert len(praised) >= 4
+    assert [part for part in praised if not re.search(r"\bNIS\b", part)] == []
+
+
 def test_results_say_what_was_developed_on_what() -> None:
     """Expected: the recordings of development are named as such, next to figures of recordings that were not."""
     head = RESULTS[: RESULTS.index("## At a glance")]
@@ -48,6 +60,7 @@ def test_results_say_what_was_developed_on_what() -> None:
     for text in [
         README,
         RESULTS,
+        *(text_of(p) for p in (ROOT / "docs" / "notes").glob("*.md")),
         *(p.read_text() for p in (ROOT / "tests").rglob("*.py") if p.name != "test_claims.py"),
     ]:
         assert not re.search(r"nothing (?:was )?tuned (?:to|on) (?:them|landing-1|takeoff-1)\b", text)

@@ -8,7 +8,7 @@ import pytest
 from tests.docs.pages import PAGES, ROOT, anchors, links, text_of
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_links_lead_somewhere(page: Path) -> None:
     wrong = []
     for link in links(page):
@@ -29,8 +29,12 @@ def test_the_checker_sees_what_is_wrong(tmp_path: Path) -> None:
 
 
 def test_every_page_is_in_the_site() -> None:
-    listed = re.findall(r"^([a-z-]+)$", text_of(ROOT / "docs" / "index.md"), re.MULTILINE)
-    assert {f"{name}.md" for name in listed} | {"index.md"} == {p.name for p in (ROOT / "docs").glob("*.md")}
+    docs, listed = ROOT / "docs", {"index.md"}
+    for index in (docs / "index.md", docs / "notes" / "index.md"):
+        for name in re.findall(r"^([a-z-]+(?:/index)?)$", text_of(index), re.MULTILINE):
+            listed.add(str((index.parent / f"{name}.md").relative_to(docs)))
+    assert listed == {str(p.relative_to(docs)) for p in docs.rglob("*.md")}
+    assert {docs / name for name in listed} <= set(PAGES)
 
 
 def test_pictures_are_small_and_used() -> None:

@@ -1,13 +1,15 @@
-"""The table at the top of the results says nothing that does not stand below it."""
+"""The table of the results states nothing that does not stand in the notes that it links."""
 
 import json
 import re
 
 from tests.docs.pages import ROOT, anchors, text_of
-from tests.docs.places import DERIVED, PLACES
+from tests.docs.places import PLACES
 
 RESULTS = ROOT / "docs" / "results.md"
-_ROW = re.compile(r"^\| \[([^\]]+)\]\(#([^)]+)\) \|[^|]*\|([^|]*)\|$", re.MULTILINE)
+NOTES = ROOT / "docs" / "notes"
+POSITION = NOTES / "position.md"
+_ROW = re.compile(r"^\| \[([^\]]+)\]\((notes/[a-z]+\.md#[^)]+)\) \|[^|]*\|([^|]*)\| (`[^|`]+`) \|$", re.MULTILINE)
 _NUMBER = re.compile(r"\d+(?:,\d{3})*(?:\.\d+)?")
 _ANY = r"[+−-]?\d+(?:,\d{3})*(?:\.\d+)?"
 _WILD = {"#": rf"[+−-]?({_NUMBER.pattern})", "~": _ANY, "_": r"[^|]*", "…": r".*?"}
@@ -51,51 +53,71 @@ def same(seen: str, below: str) -> bool:
     return seen == below or (decimals < len(below.partition(".")[2]) and apart <= 0.5 * 10.0**-decimals + 1e-9)
 
 
-def misplaced(name: str, anchor: str, cell: str, lines: list[str]) -> list[str]:
-    """Return what of the figures of a row's cell is not, in their order, at their places in the passages below."""
+def linked_sections() -> dict[str, str]:
+    """Return the text of each section of the notes by its link from the results."""
+    return {
+        f"notes/{page.name}#{anchor}": section
+        for page in sorted(NOTES.glob("*.md"))
+        for anchor, section in sections(text_of(page)).items()
+    }
+
+
+def glance() -> list[tuple[str, str, str]]:
+    """Return the table of the results, whose rows all have a link, figures and a command: name, link, figures."""
+    table = sections(text_of(RESULTS))["at-a-glance"]
+    rows = _ROW.findall(table)
+    # all lines of the table but its head and its rule
+    assert len(rows) == len(re.findall(r"^\|", table, re.MULTILINE)) - 2
+    return [(name, link, cell) for name, link, cell, _ in rows]
+
+
+def misplaced(name: str, link: str, cell: str, lines: list[str]) -> list[str]:
+    """Return what of the figures of a row's cell is not, in their order, at their places in the linked passages."""
     seen, places, found = _NUMBER.findall(re.sub(r"\]\([^)]*\)", "]", cell)), [], []
-    # of two figures alike the last is the one that follows from others
-    for number in DERIVED.get(name, {}):
-        del seen[len(seen) - 1 - seen[::-1].index(number)]
     for template in PLACES.get(name, ()):
         match captured(template, lines):
             case [only]:
                 places += only
             case others:
-                found.append(f"{name}: {len(others)} passages of #{anchor} read {template!r}; wanted one")
+                found.append(f"{name}: {len(others)} passages of {link} read {template!r}; wanted one")
                 places += ["0"] * template.count("#")
     if len(places) != len(seen):
         found.append(f"{name}: {len(seen)} figures, {len(places)} places in tests/docs/places.py")
     return found + [
-        f"{name}: says {one}, and its place in #{anchor} {other}"
+        f"{name}: states {one}, and its place in {link} {other}"
         for one, other in zip(seen, places, strict=False)
         if not same(one, other)
     ]
 
 
-def test_each_figure_of_the_first_table_stands_at_its_place_below() -> None:
+def test_each_figure_of_the_table_stands_at_its_place_in_the_notes() -> None:
     """Expected: in its sentence, or in its row and column; a figure without a place is given one in `places`."""
-    below = sections(text_of(RESULTS))
-    rows = _ROW.findall(below["at-a-glance"])
-    assert set(below) <= anchors(RESULTS)
+    notes, rows = linked_sections(), glance()
+    assert {link.split("#")[1] for link in notes} <= set().union(*(anchors(page) for page in NOTES.glob("*.md")))
     assert len(rows) >= 20
     found = []
-    for name, anchor, cell in rows:
-        found += misplaced(name, anchor, cell, passages(below[anchor]))
+    for name, link, cell in rows:
+        found += misplaced(name, link, cell, passages(notes[link]))
     assert found == []
     assert set(PLACES) <= {name for name, _, _ in rows}
+    assert len({name for name, _, _ in rows}) == len(rows)
 
 
 def test_a_figure_that_stands_elsewhere_in_the_section_only_is_found() -> None:
     """Expected: each figure of the table by itself once it is another's, though that stands in the same section."""
-    below = sections(text_of(RESULTS))
-    for name, anchor, cell in _ROW.findall(below["at-a-glance"]):
-        lines, others = passages(below[anchor]), sorted(set(_NUMBER.findall(below[anchor])))
-        for number in _NUMBER.finditer(re.sub(r"\]\([^)]*\)", lambda m: "_" * len(m[0]), cell)):
-            if number[0] not in DERIVED.get(name, {}):
-                other = next(o for o in others if not same(o, number[0]))
-                changed = cell[: number.start()] + other + cell[number.end() :]
-                assert misplaced(name, anchor, changed, lines), f"{name}: {number[0]} may be {other}"
+    notes = linked_sections()
+    for name, link, cell in glance():
+        lines, others = passages(notes[link]), sorted(set(_NUMBER.findall(notes[link])))
+        for number in _NUMBER.finditer(cell):
+            other = next(o for o in others if not same(o, number[0]))
+            changed = cell[: number.start()] + other + cell[number.end() :]
+            assert misplaced(name, link, changed, lines), f"{name}: {number[0]} may be {other}"
+
+
+def test_the_results_are_a_page_of_five_minutes() -> None:
+    """Expected: at most 1,500 words, and one figure or two in a cell."""
+    assert len(re.findall(r"[^\s|]+", text_of(RESULTS))) <= 1500
+    assert [name for name, _, cell in glance() if cell.count(";") > 1] == []
 
 
 _FIGURES = ROOT / "recordings" / "landing-1.figures.json"
@@ -144,12 +166,12 @@ def stale(text: str, figures: dict[str, float]) -> list[str]:
 
 def test_what_is_said_of_the_bundled_landing_are_the_kept_figures() -> None:
     """Expected: a change that moves `landing-1.figures.json` moves the section on accuracy with it."""
-    assert stale(text_of(RESULTS), json.loads(_FIGURES.read_text())) == []
+    assert stale(text_of(POSITION), json.loads(_FIGURES.read_text())) == []
 
 
 def test_a_stale_figure_is_found() -> None:
     """Expected: each number by itself, once its kept figure is another."""
-    text, kept = text_of(RESULTS), json.loads(_FIGURES.read_text())
+    text, kept = text_of(POSITION), json.loads(_FIGURES.read_text())
     rows = landing_rows(text)
     for span, (ekf, triangulation, _) in rows.items():
         for method, cells in (("ekf", ekf), ("triangulation", triangulation)):

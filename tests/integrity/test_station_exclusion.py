@@ -1,4 +1,4 @@
-"""Faults of stations: how often falsely accused, how soon found, what excluding brings. Figures in docs/results.md."""
+"""Faults of stations: how often falsely accused, how soon found, what excluding brings."""
 
 from dataclasses import replace
 from types import SimpleNamespace
