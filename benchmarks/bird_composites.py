@@ -168,7 +168,7 @@ def draw(image: ImageArray, label: Box, bird: Box | None, seen: Detection | None
     picture = cv2.resize(
         padded[cy : cy + 2 * side, cx : cx + 2 * side], None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST
     )
-    for box, colour in ((label, (0, 200, 0)), (bird, (255, 80, 0)), (seen and seen.box, (0, 0, 255))):
+    for box, colour in ((label, (0, 200, 0)), (bird, (255, 80, 0)), (None if seen is None else seen.box, (0, 0, 255))):
         if box is not None:
             x, y, w, h = box
             corner = (round(scale * (x - cx + side)), round(scale * (y - cy + side)))

@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from drawn_rigs import unit_of
@@ -153,7 +154,7 @@ def by_pixels(session: Path, detections: Path, folder: Path) -> Path:
     return folder
 
 
-def replayed_as(session: Path, out: Path, rig: Path | None, **how: object) -> Path:
+def replayed_as(session: Path, out: Path, rig: Path | None, **how: Any) -> Path:
     """Replay without pictures of it; return the folder of results."""
     replay(ReplayRequest(session=session, out=out, rig=rig, rerun=False, report=False, **how))
     return out

@@ -20,6 +20,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from drawn_pointing import GROUPS, Looks, looks_of
@@ -162,7 +163,7 @@ def _lose_readings(path: Path, seed: int) -> None:
 
 def without_noise(scenario: Scenario) -> Scenario:
     """Return the same flight and rigs, read, seen and fixed without noise; sigmas of nothing cannot be written."""
-    quiet = {"ptu_resolution_rad": 0.0, "ptu_sigma_rad": _NOTHING}
+    quiet: dict[str, Any] = {"ptu_resolution_rad": 0.0, "ptu_sigma_rad": _NOTHING}
     rigs = (
         replace(rig, stations=tuple(replace(s, **quiet) for s in rig.stations))
         for rig in (scenario.rig, scenario.true_rig)

@@ -65,7 +65,7 @@ def played(session: Path, change: Callable[[Key, Any], Any]) -> dict[str, Any]:
         result = detect(self, *arguments)
         return change(now[0], result) if now else result
 
-    CameraTracker.look, Detector.detect = noted, changed  # type: ignore[method-assign]
+    CameraTracker.look, Detector.detect = noted, changed  # type: ignore[method-assign, assignment]
     try:
         with tempfile.TemporaryDirectory() as folder:
             result = replay_session(ReplayRequest(session=session, out=Path(folder), rerun=False))

@@ -46,7 +46,7 @@ def flown(folder: Path) -> list[DetectorOutcome]:
             outcomes[key] = judged(frame, truth, (seen.roi, seen.result))
         return seen
 
-    CameraTracker.look = noted  # type: ignore[method-assign]
+    CameraTracker.look = noted  # type: ignore[method-assign, assignment]
     try:
         with tempfile.TemporaryDirectory() as out:
             result = replay(ReplayRequest(session=folder, out=Path(out), rerun=False))

@@ -15,13 +15,14 @@ from pathlib import Path
 import numpy as np
 from filter_flights import adaptation, calibration, consistency, out_of_view, overlap, peer, through_pipeline
 
+from groundstation.arrays import FloatArray
 from groundstation.estimation.config import CalibrationUse, EstimationConfig, OutOfViewWeighting
 
 RANGES_M = (500.0, 400.0, 300.0, 200.0, 100.0)
 BINS_M = ((400, 600), (250, 400), (150, 250), (60, 150))
 
 
-def numbers(values: Sequence[float], digits: int = 2) -> str:
+def numbers(values: Sequence[float] | FloatArray, digits: int = 2) -> str:
     return "/".join(f"{v:.{digits}f}" for v in values)
 
 

@@ -124,17 +124,23 @@ def runway_ends() -> RunwayEnds:
     raise SystemExit(f"no runway {LANDING} of {AIRPORT} in {ROOT}")
 
 
+def far_end_enu(ends: RunwayEnds, far_m: float, near_m: float) -> np.ndarray:
+    """Return the far end (3,) in m, east, north and up of the near end, from the heights of both in m."""
+    lat_deg, lon_deg = ends.far
+    return enu_from_geodetic(np.array([lat_deg]), np.array([lon_deg]), np.array([far_m]), (*ends.near, near_m))[0]
+
+
 def fly(out: Path, frames: int) -> None:
     """Take the pictures, check the poses, write and print."""
     game, ends = FlightGear(), runway_ends()
-    far = enu_from_geodetic(*(np.array([v]) for v in (*ends.far, 0.0)), (*ends.near, 0.0))[0]
+    far = far_end_enu(ends, 0.0, 0.0)
     heading = math.atan2(far[0], far[1])
     runway = rectangle(float(np.hypot(*far[:2])), ends.width_m)
     game.put(fov=FIELD_OF_VIEW_DEG, x=0.0, y=0.0, z=0.0, view_heading=0.0, view_pitch=0.0, menu=0.0)
     ground_m, far_m = (elevation(game, place) for place in (ends.near, ends.far))
     corners_m = runway.corners_m.copy()
     # the far end's height over the near end's level, the earth's curvature with it
-    corners_m[1:3, 2] = enu_from_geodetic(*(np.array([v]) for v in (*ends.far, far_m)), (*ends.near, ground_m))[0, 2]
+    corners_m[1:3, 2] = far_end_enu(ends, far_m, ground_m)[2]
     focal = 0.5 * SIZE[0] / math.tan(math.radians(0.5 * FIELD_OF_VIEW_DEG))
     lens = Lens(
         image_size_px=SIZE,

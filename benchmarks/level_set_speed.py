@@ -84,7 +84,12 @@ def grid(u: Float32Array, phi: Float32Array, iterations: int) -> Float32Array:
 
 def skimage(u: Float32Array, phi: Float32Array, iterations: int) -> Float32Array:
     """Run scikit-image's so many iterations with the same weights and step; its δ lacks the factor 1/π."""
-    numbers = {"mu": LEVEL_SET.mu, "lambda1": LEVEL_SET.lambda1, "lambda2": LEVEL_SET.lambda2, "tol": 0.0}
+    numbers = {
+        "mu": LEVEL_SET.mu,
+        "lambda1": LEVEL_SET.lambda1,
+        "lambda2": LEVEL_SET.lambda2,
+        "tol": 0.0,
+    }
     step = LEVEL_SET.time_step / math.pi
     result = skimage_chan_vese(u, dt=step, max_num_iter=iterations, init_level_set=phi, extended_output=True, **numbers)
     return np.asarray(result[1], np.float32)

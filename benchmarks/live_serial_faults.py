@@ -25,6 +25,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -220,7 +221,7 @@ def begun(case: Case, folder: Path, rate_hz: float, lent: LentRange | None = Non
     return child
 
 
-def told_by(folder: Path) -> list:
+def told_by(folder: Path) -> list[Any]:
     """Return the lines of the status: session time, host's time, track, words."""
     path = folder / "told.jsonl"
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
@@ -268,13 +269,13 @@ def wait_until(done: Callable[[], bool]) -> None:
         time.sleep(0.1)
 
 
-def summed(rows: list) -> tuple[int, float]:
+def summed(rows: list[Any]) -> tuple[int, float]:
     """Return how many answers there were, and the ANEES of all."""
     count = sum(n for n, _ in rows)
     return count, sum(n * a for n, a in rows) / count if count else math.nan
 
 
-def line_of(case: Case, told: list, result: dict, lost_s: float) -> str:
+def line_of(case: Case, told: list[Any], result: dict[str, Any], lost_s: float) -> str:
     """Return a line: statuses while the fault was there, time to tracking after it, ANEES, what is lost."""
     begin_s, until_s = result["begin_s"], lasts_until(case)
     during = Counter(track for t_s, _, track, _ in told if FROM_S + 0.2 <= t_s - begin_s < until_s)

@@ -112,7 +112,7 @@ def draw(sequence: Sequence, frames: list[NoseFrame]) -> NDArray[np.uint8]:
             for colour, u, v in lines:
                 for k in (0, 2):
                     ends = [(round(16 * float(u[k + i])), round(16 * float(v[i]))) for i in (0, 1)]
-                    cv2.line(picture, *ends, colour, 1, cv2.LINE_AA, 4)
+                    cv2.line(picture, ends[0], ends[1], colour, 1, cv2.LINE_AA, 4)
             shown.append(picture[120:420])
     return np.hstack(shown)
 

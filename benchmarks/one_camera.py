@@ -13,7 +13,7 @@ import numpy as np
 from live_serial_faults import small_rig
 
 from groundstation.simulation.approach import Glide
-from groundstation.simulation.rehearsal import Fault, FaultKind, RehearsalConfig
+from groundstation.simulation.rehearsal import RehearsalConfig, RehearsalFault, RehearsalFaultKind
 from groundstation.simulation.rehearsal_pictures import PictureRehearsal
 from groundstation.tracking.config import Config
 
@@ -27,7 +27,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3)
     options = parser.parse_args()
-    fault = Fault(kind=FaultKind.PTU_POWER_CYCLED, station="left", from_s=FROM_S, to_s=FROM_S + HOMING_S)
+    kind = RehearsalFaultKind.PTU_POWER_CYCLED
+    fault = RehearsalFault(kind=kind, station="left", from_s=FROM_S, to_s=FROM_S + HOMING_S)
     hardware = RehearsalConfig(frame_rate_hz=10.0, homing_s=HOMING_S)
     for seed in range(1, options.seeds + 1):
         day = PictureRehearsal(

@@ -8,6 +8,7 @@ The loop is that of a head in operation: read, and command a rate where it has c
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from ptu_drivers import Reading, UnitSettings
 from ptu_drivers.flir.setup import connect
@@ -96,7 +97,7 @@ def cases() -> list[Case]:
     found = []
     for amplitude, period in ((20.0, 20.0), (5.0, 10.0), (0.5, 20.0)):
         angle, rate = sine(amplitude, period)
-        moved = {"angle_rad": angle, "rate_rad_s": rate}
+        moved: dict[str, Any] = {"angle_rad": angle, "rate_rad_s": rate}
         peak = f"{amplitude * math.tau / period:.1f} °/s at most"
         found += [
             Case(name=f"E series, 9600 baud, PP and TP, {peak}", model=PAIR, line=LineModel(), **moved),

@@ -10,7 +10,7 @@ from contextlib import suppress
 from ptu_drivers import ProtocolError, PtuError
 from ptu_drivers.alpaca.codec import angles_of, decode, finite, rates_of
 from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.flir.codec import Answer, LineSplitter, integer, integers, only_number, parse_line
+from ptu_drivers.flir.codec import FlirReply, LineSplitter, integer, integers, only_number, parse_line
 
 PIECES = (
     b"PP", b"TP", b"pP-12", b" ", b"*", b"!", b"!P", b"!T", b"\r", b"\n", b"\r\n", b"0", b"-2500", b"92.5714", b",",
@@ -42,7 +42,7 @@ def fuzz(count: int, rnd: random.Random) -> dict[str, int]:
             except ProtocolError:
                 found["refused"] += 1
                 continue
-            if isinstance(parsed, Answer):
+            if isinstance(parsed, FlirReply):
                 found["answers"] += 1
                 for read in (integer, only_number, lambda text: integers(text, 4)):
                     with suppress(ProtocolError):

@@ -67,8 +67,8 @@ class SpoiltPelco(SimulatedPelco):
         super().__init__(model, seed)
         self.spoil: list[Callable[[bytes], bytes]] = []
 
-    def _answer(self, t_s: float, data: bytes) -> float:
-        return super()._answer(t_s, self.spoil.pop()(data) if self.spoil else data)
+    def _answer(self, t_s: float, data: bytes, not_before_s: float = 0.0) -> float:
+        return super()._answer(t_s, self.spoil.pop()(data) if self.spoil else data, not_before_s)
 
 
 def pelco(seed: int) -> Bench:
@@ -298,16 +298,17 @@ def fuzz(strings: int, seed: int = 1) -> Counter[str]:
     draw = random.Random(seed)
     found: Counter[str] = Counter()
     likely = (0xFF, 0xFF, 0xFD, 0x00, 0xA0, 0xAF, 0x01, 0x59, 0x55)
-    lasting = (PelcoDecoder(), PelcoDecoder(PelcoFraming.P), PacketDecoder())
+    lasting: tuple[Any, ...] = (PelcoDecoder(), PelcoDecoder(PelcoFraming.P), PacketDecoder())
     for _ in range(strings):
         data = bytes(draw.choice(likely) if draw.random() < 0.7 else draw.randrange(256) for _ in range(12))
-        for old, new in zip(lasting, (PelcoDecoder(), PelcoDecoder(PelcoFraming.P), PacketDecoder()), strict=True):
+        fresh: tuple[Any, ...] = (PelcoDecoder(), PelcoDecoder(PelcoFraming.P), PacketDecoder())
+        for old, new in zip(lasting, fresh, strict=True):
             for decoder in (old, new):
                 for message in decoder.feed(data):
                     if isinstance(decoder, PelcoDecoder):
-                        encode(message, decoder.framing)  # type: ignore[arg-type]
+                        encode(message, decoder.framing)
                     else:
-                        encode_packet(message)  # type: ignore[arg-type]
+                        encode_packet(message)
                     found[type(decoder).__name__] += 1
     return found
 

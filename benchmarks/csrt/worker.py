@@ -7,6 +7,7 @@ is a line: the processor time of the update in s, and the box, or nothing where 
 
 import sys
 import time
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,14 +15,15 @@ import numpy as np
 
 def main() -> None:
     cv2.setNumThreads(1)
-    tracker, size = None, (0, 0)
+    tracker: Any = None
+    size = (0, 0)
     requests = sys.stdin.buffer
     while line := requests.readline().split():
         if line[0] != b"next":
             size = (int(line[0]), int(line[1]))
         image = np.frombuffer(requests.read(3 * size[0] * size[1]), np.uint8).reshape(size[1], size[0], 3)
         if line[0] != b"next":
-            tracker = cv2.TrackerCSRT_create()
+            tracker = cv2.TrackerCSRT_create()  # type: ignore[attr-defined]
             tracker.init(image, tuple(round(float(v)) for v in line[2:6]))
             print("0", flush=True)
             continue

@@ -15,6 +15,7 @@ from filter_flights.consistency import NEAR, drawn_case, one_mode
 from filter_flights.drive import drawn_start, new_filter, true_states
 from groundstation.arrays import FloatArray
 from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.messages import PixelMeasurement, PtuSample
 from groundstation.simulation import SimulatedFlight, simulate
@@ -79,16 +80,18 @@ def _beginning(flight: SimulatedFlight, seed: int) -> tuple[StationEkf, dict[str
     ekf.predict_to(0.0)
     for name in ekf.layout.angles:
         truth = flight.truth.stations[name]
-        ekf.set_angles(name, (truth.angles_rad[0, 0], truth.angles_rad[0, 1]), (0.0, 0.0), _ANGLE)
-        ekf._bank.place(ekf.layout.rates[name], truth.rates_rad_s[0], np.eye(2) * _RATE**2)
+        pan_tilt = (truth.angles_rad[0, 0], truth.angles_rad[0, 1])
+        ekf.set_angles(name, pan_tilt, (truth.rates_rad_s[0, 0], truth.rates_rad_s[0, 1]), _ANGLE, _RATE)
     ekf.start_target(start.mean[:3], start.mean[3:], start.covariance)
-    values, slopes = ekf._motions[0]._pair_of
+    config = one_mode()
+    motion = MotionModel(ekf.layout, config.acceleration_psd_m2_s3, config.ptu_acceleration_psd_rad2_s3)
+    values, slopes = motion.pairs
     request: dict[str, object] = {
         "mean": ekf.state.copy(),
         "covariance": ekf.covariance.copy(),
         "angle_columns": [where.start for where in ekf.layout.angles.values()],
         "stations": [flight.rig[name].geometry().packed for name in ekf.layout.angles],
-        "psd": ekf._motions[0]._psd,
+        "psd": motion.psd,
         "values": values,
         "slopes": slopes,
         "angle_variance": flight.rig.stations[0].angle_sigma_rad ** 2,

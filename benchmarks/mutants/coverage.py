@@ -89,7 +89,7 @@ class Marker:
             return (yield)
         finally:
             called = set(self._own) | set(self._new())
-            for definitions in item._fixtureinfo.name2fixturedefs.values():
+            for definitions in item._fixtureinfo.name2fixturedefs.values():  # type: ignore[attr-defined]
                 for definition in definitions:
                     called.update(self._fixtures.get(_fixture_name(definition), ()))
             item.user_properties.append(("mutants", sorted(called)))

@@ -4,7 +4,7 @@ import functools
 import gc
 from collections import defaultdict
 from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import Any, cast
 
 from numba.core.caching import NullCache
 from numba.core.dispatcher import Dispatcher
@@ -33,7 +33,7 @@ def called_by(function: FunctionType) -> set[Any]:
     values = [function.__globals__[name] for name in names if name in function.__globals__] + list(cells)
     for module in [value for value in values if isinstance(value, ModuleType)]:
         values += [vars(module)[name] for name in names if name in vars(module)]
-    plain = [value for value in values if isinstance(value, Dispatcher | FunctionType)]
+    plain: list[Any] = [value for value in values if isinstance(value, Dispatcher | FunctionType)]
     # a partial or a table of kernels
     for value in values:
         if isinstance(value, functools.partial):
@@ -64,7 +64,11 @@ def contained(kernel: Dispatcher, known: dict[Name, frozenset[Name]]) -> frozens
     name = name_of(kernel)
     if name not in known:
         known[name] = frozenset({name})
-        parts = [contained(item, known) for item in called_by(kernel.py_func) if isinstance(item, Dispatcher)]
+        parts = [
+            contained(item, known)
+            for item in called_by(cast(FunctionType, kernel.py_func))
+            if isinstance(item, Dispatcher)
+        ]
         known[name] = known[name].union(*parts)
     return known[name]
 
@@ -105,4 +109,4 @@ def compile_again(function: Function) -> None:
     affected = containing((function.module, function.name))
     for kernel in dispatchers():
         if name_of(kernel) in affected:
-            kernel._cache = NullCache()
+            kernel._cache = NullCache()  # type: ignore[attr-defined]

@@ -4,6 +4,7 @@ import ast
 import copy
 import re
 from collections.abc import Callable, Iterator
+from typing import Any
 
 
 def _words(text: str) -> frozenset[str]:
@@ -136,9 +137,9 @@ def _condition(node: ast.AST) -> Iterator[ast.AST]:
             changed.test = test
             yield changed
     elif isinstance(node, ast.comprehension) and node.ifs:
-        changed = copy.deepcopy(node)
-        changed.ifs = []
-        yield changed
+        unfiltered = copy.deepcopy(node)
+        unfiltered.ifs = []
+        yield unfiltered
 
 
 def _statement(node: ast.AST) -> Iterator[ast.AST]:
@@ -168,9 +169,9 @@ def _handler(node: ast.AST) -> Iterator[ast.AST]:
         changed.body = [ast.Raise()]
         yield changed
     elif isinstance(node, ast.Try) and node.finalbody:
-        changed = copy.deepcopy(node)
-        changed.finalbody = [ast.Pass()]
-        yield changed
+        unfinished = copy.deepcopy(node)
+        unfinished.finalbody = [ast.Pass()]
+        yield unfinished
 
 
 def _returned(node: ast.AST) -> Iterator[ast.AST]:
@@ -210,14 +211,14 @@ def _index(node: ast.AST) -> Iterator[ast.AST]:
         return
     for inner_path, inner in _constants_of_index(node.slice):
         changed = copy.deepcopy(node)
-        target = changed.slice
+        target: Any = changed.slice
         for step in inner_path:
             target = target.elts[step] if isinstance(step, int) else getattr(target, step)
         target.value = 0 if inner.value == 1 else inner.value + 1
         yield changed
 
 
-def _constants_of_index(node: ast.AST, path: tuple = ()) -> Iterator[tuple[tuple, ast.Constant]]:
+def _constants_of_index(node: ast.AST, path: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any, ...], Any]]:
     if isinstance(node, ast.Constant) and isinstance(node.value, int) and not isinstance(node.value, bool):
         yield path, node
     elif isinstance(node, ast.Tuple):

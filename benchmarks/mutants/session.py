@@ -102,7 +102,7 @@ class ForkingSession:
             (folder / "tmp").mkdir()
             os.environ["TMPDIR"] = tempfile.tempdir = str(folder / "tmp")
             if run.items:
-                run.items[0][0].config._tmp_path_factory._basetemp = folder / "tmp"
+                run.items[0][0].config._tmp_path_factory._basetemp = folder / "tmp"  # type: ignore[attr-defined]
             self._run(run, folder)
         finally:
             os._exit(0)

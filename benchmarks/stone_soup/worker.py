@@ -10,6 +10,7 @@ import pickle
 import sys
 import time
 from datetime import datetime, timedelta
+from typing import Any
 
 import numpy as np
 from stonesoup.base import Property
@@ -65,7 +66,7 @@ class Pinhole(NonLinearGaussianMeasurement):
         """Two: u and v."""
         return 2
 
-    def _both(self, state: object) -> tuple[np.ndarray, np.ndarray]:
+    def _both(self, state: Any) -> tuple[np.ndarray, np.ndarray]:
         x = np.asarray(state.state_vector, dtype=float).ravel()
         p = self.station
         base = p[0:9].reshape(3, 3).T @ (x[0:3] - p[9:12])
@@ -112,7 +113,8 @@ def main() -> None:
         models["angles", k] = LinearGaussian(ndim_state=n, mapping=(angle, angle + 1), noise_covar=angle_noise)
     updater = ExtendedKalmanUpdater(None, use_joseph_cov=True)
     began = datetime(2000, 1, 1)
-    medians, states = [], []
+    medians: list[float] = []
+    states: list[np.ndarray] = []
     for _ in range(request["repeats"]):
         now = began
         state = GaussianState(StateVector(request["mean"]), CovarianceMatrix(request["covariance"]), timestamp=now)

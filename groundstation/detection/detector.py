@@ -45,7 +45,7 @@ class Detector:
         self._memory: Memory | None = None
         self._last: PreviousSilhouette | None = None
         self._background = BackgroundMemory()
-        self._segment = make_segmenter(config)
+        self.segment = make_segmenter(config)
 
     def reset(self) -> None:
         """Forget the contour, size and appearance of the target."""
@@ -92,7 +92,7 @@ class Detector:
 
     def _divide(self, prepared: Prepared, start: MaskArray, look: WorkingImage) -> tuple[Regions, Group | Miss]:
         """Run the level set and return its regions and the one that is the target, or why none is."""
-        regions = find_regions(self._segment(prepared.u, start), prepared.contrast)
+        regions = find_regions(self.segment(prepared.u, start), prepared.contrast)
         return regions, choose(regions, look, self._memory, self._config)
 
     def _missed(self, miss: Miss) -> Miss:

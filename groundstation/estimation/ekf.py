@@ -28,7 +28,7 @@ from groundstation.geometry.station import LensError
 from groundstation.messages import Innovation
 
 # start of an axis that has been read once: it may turn at up to this rate (1 sigma)
-_INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
+INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
 # what calibration may have done to a velocity that was found without a reference
 _ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.4, 2.0
 _REFUSED_IN_A_ROW = 5
@@ -85,11 +85,16 @@ class StationEkf(FilterCore):
         return read
 
     def set_angles(
-        self, station: str, angles_rad: tuple[float, float], rates_rad_s: tuple[float, float], sigma_rad: float
+        self,
+        station: str,
+        angles_rad: tuple[float, float],
+        rates_rad_s: tuple[float, float],
+        sigma_rad: float,
+        rate_sigma_rad_s: float = INITIAL_RATE_SIGMA_RAD_S,
     ) -> None:
-        """Start one PTU's states anew from readings, with no memory of before."""
+        """Reinitialise one PTU's states from readings, uncorrelated with the rest of the state."""
         self._bank.place(self.layout.angles[station], np.array(angles_rad), np.eye(2) * sigma_rad**2)
-        self._bank.place(self.layout.rates[station], np.array(rates_rad_s), np.eye(2) * _INITIAL_RATE_SIGMA_RAD_S**2)
+        self._bank.place(self.layout.rates[station], np.array(rates_rad_s), np.eye(2) * rate_sigma_rad_s**2)
         self._read |= {station}
 
     def update_pixel(

@@ -34,8 +34,8 @@ class MotionModel:
     lasting_s : τ of the target point's lasting errors.
     """
 
-    # psd (k,): of each pair of a value and its rate
-    __slots__ = ("_first_constant", "_first_offset", "_lasting_s", "_pair_of", "_size", "_walk", "psd")
+    # pairs: indices (k,) of values and (k,) of their rates in the state; psd (k,): of each pair
+    __slots__ = ("_first_constant", "_first_offset", "_lasting_s", "_size", "_walk", "pairs", "psd")
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class MotionModel:
             values += range(angles.start, angles.stop)
             slopes += range(layout.rates[name].start, layout.rates[name].stop)
             psd += [ptu_acceleration_psd_rad2_s3] * 2
-        self._pair_of = (np.array(values), np.array(slopes))
+        self.pairs = (np.array(values), np.array(slopes))
         self.psd = np.array(psd)
         self._size = layout.size
         self._walk = np.zeros(len(layout.parameters)) if walk_psd is None else walk_psd
@@ -63,14 +63,14 @@ class MotionModel:
     def transition(self, dt_s: float) -> FloatArray:
         """Return F, (n, n), over ``dt_s`` seconds (which may be negative)."""
         F = np.empty((self._size, self._size))
-        _write_transition(*self._pair_of, self._first_offset, self._first_constant, self._lasting_s, dt_s, F)
+        _write_transition(*self.pairs, self._first_offset, self._first_constant, self._lasting_s, dt_s, F)
         return F
 
     def process_noise(self, dt_s: float) -> FloatArray:
         """Return Q, (n, n), gathered over ``|dt_s|`` seconds."""
         Q = np.empty((self._size, self._size))
         _write_noise(
-            *self._pair_of,
+            *self.pairs,
             self.psd,
             self._first_offset,
             self._first_constant,
@@ -85,7 +85,7 @@ class MotionModel:
         """Return F (n, n) and Q (r, n, n) for each row of ``psds`` (r, k), as `psd` is of this one, over ``dt_s``."""
         F, noises = np.empty((self._size, self._size)), np.empty((len(psds), self._size, self._size))
         _write_motion(
-            *self._pair_of,
+            *self.pairs,
             psds,
             self._first_offset,
             self._first_constant,

@@ -8,7 +8,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
-from groundstation.estimation.ekf import StationEkf
+from groundstation.estimation.ekf import INITIAL_RATE_SIGMA_RAD_S, StationEkf
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.estimation.provisional_track import ProvisionalTrack
 from groundstation.estimation.smoother_history import Cut, SmootherHistory, Transition, smooth_across, smooth_within
@@ -164,11 +164,16 @@ class RecordedEkf(StationEkf):
         return innovation
 
     def set_angles(
-        self, station: str, angles_rad: tuple[float, float], rates_rad_s: tuple[float, float], sigma_rad: float
+        self,
+        station: str,
+        angles_rad: tuple[float, float],
+        rates_rad_s: tuple[float, float],
+        sigma_rad: float,
+        rate_sigma_rad_s: float = INITIAL_RATE_SIGMA_RAD_S,
     ) -> None:
         """Reset the states of one PTU from readings, as `StationEkf` does."""
         x, P = self.state, self.covariance
-        super().set_angles(station, angles_rad, rates_rad_s, sigma_rad)
+        super().set_angles(station, angles_rad, rates_rad_s, sigma_rad, rate_sigma_rad_s)
         F = np.eye(self.layout.size)
         for part in (self.layout.angles[station], self.layout.rates[station]):
             F[part, part] = 0.0

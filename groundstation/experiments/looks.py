@@ -154,7 +154,7 @@ def judged(
 def _time_segmentation(detector: Detector) -> list[float]:
     """Return a list to which the detector from now on adds the seconds of each segmentation."""
     spent: list[float] = []
-    segment = detector._segment  # the only way in: the detector has no stopwatch of its own
+    segment = detector.segment
 
     def timed(u: Float32Array, inside: MaskArray) -> Float32Array:
         started = time.thread_time()
@@ -162,7 +162,7 @@ def _time_segmentation(detector: Detector) -> list[float]:
         spent.append(time.thread_time() - started)
         return phi
 
-    detector._segment = timed
+    detector.segment = timed
     return spent
 
 
@@ -173,13 +173,13 @@ def look_once(scene: Scene, config: DetectionConfig, roi: Roi) -> tuple[Float32A
     """
     image = scene.frame.image.whole()
     detector = Detector(config, (image.shape[1], image.shape[0]))
-    segment, taken = detector._segment, []
+    segment, taken = detector.segment, []
 
     def taking(u: Float32Array, inside: MaskArray) -> Float32Array:
         taken.append((u.copy(), inside.copy()))
         return segment(u, inside)
 
-    detector._segment = taking
+    detector.segment = taking
     detector.detect(image, roi, scene.hint)
     return taken[0] if taken else None
 
