@@ -54,7 +54,7 @@ def step_of(session: Path) -> float:
 
 def played(session: Path, change: Callable[[Key, Any], Any]) -> dict[str, Any]:
     """Replay the session, every result of the detector passed through ``change``; return the accuracy."""
-    look, detect = CameraTracker.look, Detector.detect
+    look, detect = CameraTracker.detect, Detector.detect
     now: list[Key] = []
 
     def noted(self: CameraTracker, record: Frame, *rest: Any) -> Any:
@@ -65,12 +65,12 @@ def played(session: Path, change: Callable[[Key, Any], Any]) -> dict[str, Any]:
         result = detect(self, *arguments)
         return change(now[0], result) if now else result
 
-    CameraTracker.look, Detector.detect = noted, changed  # type: ignore[method-assign, assignment]
+    CameraTracker.detect, Detector.detect = noted, changed  # type: ignore[method-assign, assignment]
     try:
         with tempfile.TemporaryDirectory() as folder:
             result = replay_session(ReplayRequest(session=session, out=Path(folder), rerun=False))
     finally:
-        CameraTracker.look, Detector.detect = look, detect  # type: ignore[method-assign]
+        CameraTracker.detect, Detector.detect = look, detect  # type: ignore[method-assign]
     accuracy: dict[str, Any] = result.evaluation.summary["accuracy"]["truth"]
     return accuracy
 

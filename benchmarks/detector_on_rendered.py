@@ -34,7 +34,7 @@ def flown(folder: Path) -> list[DetectorOutcome]:
     session, noses = load_session(folder), true_pixels(folder)
     silhouettes = Silhouettes(session)
     outcomes: dict[Key, DetectorOutcome] = {}
-    look = CameraTracker.look
+    look = CameraTracker.detect
 
     def noted(self: CameraTracker, frame: Frame, *rest: Any) -> SearchResult | None:
         seen = look(self, frame, *rest)
@@ -46,12 +46,12 @@ def flown(folder: Path) -> list[DetectorOutcome]:
             outcomes[key] = judged(frame, truth, (seen.roi, seen.result))
         return seen
 
-    CameraTracker.look = noted  # type: ignore[method-assign, assignment]
+    CameraTracker.detect = noted  # type: ignore[method-assign, assignment]
     try:
         with tempfile.TemporaryDirectory() as out:
             result = replay(ReplayRequest(session=folder, out=Path(out), rerun=False))
     finally:
-        CameraTracker.look = look  # type: ignore[method-assign]
+        CameraTracker.detect = look  # type: ignore[method-assign]
     if result.fault is not None:
         raise result.fault
     return sorted(outcomes.values(), key=lambda o: (o.t_s, o.station))
