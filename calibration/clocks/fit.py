@@ -3,7 +3,7 @@
 Pan and tilt are cubic splines of time; the readings are values of them, the pictures differences of them at later or
 earlier times, through a small scale and roll of the camera. For each offset, drift, scale and roll the splines' least
 squares are linear and are solved on the way (variable projection); what is left over is minimised by
-`scipy.optimize.least_squares`. Equations: docs/derivation.md, section on the clocks by pictures.
+`scipy.optimize.least_squares`. Equations: docs/derivation.md, section 19.
 """
 
 from dataclasses import dataclass

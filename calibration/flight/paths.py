@@ -1,4 +1,4 @@
-"""Residuals of a flight in which the paths of the aircraft and of the heads are unknown (docs/derivation.md, 16).
+"""Residuals of a flight, with the paths of the aircraft and of the PTUs unknown (docs/derivation.md, section 16).
 
 What is known of a path are its noisy samples (fixes, readings) and that it is smooth; the pixels tell of it, too. For
 each change of the calibration the paths that fit best are found on the way (variable projection), so that neither the

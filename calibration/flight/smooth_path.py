@@ -1,4 +1,4 @@
-"""A path of which nothing is known but that it is smooth: splines of small differences (docs/derivation.md, 16).
+"""Smooth paths: cubic splines with a prior on the differences of their coefficients (docs/derivation.md, section 16).
 
 A path is Σ c_k B_k(t), cubic B-splines on even knots. Its differences of order m, c_{k+3} − 3c_{k+2} + 3c_{k+1} − c_k
 for m = 3, c_{k+2} − 2c_{k+1} + c_k for m = 2, are taken to be white noise of s: a jerk or an acceleration that changes

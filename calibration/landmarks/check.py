@@ -1,4 +1,4 @@
-"""`groundstation calibrate check`: whether mounts have moved since (docs/derivation.md, survey and check)."""
+"""`groundstation calibrate check`: whether mounts have moved since (docs/derivation.md, section 17)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Stations and landmarks as one least-squares problem, a bundle adjustment (docs/derivation.md, survey and check).
+"""Stations and landmarks as one least-squares problem, a bundle adjustment (docs/derivation.md, section 17).
 
 A parameter is a difference from the rig or from the table of landmarks, in rad, m, px. Names are
 ``station.parameter`` as in `groundstation.geometry.calibration`; ``station.moved.x .y .z``, by which small rotation

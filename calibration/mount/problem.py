@@ -4,7 +4,7 @@ Parameters are differences from the station that one starts from, in rad, m and 
 `groundstation.geometry.calibration` (``runway_from_base``, ``ptu_position``, ``head_from_camera``, ``camera_in_head``),
 the fields of `groundstation.rig.ptu_axes.PtuAxes` without their unit (``lean``, ``pan_scale``, …), and for each mark
 ``mark NAME.part``.
-Equations: docs/derivation.md, section on the mount.
+Equations: docs/derivation.md, section 18.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """The Chan-Vese level set: two constant intensities divided by a contour of short length.
 
-Energy (docs/derivation.md, Chan & Vese 2001)::
+Energy (docs/derivation.md, section 3; Chan & Vese 2001)::
 
     F(φ, c1, c2) = μ ∫|∇H(φ)| + ν ∫H(φ) + λ1 ∫(u − c1)² H(φ) + λ2 ∫(u − c2)² (1 − H(φ))
     φ_t = δ_ε(φ) [μ div(∇φ/|∇φ|) − ν − λ1 (u − c1)² + λ2 (u − c2)²],  δ_ε(φ) = ε / (π (ε² + φ²))

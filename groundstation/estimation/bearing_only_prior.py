@@ -3,7 +3,7 @@
 In the holder's polar coordinates, r its distance, d the ray, s = v·d and w = (v − s d)/r, the prior is taken apart; at
 another distance r′ along the ray the target then moves at v′ = s′ d + r′ w. Of s′ the prior says s + g (r′ − r), g the
 regression of s on r, with a variance that is widened by how many sigmas r was off. w is what the camera itself has
-seen and stays as it is. docs/derivation.md, "Placed anew".
+seen and stays as it is. docs/derivation.md, section 5.
 """
 
 import numpy as np

@@ -5,7 +5,7 @@ model to tens of metres within seconds; since each pixel was linearised about th
 too short and slightly off the ray. A plain update with the second camera's pixel would treat the difference as
 information. The bearing in the first camera and its rate are well observed. They are kept: the new position is the
 intersection of the two rays and the new velocity follows from `BearingOnlyPrior` at that point.
-docs/derivation.md, "Placed anew".
+docs/derivation.md, section 5.
 """
 
 import math

@@ -1,7 +1,7 @@
 """What is physically possible: Cramér-Rao bounds of one fix and of a whole track.
 
 One fix, from the stations' own Jacobians: information = Σ J_pᵀ (R_px + J_a R_a J_aᵀ)⁻¹ J_p, with J_p and J_a the
-derivatives of the pixel by position and by pan and tilt (docs/derivation.md, bounds). A track: the posterior
+derivatives of the pixel by position and by pan and tilt (docs/derivation.md, section 8). A track: the posterior
 bound by Tichavský's recursion, which for a linear motion model is the Riccati equation with the single-fix
 information taken at the true position; constant velocity, white acceleration per axis.
 

@@ -69,7 +69,7 @@ def leaving(recorded: TruthSession) -> Findings:
             f"{_DRAWS} draws of each scene; 1 is ideal for ANEES. What is detected is the border's pixel nearest to "
             "the aircraft, as the last of a silhouette that is cut: it is wrong by as much as the aircraft is outside.",
             "All forms are consistent but the paper's for right detections of a target about the border "
-            "(docs/notes/position.md, out of view). A wrong one makes R/T overconfident, too, and the gate sees it "
+            '(docs/notes/position.md, "Out of view"). A wrong one makes R/T overconfident, too, and the gate sees it '
             "only where it is further off than the prediction is uncertain, here by some 20 px; T·K suffers least. Our "
             "detector gives no such pixel: a silhouette cut by the border is a miss of its own, and below 2 % in view "
             "it does not look.",

@@ -1,4 +1,4 @@
-"""Approaches along a straight glide path, with and without a flare (docs/derivation.md, bounds and predictors)."""
+"""Approaches along a straight glide path, with and without a flare (docs/derivation.md, section 8)."""
 
 import math
 from dataclasses import dataclass

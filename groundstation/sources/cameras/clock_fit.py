@@ -8,7 +8,7 @@ With delays exponential of scale τ and a prior N(0, σ_b²) for the drift, the 
     max over (a, b) of  −Σ (y_i − a − (1 + b)·x_i)/τ − b²/(2σ_b²)   subject to all residuals ≥ 0,
 
 a concave function of b whose pieces belong to the hull's corners, solved exactly on each
-(docs/derivation.md, "A device's clock from arrivals").
+(docs/derivation.md, section 20).
 """
 
 import math
