@@ -1,8 +1,8 @@
 """Interacting multiple models: one filter for each way of flying, weighed by how well it predicts.
 
 A glide and a flare need different process noise (docs/derivation.md, section 5). Each mode is a filter of its own;
-before a prediction they are mixed by how likely the aircraft is to have changed its way (Blom & Bar-Shalom 1988), and each
-pixel shifts the weights by the likelihoods of its innovation. Measurements are linearised once, at the weighted mean.
+before a prediction they are mixed by the mode transition probabilities (Blom & Bar-Shalom 1988), and each pixel
+shifts the weights by the likelihoods of its innovation. Measurements are linearised once, at the weighted mean.
 With one mode this is the plain filter, to the last bit.
 """
 
