@@ -24,7 +24,7 @@ from scipy.stats import chi2
 from scipy.stats import t as t_of
 
 from groundstation.arrays import FloatArray
-from groundstation.evaluation.stated_parts import noise_chi_square
+from groundstation.evaluation.covariance_parts import noise_chi_square
 from groundstation.experiments.detection_tables import stated_errors
 from groundstation.experiments.looks import DetectorOutcome
 from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN, Shape, trainer

@@ -32,7 +32,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from groundstation.cli.start import leave
-from groundstation.cli.stop_request import StopAsked
+from groundstation.cli.stop_request import StopRequest
 from groundstation.errors import RecordingError
 from groundstation.geometry.camera import Lens
 from groundstation.live.board import LiveStatus
@@ -187,7 +187,7 @@ def operate(folder: Path, run: Path) -> NoReturn:
         os._exit(1)
 
     request = LiveRequest(station=None, out=run / "live")
-    with StopAsked() as stop:
+    with StopRequest() as stop:
         result = live(request, stop, tell, lambda _: None, NoiseRange(folder, run / "set-up"), give_up)
     print("\n".join(result.losses), file=sys.stderr)
     # as `groundstation live` ends

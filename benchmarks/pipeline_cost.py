@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.messages import Epoch, Event
-from groundstation.replay.recorded_run import tuning
+from groundstation.replay.recordings import load_replay_config
 from groundstation.session import Session, load_session
 from groundstation.sources.session_source import session_source
 from groundstation.tracking.pipeline import Pipeline
@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 def one_run(session: Session, events: list[Event]) -> np.ndarray:
     """Return this thread's processor time of each event, s."""
-    pipeline = Pipeline(session.rig, tuning(session, None), span_m=session.target.span_m)
+    pipeline = Pipeline(session.rig, load_replay_config(session, None), span_m=session.target.span_m)
     spent = np.empty(len(events))
     for k, event in enumerate(events):
         began = time.thread_time()

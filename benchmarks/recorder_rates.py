@@ -21,7 +21,7 @@ from groundstation.recording.container_reader import ContainerReader
 from groundstation.recording.recorder import PATIENT, Recorder
 from groundstation.replay.run import run
 from groundstation.session import Session, load_session
-from groundstation.sinks.identity import IdentitySink
+from groundstation.sinks.output_comparison import OutputComparisonSink
 from groundstation.sources.session_source import session_source
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
@@ -70,7 +70,7 @@ class Timed(Recorder):
 def record(session: Session, path: Path, as_raw: bool, to_s: float | None) -> float:
     """Record a replay; returns what it cost the pipeline's thread, s per pair."""
     config = Config()
-    header = header_of(session, None, config, initial=None, taught=False)
+    header = header_of(session, None, config, initial=None, learns_from_reference=False)
     pipeline = Pipeline(session.rig, config, span_m=session.target.span_m)
     with session_source(session, None, to_s) as source, Timed(path, session.rig, header, PATIENT) as recorder:
         events: Iterable[Event] = raw(source) if as_raw else source
@@ -99,7 +99,7 @@ def rates(path: Path) -> dict[str, tuple[int, float]]:
 
 def same_track(path: Path) -> str:
     session = load_session(path)
-    check = IdentitySink()
+    check = OutputComparisonSink()
     pipeline = Pipeline(session.rig, Config(), span_m=session.target.span_m)
     with session_source(session, on_answer=check.recorded) as source:
         run(source, pipeline, [check], lambda done: None)
@@ -113,7 +113,7 @@ def live_search(session: Session, path: Path, seconds: float) -> str:
     rng = np.random.default_rng(5)
     w, h = session.rig.stations[0].lens.image_size_px
     pool = [rng.normal(120.0, 4.0, (h, w)).astype(np.uint8) for _ in range(8)]
-    header = header_of(session, None, Config(), initial=None, taught=False)
+    header = header_of(session, None, Config(), initial=None, learns_from_reference=False)
     began, epoch, fullest = time.monotonic(), 0, 0.0
     with Recorder(path, session.rig, header, whole_frames=True) as recorder:
         while epoch < seconds * RATE_HZ:

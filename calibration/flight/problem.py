@@ -20,7 +20,7 @@ from scipy.interpolate import BSpline
 
 from calibration.flight.reference_track import ReferenceTrack
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, changed_packed
+from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, perturbed_packed
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration_many
 from groundstation.geometry.kernels import MIN_DEPTH_M
 from groundstation.rig.rig import Station
@@ -227,7 +227,7 @@ class FlightProblem:
         turn = self.station_change(change, station)
         pixel, by_state, by_rig = np.zeros((n, 2)), np.zeros((n, 2, 5)), np.zeros((n, 2, CALIBRATION_SIZE))
         depth = np.zeros(n)
-        packed = changed_packed(rig.geometry().packed, turn)
+        packed = perturbed_packed(rig.geometry().packed, turn)
         project_calibration_many(packed, points, angles.angles_rad, pixel, by_state, by_rig, depth)
         # the kernel's small angles turn what has been turned already
         for part in _TURNS:

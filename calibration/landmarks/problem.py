@@ -14,7 +14,7 @@ from calibration.flight.problem import left_jacobian
 from calibration.landmarks.angles import LandmarkLooks
 from calibration.sightings import Landmark
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, changed_packed
+from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, perturbed_packed
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration_many
 from groundstation.geometry.kernels import MIN_DEPTH_M
 from groundstation.rig.covariance import ParameterCovariance
@@ -129,7 +129,7 @@ class LandmarkProblem:
     def _predict(self, looks: LandmarkLooks, change: FloatArray) -> Evaluated:
         n = len(looks)
         own = self.station_change(change, looks.station, today=looks.today)
-        packed = changed_packed(self._packed[looks.station], own)
+        packed = perturbed_packed(self._packed[looks.station], own)
         points, by_places = np.zeros((n, 3)), np.zeros((len(self.landmarks), 3, 3))
         far = np.zeros(n, dtype=np.bool_)
         for k in np.unique(looks.landmark):

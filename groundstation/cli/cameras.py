@@ -124,7 +124,7 @@ def _show(options: argparse.Namespace) -> int:
     frames: list[FrameTimes] = []
     picture = None
     timing = CameraTiming(stamp=StampPoint(options.stamp))
-    with open_camera(options.url, settings, clock=time.monotonic, tell=tell, timing=timing) as camera:
+    with open_camera(options.url, settings, clock=time.monotonic, on_event=tell, timing=timing) as camera:
         end = time.monotonic() + options.seconds
         while not camera.ended and time.monotonic() < end:
             frame = camera.read(0.2)

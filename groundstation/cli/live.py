@@ -10,10 +10,10 @@ import threading
 from collections.abc import Collection
 from typing import TYPE_CHECKING, TextIO
 
-from groundstation.cli.output import say
 from groundstation.cli.paths import NEW_FOLDER, READ
 from groundstation.cli.simulate import pairs_per_s, whole_number, wind_m_s
-from groundstation.cli.stop_request import StopAsked
+from groundstation.cli.stop_request import StopRequest
+from groundstation.cli.terminal import print_line
 
 if TYPE_CHECKING:
     from groundstation.live.board import LiveStatus
@@ -164,24 +164,26 @@ def run_live(options: argparse.Namespace) -> int:
             )
         )
     block = StatusBlock(sys.stderr)
-    with StopAsked() as stop, StatusWatch(block.silent) as watch:
+    with StopRequest() as stop, StatusWatch(block.silent) as watch:
 
-        def tell(status: "LiveStatus") -> None:
+        def show_status(status: "LiveStatus") -> None:
             watch.told()
             block.show(status)
 
-        result = live(request, stop, tell, lambda text: say(f"{text} …", sys.stderr), simulator, end_by_force)
-        say(_words(result, None if simulator is None else simulator.score(result.begin_s)), sys.stdout)
+        result = live(
+            request, stop, show_status, lambda text: print_line(f"{text} …", sys.stderr), simulator, end_by_force
+        )
+        print_line(_result_text(result, None if simulator is None else simulator.score(result.begin_s)), sys.stdout)
     if result.lost:
-        say("groundstation: nothing could be recorded", sys.stderr)
+        print_line("groundstation: nothing could be recorded", sys.stderr)
     for line in result.losses:
-        say(f"groundstation: {line}", sys.stderr)
+        print_line(f"groundstation: {line}", sys.stderr)
     return 1 if result.lost or result.losses else 0
 
 
 def end_by_force(line: str) -> None:
     """End this process at once: its end hangs in a thread that nothing can be done about."""
-    say(f"groundstation: {line}", sys.stderr)
+    print_line(f"groundstation: {line}", sys.stderr)
     os._exit(1)
 
 
@@ -238,7 +240,7 @@ class StatusBlock:
             since_s = status.t_s - self._said_s
             if since_s >= _LINE_EVERY_S or (status.track is not self._said and since_s >= _CHANGE_EVERY_S):
                 self._said_s, self._said = status.t_s, status.track
-                say(f"{status.t_s:7.1f} s  {status.one_line()}", self._stream)
+                print_line(f"{status.t_s:7.1f} s  {status.one_line()}", self._stream)
 
     def silent(self, age_s: float) -> None:
         """Show that no status has come for so long: what is shown is old."""
@@ -248,15 +250,15 @@ class StatusBlock:
                 self._draw([*self._rows, text])
             elif age_s >= self._silent_s:
                 self._silent_s = age_s + _LINE_EVERY_S
-                say(text, self._stream)
+                print_line(text, self._stream)
 
     def _draw(self, rows: list[str]) -> None:
         up = f"\x1b[{self._lines}F\x1b[J" if self._lines else ""
-        say(up + "\n".join(rows), self._stream)
+        print_line(up + "\n".join(rows), self._stream)
         self._lines = len(rows)
 
 
-def _words(result: "LiveResult", score: "DayScore | None" = None) -> str:
+def _result_text(result: "LiveResult", score: "DayScore | None" = None) -> str:
     """Return how it went, for a person."""
     from groundstation.live.board import dropped_words
     from groundstation.simulation.simulated_day import format_score

@@ -14,7 +14,6 @@ from groundstation.cli.import_session import add_import, run_import
 from groundstation.cli.live import add_live, run_check, run_live
 from groundstation.cli.number_arguments import take_negative_numbers
 from groundstation.cli.onboard import add_onboard, run_onboard
-from groundstation.cli.output import say
 from groundstation.cli.paths import READ, WRITTEN_FILE, WrittenFolder, check_paths
 from groundstation.cli.progress import ProgressLine
 from groundstation.cli.ptu import add_ptu, run_ptu
@@ -22,6 +21,7 @@ from groundstation.cli.recording import add_convert, add_recover, run_convert, r
 from groundstation.cli.reproduce import add_reproduce, run_reproduce
 from groundstation.cli.simulate import add_simulate, run_simulate
 from groundstation.cli.span import add_span
+from groundstation.cli.terminal import print_line
 from groundstation.cli.view import add_view, run_view
 from groundstation.errors import GroundstationError, UsageError
 from groundstation.replay.result_files import REPLAY_FILES
@@ -75,14 +75,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except GroundstationError as error:
-        say(f"groundstation: {error}", sys.stderr)
+        print_line(f"groundstation: {error}", sys.stderr)
         return 2 if isinstance(error, UsageError) else 1
     except OSError as error:
         # a full disk, a cable pulled: nothing that a stack of calls would explain
-        say(f"groundstation: {error}", sys.stderr)
+        print_line(f"groundstation: {error}", sys.stderr)
         return 1
     except KeyboardInterrupt:
-        say("groundstation: interrupted; the tables hold what was done until then", sys.stderr)
+        print_line("groundstation: interrupted; the tables hold what was done until then", sys.stderr)
         return 130
 
 
@@ -297,8 +297,8 @@ def _replay(options: argparse.Namespace) -> int:
         result = replay(request, line.update)
     print(format_accuracy_table(result.evaluation.summary))
     print()
-    if result.identity is not None:
-        print(f"{result.identity.line()}\n")
+    if result.output_comparison is not None:
+        print(f"{result.output_comparison.line()}\n")
     for path in result.files:
         print(f"wrote {path}")
     if result.fault is not None:

@@ -78,25 +78,25 @@ def run_reproduce(options: argparse.Namespace) -> int:
         to_s=options.to_s,
         take_off=options.take_off,
     )
-    with _Saying() as saying:
-        done = reproduce(request, saying.say)
+    with _StatusLine() as status_line:
+        done = reproduce(request, status_line.show)
     for (experiment, findings), elapsed_s in zip(done.found, done.elapsed_s, strict=True):
         print(f"{experiment.title} ({experiment.numbers}): {len(findings.tables)} tables, {elapsed_s:.0f} s")
     print(f"wrote {done.files[0]} and {len(done.files) - 1} files beside it")
     return 0
 
 
-class _Saying:
-    """One line on the terminal that says what is being done; nothing where it is no terminal."""
+class _StatusLine:
+    """One line on the terminal with the current experiment; prints nothing where stderr is no terminal."""
 
-    def __enter__(self) -> "_Saying":
+    def __enter__(self) -> "_StatusLine":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.say("")
+        self.show("")
 
-    def say(self, words: str) -> None:
+    def show(self, text: str) -> None:
         """Replace the line."""
         if sys.stderr.isatty():
-            sys.stderr.write(f"\r\x1b[2K{words}")
+            sys.stderr.write(f"\r\x1b[2K{text}")
             sys.stderr.flush()

@@ -1,4 +1,4 @@
-"""Whether somebody wants a program to end: Ctrl-C, SIGTERM, or a terminal that is gone."""
+"""Requests to stop: Ctrl-C (SIGINT), SIGTERM, or a closed terminal (SIGHUP)."""
 
 import signal
 import threading
@@ -6,26 +6,27 @@ from types import TracebackType
 from typing import Any
 
 
-class StopAsked:
-    """While this context is open, signals only ask; call it to hear whether one has.
+class StopRequest:
+    """A context in which signals set a flag instead of ending the process; calling it returns the flag.
 
-    Whoever presses twice does not want to wait: after the first SIGINT or SIGTERM the next one does what it did before.
-    SIGHUP comes more than once from a terminal that closes, so it only ever asks; where it is ignored (`nohup`), it is.
+    After the first SIGINT or SIGTERM the previous handlers are restored, so that a second one ends the process at once.
+    A closing terminal sends SIGHUP more than once, so SIGHUP only sets the flag; where it is ignored (`nohup`), it
+    stays ignored.
     """
 
     def __init__(self) -> None:
-        self._asked = threading.Event()
+        self._requested = threading.Event()
         self._before: dict[signal.Signals, Any] = {}
 
     def __call__(self) -> bool:
-        """Return whether an end is wanted."""
-        return self._asked.is_set()
+        """Return whether a stop has been requested."""
+        return self._requested.is_set()
 
-    def __enter__(self) -> "StopAsked":
+    def __enter__(self) -> "StopRequest":
         for number in (signal.SIGINT, signal.SIGTERM):
-            self._before[number] = signal.signal(number, self._pressed)
+            self._before[number] = signal.signal(number, self._on_interrupt)
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-            self._before[signal.SIGHUP] = signal.signal(signal.SIGHUP, self._hung_up)
+            self._before[signal.SIGHUP] = signal.signal(signal.SIGHUP, self._on_hang_up)
         return self
 
     def __exit__(
@@ -34,10 +35,10 @@ class StopAsked:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def _pressed(self, *_: object) -> None:
-        self._asked.set()
+    def _on_interrupt(self, *_: object) -> None:
+        self._requested.set()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._before[number])
 
-    def _hung_up(self, *_: object) -> None:
-        self._asked.set()
+    def _on_hang_up(self, *_: object) -> None:
+        self._requested.set()

@@ -55,7 +55,7 @@ def convert(
 
 def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> Converted:
     """Write a recording of whole frames, set up as a replay of the folder would be."""
-    header = header_of(session, None, load_config(None), initial=session.initial, taught=False)
+    header = header_of(session, None, load_config(None), initial=session.initial, learns_from_reference=False)
     with Recorder(out, session.rig, header, PATIENT, whole_frames=True) as recorder:
         events, fault = _pass_on(stream, recorder.take, progress)
     notes = (recorder.status.line(),) if recorder.status.trouble else ()

@@ -8,7 +8,12 @@ from groundstation.tracking.config import Config, config_to_mapping, config_to_t
 
 
 def header_of(
-    session: Session, rig_file: TextFile | None, config: Config, *, initial: InitialState | None, taught: bool
+    session: Session,
+    rig_file: TextFile | None,
+    config: Config,
+    *,
+    initial: InitialState | None,
+    learns_from_reference: bool,
 ) -> RecordingHeader:
     """Return the header of a run on a session; ``rig_file`` None is the session's own."""
     rig = session.folder / RIG if rig_file is None else rig_file
@@ -25,6 +30,6 @@ def header_of(
         files=files,
         pictures=not session.detections_only,
         initial=initial,
-        taught=taught,
+        learns_from_reference=learns_from_reference,
         left_out=tuple(sorted(session.left_out)),
     )

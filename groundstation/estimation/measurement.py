@@ -24,7 +24,7 @@ from groundstation.estimation.parameters import DGPS_ANTENNA, DGPS_CLOCK
 from groundstation.estimation.state import StateLayout
 from groundstation.geometry import kernels
 from groundstation.geometry.angles import wrap_rad
-from groundstation.geometry.calibration import changed_packed, parameter_indices
+from groundstation.geometry.calibration import parameter_indices, perturbed_packed
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE, project_calibration
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import Innovation
@@ -89,7 +89,7 @@ class PixelModel:
             change = np.zeros(CALIBRATION_SIZE)
             change[self._columns] = state[self._places]
             if change.any():
-                packed = changed_packed(packed, change)
+                packed = perturbed_packed(packed, change)
         pixel, H = np.empty(2), np.zeros((2, self._size))
         depth = self._at(packed, state, row_dt_s, age_s, pixel, H)
         if self._readout != _NOWHERE and depth >= kernels.MIN_DEPTH_M:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.evaluation.growing import GrowingTable
+from groundstation.evaluation.growable_table import GrowableTable
 from groundstation.messages import (
     CameraReport,
     Detection,
@@ -73,8 +73,8 @@ class ResultCollector:
     """Collect epochs and camera looks in compact tables for `evaluate_run`."""
 
     def __init__(self) -> None:
-        self._epochs = GrowingTable(EPOCH_DTYPE)
-        self._cameras = GrowingTable(CAMERA_DTYPE)
+        self._epochs = GrowableTable(EPOCH_DTYPE)
+        self._cameras = GrowableTable(CAMERA_DTYPE)
         self._stations: dict[str, int] = {}
         self.events: list[tuple[float, str, str]] = []
         self.events_dropped = 0

@@ -13,8 +13,8 @@ from groundstation.evaluation.evaluate import Evaluation
 from groundstation.evaluation.figure_style import Drawn, ReportFigure
 from groundstation.evaluation.figures import pictures
 from groundstation.evaluation.page_tables import Column, page_table, plain
+from groundstation.evaluation.plain_summary import plain_summary
 from groundstation.evaluation.report_tables import accuracy_section, calibration_section, latency_section
-from groundstation.evaluation.verdict import verdict
 from groundstation.files.output_names import below
 
 FIGURES = "figures"
@@ -121,7 +121,7 @@ def _page(evaluation: Evaluation, shown: Iterable[Drawn]) -> Iterator[str]:
         [
             f"<header><p class='soft'>Groundstation · replay report</p><h1>{name}</h1></header>",
             "<main>",
-            f"<p class='verdict'>{escape(verdict(summary))}</p>",
+            f"<p class='verdict'>{escape(plain_summary(summary))}</p>",
             *(f"<p class='fault'>{escape(fault)}</p>" for fault in summary["faults"]),
             _tiles(summary),
             *(accuracy_section(name, table) for name, table in summary["accuracy"].items()),

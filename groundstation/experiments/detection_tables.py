@@ -8,8 +8,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.correlation import correlated_chi_square, lag_one
+from groundstation.evaluation.covariance_parts import ErrorsWithCovariance, flights_chi_square, noise_chi_square
 from groundstation.evaluation.metrics import ChiSquareMean
-from groundstation.evaluation.stated_parts import StatedErrors, flights_chi_square, noise_chi_square
 from groundstation.experiments.looks import DetectorOutcome
 from groundstation.experiments.tables import Cell, ResultTable
 
@@ -211,10 +211,10 @@ def _honest(outcomes: Sequence[DetectorOutcome]) -> list[Cell]:
     return [*_judged(correlated_chi_square(runs)), lag_one(runs) if runs else None]
 
 
-def stated_errors(outcomes: Sequence[DetectorOutcome]) -> list[StatedErrors]:
+def stated_errors(outcomes: Sequence[DetectorOutcome]) -> list[ErrorsWithCovariance]:
     """Return one flight's errors with what was stated of them, in each camera's runs of neighbouring frames."""
     return [
-        StatedErrors(
+        ErrorsWithCovariance(
             errors=np.array([o.error_px for o in run]),
             covariances=np.array([o.covariance_px2 for o in run]),
             noises=np.array([o.noise_px2 for o in run]),

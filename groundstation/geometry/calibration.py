@@ -79,7 +79,7 @@ def project_with_calibration(
     return CalibratedProjection(pixel=pixel, jacobian=jacobian, calibration_jacobian=calibration, depth_m=depth)
 
 
-def changed_packed(packed: FloatArray, change: FloatArray) -> FloatArray:
+def perturbed_packed(packed: FloatArray, change: FloatArray) -> FloatArray:
     """Return the packed station with a change (21,) of its calibration, in the order of `CALIBRATION_PARAMETERS`."""
     changed = packed.copy()
     changed[0:9] = (rotation_from_vector(change[0:3]) @ packed[0:9].reshape(3, 3)).ravel()
@@ -89,12 +89,12 @@ def changed_packed(packed: FloatArray, change: FloatArray) -> FloatArray:
     return changed
 
 
-def changed_station(geometry: StationGeometry, change: FloatArray) -> StationGeometry:
+def perturbed_station(geometry: StationGeometry, change: FloatArray) -> StationGeometry:
     """Return the station with a change (21,) of its calibration, in the order of `CALIBRATION_PARAMETERS`.
 
     Raises `CalibrationError` where a focal length would not stay positive.
     """
-    packed = changed_packed(geometry.packed, change)
+    packed = perturbed_packed(geometry.packed, change)
     if not np.all(packed[24:26] > 0.0):
         raise CalibrationError(f"station {geometry.name}: a focal length of {packed[24:26].min():.6g} px")
     changed = StationGeometry(

@@ -149,7 +149,7 @@ def _live(
             start_s=start_s,
             also=lambda: ", ".join(w for w in (_recording(recorder), screen(), *faults) if w),
             keep_images=request.screen != "none",
-            reference_errors=known.errors if header.taught else None,
+            reference_errors=known.errors if header.learns_from_reference else None,
         )
         sun_known, sun = sun_words(file, rig, time.time())
         if file.sun_angle_rad != 0.0:

@@ -54,7 +54,7 @@ def camera_of(station: StationDevices, clock: Clock, tell: Tell, *, rate_hz: flo
     care = _part(CameraCare, station.camera_settings, where)
     try:
         return open_camera(
-            station.camera, settings, clock=clock, tell=tell, timing=timing, care=care, name=station.name
+            station.camera, settings, clock=clock, on_event=tell, timing=timing, care=care, name=station.name
         )
     except CameraError as fault:
         said = str(fault).removeprefix("camera: ")

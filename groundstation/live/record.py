@@ -12,7 +12,7 @@ from groundstation.live.recent_rate import RecentRate
 from groundstation.live.station_file import StationFile
 from groundstation.recording.contents import CONFIG, RIG, SESSION, RecordingHeader
 from groundstation.recording.recorder import Recorder, RecorderConfig
-from groundstation.replay.reference_knowledge import ReferenceKnowledge, reference_knowledge
+from groundstation.replay.reference_prior import ReferencePrior, reference_prior
 from groundstation.rig.rig import Rig
 from groundstation.session.folder import read_session
 from groundstation.tracking.config import Config, config_to_mapping, config_to_toml
@@ -82,14 +82,14 @@ def live_header(file: StationFile, config: Config) -> RecordingHeader:
         RIG: file.rig.read_bytes(),
         CONFIG: config_to_toml(config_to_mapping(config)).encode() + b"\n",
     }
-    taught = file.reference is not None and file.reference.learn
-    return RecordingHeader(name=file.name, files=files, taught=taught)
+    learns_from_reference = file.reference is not None and file.reference.learn
+    return RecordingHeader(name=file.name, files=files, learns_from_reference=learns_from_reference)
 
 
-def live_reference(header: RecordingHeader, rig: Rig, config: Config) -> ReferenceKnowledge:
+def live_reference(header: RecordingHeader, rig: Rig, config: Config) -> ReferencePrior:
     """Return what is known of the reference receiver, read as a replay of the recording will read it."""
     session = read_session(AttachedFiles(header.name, header.files), header.name, rig, frozenset(), {})
-    return reference_knowledge(session, config.estimation)
+    return reference_prior(session, config.estimation)
 
 
 def open_recorder(path: Path, rig: Rig, header: RecordingHeader) -> LiveRecorder:

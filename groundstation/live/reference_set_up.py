@@ -11,7 +11,7 @@ from groundstation.live.reference_table import DgpsTable
 from groundstation.live.reference_worker import ReferenceWorker
 from groundstation.live.station_file import StationFile
 from groundstation.recording.recorder import Recorder
-from groundstation.replay.reference_knowledge import ReferenceKnowledge
+from groundstation.replay.reference_prior import ReferencePrior
 from groundstation.session.logs.gps_time import TimeScale, civil_from_unix, gps_from_civil
 from groundstation.tracking.config import Config
 
@@ -45,7 +45,7 @@ class ReferenceReceiver:
     def __init__(
         self,
         file: StationFile,
-        known: ReferenceKnowledge,
+        known: ReferencePrior,
         inbox: Inbox,
         *,
         start_s: float,

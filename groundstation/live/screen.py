@@ -51,5 +51,5 @@ def open_screen(
     view = LiveView(stream, rig, file.name)
     opened.callback(lambda: view.close(ending.left_s(_SCREEN_S)))
     sinks.append(view)
-    operators.append(StatusTeller(lambda status: view.say(status.t_s, status.lines)))
-    return view.words
+    operators.append(StatusTeller(lambda status: view.show_status(status.t_s, status.lines)))
+    return view.status_text

@@ -35,7 +35,7 @@ class RecordingHeader:
     files : session.toml, rig.toml, config.toml as they were read, and the reference tables that there are.
     pictures : whether cameras give pictures, or someone else's pixels are used.
     initial : the start that the pipeline was given.
-    taught : whether the filter was to learn from reference positions.
+    learns_from_reference : whether the filter was to learn from reference positions.
     left_out : stations that session.toml may name and the rig does not have.
     """
 
@@ -43,7 +43,7 @@ class RecordingHeader:
     files: Mapping[str, bytes]
     pictures: bool = True
     initial: InitialState | None = None
-    taught: bool = False
+    learns_from_reference: bool = False
     left_out: tuple[str, ...] = ()
 
 
@@ -63,7 +63,7 @@ def header_values(header: RecordingHeader) -> dict[str, str]:
         "format": FORMAT,
         "name": header.name,
         "pictures": json.dumps(header.pictures),
-        "taught": json.dumps(header.taught),
+        "taught": json.dumps(header.learns_from_reference),
         "left_out": json.dumps(list(header.left_out)),
         "initial": json.dumps(None if header.initial is None else _initial_values(header.initial)),
         "version": __version__,
@@ -90,7 +90,7 @@ def parse_header(contents: Contents, where: str) -> RecordingHeader:
         files=contents.attachments,
         pictures=_json(about, "pictures", where) is True,
         initial=None if initial is None else _initial(TomlTable(initial, f"{where}: initial", RecordingError)),
-        taught=_json(about, "taught", where) is True,
+        learns_from_reference=_json(about, "taught", where) is True,
         left_out=tuple(left_out),
     )
 

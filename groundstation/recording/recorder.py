@@ -32,7 +32,7 @@ from groundstation.recording.recorder_status import (
     left_to_recover,
 )
 from groundstation.recording.recorder_writer import RecorderWriter
-from groundstation.recording.windows import merged
+from groundstation.recording.window_union import merge_windows
 from groundstation.rig.rig import Rig
 from groundstation.thread_scheduling import give_way
 
@@ -199,7 +199,7 @@ class Recorder:
             channels = 1 if image.pattern is not None else 3
             item.source, item.size_bytes = image, channels * image.size_px[0] * image.size_px[1]
         else:
-            kept = [image.kept(window) for window in merged(image.read)]
+            kept = [image.kept(window) for window in merge_windows(image.read)]
             item.source, item.size_bytes = kept, sum(part.pixels.nbytes for part in kept)
         self._queue.put(item)
 
@@ -212,18 +212,18 @@ class Recorder:
                 self._output,
                 self._messages,
                 self._config,
-                self._look,
+                self._measure_free_space,
                 self._clock,
-                self._say,
+                self._set_state,
                 self._rates,
             ).run()
         except Exception as fault:  # noqa: BLE001 - whatever happens to the recording, the flight goes on
-            self._say(RecorderState.FAILED, f"{type(fault).__name__}: {fault}")
+            self._set_state(RecorderState.FAILED, f"{type(fault).__name__}: {fault}")
             self._queue.refuse_pictures = "failed"
         finally:
             self._output.close()
 
-    def _look(self) -> int:
+    def _measure_free_space(self) -> int:
         """Return how much is free on the disk, and remember it for the status."""
         try:
             self._free = self._free_bytes()
@@ -232,7 +232,7 @@ class Recorder:
             raise
         return self._free
 
-    def _say(self, state: RecorderState, reason: str) -> None:
+    def _set_state(self, state: RecorderState, reason: str) -> None:
         self._state, self._reason = state, reason
 
 

@@ -23,7 +23,6 @@ from groundstation.recording.contents import (
     end_values,
     header_values,
 )
-from groundstation.recording.end_count import EndCount
 from groundstation.recording.event_codec import (
     DroppedNote,
     LostNote,
@@ -34,6 +33,7 @@ from groundstation.recording.event_codec import (
     note_values,
     stamp_ns,
 )
+from groundstation.recording.event_counter import EventCounter
 from groundstation.recording.pixels import encoded
 from groundstation.recording.recorder_output import RetriedOutput, as_stream
 from groundstation.recording.recorder_queue import EventLine, FramePixels, Item, QueueAnswer
@@ -65,7 +65,7 @@ class RecordingMessages:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._now_ns = 0
-        self._end = EndCount()
+        self._end = EventCounter()
         self._writer.start(profile="", library="groundstation")
         self._writer.add_metadata(ABOUT, header_values(header))
         for name, data in header.files.items():

@@ -22,7 +22,7 @@ class RecorderWriter:
         config: RecorderConfig,
         free_bytes: Callable[[], int],
         clock: Callable[[], float],
-        say: Callable[[RecorderState, str], None],
+        set_state: Callable[[RecorderState, str], None],
         rates: RateBook,
     ) -> None:
         self._queue = queue
@@ -31,7 +31,7 @@ class RecorderWriter:
         self._config = config
         self._free_bytes = free_bytes
         self._clock = clock
-        self._say = say
+        self._set_state = set_state
         self._rates = rates
         self._flushed_s = self._synced_s = clock()
         self._looked_s = -1e9
@@ -63,12 +63,12 @@ class RecorderWriter:
                 self._fail()
                 return
             time.sleep(self._config.retry_s)
-        self._say(RecorderState.CLOSED, "")
+        self._set_state(RecorderState.CLOSED, "")
 
     def _fail(self) -> None:
         """Say why nothing more was taken, and what is left to do."""
         why = f"the disk took nothing at the end ({self._refused})"
-        self._say(RecorderState.FAILED, why + left_to_recover(self._output.written_bytes))
+        self._set_state(RecorderState.FAILED, why + left_to_recover(self._output.written_bytes))
 
     def _out_of_time(self) -> bool:
         """Return whether closing has waited long enough for a disk that takes nothing."""
@@ -102,16 +102,16 @@ class RecorderWriter:
                 return self._refuse(f"disk full, {free / 1e6:.0f} MB free")
             if free < self._config.keep_free_bytes:
                 self._queue.refuse_pictures = "disk nearly full"
-                self._say(RecorderState.NO_PICTURES, f"disk nearly full, {free / 1e6:.0f} MB free")
+                self._set_state(RecorderState.NO_PICTURES, f"disk nearly full, {free / 1e6:.0f} MB free")
             else:
                 self._queue.refuse_pictures = ""
-                self._say(RecorderState.RECORDING, "")
+                self._set_state(RecorderState.RECORDING, "")
         return self._commit(sync=False) if self._output.waiting_bytes else True
 
     def _refuse(self, reason: str) -> bool:
         self._refused = reason
         self._queue.refuse_pictures = reason
-        self._say(RecorderState.WAITING, reason)
+        self._set_state(RecorderState.WAITING, reason)
         return False
 
     def _commit(self, *, sync: bool) -> bool:

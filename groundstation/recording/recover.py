@@ -10,7 +10,7 @@ from mcap.writer import CompressionType, Writer
 from groundstation.errors import InputError, RecordingError
 from groundstation.recording.container_reader import ContainerReader, Contents, TopicMessage
 from groundstation.recording.contents import ABOUT, END, EVENTS_TOPIC, end_values
-from groundstation.recording.end_count import EndCount
+from groundstation.recording.event_counter import EventCounter
 
 _CHUNK_BYTES = 2**20
 
@@ -88,7 +88,7 @@ def _counted(reader: ContainerReader, skipped: list[RecordingError]) -> Counter[
 def _copy(reader: ContainerReader, contents: Contents, out: Path, skipped: list[RecordingError]) -> Counter[str]:
     """Write everything that is whole into a new file; returns the messages written by topic."""
     counts: Counter[str] = Counter()
-    end = EndCount()
+    end = EventCounter()
     with out.open("xb") as file:
         writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.LZ4)
         writer.start(profile="", library="groundstation")

@@ -14,13 +14,13 @@ from groundstation.evaluation.comparison_text import ScoredRun, format_compariso
 from groundstation.evaluation.figures_of_run import moved_figures
 from groundstation.evaluation.summary import SUMMARY_FORMAT
 from groundstation.files.toml_table import quoted, shown
-from groundstation.replay.compared_runs import (
+from groundstation.replay.run_planning import (
     SUMMARY,
     PlannedRun,
     SourceKind,
-    planned_runs,
-    refuse_replaying_onto,
-    results_of,
+    plan_runs,
+    refuse_replay_overwriting,
+    run_results,
 )
 
 COMPARISON_FORMAT = "groundstation-comparison/1"
@@ -56,8 +56,8 @@ def compare(
     request: CompareRequest, progress: Callable[[str, int, int], None] = lambda name, done, total: None
 ) -> CompareResult:
     """Evaluate every run; raises `InputError` for what is no run or was not finished."""
-    runs = planned_runs(request.sources, request.configs)
-    refuse_replaying_onto((*request.sources, *request.configs, request.rig), runs, request.work)
+    runs = plan_runs(request.sources, request.configs)
+    refuse_replay_overwriting((*request.sources, *request.configs, request.rig), runs, request.work)
     if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
         raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
     before = None
@@ -70,7 +70,7 @@ def compare(
     notes: list[str] = []
     found = [_scored(run, request, progress, notes) for run in runs]
     if before is not None:
-        (first,) = planned_runs([before])
+        (first,) = plan_runs([before])
         name = first.name if first.name not in {run.name for run in runs} else "baseline"
         known = PlannedRun(name=name, source=first.source, kind=first.kind)
         found.insert(0, _scored(known, request, progress, notes))
@@ -104,7 +104,7 @@ def _scored(
     run: PlannedRun, request: CompareRequest, progress: Callable[[str, int, int], None], notes: list[str]
 ) -> ScoredRun:
     """Return one run with its figures, replaying it if it has to be."""
-    folder, fault = results_of(
+    folder, fault = run_results(
         run,
         request.work,
         rig=request.rig,

@@ -17,17 +17,17 @@ from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_re
 from groundstation.evaluation.report import write_report
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.messages import DgpsFix, InitialState, ReferenceFix
-from groundstation.replay.recorded_run import (
+from groundstation.replay.recordings import (
     apply_filter_resets,
+    load_replay_config,
     recorder_for,
     recording_notes,
-    tuning,
     without_reference_fixes,
 )
-from groundstation.replay.reference_knowledge import ReferenceKnowledge, reference_knowledge
+from groundstation.replay.reference_prior import ReferencePrior, reference_prior
 from groundstation.replay.run import RunOutcome, run
 from groundstation.session import Session, load_dgps, load_session, load_truth
-from groundstation.sinks.identity import AnswerComparison, IdentitySink
+from groundstation.sinks.output_comparison import OutputComparison, OutputComparisonSink
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.smoothed_track import SmoothedTrackSink
 from groundstation.sinks.track_files import TrackFilesSink
@@ -69,7 +69,7 @@ class ReplayRequest:
     report: bool = True
 
     @property
-    def changes_nothing(self) -> bool:
+    def unmodified(self) -> bool:
         """Whether a recording is to be replayed as it was made."""
         return all(v is None for v in (self.rig, self.config, self.from_s, self.to_s, self.learn_until_s))
 
@@ -78,13 +78,13 @@ class ReplayRequest:
 class ReplayResult:
     """What came of it: the evaluation, the files written, and the fault that cut the run short, if any.
 
-    ``identity`` tells of a recording that was replayed as it was made whether it gave the same track again.
+    ``output_comparison`` tells of a recording that was replayed as it was made whether it gave the same track again.
     """
 
     evaluation: Evaluation
     files: tuple[Path, ...]
     fault: InputError | None
-    identity: AnswerComparison | None = None
+    output_comparison: OutputComparison | None = None
 
 
 def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda done, total: None) -> ReplayResult:
@@ -94,7 +94,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     """
     began = time.perf_counter()
     session = _usable_session(request)
-    config = tuning(session, request.config)
+    config = load_replay_config(session, request.config)
     # a broken reference does not stop the run
     broken: list[SessionError] = []
     notes: list[str] = []
@@ -104,17 +104,18 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     truth = load_truth(session, broken.append)
     faults += [f"{fault}; rows of truth before that: {0 if truth is None else len(truth.t_s)}" for fault in broken]
     faults += _clock_notes(session)
-    known = reference_knowledge(session, config.estimation)
-    faults += known.notes
+    prior = reference_prior(session, config.estimation)
+    faults += prior.notes
     with ExitStack() as opened:
         opened.enter_context(short_gil_switch_interval())
-        check = IdentitySink() if session.recorded is not None and request.changes_nothing else None
-        told = check.recorded if check is not None else lambda line: None
-        source = session_source(session, request.from_s, request.to_s, told)
+        check = OutputComparisonSink() if session.recorded is not None and request.unmodified else None
+        on_recorded_output = check.recorded if check is not None else lambda line: None
+        source = session_source(session, request.from_s, request.to_s, on_recorded_output)
         opened.enter_context(source)
-        taught = _lessons(request, session, dgps, known)
-        given = session.recorded.header if session.recorded is not None else None
-        learns = bool(taught) or (given is not None and given.taught and request.learn_until_s is None)
+        fixes = _learning_fixes(request, session, dgps, prior)
+        header = session.recorded.header if session.recorded is not None else None
+        learnt = header is not None and header.learns_from_reference
+        learns = bool(fixes) or (learnt and request.learn_until_s is None)
         initial = _initial(request, config, session, dgps, source.span_s[0])
         _make_folder(request.out)
         warm_up()
@@ -134,15 +135,15 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
             span_m=session.target.span_m,
             initial=initial,
             stopwatch=time.perf_counter,
-            reference_errors=known.errors if learns else None,
+            reference_errors=prior.errors if learns else None,
             keep_images=view is not None and view.wants_pictures,
         )
         if smoothed is not None:
             smoothed.want = pipeline.smooth(smoothed.found)
         prepared_s = time.perf_counter() - began
         total, span_s = source.epoch_count, source.span_s[1] - source.span_s[0]
-        given_events = apply_filter_resets(source) if session.recorded is not None else source
-        events = with_reference(without_reference_fixes(given_events) if taught else given_events, taught)
+        recorded_events = apply_filter_resets(source) if session.recorded is not None else source
+        events = with_reference(without_reference_fixes(recorded_events) if fixes else recorded_events, fixes)
         if recorder is not None:
             events = recorder.taken(events)
         outcome = run(events, pipeline, sinks, lambda done: progress(done, total))
@@ -151,26 +152,26 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         faults.append(str(outcome.fault))
     faults += recording_notes(source, recorder)
     faults += describe_counts(pipeline.counts)
-    if taught and pipeline.reference_used_until_s is None:
+    if fixes and pipeline.reference_used_until_s is None:
         faults.append("nothing was learnt from DGPS: no target was held while it was there, or nothing may be learnt")
     description = RunDescription(
         name=session.name,
         phases=session.phases,
-        antenna_in_body_m=known.antenna_in_body_m,
+        antenna_in_body_m=prior.antenna_in_body_m,
         clocks_given=session.has_clocks,
         acceleration_psd_m2_s3=config.estimation.acceleration_psd_m2_s3,
         configuration=config_to_mapping(config),
         speed=_speed(outcome, span_s, prepared_s),
         faults=tuple(faults),
         carried_errors=pipeline.carried_errors,
-        learnt_until_s=_by_dgps_clock(pipeline.reference_used_until_s, known),
+        learnt_until_s=_dgps_time(pipeline.reference_used_until_s, prior),
         fused_late=pipeline.fused_late,
     )
     if pipeline.reference_used_until_s is not None:
         # what the filter was told is no proof of what it knows
-        until_s = pipeline.reference_used_until_s + known.offset_s
+        until_s = pipeline.reference_used_until_s + prior.offset_s
         dgps = tuple(fix for fix in dgps if fix.t_s > until_s)
-    given_all = None if smoothed is None else smoothed.collected()
+    smoothed_track = None if smoothed is None else smoothed.collected()
     evaluation = evaluate_run(
         collector,
         description,
@@ -178,7 +179,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         config=config.evaluation,
         dgps=dgps,
         truth=truth,
-        smoothed=given_all,
+        smoothed=smoothed_track,
     )
     # the fixes of an hour, one object each, would stand beside the figures
     del dgps
@@ -187,7 +188,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         smoothed.save(request.out / "smoothed.csv")
         written.append("smoothed.csv")
     if view is not None:
-        view.write_reference(reference_tracks(evaluation, given_all))
+        view.write_reference(reference_tracks(evaluation, smoothed_track))
         view.close()
         written.append("session.rrd")
     write_summary(request.out / "summary.json", evaluation)
@@ -196,21 +197,23 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
     if request.report:
         written += [path.name for path in write_report(request.out / "report.html", evaluation, config.evaluation)]
     paths = [request.out / name for name in written] + ([] if request.record is None else [request.record])
-    identity = None if check is None else check.result()
-    return ReplayResult(evaluation=evaluation, files=tuple(paths), fault=outcome.fault, identity=identity)
+    output_comparison = None if check is None else check.result()
+    return ReplayResult(
+        evaluation=evaluation, files=tuple(paths), fault=outcome.fault, output_comparison=output_comparison
+    )
 
 
-def _lessons(
-    request: ReplayRequest, session: Session, dgps: Sequence[DgpsFix], known: ReferenceKnowledge
+def _learning_fixes(
+    request: ReplayRequest, session: Session, dgps: Sequence[DgpsFix], prior: ReferencePrior
 ) -> list[ReferenceFix]:
     """Return the DGPS positions that the filter may learn from; none unless asked for."""
     if request.learn_until_s is None:
         return []
-    taught = reference_fixes(dgps, known.antenna_in_body_m, request.learn_until_s, known.offset_s)
-    if not taught:
+    fixes = reference_fixes(dgps, prior.antenna_in_body_m, request.learn_until_s, prior.offset_s)
+    if not fixes:
         got = f"no DGPS fix up to {request.learn_until_s:g} s" if dgps else "no DGPS at all"
         raise SessionError(session.name, got=got, wanted="some, for --learn-until")
-    return taught
+    return fixes
 
 
 def _usable_session(request: ReplayRequest) -> Session:
@@ -228,8 +231,8 @@ def _usable_session(request: ReplayRequest) -> Session:
     return session
 
 
-def _by_dgps_clock(t_s: float | None, known: ReferenceKnowledge) -> float | None:
-    return None if t_s is None else t_s + known.offset_s
+def _dgps_time(t_s: float | None, prior: ReferencePrior) -> float | None:
+    return None if t_s is None else t_s + prior.offset_s
 
 
 def _clock_notes(session: Session) -> list[str]:

@@ -8,27 +8,27 @@ from pathlib import Path
 from groundstation.errors import InputError, RigError, SessionError
 from groundstation.files.output_names import below
 from groundstation.files.overwriting import Output
-from groundstation.replay.compared_runs import (
+from groundstation.replay.run_planning import (
     RECORDING,
     PlannedRun,
     SourceKind,
-    planned_runs,
-    refuse_replaying_onto,
-    results_of,
+    plan_runs,
+    refuse_replay_overwriting,
+    run_results,
 )
 from groundstation.session import load_session
 from groundstation.viewer.compare import (
     ShownRun,
     event_at,
-    event_words,
-    shown_runs,
-    together_in_time,
+    event_text,
+    overlap_in_time,
+    read_runs,
     write_comparison,
 )
 from groundstation.viewer.merge import Align
 from groundstation.viewer.recording_check import check_recording
-from groundstation.viewer.results import recording_of_results
-from groundstation.viewer.unplayed import recording_of_session
+from groundstation.viewer.results_recording import write_results_recording
+from groundstation.viewer.session_recording import write_session_recording
 
 _VIEW = "view.rrd"
 
@@ -71,10 +71,10 @@ def prepare_view(
 
     Raises `InputError` for what is no run, or cannot be shown beside others.
     """
-    runs = planned_runs(request.sources, request.configs)
+    runs = plan_runs(request.sources, request.configs)
     saved = Output(path=request.work / _VIEW) if request.save is None else Output(path=request.save, option="--save")
     tables = [Output(path=below(request.work, f"{run.name}.rrd")) for run in runs]
-    refuse_replaying_onto((*request.sources, *request.configs, request.rig), runs, request.work, (saved, *tables))
+    refuse_replay_overwriting((*request.sources, *request.configs, request.rig), runs, request.work, (saved, *tables))
     if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
         raise InputError(str(request.rig), got="nothing that is replayed", wanted="a session, for --rig")
     notes: list[str] = []
@@ -92,12 +92,12 @@ def prepare_view(
         return ViewResult(
             recording=_kept(path, request.save), names=tuple(recordings), align=Align.NONE, notes=tuple(notes)
         )
-    shown = shown_runs(recordings, request.align or Align.NONE)
+    shown = read_runs(recordings, request.align or Align.NONE)
     align = request.align or Align.NONE
-    if request.align is None and not together_in_time(shown):
+    if request.align is None and not overlap_in_time(shown):
         align = Align.START
         notes.append("the runs have no time in common: shown from each one's start (--align none keeps their times)")
-        shown = shown_runs(recordings, align)
+        shown = read_runs(recordings, align)
     notes += _missing([run for run in shown if run.name not in unplayed], align)
     path = request.save if request.save is not None else request.work / _VIEW
     _make_folder(path.parent)
@@ -108,7 +108,7 @@ def prepare_view(
         align=align,
         notes=tuple(notes),
         event_s=event_at(shown, align),
-        event=event_words(shown, align),
+        event=event_text(shown, align),
     )
 
 
@@ -119,7 +119,7 @@ def _recording(
     if run.kind is SourceKind.RERUN:
         return run.source
     try:
-        folder, fault = results_of(
+        folder, fault = run_results(
             run,
             request.work,
             rig=request.rig,
@@ -135,7 +135,7 @@ def _recording(
         return folder / RECORDING
     made = below(request.work, f"{run.name}.rrd")
     _make_folder(made.parent)
-    recording_of_results(folder, made, run.name)
+    write_results_recording(folder, made, run.name)
     notes.append(f"{run.name}: replayed without a Rerun recording; its tables are shown")
     return made
 
@@ -144,7 +144,7 @@ def _unplayed(run: PlannedRun, request: ViewRequest, why: InputError, notes: lis
     """Return a recording of what a session holds that cannot be replayed; raises ``why`` where that is nothing."""
     made = below(request.work, f"{run.name}.rrd")
     _make_folder(made.parent)
-    shown = recording_of_session(load_session(run.source, request.rig), made)
+    shown = write_session_recording(load_session(run.source, request.rig), made)
     if not shown:
         raise why
     notes.append(f"{run.name}: not replayed, so {', '.join(shown)} alone: {why}")

@@ -31,7 +31,7 @@ class PtuAxes:
     tilt_backlash_rad: float = 0.0
 
     @property
-    def reads_true(self) -> bool:
+    def is_ideal_apart_from_lean(self) -> bool:
         """Whether a reading is the angle: no error but, perhaps, a leaning axis."""
         return replace(self, lean_rad=0.0) == IDEAL_AXES
 
@@ -60,7 +60,7 @@ class PtuAxes:
 IDEAL_AXES = PtuAxes()
 
 
-class Play:
+class Backlash:
     """What loose gears leave of a motion: the sense, −1 to 1, in which one axis leans on its gears.
 
     The classical play: an axis that turns round first crosses its backlash, in which the head stands still, so that the
@@ -92,8 +92,8 @@ class AxisCorrection:
     def __init__(self, axes: PtuAxes) -> None:
         self._axes = axes
         # the readings of an ideal head stay what they are, to the last bit
-        self._ideal = axes.reads_true
-        self._pan, self._tilt = Play(axes.pan_backlash_rad), Play(axes.tilt_backlash_rad)
+        self._ideal = axes.is_ideal_apart_from_lean
+        self._pan, self._tilt = Backlash(axes.pan_backlash_rad), Backlash(axes.tilt_backlash_rad)
 
     def angles(self, pan_rad: float, tilt_rad: float) -> tuple[float, float]:
         """Return pan and tilt, rad, of the next pair of readings, rad."""

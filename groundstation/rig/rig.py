@@ -13,7 +13,7 @@ from groundstation.files.image_header import MAX_PICTURE_PX
 from groundstation.files.output_names import name_fault
 from groundstation.files.text_file import TextFile
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
-from groundstation.geometry.calibration import changed_station
+from groundstation.geometry.calibration import perturbed_station
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.geometry.station import StationGeometry
@@ -113,8 +113,8 @@ class Station:
         )
 
     def changed(self, change: FloatArray) -> "Station":
-        """Return the station with a change (21,) of its calibration, by `geometry.calibration.changed_station`."""
-        changed = changed_station(self.geometry(), change)
+        """Return the station with a change (21,) of its calibration, by `geometry.calibration.perturbed_station`."""
+        changed = perturbed_station(self.geometry(), change)
         return replace(
             self,
             ptu_position_m=changed.packed[9:12],

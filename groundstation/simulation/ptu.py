@@ -70,7 +70,7 @@ def read_ptu(
     generator: np.random.Generator,
 ) -> SimulatedReadings:
     """Sample a unit's encoders over a span of true session time, s; stamps are as the user's rig maps them."""
-    ideal = true.ptu_axes.reads_true and believed.ptu_axes.reads_true
+    ideal = true.ptu_axes.is_ideal_apart_from_lean and believed.ptu_axes.is_ideal_apart_from_lean
     what = f"station {true.name}: ptu_axes"
     require(ideal, what, got="an error of zero, scale or backlash", wanted="none: only a lean is simulated")
     first = np.ceil((span_s[0] - model.phase_s) * model.rate_hz - 1e-9)

@@ -48,7 +48,7 @@ def _colour(image: ImageArray, seen: Detection) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Known:
+class AppearanceSample:
     """What is known of the target after a frame that nothing throws doubt on.
 
     Attributes
@@ -84,7 +84,7 @@ class TargetAppearance:
     calm: int = 0
     other: "TargetAppearance | None" = None
     other_s: float = 0.0
-    _known: deque[Known] = field(default_factory=lambda: deque(maxlen=_BEFORE))
+    _known: deque[AppearanceSample] = field(default_factory=lambda: deque(maxlen=_BEFORE))
 
     def unlikeness(self, looks: FloatArray) -> float:
         """Return how unlike the target a silhouette is, in sigmas; 0 until enough has been learnt."""
@@ -112,15 +112,17 @@ class TargetAppearance:
             error = looks - last.mean
             mean, variance = last.mean + gain * error, (1.0 - gain) * (last.variance + gain * error**2)
         self._known.append(
-            Known(mean=mean, variance=variance, motion=copy.copy(motion), size_px=size_px, whole_px=whole_px, t_s=t_s)
+            AppearanceSample(
+                mean=mean, variance=variance, motion=copy.copy(motion), size_px=size_px, whole_px=whole_px, t_s=t_s
+            )
         )
 
-    def doubt(self, t_s: float) -> Known:
+    def doubt(self, t_s: float) -> AppearanceSample:
         """Begin to doubt; return what was known before the change may have begun."""
         self.doubt_s, self.calm, self.other = t_s, 0, None
         return self._known[0]
 
-    def stays_other(self, looks: FloatArray, motion: PixelMotion, most: float, t_s: float) -> float:
+    def other_duration_s(self, looks: FloatArray, motion: PixelMotion, most: float, t_s: float) -> float:
         """Take note of a frame that looks otherwise; return for how long in s it has looked the same.
 
         A bird flaps, comes and goes; a target that has turned or flown before another background stays as it is.

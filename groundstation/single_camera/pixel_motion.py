@@ -75,7 +75,7 @@ class PixelMotion:
         self._pv += dt_s * self._vv + 0.5 * noise * dt_s**3
         self._vv += noise * dt_s**2
 
-    def go_with(self, shift_px: FloatArray) -> None:
+    def shift_by(self, shift_px: FloatArray) -> None:
         """Take the measured motion (2,) of the whole picture for the last prediction, in place of the velocity."""
         self.u_px = self._before[0] + float(shift_px[0])
         self.v_px = self._before[1] + float(shift_px[1])

@@ -240,7 +240,7 @@ class PixelTracker:
         if not in_place(target, seen):
             return look[0], Miss(reason=MissReason.AMBIGUOUS, detail="something else, away from the target's path")
         looks = looks_of(image, seen)
-        if identity.stays_other(looks, target.motion, self._config.unlikeness, t_s) > self._config.accept_s:
+        if identity.other_duration_s(looks, target.motion, self._config.unlikeness, t_s) > self._config.accept_s:
             target.identity = TargetAppearance()
             self._saw(target, seen, t_s)
         return look

@@ -110,7 +110,7 @@ class TargetView:
         if isinstance(look[1], Miss) and small is not None and target.small is not None:
             shift = picture_shift(small, target.small, target.box)
             if shift is not None:
-                target.motion.go_with(shift)
+                target.motion.shift_by(shift)
                 look = self.look(target, image)
         missed = isinstance(look[1], Miss)
         place = target.motion.place()

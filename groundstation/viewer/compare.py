@@ -44,7 +44,7 @@ class ShownRun:
     shift_s: float
 
 
-def shown_runs(recordings: Mapping[str, Path], align: Align) -> list[ShownRun]:
+def read_runs(recordings: Mapping[str, Path], align: Align) -> list[ShownRun]:
     """Read the tracks and put the event at one time in all (`event_at`); with `Align.NONE` nothing is moved.
 
     A run without an estimate is put by its first picture. Raises `InputError` where a recording is none of ours.
@@ -68,7 +68,7 @@ def event_at(runs: Sequence[ShownRun], align: Align) -> float | None:
     return None if align is Align.NONE else runs[0].track.event_s(align) + runs[0].shift_s
 
 
-def event_words(runs: Sequence[ShownRun], align: Align) -> str:
+def event_text(runs: Sequence[ShownRun], align: Align) -> str:
     """Return in words what the runs are put by; not every track has a touchdown, and not every run a track."""
     if align is Align.TOUCHDOWN:
         rest = [run.name for run in runs if not run.track.touches_down]
@@ -79,7 +79,7 @@ def event_words(runs: Sequence[ShownRun], align: Align) -> str:
     return align.value
 
 
-def together_in_time(runs: Sequence[ShownRun]) -> bool:
+def overlap_in_time(runs: Sequence[ShownRun]) -> bool:
     """Return whether the tracks, unmoved, all have a time in common."""
     return max(r.track.start_s for r in runs) <= min(r.track.end_s for r in runs)
 
@@ -99,10 +99,10 @@ def write_comparison(path: Path, runs: Sequence[ShownRun], align: Align) -> None
     for number, run in enumerate(runs):
         send_run(stream, run.path, run.name, run.shift_s, runway=number == longest)
         _log_run_styles(stream, run, _colour(number))
-    stream.log(RUNS, rr.TextDocument(_words(runs, align), media_type=rr.MediaType.MARKDOWN), static=True)
+    stream.log(RUNS, rr.TextDocument(_description(runs, align), media_type=rr.MediaType.MARKDOWN), static=True)
     at_s = event_at(runs, align)
     if at_s is not None:
-        _log_event(stream, at_s, f"{event_words(runs, align)} of each run")
+        _log_event(stream, at_s, f"{event_text(runs, align)} of each run")
     stream.send_blueprint(comparison_blueprint(runs))
     stream.flush()
     stream.disconnect()
@@ -145,7 +145,7 @@ def _log_run_styles(stream: rr.RecordingStream, run: ShownRun, colour: tree.Colo
         stream.log(f"{run.name}/{entity}", style, static=True)
 
 
-def _words(runs: Sequence[ShownRun], align: Align) -> str:
+def _description(runs: Sequence[ShownRun], align: Align) -> str:
     """Say which run has which colour, and how their times were moved."""
     rows = [
         f"| **{run.name}** | {_COLOUR_NAMES[k % len(_COLOUR_NAMES)]} | "
@@ -153,7 +153,7 @@ def _words(runs: Sequence[ShownRun], align: Align) -> str:
         for k, run in enumerate(runs)
     ]
     at_s = event_at(runs, align)
-    at = "each in its own time" if at_s is None else f"each one's {event_words(runs, align)} is at {at_s:.0f} s"
+    at = "each in its own time" if at_s is None else f"each one's {event_text(runs, align)} is at {at_s:.0f} s"
     return "\n".join(
         [f"One runway frame; {at}.", "", "| run | colour | track from, s | moved by, s |", "|--|--|--|--|", *rows]
     )

@@ -50,7 +50,7 @@ class LiveView:
         self._closed = False
         self._clock = clock
         # session time of the newest status, and when it came by the clock
-        self._said: tuple[float, float] | None = None
+        self._newest_status: tuple[float, float] | None = None
         self._thread = threading.Thread(target=self._work, name="rerun", daemon=True)
         self._thread.start()
 
@@ -58,12 +58,12 @@ class LiveView:
         """Take one report; never waits."""
         self._put(report)
 
-    def say(self, t_s: float, lines: Sequence[str]) -> None:
+    def show_status(self, t_s: float, lines: Sequence[str]) -> None:
         """Show what the operator is told; never waits."""
-        self._said = (t_s, self._clock())
+        self._newest_status = (t_s, self._clock())
         self._put((t_s, tuple(lines)))
 
-    def words(self) -> str:
+    def status_text(self) -> str:
         """Return what the operator is told of the screen itself; "" where it shows everything."""
         return f"screen: {self.left_out} reports not drawn, it is too slow" if self.left_out else ""
 
@@ -92,26 +92,26 @@ class LiveView:
                     break
                 what = self._waiting.popleft() if self._waiting else None
             if what is None:
-                self._look()
+                self._check_age()
             elif isinstance(what, StepReport):
                 self._draw(what)
             else:
-                self._tell(*what)
+                self._log_status(*what)
         self._sink.close()
 
-    def _tell(self, t_s: float, lines: Sequence[str]) -> None:
+    def _log_status(self, t_s: float, lines: Sequence[str]) -> None:
         self._stream.set_time(tree.TIMELINE, duration=np.timedelta64(round(t_s * 1e9), "ns"))
         text = "\n".join([f"**{lines[0]}**", "", *(f"- {line}" for line in lines[1:])])
         self._stream.log(tree.WORDS, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
 
-    def _look(self) -> None:
+    def _check_age(self) -> None:
         """Say that what is shown is old, where nothing has come for long: whoever tells it may hang."""
-        if self._said is None:
+        if self._newest_status is None:
             return
-        t_s, came_s = self._said
+        t_s, came_s = self._newest_status
         age_s = self._clock() - came_s
         if age_s > _SILENT_S:
-            self._tell(t_s + age_s, [f"NO STATUS for {age_s:.0f} s: what is shown is old"])
+            self._log_status(t_s + age_s, [f"NO STATUS for {age_s:.0f} s: what is shown is old"])
 
     def _draw(self, report: StepReport) -> None:
         for camera in report.cameras:

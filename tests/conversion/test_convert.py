@@ -150,7 +150,7 @@ def test_a_replay_says_which_pictures_the_recording_lacks(tmp_path: Path) -> Non
     first = Tiny(rows=12).write(tmp_path / "first")
     session = load_session(first)
     path, out = tmp_path / "flight.mcap", tmp_path / "out"
-    described = header_of(session, None, Config(), initial=None, taught=False)
+    described = header_of(session, None, Config(), initial=None, learns_from_reference=False)
     # nothing of a picture may wait: each is dropped at once
     config = RecorderConfig(queue_picture_bytes=1)
     with session_source(session) as source, Recorder(path, session.rig, described, config, whole_frames=True) as sink:

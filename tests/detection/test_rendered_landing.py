@@ -13,7 +13,7 @@ from groundstation.arrays import FloatArray
 from groundstation.detection.config import DetectionConfig
 from groundstation.detection.detector import DetectionHint, Detector
 from groundstation.detection.roi import place_roi
-from groundstation.evaluation.stated_parts import StatedErrors, flights_chi_square, noise_chi_square
+from groundstation.evaluation.covariance_parts import ErrorsWithCovariance, flights_chi_square, noise_chi_square
 from groundstation.messages import Detection
 from groundstation.rig.rig import load_rig
 
@@ -107,11 +107,11 @@ def test_errors_stay_small_and_inside_the_covariance(seen: tuple[int, list[Seen]
     assert 0.2 < np.mean([s.nis for s in chosen]) / 2.0 < 2.0
 
 
-def stated(seen: list[Seen]) -> list[StatedErrors]:
+def stated(seen: list[Seen]) -> list[ErrorsWithCovariance]:
     """Return the errors in runs without a gap."""
     gaps = [i for i, (a, b) in enumerate(itertools.pairwise(seen), start=1) if b.epoch != a.epoch + 1]
     return [
-        StatedErrors(
+        ErrorsWithCovariance(
             errors=np.array([s.error for s in run]),
             covariances=np.array([s.stated.covariance_px2 for s in run]),
             noises=np.array([s.stated.noise_px2 for s in run]),

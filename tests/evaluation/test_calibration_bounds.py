@@ -13,7 +13,7 @@ from groundstation.evaluation.calibration_bounds import (
     track_consider,
     track_learning,
 )
-from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, CalibrationError, changed_station
+from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, CalibrationError, perturbed_station
 from groundstation.geometry.station import StationGeometry
 from tests.evaluation.test_bounds import _glide_m, _views
 
@@ -72,7 +72,7 @@ def test_sensitivity_is_how_far_a_wrong_rig_puts_the_point(y_m: float, x_m: floa
     views = _views(point, "C")
     scale = np.r_[[1e-5] * 3, [1e-3] * 3, [1e-5] * 3, [1e-4] * 3, [1e-1] * 4, [1e-3] * 5]
     error = generator.normal(0.0, 0.1, (2, 21)) * scale
-    true = [changed_station(view.geometry, -e) for view, e in zip(views, error, strict=True)]
+    true = [perturbed_station(view.geometry, -e) for view, e in zip(views, error, strict=True)]
     moved = _located(point, true, views) - point
     bound = fix_consider(_joint(point, "C", EVERYTHING))
     assert bound is not None

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from groundstation.geometry.calibration import (
     CALIBRATION_PARAMETERS,
     CalibrationError,
-    changed_packed,
-    changed_station,
     parameter_indices,
+    perturbed_packed,
+    perturbed_station,
     project_with_calibration,
 )
 from groundstation.geometry.calibration_kernel import CALIBRATION_SIZE
@@ -42,8 +42,8 @@ def numeric_calibration_jacobian(
             h = 1e-5 * max(1.0, 0.1 * float(np.linalg.norm(point)))
         change = np.zeros(CALIBRATION_SIZE)
         change[k] = h
-        ahead = changed_station(geometry, change).project(point, pan, tilt)
-        back = changed_station(geometry, -change).project(point, pan, tilt)
+        ahead = perturbed_station(geometry, change).project(point, pan, tilt)
+        back = perturbed_station(geometry, -change).project(point, pan, tilt)
         assert ahead is not None
         assert back is not None
         J[:, k] = (ahead.pixel - back.pixel) / (2 * h)
@@ -115,7 +115,7 @@ def test_behind_the_camera_there_is_none(rng: np.random.Generator) -> None:
 def test_a_pan_error_is_a_turned_base_and_a_tilt_error_a_turned_camera(rng: np.random.Generator) -> None:
     """Encoder zeros are no parameters of their own: they are these rotations, but for the lever arm."""
     geometry = station(rng)
-    lever_free = changed_station(geometry, -np.r_[np.zeros(9), geometry.packed[21:24], np.zeros(9)])
+    lever_free = perturbed_station(geometry, -np.r_[np.zeros(9), geometry.packed[21:24], np.zeros(9)])
     point = np.array([3.0, 200.0, 9.0])
     projected = project_with_calibration(lever_free, point, 0.03, 0.02)
     assert projected is not None
@@ -131,14 +131,14 @@ def test_a_change_is_what_its_names_say(rng: np.random.Generator) -> None:
     change[0:3], change[6:9] = (0.0, 0.0, 0.3), (-0.2, 0.0, 0.0)
     change[3:6], change[9:12] = (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)
     change[12:21] = 10.0, -10.0, 5.0, -5.0, 0.01, 0.02, 0.03, 0.04, 0.05
-    before, after = geometry.packed, changed_packed(geometry.packed, change)
+    before, after = geometry.packed, perturbed_packed(geometry.packed, change)
     np.testing.assert_allclose(after[0:9].reshape(3, 3), rotation_z(0.3) @ before[0:9].reshape(3, 3))
     np.testing.assert_allclose(after[12:21].reshape(3, 3), rotation_x(-0.2) @ before[12:21].reshape(3, 3))
     np.testing.assert_allclose(after[9:12] - before[9:12], change[3:6])
     np.testing.assert_allclose(after[21:24] - before[21:24], change[9:12])
     np.testing.assert_allclose(after[24:33] - before[24:33], change[12:21])
-    np.testing.assert_array_equal(changed_packed(before, np.zeros(CALIBRATION_SIZE)), before)
-    changed = changed_station(geometry, change)
+    np.testing.assert_array_equal(perturbed_packed(before, np.zeros(CALIBRATION_SIZE)), before)
+    changed = perturbed_station(geometry, change)
     np.testing.assert_array_equal(changed.lens.focal_px, after[24:26])
     np.testing.assert_array_equal(changed.packed, after)
     assert geometry.packed[33] == changed.packed[33]
@@ -148,7 +148,7 @@ def test_a_focal_length_below_zero_is_refused(rng: np.random.Generator) -> None:
     change = np.zeros(CALIBRATION_SIZE)
     change[12] = -1e4
     with pytest.raises(CalibrationError, match=r"station left: a focal length of -3315\.7 px"):
-        changed_station(station(rng), change)
+        perturbed_station(station(rng), change)
 
 
 def test_rotation_vectors() -> None:

@@ -25,7 +25,7 @@ from groundstation.session.media import read_image
 from groundstation.simulation.filming import load_faults
 from groundstation.sinks.mp4_tables import mp4_fault
 from groundstation.viewer.recording_check import check_recording
-from groundstation.viewer.results import recording_of_results
+from groundstation.viewer.results_recording import write_results_recording
 from tests.calibration.lens.test_lens_files import KALIBR, ROS
 from tests.session.damage import VIDEOS, session_targets
 from tests.session.logs.damage import seeds
@@ -133,7 +133,7 @@ def _others(folder: Path) -> dict[str, Reader]:
     (folder / "run").mkdir()
     rrd = folder / "seed.rrd"
     (folder / "run" / "track.csv").write_text(TRACK)
-    recording_of_results(folder / "run", rrd, "run")
+    write_results_recording(folder / "run", rrd, "run")
     one = b"image_size_px = [64, 48]\nfocal_px = [300.0, 300.0]\nprincipal_point_px = [31.5, 23.5]\n"
     return {
         "site.toml": _reader(folder / "site.toml", load_site, site),
@@ -158,7 +158,7 @@ def _others(folder: Path) -> dict[str, Reader]:
         "flight log.csv": _reader(folder / "flight.csv", load_flight_log, FLIGHT.encode()),
         "track.csv": _reader(
             folder / "run" / "track.csv",
-            lambda p: recording_of_results(p.parent, folder / "out.rrd", "run"),
+            lambda p: write_results_recording(p.parent, folder / "out.rrd", "run"),
             TRACK.encode(),
             slow=True,
         ),

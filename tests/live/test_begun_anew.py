@@ -10,7 +10,7 @@ from groundstation.live.core import Taken, in_operation
 from groundstation.live.record import LiveRecorder, live_header
 from groundstation.messages import Epoch, Event, FilterReset, Frame, StepReport, TrackEvent, TrackStatus
 from groundstation.recording.recorder import Recorder, RecorderConfig
-from groundstation.replay.recorded_run import apply_filter_resets
+from groundstation.replay.recordings import apply_filter_resets
 from groundstation.replay.replay import ReplayRequest, ReplayResult, replay
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.approach import Glide
@@ -86,9 +86,9 @@ def flown_and_replayed(folder: Path, prepare: Callable[[Recorded], None]) -> tup
 def held_to(flown: Recorded, result: ReplayResult, folder: Path, times: int) -> None:
     """The replay's track is the live one, and both lost it and found it again."""
     assert result.fault is None
-    assert result.identity is not None
-    assert "bit for bit" in result.identity.line()
-    assert result.identity.alone == 0
+    assert result.output_comparison is not None
+    assert "bit for bit" in result.output_comparison.line()
+    assert result.output_comparison.alone == 0
     for name in ("track.csv", "triangulation.csv"):
         assert (folder / "again" / name).read_bytes() == (folder / "live" / name).read_bytes()
     assert flown._core.pipeline.counts["begun_anew"] == times

@@ -106,10 +106,11 @@ def test_a_replay_of_it_is_the_same_bit_for_bit(tmp_path: Path) -> None:
     flown, result, folder = flown_and_replayed(tmp_path, lambda r: setattr(r, "_faults", faults))
     assert TrackStatus.COASTING in {s.status for s in flown.result.states if 1.5 < s.t_s < 2.6}
     assert result.fault is None
-    assert result.identity is not None
-    assert (result.identity.differing, result.identity.states_differing, result.identity.alone) == (0, 0, 0)
-    assert result.identity.states == len(flown.result.states) >= 11
-    assert "bit for bit" in result.identity.line()
+    assert result.output_comparison is not None
+    compared = result.output_comparison
+    assert (compared.differing, compared.states_differing, compared.alone) == (0, 0, 0)
+    assert result.output_comparison.states == len(flown.result.states) >= 11
+    assert "bit for bit" in result.output_comparison.line()
     for name in ("track.csv", "triangulation.csv"):
         assert (folder / "again" / name).read_bytes() == (folder / "live" / name).read_bytes()
     rows = (folder / "live" / "track.csv").read_text(encoding="utf-8").splitlines()[1:]

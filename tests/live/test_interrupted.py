@@ -13,7 +13,7 @@ from unittest.mock import MagicMock
 import pytest
 
 from groundstation.cli.main import main
-from groundstation.cli.stop_request import StopAsked
+from groundstation.cli.stop_request import StopRequest
 from groundstation.live.board import LiveStatus
 from groundstation.live.child import deaf_to_the_terminal
 from groundstation.live.command import LiveRequest, LiveResult, live
@@ -162,7 +162,7 @@ def test_nohup_is_obeyed_and_who_presses_twice_need_not_wait() -> None:
     before = {s: signal.getsignal(s) for s in (signal.SIGHUP, signal.SIGINT)}
     try:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
-        with StopAsked() as stop:
+        with StopRequest() as stop:
             hang_up(1)
             assert not stop()
             os.kill(os.getpid(), signal.SIGINT)

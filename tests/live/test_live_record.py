@@ -9,8 +9,8 @@ from groundstation.live.record import live_header, live_reference, open_recorder
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_set_up import reference_tuning
 from groundstation.messages import Epoch
-from groundstation.replay.recorded_run import tuning
-from groundstation.replay.reference_knowledge import reference_knowledge
+from groundstation.replay.recordings import load_replay_config
+from groundstation.replay.reference_prior import reference_prior
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
@@ -29,7 +29,7 @@ def test_what_a_replay_needs_is_in_it(tmp_path: Path) -> None:
     session = load_session(path)
     assert (session.name, session.target.span_m) == (file.name, file.span_m)
     assert rig_to_toml(session.rig) == rig_to_toml(rig)
-    assert tuning(session, None) == config == Config()
+    assert load_replay_config(session, None) == config == Config()
     assert session.recorded is not None
     assert (session.recorded.epochs, session.recorded.header.initial) == (1, None)
 
@@ -48,8 +48,8 @@ def test_what_is_known_of_the_receiver_is_what_a_replay_knows(tmp_path: Path) ->
         recorder.take(Epoch(t_s=1.0, epoch=0, stations=rig.names))
     session = load_session(path)
     assert session.recorded is not None
-    assert session.recorded.header.taught
-    again = reference_knowledge(session, tuning(session, None).estimation)
+    assert session.recorded.header.learns_from_reference
+    again = reference_prior(session, load_replay_config(session, None).estimation)
     assert (again.errors.names, again.offset_s) == (known.errors.names, known.offset_s)
     np.testing.assert_array_equal(again.errors.covariance, known.errors.covariance)
     np.testing.assert_array_equal(known.errors.covariance, [[0.02**2]])

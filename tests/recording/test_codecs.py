@@ -23,7 +23,7 @@ from groundstation.recording.event_codec import (
     parse_line,
 )
 from groundstation.recording.pixels import decoded, encoded
-from groundstation.recording.windows import MAX_PARTS, merged
+from groundstation.recording.window_union import MAX_PARTS, merge_windows
 
 SIZES = {"left": (64, 48), "right": (64, 48)}
 numbers = st.floats(-1e9, 1e9, allow_nan=False)
@@ -85,7 +85,7 @@ def test_bytes_that_are_no_line_are_refused(data: bytes) -> None:
 
 @given(st.lists(windows, max_size=20))
 def test_each_window_lies_in_one_part(read: list[tuple[int, int, int, int]]) -> None:
-    kept = merged(read)
+    kept = merge_windows(read)
     assert len(kept) <= MAX_PARTS
     for w in read:
         assert any(k[0] <= w[0] and k[1] <= w[1] and k[2] >= w[2] and k[3] >= w[3] for k in kept)

@@ -12,7 +12,7 @@ from groundstation.recording.container_reader import ContainerReader
 from groundstation.recording.contents import TRACK_TOPIC
 from groundstation.recording.event_codec import line
 from groundstation.replay.replay import ReplayRequest, replay
-from groundstation.sinks.identity import IdentitySink
+from groundstation.sinks.output_comparison import OutputComparisonSink
 
 FROM_S, TO_S = 19.0, 21.5
 
@@ -88,7 +88,7 @@ def test_rerun_opens_it(recorded: Path) -> None:
 def test_answers_that_differ_are_counted(recorded: Path) -> None:
     with ContainerReader(recorded / "flight.mcap") as reader:
         answers = [m.data for m in reader.messages() if m.topic == TRACK_TOPIC]
-    check = IdentitySink()
+    check = OutputComparisonSink()
     for k, answer in enumerate(answers):
         values = json.loads(answer)
         check.recorded(answer)
@@ -116,7 +116,7 @@ def test_another_tuning_looks_where_the_recording_has_pixels(recorded: Path, tmp
     )
     result = replay(request)
     assert result.fault is None
-    assert result.identity is None
+    assert result.output_comparison is None
     first = json.loads((recorded / "out" / "summary.json").read_text())["counts"]["detection"]
     again = result.evaluation.summary["counts"]["detection"]
     for station, counts in again.items():
@@ -138,7 +138,7 @@ def test_begun_where_only_parts_were_kept_nothing_is_found_and_nothing_fails(rec
 def test_a_part_or_another_tuning_is_not_compared(recorded: Path, tmp_path: Path) -> None:
     request = ReplayRequest(session=recorded / "flight.mcap", out=tmp_path, to_s=FROM_S + 1.0, rerun=False)
     result = replay(request)
-    assert result.identity is None
+    assert result.output_comparison is None
     assert result.fault is None
     rows = (tmp_path / "track.csv").read_text().splitlines()[1:]
     assert rows == (recorded / "out" / "track.csv").read_text().splitlines()[1 : len(rows) + 1]

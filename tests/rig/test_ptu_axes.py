@@ -13,7 +13,7 @@ from groundstation.geometry.rotation import rotation_x, rotation_y, rotation_z
 from groundstation.rig.ptu_axes import (
     AXES_KEYS,
     AxisCorrection,
-    Play,
+    Backlash,
     PtuAxes,
     axes_from_file_units,
     axes_in_file_units,
@@ -56,7 +56,7 @@ def test_file_units_round_trip(axes: PtuAxes) -> None:
 
 @given(st.lists(angle, min_size=1, max_size=60), st.floats(1e-4, 0.5))
 def test_play_stays_within_its_width(readings: list[float], backlash: float) -> None:
-    gears, head = Play(backlash), readings[0]
+    gears, head = Backlash(backlash), readings[0]
     for reading in readings:
         turned = gears.sense(reading)
         assert -1.0 - 1e-9 <= turned <= 1.0 + 1e-9

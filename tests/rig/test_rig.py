@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from groundstation.errors import RigError
-from groundstation.geometry.calibration import changed_station
+from groundstation.geometry.calibration import perturbed_station
 from groundstation.rig.rig import ClockModel, load_rig
 from tests.complaints import complaint, only
 from tests.mutation import damaged
@@ -194,7 +194,7 @@ def test_a_changed_station_projects_as_its_changed_geometry(landing_1: Path, rng
     station = load_rig(landing_1 / "rig.toml")["left"]
     change = rng.normal(0.0, 1.0, 21) * np.r_[[1e-3] * 3, [0.1] * 3, [1e-3] * 3, [0.01] * 3, [5.0] * 4, [0.01] * 5]
     changed = station.changed(change)
-    expected = changed_station(station.geometry(), change)
+    expected = perturbed_station(station.geometry(), change)
     np.testing.assert_allclose(changed.geometry().packed[:33], expected.packed[:33], atol=1e-12)
     assert (changed.name, changed.ptu_clock, changed.covariance_parameters) == ("left", station.ptu_clock, ())
 

@@ -297,5 +297,5 @@ def test_the_picture_s_motion_takes_the_place_of_the_velocity() -> None:
     filter_ = PixelMotion((10.0, 20.0), (300.0, 0.0), sigma_px=3.0, least_shake_px=2.0, most_shake_px=20.0)
     filter_.predict(0.1)
     assert filter_.place() == pytest.approx([40.0, 20.0])
-    filter_.go_with(np.array([-7.0, 2.0]))
+    filter_.shift_by(np.array([-7.0, 2.0]))
     assert filter_.place() == pytest.approx([3.0, 22.0])

@@ -15,7 +15,7 @@ from groundstation.sinks.mp4_parts import Mp4Samples, mp4_samples
 from groundstation.sinks.mp4_tables import mp4_fault
 from groundstation.viewer import media as rerun_media
 from groundstation.viewer.merge import Align
-from groundstation.viewer.unplayed import recording_of_session
+from groundstation.viewer.session_recording import write_session_recording
 from tests.session.folder import write_video
 from tests.viewer.test_view import Recording
 
@@ -89,7 +89,7 @@ def test_what_has_no_video_track_or_torn_tables_is_an_error_of_ours(tmp_path: Pa
 def test_each_frame_refers_to_its_part_also_beside_another_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rerun_media, "PART_BYTES", 1_000_000)
     session, path = load_session(LANDING), tmp_path / "parts.rrd"
-    assert "pictures of left and right" in recording_of_session(session, path)
+    assert "pictures of left and right" in write_session_recording(session, path)
     made = prepare_view(ViewRequest(sources=(path, path), work=tmp_path / "work", align=Align.START))
     for run, recording in (("", Recording(path)), (f"/{made.names[1]}", Recording(made.recording))):
         image = f"{run}/cameras/left/image"

@@ -17,7 +17,7 @@ from rerun.chunk import RrdReader
 from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.messages import Kinematics, StepReport, TrackEstimate, TrackStatus, TriangulationStatus
-from groundstation.replay.compared_runs import SourceKind, kind_of, planned_runs
+from groundstation.replay.run_planning import SourceKind, kind_of, plan_runs
 from groundstation.replay.view import ViewRequest, names_line, prepare_view
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.viewer import viewer as rerun_viewer
@@ -327,11 +327,11 @@ def test_a_live_runs_folder_is_its_recording(tmp_path: Path) -> None:
     (run / "track.csv").write_text("")
     assert kind_of(run) is SourceKind.RESULTS
     (run / "flight.mcap").write_bytes(b"")
-    (planned,) = planned_runs([run])
+    (planned,) = plan_runs([run])
     assert (planned.name, planned.source, planned.kind) == ("monday", run / "flight.mcap", SourceKind.SESSION)
     # what it was replayed to since is not replayed once more
     (run / "summary.json").write_text("")
-    assert planned_runs([run])[0].source == run
+    assert plan_runs([run])[0].source == run
 
 
 def test_what_holds_no_track_of_ours_is_named(two: tuple[Path, Path], tmp_path: Path) -> None:
@@ -383,15 +383,15 @@ def test_runs_have_names_of_their_own(tmp_path: Path) -> None:
             folder.mkdir(parents=True)
             (folder / "track.csv").write_text("")
             sources.append(folder)
-    assert [r.name for r in planned_runs(sources[:2])] == ["out-1", "out-2"]
-    assert [r.name for r in planned_runs(sources)] == ["mon-out-1", "mon-out-2", "tue-out-1", "tue-out-2"]
-    assert [r.name for r in planned_runs([sources[0]] * 3)] == [f"mon-out-1{e}" for e in ("", "-2", "-3")]
+    assert [r.name for r in plan_runs(sources[:2])] == ["out-1", "out-2"]
+    assert [r.name for r in plan_runs(sources)] == ["mon-out-1", "mon-out-2", "tue-out-1", "tue-out-2"]
+    assert [r.name for r in plan_runs([sources[0]] * 3)] == [f"mon-out-1{e}" for e in ("", "-2", "-3")]
     config = tmp_path / "soft.toml"
     config.write_text("")
     with pytest.raises(InputError, match="--config"):
-        planned_runs(sources, [config])
+        plan_runs(sources, [config])
     (sources[0] / "session.toml").write_text("")
-    named = planned_runs(sources[:1], [config, config])
+    named = plan_runs(sources[:1], [config, config])
     assert [r.name for r in named] == ["soft", "soft-2"]
     assert all(r.config == config for r in named)
     assert replace(named[0], name="soft-2") == named[1]

@@ -13,7 +13,7 @@ from groundstation.session import load_session
 from groundstation.viewer import media as rerun_media
 from groundstation.viewer import pictures as rerun_pictures
 from groundstation.viewer.session import session_view
-from groundstation.viewer.unplayed import recording_of_session
+from groundstation.viewer.session_recording import write_session_recording
 from tests.session.folder import Tiny, number_of, picture, write_pictures, write_video
 from tests.viewer.test_view import Recording
 
@@ -120,7 +120,7 @@ def test_pieces_are_sent_as_they_fill(tmp_path: Path) -> None:
 @pytest.mark.parametrize("video", ["avi", "png"])
 def test_a_session_that_is_not_replayed_shows_them_as_well(tmp_path: Path, video: str) -> None:
     folder = Tiny(rows=ROWS, video=video).write(tmp_path / "session")
-    shown = recording_of_session(load_session(folder), tmp_path / "session.rrd")
+    shown = write_session_recording(load_session(folder), tmp_path / "session.rrd")
     assert shown == ("pictures of left and right",)
     recording = Recording(tmp_path / "session.rrd")
     assert numbers_shown(recording) == list(range(ROWS))

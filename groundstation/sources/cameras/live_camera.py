@@ -31,7 +31,7 @@ class LiveCamera(Camera):
     ----------
     connect : opens and starts the device; raises `CameraError`.
     clock : the host's monotonic clock, s.
-    tell : gets each event as it happens, on the camera's thread.
+    on_event : called with each event as it happens, on the camera's thread.
     """
 
     def __init__(
@@ -41,12 +41,12 @@ class LiveCamera(Camera):
         timing: CameraTiming,
         care: CameraCare,
         clock: Clock,
-        tell: Callable[[CameraEvent], None],
+        on_event: Callable[[CameraEvent], None],
     ) -> None:
         self.name = name
         self._care = care
         self._stop = threading.Event()
-        self._life = SupervisedCamera(name, connect, timing, care, clock, self._stop.wait, tell)
+        self._life = SupervisedCamera(name, connect, timing, care, clock, self._stop.wait, on_event)
         self._queue: deque[CameraFrame] = deque()
         self._arrived = threading.Condition()
         self._fault: BaseException | None = None
@@ -59,7 +59,7 @@ class LiveCamera(Camera):
         except CameraError as error:
             if not self._care.wait_at_start:
                 raise
-            self._life.wait_for_it(error)
+            self._life.wait_before_reopening(error)
         self._thread.start()
         return self
 

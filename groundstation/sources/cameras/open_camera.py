@@ -68,7 +68,7 @@ def open_camera(
     settings: CameraSettings,
     *,
     clock: Clock,
-    tell: Callable[[CameraEvent], None],
+    on_event: Callable[[CameraEvent], None],
     timing: CameraTiming | None = None,
     care: CameraCare | None = None,
     name: str | None = None,
@@ -79,7 +79,7 @@ def open_camera(
     Parameters
     ----------
     clock : the host's monotonic clock, s, in which all frames are stamped.
-    tell : gets each event as it happens, on the camera's thread.
+    on_event : called with each event as it happens, on the camera's thread.
     name : what frames and events call it; the URL unless said.
     environ : where GenTL's search path is looked up; the process's own unless said.
 
@@ -87,7 +87,7 @@ def open_camera(
     not there or refuses its settings.
     """
     connect = _connector(parse_camera_url(url), settings, clock, os.environ if environ is None else environ)
-    return LiveCamera(name or url, connect, timing or CameraTiming(), care or CameraCare(), clock, tell)
+    return LiveCamera(name or url, connect, timing or CameraTiming(), care or CameraCare(), clock, on_event)
 
 
 def _connector(

@@ -37,7 +37,7 @@ class FrameTimes:
     sigma_s: float
 
 
-def times_of(frame: CameraFrame) -> FrameTimes:
+def frame_times(frame: CameraFrame) -> FrameTimes:
     """Return a frame's times, so that its picture need not be kept."""
     return FrameTimes(
         index=frame.index,
@@ -79,13 +79,13 @@ def format_settings(found: SettingsReadBack) -> str:
     """Return what a camera says it is set to, a line each; what it does not tell says so."""
     rows = [
         ("camera", found.model + (f", {found.serial}" if found.serial else "")),
-        ("picture", _told(found.size_px and f"{found.size_px[0]} × {found.size_px[1]} px")),
-        ("region", _told(found.roi_px and "x {}, y {}, {} × {} px".format(*found.roi_px))),
-        ("pixel format", _told(found.pixel_format)),
-        ("exposure", _told(None if found.exposure_s is None else f"{found.exposure_s * 1e3:.3f} ms")),
-        ("gain", _told(None if found.gain is None else f"{found.gain:g}")),
-        ("rate set", _told(None if found.rate_hz is None else f"{found.rate_hz:.3g} Hz")),
-        ("trigger", _told(found.trigger)),
+        ("picture", _or_unknown(found.size_px and f"{found.size_px[0]} × {found.size_px[1]} px")),
+        ("region", _or_unknown(found.roi_px and "x {}, y {}, {} × {} px".format(*found.roi_px))),
+        ("pixel format", _or_unknown(found.pixel_format)),
+        ("exposure", _or_unknown(None if found.exposure_s is None else f"{found.exposure_s * 1e3:.3f} ms")),
+        ("gain", _or_unknown(None if found.gain is None else f"{found.gain:g}")),
+        ("rate set", _or_unknown(None if found.rate_hz is None else f"{found.rate_hz:.3g} Hz")),
+        ("trigger", _or_unknown(found.trigger)),
     ]
     return "\n".join(f"{name:<14}{value}" for name, value in rows)
 
@@ -119,5 +119,5 @@ def format_rate(report: RateReport | None, counts: CameraCounts, clock: ClockFit
     return "\n".join(f"{name:<14}{value}" for name, value in rows)
 
 
-def _told(text: str | None) -> str:
+def _or_unknown(text: str | None) -> str:
     return "not told" if text is None else text

@@ -38,7 +38,7 @@ class SupervisedCamera:
     connect : opens and starts the device; raises `CameraError`.
     clock : the host's monotonic clock, s.
     wait : waits for so many seconds, or less if it is to be stopped.
-    tell : gets each event as it happens.
+    on_event : called with each event as it happens.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class SupervisedCamera:
         care: CameraCare,
         clock: Clock,
         wait: Callable[[float], object],
-        tell: Callable[[CameraEvent], None],
+        on_event: Callable[[CameraEvent], None],
     ) -> None:
         self.name = name
         self.read_back: SettingsReadBack | None = None
@@ -58,7 +58,7 @@ class SupervisedCamera:
         self._care = care
         self._clock = clock
         self._wait = wait
-        self._tell = tell
+        self._on_event = on_event
         self._stamper = Stamper(timing)
         self._numbers = FrameNumbers()
         self._counts = CameraCounts()
@@ -76,7 +76,7 @@ class SupervisedCamera:
         self._device = self._connect()
         self._take_over(self._device, CameraEventKind.OPENED)
 
-    def wait_for_it(self, error: CameraError) -> None:
+    def wait_before_reopening(self, error: CameraError) -> None:
         """Say that the camera could not be opened, and go on trying."""
         self._not_opened(error)
 
@@ -109,7 +109,7 @@ class SupervisedCamera:
             grab = device.grab(_STEP_S)
         except CameraEndedError as end:
             self.ended = True
-            self._say(CameraEventKind.ENDED, str(end))
+            self._emit(CameraEventKind.ENDED, str(end))
             return None
         except CameraError as error:
             self._lose(CameraEventKind.LOST, str(error))
@@ -134,7 +134,7 @@ class SupervisedCamera:
         self._counts.lost += max(number.lost - self._unnumbered, 0)
         self._unnumbered = 0
         if number.order is FrameOrder.RESTARTED:
-            self._say(CameraEventKind.RECOUNTED, f"the camera counts anew, from {grab.frame_id}")
+            self._emit(CameraEventKind.RECOUNTED, f"the camera counts anew, from {grab.frame_id}")
         if number.order in (FrameOrder.REPEATED, FrameOrder.OVERTAKEN):
             self._counts.overtaken += 1
             return None
@@ -149,7 +149,7 @@ class SupervisedCamera:
         if stamp.change is not ClockChange.NONE:
             reset = stamp.change is ClockChange.RESET
             kind = CameraEventKind.CLOCK_RESET if reset else CameraEventKind.CLOCK_JUMP
-            self._say(kind, f"the camera's clock {'began anew' if reset else 'jumped'}; fitted again")
+            self._emit(kind, f"the camera's clock {'began anew' if reset else 'jumped'}; fitted again")
         self._counts.frames += 1
         # what works for a while earns a short first pause the next time
         self._backoff_s = self._care.backoff_s
@@ -191,9 +191,9 @@ class SupervisedCamera:
         self.close()
         if device is not None and not device.may_reopen:
             self.ended = True
-            self._say(kind, text)
+            self._emit(kind, text)
             return
-        self._say(kind, f"{text}; opened again in {self._backoff_s:.2g} s")
+        self._emit(kind, f"{text}; opened again in {self._backoff_s:.2g} s")
         self._later()
 
     def _reopen(self) -> None:
@@ -217,16 +217,16 @@ class SupervisedCamera:
         self._numbers.restart()
         self._stamper.restart()
         self._last_pixels, self._same, self._same_since_s = None, 0, None
-        self._say(kind, device.read_back.model)
+        self._emit(kind, device.read_back.model)
 
     def _not_opened(self, error: CameraError) -> None:
-        self._say(CameraEventKind.NOT_OPENED, f"{error}; tried again in {self._backoff_s:.2g} s")
+        self._emit(CameraEventKind.NOT_OPENED, f"{error}; tried again in {self._backoff_s:.2g} s")
         self._later()
 
     def _later(self) -> None:
         self._retry_s = self._clock() + self._backoff_s
         self._backoff_s = min(2.0 * self._backoff_s, self._care.most_backoff_s)
 
-    def _say(self, kind: CameraEventKind, text: str) -> None:
+    def _emit(self, kind: CameraEventKind, text: str) -> None:
         self._counts.events[kind] = self._counts.events.get(kind, 0) + 1
-        self._tell(CameraEvent(t_s=self._clock(), camera=self.name, kind=kind, text=text))
+        self._on_event(CameraEvent(t_s=self._clock(), camera=self.name, kind=kind, text=text))

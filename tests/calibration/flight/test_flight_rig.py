@@ -13,7 +13,7 @@ from groundstation.estimation.parameters import ParameterPrior, rig_prior
 from groundstation.evaluation.bounds import StationView
 from groundstation.evaluation.calibration_bounds import calibration_sensitivities
 from groundstation.geometry.aim import aim_at
-from groundstation.replay.reference_knowledge import reference_knowledge
+from groundstation.replay.reference_prior import reference_prior
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.dgps import RigReference
 from groundstation.rig.rig import Rig, load_rig
@@ -85,7 +85,7 @@ def _height_difference(rig: Rig, prior: ParameterPrior) -> float:
 def test_clock_and_antenna_go_to_the_replay(found) -> None:
     folder, result = found
     session = load_session(folder / "session", folder / "rig.toml")
-    known = reference_knowledge(session, EstimationConfig())
+    known = reference_prior(session, EstimationConfig())
     late = result.fit.problem.value(result.fit.change, "dgps_clock.offset")
     assert known.offset_s == pytest.approx(late)
     assert known.errors.names[0] == "dgps_clock.offset"
@@ -104,7 +104,7 @@ def test_clock_and_antenna_go_to_the_replay(found) -> None:
 def test_another_recording_has_another_clock(found) -> None:
     folder, _ = found
     session = replace(load_session(folder / "session", folder / "rig.toml"), name="another")
-    known = reference_knowledge(session, EstimationConfig())
+    known = reference_prior(session, EstimationConfig())
     assert known.offset_s == 0.0
     assert known.errors.covariance[0, 0] == EstimationConfig().reference_clock_sigma_s ** 2
     # the aircraft is the same

@@ -58,7 +58,9 @@ def opened(
     address: str, settings: CameraSettings, events: list[CameraEvent], care: CameraCare | None = None, query: str = ""
 ) -> LiveCamera:
     url = f"gige:{address}{query}"
-    return open_camera(url, settings, clock=time.monotonic, tell=events.append, timing=TIMING, care=care, name=address)
+    return open_camera(
+        url, settings, clock=time.monotonic, on_event=events.append, timing=TIMING, care=care, name=address
+    )
 
 
 def collect(cameras: list[LiveCamera], seconds: float, until: Callable[[], bool] = lambda: False) -> list[CameraFrame]:

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.skipif(not CTI.is_file(), reason=f"{CTI} is not part of
 
 def camera(serial: str, settings: CameraSettings, events: list[CameraEvent] | None = None) -> LiveCamera:
     tell = (lambda event: None) if events is None else events.append
-    return open_camera(f"genicam:{serial}?cti={CTI}", settings, clock=time.monotonic, tell=tell, name=serial)
+    return open_camera(f"genicam:{serial}?cti={CTI}", settings, clock=time.monotonic, on_event=tell, name=serial)
 
 
 def some(source: LiveCamera, count: int) -> list[CameraFrame]:
@@ -133,7 +133,7 @@ def test_one_camera_cannot_be_had_twice() -> None:
 
 def test_a_file_that_is_no_producer(tmp_path: Path) -> None:
     (tmp_path / "a.cti").write_text("text")
-    source = open_camera(f"genicam:0?cti={tmp_path / 'a.cti'}", GREY, clock=time.monotonic, tell=lambda event: None)
+    source = open_camera(f"genicam:0?cti={tmp_path / 'a.cti'}", GREY, clock=time.monotonic, on_event=lambda event: None)
     with pytest.raises(CameraError, match="wanted a GenTL producer"), source:
         pass
 

@@ -13,7 +13,7 @@ from groundstation.sources.cameras.open_camera import open_camera, parse_camera_
 
 
 def opened(url: str, environ: dict[str, str] | None = None) -> None:
-    open_camera(url, CameraSettings(), clock=lambda: 0.0, tell=lambda event: None, environ=environ or {})
+    open_camera(url, CameraSettings(), clock=lambda: 0.0, on_event=lambda event: None, environ=environ or {})
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_a_file_is_played_at_its_own_pace(video: Path) -> None:
 
 def test_a_file_by_url_ends(video: Path) -> None:
     events: list[CameraEvent] = []
-    with open_camera(f"file:{video}", CameraSettings(), clock=time.monotonic, tell=events.append) as camera:
+    with open_camera(f"file:{video}", CameraSettings(), clock=time.monotonic, on_event=events.append) as camera:
         frames = []
         while not camera.ended or len(frames) + camera.counts.dropped < 12:
             frame = camera.read(0.5)
@@ -79,20 +79,22 @@ def test_a_file_by_url_ends(video: Path) -> None:
     ],
 )
 def test_a_file_cannot_be_set(video: Path, settings: CameraSettings, complaint: str) -> None:
-    camera = open_camera(f"file:{video}", settings, clock=time.monotonic, tell=lambda event: None)
+    camera = open_camera(f"file:{video}", settings, clock=time.monotonic, on_event=lambda event: None)
     with pytest.raises(CameraError, match=complaint), camera:
         pass
 
 
 def test_what_is_no_video_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "v.mp4").write_text("no video")
-    camera = open_camera(f"file:{tmp_path / 'v.mp4'}", CameraSettings(), clock=time.monotonic, tell=lambda event: None)
+    camera = open_camera(
+        f"file:{tmp_path / 'v.mp4'}", CameraSettings(), clock=time.monotonic, on_event=lambda event: None
+    )
     with pytest.raises(CameraError, match="got no video that opens"), camera:
         pass
 
 
 def test_a_video_device_that_is_not_there() -> None:
-    camera = open_camera("opencv:/dev/video77", CameraSettings(), clock=time.monotonic, tell=lambda event: None)
+    camera = open_camera("opencv:/dev/video77", CameraSettings(), clock=time.monotonic, on_event=lambda event: None)
     with pytest.raises(CameraError, match="got nothing that opens"), camera:
         pass
 
@@ -148,7 +150,7 @@ def first_frame(camera: LiveCamera, opening: int) -> bool:
 
 def test_a_network_stream_pulled_and_put_back(stream: str) -> None:
     events: list[CameraEvent] = []
-    with open_camera(stream, CameraSettings(), clock=time.monotonic, tell=events.append) as camera:
+    with open_camera(stream, CameraSettings(), clock=time.monotonic, on_event=events.append) as camera:
         assert first_frame(camera, 0)
         Stream.plugged.clear()
         for _ in range(150):
@@ -165,7 +167,7 @@ def test_a_network_stream_pulled_and_put_back(stream: str) -> None:
 
 
 def test_arrivals_of_a_stream_are_worth_little_and_say_so(stream: str) -> None:
-    with open_camera(stream, CameraSettings(), clock=time.monotonic, tell=lambda event: None) as camera:
+    with open_camera(stream, CameraSettings(), clock=time.monotonic, on_event=lambda event: None) as camera:
         frame = camera.read(10.0)
     assert frame is not None
     assert frame.sigma_s == pytest.approx(0.15)

@@ -122,7 +122,7 @@ def test_a_camera_that_is_not_there_yet_may_be_waited_for() -> None:
     life = Life(CameraError("got no answer; wanted a camera"), frames(1, 3))
     with pytest.raises(CameraError, match="no answer") as error:
         life.camera.open()
-    life.camera.wait_for_it(error.value)
+    life.camera.wait_before_reopening(error.value)
     assert len(life.run(0.6)) == 3
 
 

@@ -18,7 +18,7 @@ def delivered(resend: bool) -> dict[str, Any]:
     frames: list[CameraFrame] = []
     with FakeGigeCamera(640, 480, 20, pixel_format="BayerRG8", packet_resend=resend, drop_packets=LOST):
         url = "gige:127.0.0.1?packet=1400"
-        with open_camera(url, CameraSettings(), clock=time.monotonic, tell=events.append) as camera:
+        with open_camera(url, CameraSettings(), clock=time.monotonic, on_event=events.append) as camera:
             end_s = time.monotonic() + 20.0
             while time.monotonic() < end_s and (not frames or frames[-1].index < 14):
                 frame = camera.read(0.2)

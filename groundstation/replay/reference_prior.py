@@ -10,7 +10,7 @@ from groundstation.session import Session
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ReferenceKnowledge:
+class ReferencePrior:
     """Clock and antenna of the DGPS, as far as they are known.
 
     Attributes
@@ -27,7 +27,7 @@ class ReferenceKnowledge:
     notes: tuple[str, ...]
 
 
-def reference_knowledge(session: Session, config: EstimationConfig) -> ReferenceKnowledge:
+def reference_prior(session: Session, config: EstimationConfig) -> ReferencePrior:
     """Put together what session.toml and the rig's ``[reference]`` say; the session's own word rules."""
     reference = session.rig.reference
     sigmas: dict[str, float] = {}
@@ -50,7 +50,7 @@ def reference_knowledge(session: Session, config: EstimationConfig) -> Reference
             if reference.antenna_sigma_m is not None:
                 spread = [float(v) for v in reference.antenna_sigma_m]
         sigmas.update(zip(DGPS_ANTENNA, spread, strict=True))
-    return ReferenceKnowledge(
+    return ReferencePrior(
         offset_s=offset_s,
         antenna_in_body_m=antenna,
         errors=ParameterPrior.independent(list(sigmas), list(sigmas.values())),

@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import FloatArray
+from groundstation.evaluation.covariance_parts import ErrorsWithCovariance, flights_chi_square, noise_chi_square
 from groundstation.evaluation.metrics import ChiSquareMean
-from groundstation.evaluation.stated_parts import StatedErrors, flights_chi_square, noise_chi_square
 
 FRAMES = 50
 
 
-def drawn_flight(rng: np.random.Generator, *, lasting: float = 1.0, noise: float = 1.0) -> list[StatedErrors]:
+def drawn_flight(rng: np.random.Generator, *, lasting: float = 1.0, noise: float = 1.0) -> list[ErrorsWithCovariance]:
     """Two cameras of one flight, drawn from what is stated with its parts so many times as large in variance."""
     own = rng.normal(size=2)
     return [drawn_run(rng, own * np.sqrt(lasting), noise) for _ in range(2)]
 
 
-def drawn_run(rng: np.random.Generator, own: FloatArray, noise: float) -> StatedErrors:
+def drawn_run(rng: np.random.Generator, own: FloatArray, noise: float) -> ErrorsWithCovariance:
     size = np.linspace(0.6, 1.8, FRAMES)[:, None, None]
     stays, new = size**2 * np.diag([1.0, 0.7]), size * np.array([[0.06, 0.01], [0.01, 0.1]])
     errors = np.sqrt(np.diagonal(stays, axis1=1, axis2=2)) * own
     errors += np.einsum("nij,nj->ni", np.linalg.cholesky(noise * new), rng.normal(size=(FRAMES, 2)))
-    return StatedErrors(errors=errors, covariances=stays + new, noises=np.broadcast_to(new, stays.shape))
+    return ErrorsWithCovariance(errors=errors, covariances=stays + new, noises=np.broadcast_to(new, stays.shape))
 
 
 def verdict(mean: ChiSquareMean | None) -> str:
@@ -31,7 +31,7 @@ def verdict(mean: ChiSquareMean | None) -> str:
     return "below" if mean.mean < mean.low else "above" if mean.mean > mean.high else "inside"
 
 
-def of_noise(runs: list[StatedErrors]) -> ChiSquareMean | None:
+def of_noise(runs: list[ErrorsWithCovariance]) -> ChiSquareMean | None:
     found = noise_chi_square(runs)
     return None if found is None else found.mean
 
@@ -79,8 +79,8 @@ def test_the_noise_does_not_see_what_lasts_and_a_jump_is_counted_apart(rng: np.r
 
 def test_too_few_frames_have_no_mean(rng: np.random.Generator) -> None:
     run = drawn_flight(rng)[0]
-    short = StatedErrors(errors=run.errors[:2], covariances=run.covariances[:2], noises=run.noises[:2])
-    none = StatedErrors(errors=run.errors[:0], covariances=run.covariances[:0], noises=run.noises[:0])
+    short = ErrorsWithCovariance(errors=run.errors[:2], covariances=run.covariances[:2], noises=run.noises[:2])
+    none = ErrorsWithCovariance(errors=run.errors[:0], covariances=run.covariances[:0], noises=run.noises[:0])
     assert noise_chi_square([short]) is None
     assert flights_chi_square([[none]]) is None
     assert flights_chi_square([[short]]) is not None

@@ -20,7 +20,7 @@ _DIFFERENCE = np.array([1.0, -2.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StatedErrors:
+class ErrorsWithCovariance:
     """One camera's errors (n, 2) in frames in a row, and what was stated of them, px and px².
 
     ``covariances`` (n, 2, 2) of the whole, ``noises`` (n, 2, 2) the part of it that is new in each frame.
@@ -32,14 +32,14 @@ class StatedErrors:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NoiseMean:
+class NoiseChiSquare:
     """What `noise_chi_square` saw: the mean, and the share of differences that are jumps, of ``mean.count``."""
 
     mean: ChiSquareMean
     jump_share: float
 
 
-def flights_chi_square(flights: Sequence[Sequence[StatedErrors]]) -> ChiSquareMean | None:
+def flights_chi_square(flights: Sequence[Sequence[ErrorsWithCovariance]]) -> ChiSquareMean | None:
     """Return errorᵀ covariance⁻¹ error per degree of freedom, with 95 % bounds that count flights, not frames.
 
     The cameras of a flight share what lasts: the same two numbers, times the symmetric root of that part of each
@@ -64,7 +64,7 @@ def flights_chi_square(flights: Sequence[Sequence[StatedErrors]]) -> ChiSquareMe
     return ChiSquareMean(mean=square / count, low=low, high=high, count=len(flown))
 
 
-def noise_chi_square(runs: Sequence[StatedErrors]) -> NoiseMean | None:
+def noise_chi_square(runs: Sequence[ErrorsWithCovariance]) -> NoiseChiSquare | None:
     """Return the mean square of second differences over what the stated noise makes them, per degree of freedom.
 
     Differences of more than four sigmas in one axis are jumps: another part of the outline was taken for the nose's.
@@ -86,7 +86,7 @@ def noise_chi_square(runs: Sequence[StatedErrors]) -> NoiseMean | None:
         drawn, left = drawn + drawn_squares, left + drawn_calm
     low, high = _bounds(drawn / np.maximum(2 * left, 1.0))
     mean = ChiSquareMean(mean=seen / max(2 * kept, 1), low=low, high=high, count=total)
-    return NoiseMean(mean=mean, jump_share=1.0 - kept / total)
+    return NoiseChiSquare(mean=mean, jump_share=1.0 - kept / total)
 
 
 def _neighbours(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -14,7 +14,7 @@ from groundstation.sources.replay import ReplaySource
 from groundstation.tracking.config import Config, load_config
 
 
-def tuning(session: Session, path: Path | None) -> Config:
+def load_replay_config(session: Session, path: Path | None) -> Config:
     """Return the tuning of a file, else that of the recording, else the defaults."""
     if path is None and session.recorded is not None:
         return load_config(session.folder / CONFIG)
@@ -44,13 +44,18 @@ def apply_filter_resets(events: Iterable[Event]) -> Iterator[Event]:
 
 
 def recorder_for(
-    path: Path, session: Session, rig: Path | None, config: Config, initial: InitialState | None, taught: bool
+    path: Path,
+    session: Session,
+    rig: Path | None,
+    config: Config,
+    initial: InitialState | None,
+    learns: bool,
 ) -> Recorder:
     """Return the recorder of a replay, which waits for its disk instead of dropping pictures.
 
     Raises `InputError` where the file exists or cannot be made.
     """
-    header = header_of(session, rig, config, initial=initial, taught=taught)
+    header = header_of(session, rig, config, initial=initial, learns_from_reference=learns)
     return Recorder(path, session.rig, header, PATIENT)
 
 

@@ -2,16 +2,16 @@
 
 from typing import Any
 
-_HONEST_LOW, _HONEST_HIGH = 0.6, 1.6
+_CONSISTENT_LOW, _CONSISTENT_HIGH = 0.6, 1.6
 
 
-def verdict(summary: dict[str, Any]) -> str:
+def plain_summary(summary: dict[str, Any]) -> str:
     """Return two to four sentences for a reader who wants one answer."""
     sentences = [_coverage(summary)]
     for name, words in (("truth", "the exact positions"), ("dgps", "DGPS")):
         table = summary["accuracy"].get(name)
         if table is not None and table["total"]["ekf"]["rmse_m"]:
-            sentences += [_accuracy(table, words), _honesty(table)]
+            sentences += [_accuracy(table, words), _consistency(table)]
             break
     else:
         sentences.append("There is no usable reference to compare with, so nothing can be said about its errors.")
@@ -57,14 +57,14 @@ def _accuracy(table: dict[str, Any], words: str) -> str:
     return f"{text} (root mean square)."
 
 
-def _honesty(table: dict[str, Any]) -> str:
+def _consistency(table: dict[str, Any]) -> str:
     """Say whether the stated uncertainty fits the errors."""
     if table["anees"] is None:
         return ""
     anees = table["anees"]["mean"]
-    if anees > _HONEST_HIGH:
+    if anees > _CONSISTENT_HIGH:
         return f"The filter is too sure of itself: its errors are {anees**0.5:.1f} times as large as it states."
-    if anees < _HONEST_LOW:
+    if anees < _CONSISTENT_LOW:
         return f"The filter is too cautious: its errors are {anees**0.5:.1f} times what it states."
     return "Its stated uncertainty fits the errors."
 

@@ -18,7 +18,7 @@ _FLUSH_EPOCHS = 200
 _NOTE = "made of track.csv: pictures, stations and references are in the session only"
 
 
-def recording_of_results(folder: Path, path: Path, name: str) -> None:
+def write_results_recording(folder: Path, path: Path, name: str) -> None:
     """Write a recording of what the tables in ``folder`` hold; a track without an estimate leaves its statuses.
 
     Raises `InputError` where there is no track.csv, or one that cannot be read.

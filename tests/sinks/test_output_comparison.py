@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from groundstation.sinks import identity
-from groundstation.sinks.identity import IdentitySink
+from groundstation.sinks import output_comparison
+from groundstation.sinks.output_comparison import OutputComparisonSink
 
 
 def report(epoch: int, x_m: float) -> SimpleNamespace:
@@ -18,8 +18,8 @@ def recorded(epoch: int, x_m: float) -> bytes:
 
 
 def test_answers_and_recorded_ones_meet_in_either_order(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(identity, "estimate_values", lambda estimate: estimate.values)
-    sink = IdentitySink()
+    monkeypatch.setattr(output_comparison, "estimate_values", lambda estimate: estimate.values)
+    sink = OutputComparisonSink()
     sink.recorded(recorded(1, 0.5))
     sink.write(report(1, 0.5))
     sink.write(report(2, 0.5))

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from groundstation.evaluation.growing import GrowingTable
+from groundstation.evaluation.growable_table import GrowableTable
 
 ROWS = 5000
 DTYPE = np.dtype([("number", "i4"), ("place_m", "f8", 3)])
 
 
 def test_rows_handed_out_stay_what_they_were_while_the_table_grows() -> None:
-    table = GrowingTable(DTYPE)
+    table = GrowableTable(DTYPE)
     assert len(table.rows()) == len(table) == 0
     seen = []
     for k in range(ROWS):
@@ -24,7 +24,7 @@ def test_rows_handed_out_stay_what_they_were_while_the_table_grows() -> None:
 
 
 def test_there_is_hardly_more_memory_than_rows() -> None:
-    table = GrowingTable(DTYPE)
+    table = GrowableTable(DTYPE)
     for k in range(ROWS):
         table.append(k, (0.0, 0.0, 0.0))
     assert ROWS * DTYPE.itemsize <= table.nbytes < (ROWS + 2048) * DTYPE.itemsize

@@ -8,7 +8,7 @@ from groundstation.picture import Window
 MAX_PARTS = 8
 
 
-def merged(windows: Sequence[Window]) -> list[Window]:
+def merge_windows(windows: Sequence[Window]) -> list[Window]:
     """Return windows that hold all of those given, joined where one costs no more pixels than two; largest first."""
     parts: list[Window] = []
     for window in dict.fromkeys(windows):

@@ -5,7 +5,7 @@ import os
 from typing import TextIO
 
 
-def say(text: str, stream: TextIO) -> None:
+def print_line(text: str, stream: TextIO) -> None:
     """Print a line at once; where it is not taken (a closed terminal, a full disk), this one and all after it are lost.
 
     Nothing is left in the stream's buffer that would fail again when the program ends.

@@ -38,12 +38,12 @@ class PlannedRun:
     config: Path | None = None
 
 
-def kind_of(path: Path) -> SourceKind:
+def source_kind(path: Path) -> SourceKind:
     """Return what a path is; raises `InputError` if it is none of these."""
     if path.is_dir():
         if (path / "session.toml").is_file() or (path / "rig.toml").is_file():
             return SourceKind.SESSION
-        if _of_live(path) is not None:
+        if _live_recording(path) is not None:
             return SourceKind.SESSION
         if any((path / name).is_file() for name in (RECORDING, SUMMARY, TRACK)):
             return SourceKind.RESULTS
@@ -56,13 +56,13 @@ def kind_of(path: Path) -> SourceKind:
     return kinds[path.suffix.lower()]
 
 
-def _of_live(path: Path) -> Path | None:
+def _live_recording(path: Path) -> Path | None:
     """Return the recording of a live run's folder, which is to be replayed; None for any other folder."""
     replayed = any((path / name).is_file() for name in (RECORDING, SUMMARY))
     return path / LIVE_RECORDING if not replayed and (path / LIVE_RECORDING).is_file() else None
 
 
-def planned_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[PlannedRun]:
+def plan_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[PlannedRun]:
     """Return the runs of some sources, each session once with every tuning.
 
     Names are those of the folders or files, a folder further up or a number where two would be alike. Raises
@@ -70,7 +70,7 @@ def planned_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[
     """
     plain: list[tuple[str, Path, SourceKind, Path | None]] = []
     for source, name in zip(sources, _source_names(sources), strict=True):
-        kind = kind_of(source)
+        kind = source_kind(source)
         if configs and kind is not SourceKind.SESSION:
             got = "results of a replay"
             raise InputError(str(source), got=got, wanted="a session: --config says how it is to be replayed")
@@ -79,7 +79,7 @@ def planned_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[
                 raise InputError(str(config), got="no such file", wanted="a tuning, TOML")
             suffix = "" if config is None else _plain(config.stem)
             full = name if not suffix else suffix if len(sources) == 1 else f"{name}-{suffix}"
-            plain.append((full, _of_live(source) or source, kind, config))
+            plain.append((full, _live_recording(source) or source, kind, config))
     names = _unique([name for name, *_ in plain])
     return [
         PlannedRun(name=name, source=source, kind=kind, config=config)
@@ -87,7 +87,7 @@ def planned_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[
     ]
 
 
-def refuse_replaying_onto(
+def refuse_replay_overwriting(
     read: Iterable[Path | None], runs: Sequence[PlannedRun], work: Path, more: Sequence[Output] = ()
 ) -> None:
     """Raise `InputError` where what is replayed into ``work``, or ``more`` that is written, would replace what is read.
@@ -98,7 +98,7 @@ def refuse_replaying_onto(
     refuse_overwriting(read, [*(Output(path=folder, names=REPLAY_FILES) for folder in folders), *more])
 
 
-def results_of(
+def run_results(
     run: PlannedRun,
     work: Path,
     *,

@@ -8,7 +8,7 @@ from numpy.typing import DTypeLike, NDArray
 _BLOCK_ROWS = 2048
 
 
-class GrowingTable:
+class GrowableTable:
     """A table of one structured dtype that grows in its place; `rows` shows what is in it."""
 
     def __init__(self, dtype: DTypeLike) -> None:

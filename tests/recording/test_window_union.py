@@ -1,6 +1,6 @@
 """Windows of a picture that are kept: those that cost no more together are one."""
 
-from groundstation.recording.windows import _joined
+from groundstation.recording.window_union import _joined
 
 
 def test_windows_are_joined_where_one_around_them_is_no_larger() -> None:

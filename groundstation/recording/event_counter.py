@@ -8,7 +8,7 @@ from groundstation.files.read_budget import MAX_LINE_BYTES
 from groundstation.recording.contents import RecordingEnd
 
 
-class EndCount:
+class EventCounter:
     """Counts events, epochs and the span of the epochs."""
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class EndCount:
             self._epochs += 1
             self._first_s, self._last_s = min(self._first_s, t_s), max(self._last_s, t_s)
 
-    def take(self, line: bytes) -> None:
+    def add_line(self, line: bytes) -> None:
         """Count an event, given as its line; a line that is damaged does not count."""
         if len(line) > MAX_LINE_BYTES:
             return

@@ -2,11 +2,11 @@
 
 import json
 
-from groundstation.recording.end_count import EndCount
+from groundstation.recording.event_counter import EventCounter
 
 
 def test_events_are_counted_and_epochs_have_a_span() -> None:
-    count = EndCount()
+    count = EventCounter()
     empty = count.result()
     assert (empty.events, empty.epochs, empty.first_s, empty.last_s) == (0, 0, 0.0, 0.0)
     for values in (

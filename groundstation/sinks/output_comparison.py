@@ -12,7 +12,7 @@ _MAX_WAITING = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnswerComparison:
+class OutputComparison:
     """How many answers were compared, how many differ and from which epoch on, and how many have no counterpart.
 
     ``states`` and ``states_differing`` count likewise the answers to heartbeats.
@@ -39,7 +39,7 @@ class AnswerComparison:
         return f"not the track that was recorded: {same} of {self.compared} epochs are the same{alone}{first}"
 
 
-class IdentitySink:
+class OutputComparisonSink:
     """A sink that compares each answer with the recorded one, whichever comes first."""
 
     def __init__(self) -> None:
@@ -71,10 +71,10 @@ class IdentitySink:
     def close(self) -> None:
         """Nothing is held open."""
 
-    def result(self) -> AnswerComparison:
+    def result(self) -> OutputComparison:
         """Return what came of it."""
         alone = len(self._recorded) + len(self._answered) + self._dropped
-        return AnswerComparison(
+        return OutputComparison(
             compared=self._compared,
             differing=self._differing,
             first_epoch=self._first,

@@ -20,7 +20,7 @@ from groundstation.viewer.reference import ReferenceLine, log_reference_line
 from groundstation.viewer.scene import log_pedestal, log_runway, log_world, long_enough, outline_between
 
 
-def recording_of_session(session: Session, path: Path) -> tuple[str, ...]:
+def write_session_recording(session: Session, path: Path) -> tuple[str, ...]:
     """Write what a session holds without a replay and return it in words, an item each; empty where there is nothing.
 
     A reference stands in its own clock. What cannot be read is passed over: why the session is not replayed has
