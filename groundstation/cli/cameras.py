@@ -102,8 +102,8 @@ def _show(options: argparse.Namespace) -> int:
         FrameTimes,
         format_rate,
         format_settings,
+        frame_times,
         rate_report,
-        times_of,
     )
 
     if options.save is not None:
@@ -129,7 +129,7 @@ def _show(options: argparse.Namespace) -> int:
         while not camera.ended and time.monotonic() < end:
             frame = camera.read(0.2)
             if frame is not None:
-                frames.append(times_of(frame))
+                frames.append(frame_times(frame))
                 picture = frame.picture
         found, counts, clock = camera.read_back, camera.counts, camera.clock_state
     if found is not None:

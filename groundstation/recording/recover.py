@@ -105,7 +105,7 @@ def _copy(reader: ContainerReader, contents: Contents, out: Path, skipped: list[
                 _add(writer, channels[message.topic], message)
                 counts[message.topic] += 1
                 if message.topic == EVENTS_TOPIC:
-                    end.take(message.data)
+                    end.add_line(message.data)
         except RecordingError:
             # the end of what is whole; `contents` has said where
             pass

@@ -16,6 +16,6 @@ def test_events_are_counted_and_epochs_have_a_span() -> None:
         {"n": 4, "kind": "epoch", "t_s": None},
         {"kind": "pixels"},
     ):
-        count.take(json.dumps(values).encode())
+        count.add_line(json.dumps(values).encode())
     end = count.result()
     assert (end.events, end.epochs, end.first_s, end.last_s) == (4, 2, 2.0, 3.0)

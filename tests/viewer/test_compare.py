@@ -17,7 +17,7 @@ from rerun.chunk import RrdReader
 from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.messages import Kinematics, StepReport, TrackEstimate, TrackStatus, TriangulationStatus
-from groundstation.replay.run_planning import SourceKind, kind_of, plan_runs
+from groundstation.replay.run_planning import SourceKind, plan_runs, source_kind
 from groundstation.replay.view import ViewRequest, names_line, prepare_view
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.viewer import viewer as rerun_viewer
@@ -325,7 +325,7 @@ def test_a_live_runs_folder_is_its_recording(tmp_path: Path) -> None:
     run = tmp_path / "monday"
     run.mkdir()
     (run / "track.csv").write_text("")
-    assert kind_of(run) is SourceKind.RESULTS
+    assert source_kind(run) is SourceKind.RESULTS
     (run / "flight.mcap").write_bytes(b"")
     (planned,) = plan_runs([run])
     assert (planned.name, planned.source, planned.kind) == ("monday", run / "flight.mcap", SourceKind.SESSION)
@@ -367,12 +367,12 @@ def test_what_an_argument_is(tmp_path: Path) -> None:
         folder = tmp_path / name.split(".")[0]
         folder.mkdir()
         (folder / name).write_text("")
-        assert kind_of(folder) is kind
+        assert source_kind(folder) is kind
     (tmp_path / "a.mcap").write_bytes(b"")
-    assert kind_of(tmp_path / "a.mcap") is SourceKind.SESSION
+    assert source_kind(tmp_path / "a.mcap") is SourceKind.SESSION
     for wrong in (tmp_path, tmp_path / "none", tmp_path / "session" / "session.toml"):
         with pytest.raises(InputError, match="wanted a session folder"):
-            kind_of(wrong)
+            source_kind(wrong)
 
 
 def test_runs_have_names_of_their_own(tmp_path: Path) -> None:
