@@ -1,13 +1,13 @@
 """The part of the command line that calibrates: `groundstation calibrate WHAT …`."""
 
 import argparse
-import math
 import sys
 from collections.abc import Callable
 
 from groundstation.cli.calibrate_landmarks import add_landmark_kinds, run_calibrate_check, run_calibrate_survey
 from groundstation.cli.calibrate_mount import add_mount, run_mount
 from groundstation.cli.calibrate_timing import add_timing, run_timing
+from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.paths import READ, REPORT_FOLDER, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
 from groundstation.cli.span import add_span, require_span
@@ -148,13 +148,7 @@ def _held(text: str) -> frozenset[str]:
 
 def _length(text: str) -> float:
     """Return a length in m that is 0 or more."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value < 100.0:
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted metres, 0 or more")
-    return value
+    return parse_number(text, "metres, 0 or more", lambda value: 0.0 <= value < 100.0)
 
 
 def run_calibrate(options: argparse.Namespace) -> int:

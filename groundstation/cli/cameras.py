@@ -1,13 +1,13 @@
 """The part of the command line about live cameras: `groundstation cameras list` and `show`."""
 
 import argparse
-import math
 import os
 import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from groundstation.cli.number_arguments import finite_number, positive_number
 from groundstation.cli.paths import READ_TEXT, WRITTEN_FILE
 from groundstation.errors import InputError
 
@@ -59,13 +59,13 @@ def add_cameras(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     show.add_argument("url", type=READ_TEXT, metavar="URL", help="which camera, see below")
-    show.add_argument("--seconds", type=_positive, default=5.0, metavar="S", help="how long to look (default: 5)")
-    show.add_argument("--exposure-ms", type=_positive, metavar="MS", help="exposure")
-    show.add_argument("--gain", type=_number, metavar="G", help="gain, in the camera's unit")
+    show.add_argument("--seconds", type=positive_number, default=5.0, metavar="S", help="how long to look (default: 5)")
+    show.add_argument("--exposure-ms", type=positive_number, metavar="MS", help="exposure")
+    show.add_argument("--gain", type=finite_number, metavar="G", help="gain, in the camera's unit")
     show.add_argument("--roi", type=_region, metavar="X,Y,W,H", help="region of the sensor, px")
     show.add_argument("--trigger", metavar="INPUT", help="off, or the input that triggers, as Line1")
     show.add_argument("--format", dest="pixel_format", metavar="NAME", help="pixel format, as BayerRG8")
-    show.add_argument("--rate", type=_positive, metavar="HZ", help="frames per second")
+    show.add_argument("--rate", type=positive_number, metavar="HZ", help="frames per second")
     show.add_argument(
         "--stamp", choices=("start", "middle", "end"), default="start", help="what the camera's stamp means"
     )
@@ -160,23 +160,6 @@ def _save(path: Path, picture: "Picture") -> None:
     if not good:
         raise InputError(str(path), got="a picture that cannot be coded so", wanted=", ".join(_PICTURES))
     path.write_bytes(data.tobytes())
-
-
-def _positive(text: str) -> float:
-    value = _number(text)
-    if value <= 0.0:
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0")
-    return value
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number")
-    return value
 
 
 def _region(text: str) -> tuple[int, int, int, int]:

@@ -2,11 +2,10 @@
 
 import argparse
 import datetime
-import math
 import sys
 from pathlib import Path
 
-from groundstation.cli.number_arguments import take_negative_numbers
+from groundstation.cli.number_arguments import parse_number, take_negative_numbers
 from groundstation.cli.paths import NEW_FOLDER, READ
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import InputError
@@ -150,13 +149,7 @@ def _starts(options: argparse.Namespace) -> dict[str, str]:
 
 
 def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not abs(value) < 1e6:
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number")
-    return value
+    return parse_number(text, "a number", lambda value: abs(value) < 1e6)
 
 
 def _azimuth(text: str) -> float:

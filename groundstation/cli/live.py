@@ -10,6 +10,7 @@ import threading
 from collections.abc import Collection
 from typing import TYPE_CHECKING, TextIO
 
+from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.paths import NEW_FOLDER, READ
 from groundstation.cli.simulate import pairs_per_s, whole_number, wind_m_s
 from groundstation.cli.stop_request import StopRequest
@@ -112,13 +113,7 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
 
 
 def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 < value < 1e7:
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0")
-    return value
+    return parse_number(text, "a number above 0", lambda value: 0.0 < value < 1e7)
 
 
 def run_live(options: argparse.Namespace) -> int:

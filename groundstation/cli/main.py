@@ -12,7 +12,7 @@ from groundstation.cli.cameras import add_cameras, run_cameras
 from groundstation.cli.evaluate import add_evaluate, run_evaluate
 from groundstation.cli.import_session import add_import, run_import
 from groundstation.cli.live import add_live, run_check, run_live
-from groundstation.cli.number_arguments import take_negative_numbers
+from groundstation.cli.number_arguments import parse_number, take_negative_numbers
 from groundstation.cli.onboard import add_onboard, run_onboard
 from groundstation.cli.paths import READ, WRITTEN_FILE, WrittenFolder, check_paths
 from groundstation.cli.progress import ProgressLine
@@ -204,14 +204,8 @@ def _add_plan(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -
 
 
 def _seconds(text: str) -> float:
-    """Return a time that is one."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a time in s")
-    return value
+    """Return a finite time."""
+    return parse_number(text, "a time in s")
 
 
 def _box(text: str) -> tuple[float, float, float, float]:

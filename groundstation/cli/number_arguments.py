@@ -1,11 +1,38 @@
-"""Lists of numbers on a command line that begin with a minus sign: values, where argparse would see an option."""
+"""Numbers on a command line: parsers for argparse's ``type``, and lists of numbers that begin with a minus sign."""
 
 import argparse
+import math
 import re
+from collections.abc import Callable
 
-_NUMBERS = re.compile(r"-[\d.][\d.,eE+-]*$")
+_NEGATIVE_NUMBERS = re.compile(r"-[\d.][\d.,eE+-]*$")
+
+
+def parse_number(text: str, wanted: str, accepts: Callable[[float], bool] = math.isfinite) -> float:
+    """Return a number for which ``accepts`` is true; for other text it gets NaN.
+
+    Raises `argparse.ArgumentTypeError` for any other text, with ``wanted`` in its message.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not accepts(value):
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted {wanted}")
+    return value
+
+
+def finite_number(text: str) -> float:
+    """Return a finite number."""
+    return parse_number(text, "a number")
+
+
+def positive_number(text: str) -> float:
+    """Return a finite number above 0."""
+    finite_number(text)
+    return parse_number(text, "a number above 0", lambda value: value > 0.0)
 
 
 def take_negative_numbers(parser: argparse.ArgumentParser) -> None:
     """Let values such as "-5,20,40,30" follow an option of this parser; none of its options may look like that."""
-    parser._negative_number_matcher = _NUMBERS
+    parser._negative_number_matcher = _NEGATIVE_NUMBERS

@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.paths import READ, WrittenFolder
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import InputError
@@ -124,13 +125,7 @@ def _place(text: str) -> tuple[float, float, float]:
 
 
 def _sigma(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 1e-4 <= value <= 1e4:
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0 in m")
-    return value
+    return parse_number(text, "a number above 0 in m", lambda value: 1e-4 <= value <= 1e4)
 
 
 def _seed(text: str) -> int:

@@ -4,6 +4,7 @@ import argparse
 import math
 from collections.abc import Iterator
 
+from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.paths import READ, WRITTEN_FILE
 from groundstation.errors import InputError, UsageError
 
@@ -58,14 +59,8 @@ def add_pose(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 
 def _sigma(text: str) -> float:
-    """Return a noise that is one."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 1e-6 <= value <= 1e3:
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0 to 1000 in px")
-    return value
+    """Return a standard deviation in px."""
+    return parse_number(text, "a number above 0 to 1000 in px", lambda value: 1e-6 <= value <= 1e3)
 
 
 def run_pose(options: argparse.Namespace) -> int:

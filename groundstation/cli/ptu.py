@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 
+from groundstation.cli.number_arguments import finite_number, positive_number
 from groundstation.cli.paths import WRITTEN_FILE
 from groundstation.cli.ptu_open import open_unit, warn_unguarded
 from groundstation.errors import GroundstationError
@@ -40,17 +41,17 @@ def add_ptu(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> 
     kinds = ptu.add_subparsers(dest="ptu", metavar="WHAT", required=True)
     probe = _kind(kinds, "probe", "what is it, and how fast does it answer", _PROBE)
     _add_line(probe)
-    probe.add_argument("--seconds", type=_positive, default=3.0, metavar="S", help="how long to ask, s (3)")
+    probe.add_argument("--seconds", type=positive_number, default=3.0, metavar="S", help="how long to ask, s (3)")
     monitor = _kind(kinds, "monitor", "watch it", _MONITOR)
     _add_line(monitor)
-    monitor.add_argument("--seconds", type=_positive, metavar="S", help="stop after so long, s; else with Ctrl-C")
+    monitor.add_argument("--seconds", type=positive_number, metavar="S", help="stop after so long, s; else with Ctrl-C")
     jog = _kind(kinds, "jog", "move it carefully", _JOG)
     _add_line(jog)
-    jog.add_argument("--pan", type=_finite, metavar="DEG", help="pan to turn to, deg")
-    jog.add_argument("--tilt", type=_finite, metavar="DEG", help="tilt to turn to, deg")
+    jog.add_argument("--pan", type=finite_number, metavar="DEG", help="pan to turn to, deg")
+    jog.add_argument("--tilt", type=finite_number, metavar="DEG", help="tilt to turn to, deg")
     jog.add_argument("--by", action="store_true", help="turn by so much, from where it stands")
     slowly = "speed, deg/s; else a tenth of its fastest, or its own where it takes none"
-    jog.add_argument("--rate", type=_positive, metavar="DEG_S", help=slowly)
+    jog.add_argument("--rate", type=positive_number, metavar="DEG_S", help=slowly)
     jog.add_argument("--back", action="store_true", help="and turn back, to see what was lost")
     _add_simulate(kinds)
 
@@ -81,7 +82,9 @@ def _add_line(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--baud", type=_baud, default=0, metavar="N", help="speed of the line; FLIR units are raised to it"
     )
-    parser.add_argument("--patience", type=_positive, default=5.0, metavar="S", help="how long to look for it, s (5)")
+    parser.add_argument(
+        "--patience", type=positive_number, default=5.0, metavar="S", help="how long to look for it, s (5)"
+    )
     parser.add_argument(
         "--option",
         action="append",
@@ -105,7 +108,7 @@ def _add_simulate(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     where.add_argument("--tcp", type=int, metavar="PORT", help="listen on this port of 127.0.0.1")
     simulate.add_argument("--series", choices=("e", "d"), help="E series, or D: 10 commands/s (e)")
     simulate.add_argument("--latency-ms", type=_latency, metavar="LOW,HIGH", help="of replies (2,8)")
-    simulate.add_argument("--backlash-deg", type=_finite, default=0.0, metavar="DEG", help="play of the head (0)")
+    simulate.add_argument("--backlash-deg", type=finite_number, default=0.0, metavar="DEG", help="play of the head (0)")
     simulate.add_argument("--no-combined", action="store_true", help="knows neither B nor BT")
     simulate.add_argument("--banner", default="", metavar="TEXT", help="said when somebody connects (TCP)")
     simulate.add_argument("--seed", type=int, default=0, metavar="N", help="of latencies and faults (0)")
@@ -117,7 +120,7 @@ def _add_simulate(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         metavar="NAME",
         help="strike this at random; may be repeated: " + ", ".join(FAULTS),
     )
-    simulate.add_argument("--faults-per-minute", type=_positive, default=6.0, metavar="N", help="how often (6)")
+    simulate.add_argument("--faults-per-minute", type=positive_number, default=6.0, metavar="N", help="how often (6)")
 
 
 def run_ptu(options: argparse.Namespace) -> int:
@@ -269,17 +272,6 @@ def _latency(text: str) -> tuple[float, float]:
     return low, high
 
 
-def _finite(text: str) -> float:
-    """Return a number that is one."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number")
-    return value
-
-
 def _option(text: str) -> tuple[str, object]:
     """Return name and value of --option."""
     name, sep, value = text.partition("=")
@@ -295,13 +287,6 @@ def _option(text: str) -> tuple[str, object]:
     return name, value
 
 
-def _positive(text: str) -> float:
-    value = _finite(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number above 0")
-    return value
-
-
 def _baud(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted a speed in bit/s, as 9600")
@@ -310,9 +295,9 @@ def _baud(text: str) -> int:
 
 def _range(text: str) -> tuple[float, float]:
     parts = text.split(",")
-    if len(parts) != 2 or not _finite(parts[0]) < _finite(parts[1]):
+    if len(parts) != 2 or not finite_number(parts[0]) < finite_number(parts[1]):
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted LOW,HIGH, LOW below HIGH")
-    return _finite(parts[0]), _finite(parts[1])
+    return finite_number(parts[0]), finite_number(parts[1])
 
 
 _KINDS: dict[str, Callable[[argparse.Namespace], int]] = {

@@ -1,9 +1,9 @@
 """The part of the command line that simulates: `groundstation simulate --out SESSION …`."""
 
 import argparse
-import math
 import sys
 
+from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.paths import NEW_FOLDER, READ
 from groundstation.cli.progress import ProgressLine
 
@@ -70,36 +70,27 @@ def add_simulate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]"
     simulate.add_argument("--grey", action="store_true", help="cameras without colours")
 
 
-def _number(text: str, wanted: str, least: float, most: float, *, above: bool = False) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and least <= value <= most and not (above and value == least)):
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted {wanted}")
-    return value
-
-
 def _positive(text: str) -> float:
-    return _number(text, "a number of s above 0", 0.0, 1e6, above=True)
+    return parse_number(text, "a number of s above 0", lambda value: 0.0 < value <= 1e6)
 
 
 def pairs_per_s(text: str) -> float:
     """Return the rate that --rate asks for, Hz."""
-    return _number(text, f"pairs per s, above 0, up to {_MAX_RATE_HZ:g}", 0.0, _MAX_RATE_HZ, above=True)
+    return parse_number(
+        text, f"pairs per s, above 0, up to {_MAX_RATE_HZ:g}", lambda value: 0.0 < value <= _MAX_RATE_HZ
+    )
 
 
 def wind_m_s(text: str) -> float:
     """Return the wind that --wind asks for, m/s."""
-    return _number(text, f"m/s from 0 to {_MAX_WIND_M_S:g}", 0.0, _MAX_WIND_M_S)
+    return parse_number(text, f"m/s from 0 to {_MAX_WIND_M_S:g}", lambda value: 0.0 <= value <= _MAX_WIND_M_S)
 
 
 def whole_number(text: str) -> int:
     """Return the whole number that --seed asks for."""
-    value = _number(text, "a whole number from 0", 0.0, 2.0**53)
-    if value != int(value):
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a whole number from 0")
-    return int(value)
+    return int(
+        parse_number(text, "a whole number from 0", lambda value: 0.0 <= value <= 2.0**53 and value.is_integer())
+    )
 
 
 def run_simulate(options: argparse.Namespace) -> int:

@@ -1,8 +1,8 @@
 """The part of a session that a command takes: `--from S` and `--to S`."""
 
 import argparse
-import math
 
+from groundstation.cli.number_arguments import parse_number
 from groundstation.errors import UsageError
 
 
@@ -20,10 +20,4 @@ def require_span(options: argparse.Namespace) -> None:
 
 
 def _time(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a session time in s, as 12.5")
-    return value
+    return parse_number(text, "a session time in s, as 12.5")

@@ -1,4 +1,4 @@
-"""Lines for whoever is at the terminal; that nobody is there any more stops nothing."""
+"""Lines on the terminal; a terminal that is closed does not stop the program."""
 
 import contextlib
 import os
@@ -6,16 +6,16 @@ from typing import TextIO
 
 
 def print_line(text: str, stream: TextIO) -> None:
-    """Print a line at once; where it is not taken (a closed terminal, a full disk), this one and all after it are lost.
+    """Print and flush a line; if this fails (closed terminal, full disk), it and all further lines are discarded.
 
-    Nothing is left in the stream's buffer that would fail again when the program ends.
+    The stream is then redirected to the null device, so that flushing its buffer at exit does not fail again.
     """
     try:
         print(text, file=stream, flush=True)
     except OSError:
         with contextlib.suppress(OSError):
-            nowhere = os.open(os.devnull, os.O_WRONLY)
+            null = os.open(os.devnull, os.O_WRONLY)
             try:
-                os.dup2(nowhere, stream.fileno())
+                os.dup2(null, stream.fileno())
             finally:
-                os.close(nowhere)
+                os.close(null)

@@ -1,4 +1,4 @@
-"""Structured rows appended one by one and kept compactly: one piece of numpy memory instead of Python objects."""
+"""A structured numpy array to which rows are appended one at a time."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ _BLOCK_ROWS = 2048
 
 
 class GrowableTable:
-    """A table of one structured dtype that grows in its place; `rows` shows what is in it."""
+    """A table of one structured dtype that is resized in place; `rows` returns a view of its rows."""
 
     def __init__(self, dtype: DTypeLike) -> None:
         self.dtype = np.dtype(dtype)
@@ -41,5 +41,5 @@ class GrowableTable:
             # in place: a copy would need the table twice, at the end of a session when there is most of it
             self._table.resize(len(self._table) + _BLOCK_ROWS)
         except ValueError:
-            # somebody still looks at the rows so far, and keeps them
+            # a view of the rows is still in use, and keeps the old memory
             self._table = np.concatenate([self._table, np.zeros(_BLOCK_ROWS, self.dtype)])

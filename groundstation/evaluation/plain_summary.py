@@ -1,4 +1,4 @@
-"""One run in plain words: where the aircraft was found, how well, and whether the filter knows how well."""
+"""One run in a few sentences: coverage, accuracy, and consistency of the stated covariance."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ _CONSISTENT_LOW, _CONSISTENT_HIGH = 0.6, 1.6
 
 
 def plain_summary(summary: dict[str, Any]) -> str:
-    """Return two to four sentences for a reader who wants one answer."""
+    """Return two to four sentences that summarise a run."""
     sentences = [_coverage(summary)]
     for name, words in (("truth", "the exact positions"), ("dgps", "DGPS")):
         table = summary["accuracy"].get(name)
@@ -30,7 +30,7 @@ def plain_summary(summary: dict[str, Any]) -> str:
 
 
 def _coverage(summary: dict[str, Any]) -> str:
-    """Say how much of the session has an estimate."""
+    """Return a sentence on the share of stereo pairs with an estimate."""
     counts = summary["counts"]["track"]
     total = sum(counts.values())
     if not total:
@@ -45,7 +45,7 @@ def _coverage(summary: dict[str, Any]) -> str:
 
 
 def _accuracy(table: dict[str, Any], words: str) -> str:
-    """Say how large the errors are, and what the filter gains."""
+    """Return a sentence on the errors and on the improvement by the filter."""
     x, y, z = table["total"]["ekf"]["rmse_m"]
     text = (
         f"Against {words} it was off by {_length(x)} sideways, {_length(y)} along the runway and {_length(z)} in height"

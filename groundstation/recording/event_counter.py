@@ -1,4 +1,4 @@
-"""Counting events and epochs as they go by, for the closing note."""
+"""Number of events and epochs, and the time span of the epochs, for a recording's closing record."""
 
 import json
 import math
@@ -16,7 +16,7 @@ class EventCounter:
         self._first_s, self._last_s = math.inf, -math.inf
 
     def add(self, values: dict[str, Any]) -> None:
-        """Count an event, given as plain values; a note is none."""
+        """Count an event given as plain values; a note, which has no number, is not counted."""
         if "n" not in values:
             return
         self._events += 1
@@ -26,7 +26,7 @@ class EventCounter:
             self._first_s, self._last_s = min(self._first_s, t_s), max(self._last_s, t_s)
 
     def add_line(self, line: bytes) -> None:
-        """Count an event, given as its line; a line that is damaged does not count."""
+        """Count an event given as its JSON line; a damaged line is not counted."""
         if len(line) > MAX_LINE_BYTES:
             return
         try:
@@ -37,6 +37,6 @@ class EventCounter:
             self.add(values)
 
     def result(self) -> RecordingEnd:
-        """Return the closing note."""
+        """Return the closing record."""
         first, last = (self._first_s, self._last_s) if self._epochs else (0.0, 0.0)
         return RecordingEnd(events=self._events, epochs=self._epochs, first_s=first, last_s=last)

@@ -1,15 +1,15 @@
-"""Which parts of a picture to keep, so that every window that was read can be read again."""
+"""The parts of a picture to record: windows that cover every window the detector read."""
 
 from collections.abc import Sequence
 
 from groundstation.picture import Window
 
-# beyond so many parts they are kept as one
+# more parts than this are replaced by their bounding box
 MAX_PARTS = 8
 
 
 def merge_windows(windows: Sequence[Window]) -> list[Window]:
-    """Return windows that hold all of those given, joined where one costs no more pixels than two; largest first."""
+    """Return windows that cover all those given, largest first; two are merged if this adds no pixels."""
     parts: list[Window] = []
     for window in dict.fromkeys(windows):
         parts = _joined(parts, window)
@@ -19,7 +19,7 @@ def merge_windows(windows: Sequence[Window]) -> list[Window]:
 
 
 def _joined(parts: list[Window], window: Window) -> list[Window]:
-    """Return the parts with one more, which may now join others that were apart."""
+    """Return the parts with one more window, merged repeatedly while this adds no pixels."""
     apart = list(parts)
     grew = True
     while grew:

@@ -1,4 +1,4 @@
-"""Evaluating several runs together: replay what is not yet, take the figures, set each against a baseline."""
+"""Comparison of several runs: replay the sessions, read the figures, compare each run with a baseline."""
 
 import csv
 import io
@@ -24,16 +24,16 @@ from groundstation.replay.run_planning import (
 )
 
 COMPARISON_FORMAT = "groundstation-comparison/1"
-# the same pairs, though their stamps may have been read otherwise: number, first and last time in s
+# tolerances for equal sets of pairs: number, first and last time in s
 _ALIKE = (0.0, 0.02, 0.02)
 _COLUMNS = ("run", "figure", "value", "baseline", "difference", "percent")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompareRequest:
-    """What the user asked for; sessions are replayed into ``work``, with each of ``configs``.
+    """Arguments of a comparison; sessions are replayed into ``work``, with each of ``configs``.
 
-    ``baseline`` is the name of a run or a folder of results; None takes the first run.
+    ``baseline`` is the name of a run or a folder of results; None selects the first run.
     """
 
     sources: tuple[Path, ...]
@@ -45,7 +45,7 @@ class CompareRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompareResult:
-    """The runs, the one of them that the others are held against, and what is to be said."""
+    """The runs, the baseline among them, and notes for the user."""
 
     runs: tuple[ScoredRun, ...]
     baseline: ScoredRun
@@ -55,7 +55,7 @@ class CompareResult:
 def compare(
     request: CompareRequest, progress: Callable[[str, int, int], None] = lambda name, done, total: None
 ) -> CompareResult:
-    """Evaluate every run; raises `InputError` for what is no run or was not finished."""
+    """Evaluate every run; raises `InputError` for a path that is no run or an unfinished one."""
     runs = plan_runs(request.sources, request.configs)
     refuse_replay_overwriting((*request.sources, *request.configs, request.rig), runs, request.work)
     if request.rig is not None and not any(run.kind is SourceKind.SESSION for run in runs):
@@ -65,7 +65,7 @@ def compare(
         names = ", ".join(run.name for run in runs)
         if not Path(request.baseline).exists():
             raise InputError(request.baseline, got="no such run or folder", wanted=f"one of {names}, or a folder")
-        # a folder of results that is not among the runs comes before them
+        # a results folder that is not among the runs is inserted before them
         before = Path(request.baseline)
     notes: list[str] = []
     found = [_scored(run, request, progress, notes) for run in runs]
@@ -81,7 +81,7 @@ def compare(
 
 
 def _other_part(run: ScoredRun, baseline: ScoredRun) -> Iterator[str]:
-    """Say where a run's pairs are not the baseline's: its errors may differ for that alone."""
+    """Yield a note if a run's pairs differ from the baseline's, which alone changes its errors."""
     if any(abs(a - b) > most for a, b, most in zip(_part(run), _part(baseline), _ALIKE, strict=True)):
         yield (
             f"{run.name} has {_part_in_words(run)}, {baseline.name} {_part_in_words(baseline)}: not the same pairs, so "
@@ -103,7 +103,7 @@ def _part_in_words(run: ScoredRun) -> str:
 def _scored(
     run: PlannedRun, request: CompareRequest, progress: Callable[[str, int, int], None], notes: list[str]
 ) -> ScoredRun:
-    """Return one run with its figures, replaying it if it has to be."""
+    """Return one run with its figures, replaying it if it is a session."""
     folder, fault = run_results(
         run,
         request.work,
@@ -117,12 +117,12 @@ def _scored(
 
 
 def _with_figures(run: PlannedRun, path: Path) -> ScoredRun:
-    """Return a run with the figures of its summary; raises `InputError` if some are missing or are no numbers."""
+    """Return a run with the figures of its summary; raises `InputError` if some are missing or not finite."""
     summary = load_summary(path)
     wanted = "a summary.json as `groundstation replay` wrote it"
     try:
         found = scored(run.name, str(run.source), summary)
-        # what the tables take of it is all there, or it is said here
+        # raises if a field that the tables need is missing
         format_comparison((found,), found)
         _part(found)
         parts = (summary["session"]["name"], summary["configuration"].items(), summary["versions"].items())
@@ -135,7 +135,7 @@ def _with_figures(run: PlannedRun, path: Path) -> ScoredRun:
 
 
 def load_summary(path: Path) -> dict[str, Any]:
-    """Read a summary.json; raises `InputError` if it is missing or none of ours."""
+    """Read a summary.json; raises `InputError` if it is missing or of another format."""
     wanted = "the summary.json of a replay that was finished"
     try:
         summary = json.loads(path.read_text(encoding="utf-8"), parse_float=_finite, parse_constant=_finite)
@@ -150,7 +150,7 @@ def load_summary(path: Path) -> dict[str, Any]:
 
 
 def _finite(text: str) -> float:
-    """Return a number of a file; no comparison can be written with one that is none."""
+    """Return a finite number of a file; raises `ValueError` for NaN and infinity."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(f"{text[:20]} is no finite number")
@@ -158,7 +158,7 @@ def _finite(text: str) -> float:
 
 
 def comparison_csv(result: CompareResult) -> str:
-    """Return the comparison as a table: one row for each run and figure; empty where there is nothing."""
+    """Return the comparison as CSV: one row for each run and figure; a missing value is an empty cell."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(_COLUMNS)
@@ -195,7 +195,7 @@ def _differences(run: ScoredRun, baseline: ScoredRun) -> dict[str, float]:
 
 
 def check_folders(paths: Sequence[Path]) -> None:
-    """Raise `InputError` for a file whose folder is not there: a slip of the pen shall not make one."""
+    """Raise `InputError` for a file in a folder that does not exist; none is created."""
     for path in paths:
         if not path.parent.is_dir():
             raise InputError(str(path), got=f"no folder {path.parent}", wanted="a file in a folder that is there")

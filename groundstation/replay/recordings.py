@@ -1,4 +1,4 @@
-"""What a replay takes from a recording, and what it says of one; of a folder all of this is nothing."""
+"""Replay of a recording: its tuning, its events, the recorder of a new one, and notes on missing data."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -15,21 +15,21 @@ from groundstation.tracking.config import Config, load_config
 
 
 def load_replay_config(session: Session, path: Path | None) -> Config:
-    """Return the tuning of a file, else that of the recording, else the defaults."""
+    """Return the tuning of a file; without one, that of the recording; without either, the defaults."""
     if path is None and session.recorded is not None:
         return load_config(session.folder / CONFIG)
     return load_config(path)
 
 
 def without_reference_fixes(events: Iterable[Event]) -> Iterator[Event]:
-    """Pass on all but the recorded reference positions: others are to be learnt from."""
+    """Yield all events but the recorded reference fixes, which are replaced by those of the DGPS log."""
     return (event for event in events if not isinstance(event, ReferenceFix))
 
 
 def apply_filter_resets(events: Iterable[Event]) -> Iterator[Event]:
-    """Leave out each event at which the filter failed in operation, and let the pipeline begin anew there again.
+    """Drop each event at which the filter failed in operation, and pass on the reset that followed it.
 
-    It had brought forth nothing; where it fails again, or on another machine does not, the track stays the same.
+    Such an event gave no output; without it the track is the same on a machine where the filter does not fail.
     """
     held: Event | None = None
     for event in events:
@@ -51,16 +51,16 @@ def recorder_for(
     initial: InitialState | None,
     learns: bool,
 ) -> Recorder:
-    """Return the recorder of a replay, which waits for its disk instead of dropping pictures.
+    """Return the recorder of a replay, which waits for the disk instead of dropping pictures.
 
-    Raises `InputError` where the file exists or cannot be made.
+    Raises `InputError` if the file exists or cannot be created.
     """
     header = header_of(session, rig, config, initial=initial, learns_from_reference=learns)
     return Recorder(path, session.rig, header, PATIENT)
 
 
 def recording_notes(source: ReplaySource | RecordingSource, recorder: Recorder | None) -> list[str]:
-    """Return what the recording that was read does not have, and what went wrong with the one written."""
+    """Return notes on data missing from the recording that was read, and on faults of the one written."""
     notes = []
     if isinstance(source, RecordingSource) and source.missing:
         missing = source.missing

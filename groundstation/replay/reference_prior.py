@@ -1,4 +1,4 @@
-"""What is known of a session's DGPS before it is replayed: by the session itself, else by the rig in use."""
+"""Prior of a session's DGPS clock and antenna: from the session itself, else from the rig in use."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from groundstation.session import Session
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReferencePrior:
-    """Clock and antenna of the DGPS, as far as they are known.
+    """Prior clock offset and antenna position of the DGPS.
 
     Attributes
     ----------
-    offset_s : t_dgps = t_session + offset, as the rig says; 0 where nobody knows, or the session's clock is the log's.
-    antenna_in_body_m : (3,) from the nose: x forward, y right, z down; None where nobody says.
-    errors : what remains open, for a filter that learns from the log.
-    notes : what was taken from the rig, one line each.
+    offset_s : t_dgps = t_session + offset, from the rig; 0 if unknown, or if the session's clock is the log's.
+    antenna_in_body_m : (3,) from the nose: x forward, y right, z down; None if unknown.
+    errors : prior of the parameters that a filter estimates from the log.
+    notes : values taken from the rig, one line each.
     """
 
     offset_s: float
@@ -28,7 +28,7 @@ class ReferencePrior:
 
 
 def reference_prior(session: Session, config: EstimationConfig) -> ReferencePrior:
-    """Put together what session.toml and the rig's ``[reference]`` say; the session's own word rules."""
+    """Combine session.toml with the rig's ``[reference]``; session.toml has precedence."""
     reference = session.rig.reference
     sigmas: dict[str, float] = {}
     notes: list[str] = []

@@ -1,6 +1,6 @@
 """Replaying a recorded session: load, track, write the result files, evaluate, report.
 
-It ends cleanly whatever the recording does: what was usable is written before the fault is raised.
+A fault in the recording ends the run early; the results up to it are written, and the fault is returned.
 """
 
 import time
@@ -40,7 +40,7 @@ from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.warm_up import warm_up
 from groundstation.viewer.session import reference_tracks, session_view
 
-# a start from DGPS is only as good as its clock: so much time may lie between the two
+# standard deviation of an unknown DGPS clock offset, for the initial position of a start from DGPS
 _DGPS_CLOCK_SIGMA_S = 0.5
 _DGPS_START_SPAN_S = 1.0
 _MIN_BASELINE_M = 0.1
@@ -49,11 +49,11 @@ _CLOCKS_APART_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayRequest:
-    """What the user asked for; ``rig`` and ``config`` None take the session's rig and tuning (or the defaults).
+    """Arguments of a replay; ``rig`` and ``config`` None select the session's rig and tuning (or the defaults).
 
-    Up to ``learn_until_s`` of its clock the DGPS corrects the track and teaches the rig's errors; None compares only.
-    ``smooth`` writes the track once more, smoothed over the whole flight. ``record`` is a recording to write. Without
-    ``report`` there is no report.html, whose figures take longer than a short replay.
+    Up to ``learn_until_s`` of its clock the DGPS updates the filter and its calibration states; None uses it for
+    comparison only. ``smooth`` also writes the smoothed track. ``record`` is the path of a recording to write.
+    ``report`` False leaves out report.html, whose figures take longer than a short replay.
     """
 
     session: Path
@@ -70,15 +70,15 @@ class ReplayRequest:
 
     @property
     def unmodified(self) -> bool:
-        """Whether a recording is to be replayed as it was made."""
+        """Whether a recording is replayed with its own rig, tuning and time span."""
         return all(v is None for v in (self.rig, self.config, self.from_s, self.to_s, self.learn_until_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReplayResult:
-    """What came of it: the evaluation, the files written, and the fault that cut the run short, if any.
+    """Result of a replay: the evaluation, the files written, and the fault that ended the run early, if any.
 
-    ``output_comparison`` tells of a recording that was replayed as it was made whether it gave the same track again.
+    ``output_comparison`` compares the outputs with the recorded ones, for a recording replayed unmodified; else None.
     """
 
     evaluation: Evaluation
@@ -88,14 +88,14 @@ class ReplayResult:
 
 
 def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda done, total: None) -> ReplayResult:
-    """Replay one session; ``progress`` is told epochs done and epochs in all.
+    """Replay one session; ``progress`` is called with the number of epochs done and the total.
 
-    Raises `InputError` where nothing can be done at all. A fault met on the way is in the result.
+    Raises `InputError` if the session cannot be loaded. A fault during the run is in the result.
     """
     began = time.perf_counter()
     session = _usable_session(request)
     config = load_replay_config(session, request.config)
-    # a broken reference does not stop the run
+    # a damaged reference table does not stop the run
     broken: list[SessionError] = []
     notes: list[str] = []
     dgps = load_dgps(session, broken.append, notes.append)
@@ -168,7 +168,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         fused_late=pipeline.fused_late,
     )
     if pipeline.reference_used_until_s is not None:
-        # what the filter was told is no proof of what it knows
+        # fixes that updated the filter are no independent reference
         until_s = pipeline.reference_used_until_s + prior.offset_s
         dgps = tuple(fix for fix in dgps if fix.t_s > until_s)
     smoothed_track = None if smoothed is None else smoothed.collected()
@@ -181,7 +181,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         truth=truth,
         smoothed=smoothed_track,
     )
-    # the fixes of an hour, one object each, would stand beside the figures
+    # frees the fixes (one object each) before the figures are drawn
     del dgps
     written = ["track.csv", "triangulation.csv", "detections.csv", "track.tum"]
     if smoothed is not None:
@@ -217,7 +217,7 @@ def _learning_fixes(
 
 
 def _usable_session(request: ReplayRequest) -> Session:
-    """Load the session and refuse what cannot be tracked, or what would write over the recording."""
+    """Load the session; raises if it cannot be tracked or if the output would overwrite it."""
     session = load_session(request.session, request.rig)
     if len(session.rig.stations) < 2:
         raise RigError(session.rig.path, got="one station", wanted="two or more: one alone sees no distance")
@@ -236,7 +236,7 @@ def _dgps_time(t_s: float | None, prior: ReferencePrior) -> float | None:
 
 
 def _clock_notes(session: Session) -> list[str]:
-    """Say where a station's camera and PTU are put so far apart in time that it is likely a slip."""
+    """Return a note for each station whose camera and PTU clock offsets differ implausibly."""
     notes = []
     for station in session.rig.stations:
         camera = station.camera_clock.offset_s if station.camera_clock is not None else 0.0
@@ -256,7 +256,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _speed(outcome: RunOutcome, span_s: float, prepared_s: float) -> dict[str, float]:
-    """Return the figures on processing speed; preparation is imports, compilation and opening."""
+    """Return the processing speed; preparation covers imports, compilation and opening of the inputs."""
     elapsed = max(outcome.elapsed_s, 1e-9)
     return {
         "preparation_s": prepared_s,
@@ -269,14 +269,14 @@ def _speed(outcome: RunOutcome, span_s: float, prepared_s: float) -> dict[str, f
 def _initial(
     request: ReplayRequest, config: Config, session: Session, dgps: Sequence[DgpsFix], first_s: float
 ) -> InitialState | None:
-    """Return the start that was recorded, or that the tuning asks for if that, or the part replayed, is another."""
+    """Return the recorded initial state; with another tuning or start time, the one that the tuning selects."""
     if session.recorded is not None and request.config is None and request.from_s is None:
         return session.recorded.header.initial
     return _start(config.start, session, dgps, first_s)
 
 
 def _start(kind: TrackStart, session: Session, dgps: Sequence[DgpsFix], first_s: float) -> InitialState | None:
-    """Return the state to start from, or None to search."""
+    """Return the initial state, or None to start with a search."""
     if kind is TrackStart.SEARCH or (kind is TrackStart.AUTO and session.initial is None):
         return None
     if kind in (TrackStart.AUTO, TrackStart.INITIAL):
@@ -287,9 +287,9 @@ def _start(kind: TrackStart, session: Session, dgps: Sequence[DgpsFix], first_s:
 
 
 def start_from_dgps(dgps: Sequence[DgpsFix], first_s: float, name: str) -> InitialState:
-    """Return position and velocity by a straight line through the first second of DGPS in the range.
+    """Return position and velocity from a line fit to the first second of DGPS fixes in the range.
 
-    The two clocks may differ by an offset not known yet; it goes into sigma along the direction of flight.
+    The unknown offset between the two clocks is included in sigma along the direction of flight.
     """
     near = [f for f in dgps if first_s <= f.t_s <= first_s + _DGPS_START_SPAN_S]
     if len(near) < 2:

@@ -1,4 +1,4 @@
-"""Running: for each event of a source, one step of the pipeline, then every sink."""
+"""The run loop: one pipeline step for each event of a source; its report goes to every sink."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -14,7 +14,7 @@ from groundstation.tracking.pipeline import Pipeline
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOutcome:
-    """How a run went: wall time in s, epochs answered, and the fault that ended it."""
+    """Outcome of a run: wall time in s, number of epochs, and the fault that ended it, if any."""
 
     elapsed_s: float
     epochs: int
@@ -51,7 +51,7 @@ def run(
         fault = error
         emit(pipeline.finish())
     except (ArithmeticError, np.linalg.LinAlgError) as error:
-        # numbers that no filter can work with: what has been written so far is kept
+        # numerically unusable input: what has been written so far is kept
         got = f"{type(error).__name__} ({error})"
         fault = InputError(f"session time {newest_s:.3f} s", got=got, wanted="values and tuning of a usual size")
     return RunOutcome(elapsed_s=time.perf_counter() - started, epochs=epochs, fault=fault)

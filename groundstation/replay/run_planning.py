@@ -1,4 +1,4 @@
-"""Several runs to set side by side: which there are, what they are called, and replaying those that are not yet."""
+"""The runs of a comparison: their kinds and names, and the replay of those without results."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -15,13 +15,13 @@ from groundstation.replay.result_files import REPLAY_FILES
 RECORDING = "session.rrd"
 SUMMARY = "summary.json"
 TRACK = "track.csv"
-# what a live run leaves beside its tables
+# the recording in a live run's output folder
 LIVE_RECORDING = "flight.mcap"
 _WANTED = "a session folder, a recording (.mcap), a replay's output folder or its session.rrd"
 
 
 class SourceKind(StrEnum):
-    """What an argument is: something to replay, the results of a replay, or a Rerun recording."""
+    """Kind of a source: a session to replay, the results of a replay, or a Rerun recording."""
 
     SESSION = "session"
     RESULTS = "results"
@@ -30,7 +30,7 @@ class SourceKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedRun:
-    """One run: its name, unlike any other's; where it comes from; the tuning it is replayed with, if any."""
+    """One run: unique name, source, and the tuning it is replayed with, if any."""
 
     name: str
     source: Path
@@ -39,7 +39,7 @@ class PlannedRun:
 
 
 def source_kind(path: Path) -> SourceKind:
-    """Return what a path is; raises `InputError` if it is none of these."""
+    """Return the kind of a path; raises `InputError` if it is none of these."""
     if path.is_dir():
         if (path / "session.toml").is_file() or (path / "rig.toml").is_file():
             return SourceKind.SESSION
@@ -57,7 +57,7 @@ def source_kind(path: Path) -> SourceKind:
 
 
 def _live_recording(path: Path) -> Path | None:
-    """Return the recording of a live run's folder, which is to be replayed; None for any other folder."""
+    """Return the recording in a live run's folder; None for any other folder."""
     replayed = any((path / name).is_file() for name in (RECORDING, SUMMARY))
     return path / LIVE_RECORDING if not replayed and (path / LIVE_RECORDING).is_file() else None
 
@@ -65,8 +65,8 @@ def _live_recording(path: Path) -> Path | None:
 def plan_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[PlannedRun]:
     """Return the runs of some sources, each session once with every tuning.
 
-    Names are those of the folders or files, a folder further up or a number where two would be alike. Raises
-    `InputError` for what is no run, or has been replayed already and so takes no tuning.
+    A name is that of the folder or file, made unique by the parent folder's name or a number. Raises `InputError` for
+    a path that is no run, or for a tuning together with the results of a replay.
     """
     plain: list[tuple[str, Path, SourceKind, Path | None]] = []
     for source, name in zip(sources, _source_names(sources), strict=True):
@@ -90,9 +90,9 @@ def plan_runs(sources: Sequence[Path], configs: Sequence[Path] = ()) -> list[Pla
 def refuse_replay_overwriting(
     read: Iterable[Path | None], runs: Sequence[PlannedRun], work: Path, more: Sequence[Output] = ()
 ) -> None:
-    """Raise `InputError` where what is replayed into ``work``, or ``more`` that is written, would replace what is read.
+    """Raise `InputError` if a replay into ``work``, or an output in ``more``, would overwrite an input.
 
-    Which folders a command makes there is not known before its runs are.
+    The output folders depend on the names of the runs, so this follows `plan_runs`.
     """
     folders = [below(work, run.name) for run in runs if run.kind is SourceKind.SESSION]
     refuse_overwriting(read, [*(Output(path=folder, names=REPLAY_FILES) for folder in folders), *more])
@@ -107,7 +107,7 @@ def run_results(
     smooth: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[Path, InputError | None]:
-    """Return the folder of a run's results, replaying a session into ``work``/name, and the fault that cut it short."""
+    """Return the folder of a run's results, replaying a session into ``work``/name, and the fault that ended it."""
     if run.kind is not SourceKind.SESSION:
         return (run.source if run.source.is_dir() else run.source.parent), None
     out = below(work, run.name)
@@ -116,7 +116,7 @@ def run_results(
 
 
 def _source_names(sources: Sequence[Path]) -> list[str]:
-    """Return a name for each source, longer where short ones are alike."""
+    """Return a name for each source; equal ones include the parent folder."""
     parts = [_name_parts(source) for source in sources]
     short = [p[-1] for p in parts]
     return [
@@ -125,7 +125,7 @@ def _source_names(sources: Sequence[Path]) -> list[str]:
 
 
 def _name_parts(source: Path) -> list[str]:
-    """Return the last folders of a path, its own name last; a session.rrd is called as its folder is."""
+    """Return the last two parts of a path as names; a session.rrd has the name of its folder."""
     whole = source.resolve()
     if whole.is_file():
         whole = whole.parent if whole.name == RECORDING else whole.with_suffix("")
@@ -133,7 +133,7 @@ def _name_parts(source: Path) -> list[str]:
 
 
 def _unique(names: Sequence[str]) -> list[str]:
-    """Number names that are alike, from the second on."""
+    """Append a number to repeated names, from the second on."""
     found: list[str] = []
     for name in names:
         unique, number = name, 2
@@ -144,5 +144,5 @@ def _unique(names: Sequence[str]) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """Return a name of letters, digits, - and _, as file names and entity paths take it."""
+    """Return a name of letters, digits, - and _, valid in file names and entity paths."""
     return re.sub(r"[^\w-]+", "-", text).strip("-") or "run"

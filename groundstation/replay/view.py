@@ -1,4 +1,4 @@
-"""Looking at runs: one, or several side by side on one runway, in the viewer, in a browser, or as a file."""
+"""Display of one run or several on one runway, in the viewer, in a browser, or saved to a file."""
 
 import shutil
 from collections.abc import Callable, Sequence
@@ -35,9 +35,9 @@ _VIEW = "view.rrd"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViewRequest:
-    """What the user asked for; ``align`` None moves runs to their start only if they have no time in common.
+    """Arguments of a view; ``align`` None aligns the runs' starts only if they do not overlap in time.
 
-    ``work`` is where sessions are replayed to and what is shown is written. ``save`` is a file for it.
+    ``work`` is the folder for replays and for the recording that is shown; ``save`` is another path for the latter.
     """
 
     sources: tuple[Path, ...]
@@ -50,10 +50,10 @@ class ViewRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViewResult:
-    """The recording to open, the names of the runs in it, how they are aligned, and what is to be said.
+    """The recording to open, the names of the runs in it, their alignment, and notes for the user.
 
-    ``event_s`` is the time at which the start or touchdown of each is, or what is in its stead, as ``event`` says;
-    None where nothing is aligned.
+    ``event_s`` is the common time of the runs' ``event``, the start, the touchdown or a substitute for it;
+    None without alignment.
     """
 
     recording: Path
@@ -67,9 +67,9 @@ class ViewResult:
 def prepare_view(
     request: ViewRequest, progress: Callable[[str, int, int], None] = lambda name, done, total: None
 ) -> ViewResult:
-    """Replay what has to be, and write the one recording that shows it all.
+    """Replay the sessions among the sources and write one recording of all runs.
 
-    Raises `InputError` for what is no run, or cannot be shown beside others.
+    Raises `InputError` for a path that is no run or that cannot be combined with others.
     """
     runs = plan_runs(request.sources, request.configs)
     saved = Output(path=request.work / _VIEW) if request.save is None else Output(path=request.save, option="--save")
@@ -86,7 +86,7 @@ def prepare_view(
     for name, path in recordings.items():
         if name not in made:
             check_recording(path)
-    # one made of tables has no layout of its own
+    # a recording made from tables has no blueprint
     if len(recordings) == 1 and request.align in (None, Align.NONE) and runs[0].name not in made:
         path = next(iter(recordings.values()))
         return ViewResult(
@@ -115,7 +115,7 @@ def prepare_view(
 def _recording(
     run: PlannedRun, request: ViewRequest, progress: Callable[[str, int, int], None], notes: list[str]
 ) -> Path:
-    """Return the Rerun recording of a run, replaying or making it if there is none."""
+    """Return the Rerun recording of a run; without one, replay the session or write it from the tables."""
     if run.kind is SourceKind.RERUN:
         return run.source
     try:
@@ -141,7 +141,7 @@ def _recording(
 
 
 def _unplayed(run: PlannedRun, request: ViewRequest, why: InputError, notes: list[str]) -> Path:
-    """Return a recording of what a session holds that cannot be replayed; raises ``why`` where that is nothing."""
+    """Return a recording of the contents of a session that cannot be replayed; raises ``why`` if it has none."""
     made = below(request.work, f"{run.name}.rrd")
     _make_folder(made.parent)
     shown = write_session_recording(load_session(run.source, request.rig), made)
@@ -152,7 +152,7 @@ def _unplayed(run: PlannedRun, request: ViewRequest, why: InputError, notes: lis
 
 
 def _missing(shown: Sequence[ShownRun], align: Align) -> list[str]:
-    """Say which runs have no track, and how they are put in time."""
+    """Return notes on runs without a track or a touchdown, and on their alignment."""
     where = "" if align is Align.NONE else ", put by the first time in it"
     notes = [f"{run.name}: no estimate in it, so no track{where}" for run in shown if not len(run.track)]
     for run in shown:
@@ -166,7 +166,7 @@ def _missing(shown: Sequence[ShownRun], align: Align) -> list[str]:
 
 
 def _kept(path: Path, save: Path | None) -> Path:
-    """Copy a recording to where it shall be saved."""
+    """Copy a recording to ``save``, if given."""
     if save is None:
         return path
     _make_folder(save.parent)
@@ -185,7 +185,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def names_line(result: ViewResult, sources: Sequence[Path]) -> str:
-    """Return one line that says what is shown and how."""
+    """Return one line that describes the runs shown and their alignment."""
     if len(result.names) == 1:
         return f"showing {sources[0]}"
     how = "each in its own time" if result.event_s is None else f"{result.event} of each at {result.event_s:.0f} s"

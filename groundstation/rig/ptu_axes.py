@@ -1,4 +1,4 @@
-"""How a pan-tilt head's readings differ from its angles: zero, scale, play of the gears, and a leaning tilt axis.
+"""Errors of a pan-tilt head's axes: zero, scale, gear backlash, and lean of the tilt axis.
 
 The angle of an axis is reading · (1 + scale) + zero − sense · backlash / 2, sense +1 or −1 as the axis moved last: the
 head lags behind its motor. The lean belongs to the geometry: base_from_head = Rz(pan) · Ry(lean) · Rx(tilt).
@@ -11,7 +11,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.files.toml_table import TomlTable
 
-# no head that turns is worse; beyond it, someone meant another unit
+# limits beyond any real head; a larger value indicates a wrong unit
 MAX_ZERO_DEG = 360.0
 MAX_SCALE_PPM = 100_000.0
 MAX_LEAN_DEG = 10.0
@@ -32,7 +32,7 @@ class PtuAxes:
 
     @property
     def is_ideal_apart_from_lean(self) -> bool:
-        """Whether a reading is the angle: no error but, perhaps, a leaning axis."""
+        """Whether readings equal angles: all errors but the lean are zero."""
         return replace(self, lean_rad=0.0) == IDEAL_AXES
 
     def angles(self, pan_rad: float, tilt_rad: float, pan_from: float, tilt_from: float) -> tuple[float, float]:
@@ -61,11 +61,11 @@ IDEAL_AXES = PtuAxes()
 
 
 class Backlash:
-    """What loose gears leave of a motion: the sense, −1 to 1, in which one axis leans on its gears.
+    """Play operator (hysteresis) of one axis: the sense, −1 to 1, of the gear contact.
 
-    The classical play: an axis that turns round first crosses its backlash, in which the head stands still, so that the
-    sense goes over from −1 to 1 along with the reading. Noise smaller than the play moves nothing. Until the axis has
-    moved, the sense is not known, 0.
+    On a reversal the axis first crosses its backlash, in which the head stands still, and the sense changes from −1 to
+    1 in proportion to the reading. Noise smaller than the backlash has no effect. Before the first motion the sense is
+    unknown, 0.
     """
 
     __slots__ = ("_half", "_head")
@@ -85,13 +85,13 @@ class Backlash:
 
 
 class AxisCorrection:
-    """Turns one station's readings, in order of time, into the angles that they mean."""
+    """Converts one station's readings, in order of time, to angles."""
 
     __slots__ = ("_axes", "_ideal", "_pan", "_tilt")
 
     def __init__(self, axes: PtuAxes) -> None:
         self._axes = axes
-        # the readings of an ideal head stay what they are, to the last bit
+        # the readings of an ideal head are returned unchanged, bit for bit
         self._ideal = axes.is_ideal_apart_from_lean
         self._pan, self._tilt = Backlash(axes.pan_backlash_rad), Backlash(axes.tilt_backlash_rad)
 

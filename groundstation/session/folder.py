@@ -1,4 +1,4 @@
-"""The session folder: what session.toml says, the rig, and whether the rest is there and fits."""
+"""The session folder: session.toml, the rig, and checks of the tables and videos."""
 
 import difflib
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ _MAX_ENTRIES = 1_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TargetModel:
-    """What is known of the aircraft: wing span in m; antenna from the nose, (3,) x forward, y right, z down."""
+    """The aircraft: wing span in m; antenna position from the nose in m, (3,) x forward, y right, z down."""
 
     span_m: float | None
     antenna_in_body_m: FloatArray | None
@@ -54,10 +54,10 @@ class GeoOrigin:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordingInfo:
-    """That a session is a recording: the file, how the run was set up, whether the file was closed.
+    """The recording of a session: the file, the configuration of the run, and whether the file was closed.
 
-    ``path`` of the container; ``header`` what it says of the run; ``fault`` is what is wrong with its end, if anything.
-    ``epochs`` and ``span_s`` (first and last) are None where the file was not closed: one has to count.
+    ``path`` of the container; ``header`` describes the run; ``fault`` is a fault at the end of the file, if any.
+    ``epochs`` and ``span_s`` (first and last) are None for a file that was not closed.
     """
 
     path: Path
@@ -76,12 +76,12 @@ class Session:
     folder : where its tables lie: a folder, or the files that a recording carries.
     rig : the calibrated stations; clocks that the rig file leaves open are those of [clocks].
     frame : "runway" or "east-north-up".
-    date, licence, notes : the file's own words, empty where it has none.
+    date, licence, notes : text of the file; empty if absent.
     initial, origin : None where the file does not give them.
     clocks : the [clocks] table, by station or table name.
     dgps : how a log of positions is read, where there is one instead of dgps.csv.
     media : each station's pictures; empty for a session of detections only.
-    left_out : stations of the folder's own rig that the rig in use does not have; their rows are passed over.
+    left_out : stations of the folder's own rig that are missing from the rig in use; their rows are skipped.
     recorded : of a recording, how it was made; None for a folder.
     """
 
@@ -114,18 +114,18 @@ class Session:
         return any(name in self.clocks for name in cameras)
 
     def camera_clock(self, station: Station) -> ClockModel:
-        """Return how a camera's stamps map to session time: the rig's word, else [clocks], else equal."""
+        """Return how a camera's stamps map to session time: from the rig, else from [clocks], else equal."""
         return ClockModel() if station.camera_clock is None else station.camera_clock
 
     def ptu_clock(self, station: Station) -> ClockModel:
-        """Return how PTU stamps map to session time: the rig's word, else [clocks] of ``ptu``, else equal."""
+        """Return how PTU stamps map to session time: from the rig, else from [clocks] of ``ptu``, else equal."""
         return station.ptu_clock
 
 
 def load_folder(folder: Path, rig_path: Path | None = None) -> Session:
     """Read a session folder and check what can be checked without reading its recordings.
 
-    Raises `SessionError` or `RigError`, one line that says where, what was got and what was wanted.
+    Raises `SessionError` or `RigError` with the place, the value found and the value expected.
     """
     if not folder.is_dir():
         raise SessionError(str(folder), got="no such folder", wanted="a session folder with session.toml")

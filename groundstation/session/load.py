@@ -1,4 +1,4 @@
-"""A session from wherever it is: a folder of videos and tables, or a recording of our own."""
+"""Loading of a session: a folder of videos and tables, or a recording (.mcap)."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from groundstation.session.media import Medium, MediumKind
 def load_session(path: Path, rig_path: Path | None = None) -> Session:
     """Read a session folder or a recording (.mcap) and check what can be checked without reading all of it.
 
-    Raises `SessionError`, `RecordingError` or `RigError`, one line that says where, what was got and what was wanted.
+    Raises `SessionError`, `RecordingError` or `RigError` with the place, the value found and the value expected.
     """
     if path.is_file():
         return _load_recording(path, rig_path)
@@ -25,7 +25,7 @@ def load_session(path: Path, rig_path: Path | None = None) -> Session:
 
 
 def _load_recording(path: Path, rig_path: Path | None) -> Session:
-    """Read what a recording carries beside its events; a rig of the user's own takes the place of the recorded one."""
+    """Read the header and the attached files of a recording; ``rig_path`` replaces the recorded rig."""
     with ContainerReader(path) as reader:
         contents: Contents = reader.contents()
     header = parse_header(contents, path.name)

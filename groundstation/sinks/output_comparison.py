@@ -1,4 +1,4 @@
-"""Whether a replayed recording answers what was answered when it was recorded, to the last bit."""
+"""Bitwise comparison of a replay's outputs with those in the recording."""
 
 import json
 from dataclasses import dataclass
@@ -7,15 +7,15 @@ from groundstation.messages import StepReport
 from groundstation.recording.answer_codec import estimate_values, state_values
 from groundstation.recording.event_codec import line
 
-# as many answers as may wait for their counterpart; a recorder writes both within a second
+# limit of outputs that wait for their counterpart; a recorder writes both within a second
 _MAX_WAITING = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputComparison:
-    """How many answers were compared, how many differ and from which epoch on, and how many have no counterpart.
+    """Number of outputs compared, number and first epoch of those that differ, and number without a counterpart.
 
-    ``states`` and ``states_differing`` count likewise the answers to heartbeats.
+    ``states`` and ``states_differing`` are the same counts for the outputs of heartbeats.
     """
 
     compared: int
@@ -26,7 +26,7 @@ class OutputComparison:
     states_differing: int = 0
 
     def line(self) -> str:
-        """Return it as one line for a person."""
+        """Return the result as one line of text."""
         if not self.compared:
             return "the recording has no answers to compare with"
         alone = f"; {self.alone} without a counterpart" if self.alone else ""
@@ -40,7 +40,7 @@ class OutputComparison:
 
 
 class OutputComparisonSink:
-    """A sink that compares each answer with the recorded one, whichever comes first."""
+    """A sink that compares each output with the recorded one; the two may arrive in either order."""
 
     def __init__(self) -> None:
         # by an epoch's number, or a heartbeat's time as text

@@ -55,20 +55,20 @@ class LiveView:
         self._thread.start()
 
     def write(self, report: StepReport) -> None:
-        """Take one report; never waits."""
+        """Queue one report; does not block."""
         self._put(report)
 
     def show_status(self, t_s: float, lines: Sequence[str]) -> None:
-        """Show what the operator is told; never waits."""
+        """Queue the status lines for the operator; does not block."""
         self._newest_status = (t_s, self._clock())
         self._put((t_s, tuple(lines)))
 
     def status_text(self) -> str:
-        """Return what the operator is told of the screen itself; "" where it shows everything."""
+        """Return the status line of the screen itself; "" if no report was skipped."""
         return f"screen: {self.left_out} reports not drawn, it is too slow" if self.left_out else ""
 
     def close(self, within_s: float = 5.0) -> None:
-        """Draw what waits and close the stream; what takes longer is left."""
+        """Draw the queued reports and close the stream; gives up after ``within_s``."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -105,7 +105,7 @@ class LiveView:
         self._stream.log(tree.WORDS, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
 
     def _check_age(self) -> None:
-        """Say that what is shown is old, where nothing has come for long: whoever tells it may hang."""
+        """Log a warning if no status has arrived for long, as when its sender hangs."""
         if self._newest_status is None:
             return
         t_s, came_s = self._newest_status
@@ -119,7 +119,7 @@ class LiveView:
         self._sink.write(report)
 
     def _show(self, camera: CameraReport) -> None:
-        """Show a picture now and then; what is drawn over it keeps its place."""
+        """Log a picture at a limited rate; overlays are logged at every report."""
         last_s = self._shown_s.get(camera.station, -np.inf)
         if camera.image is None or 0.0 <= camera.t_s - last_s < _PICTURE_EVERY_S:
             return

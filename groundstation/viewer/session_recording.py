@@ -1,4 +1,4 @@
-"""A Rerun recording of a session that cannot be replayed yet: its pictures, its stations, its references."""
+"""A Rerun recording of a session that cannot be replayed: its pictures, stations and references."""
 
 from pathlib import Path
 
@@ -21,10 +21,10 @@ from groundstation.viewer.scene import log_pedestal, log_runway, log_world, long
 
 
 def write_session_recording(session: Session, path: Path) -> tuple[str, ...]:
-    """Write what a session holds without a replay and return it in words, an item each; empty where there is nothing.
+    """Write the contents of a session without a replay and return their descriptions; empty if there are none.
 
-    A reference stands in its own clock. What cannot be read is passed over: why the session is not replayed has
-    been said already.
+    A reference keeps its own clock. Unreadable files are skipped: the fault that prevents a replay is reported
+    by the caller.
     """
     stream = rr.RecordingStream("groundstation", send_properties=False)
     stream.set_log_time_enabled(False)
