@@ -30,7 +30,7 @@ from groundstation.simulation.rehearsal import RehearsalConfig
 from groundstation.simulation.rehearsal_pictures import PictureRehearsal
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.simulate import simulate
-from groundstation.simulation.simulated_day import SPAN_M, Landings
+from groundstation.simulation.simulated_landings import SPAN_M, Landings
 from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
 from groundstation.simulation.world import World
 from groundstation.tracking.config import Config

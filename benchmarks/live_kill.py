@@ -35,15 +35,15 @@ from groundstation.cli.start import leave
 from groundstation.cli.stop_request import StopRequest
 from groundstation.errors import RecordingError
 from groundstation.geometry.camera import Lens
-from groundstation.live.board import LiveStatus
 from groundstation.live.command import LiveRequest, live
 from groundstation.live.head_device import HeadDevice
+from groundstation.live.status_board import LiveStatus
 from groundstation.recording.recover import recover
 from groundstation.rig.rig import Rig
 from groundstation.session import load_session
 from groundstation.simulation.cases import standard_rig
-from groundstation.simulation.lent_range import LentRange
-from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.simulation.shared_range import SharedRange
+from groundstation.simulation.simulated_landings import simulated_set_up
 from groundstation.simulation.simulated_range import NoseTruth
 from groundstation.sources.cameras.camera import CameraDevice, Grab, SettingsReadBack
 from groundstation.sources.session_source import session_source
@@ -149,7 +149,7 @@ class NoiseCamera(CameraDevice):
         """Nothing is held."""
 
 
-class NoiseRange(LentRange):
+class NoiseRange(SharedRange):
     """A range whose cameras see noise, and whose heads are the units of `serve_units`."""
 
     def __init__(self, folder: Path, out: Path) -> None:
@@ -182,13 +182,13 @@ def operate(folder: Path, run: Path) -> NoReturn:
             json.dumps([time.monotonic(), status.t_s, [d.note for d in status.devices], list(status.lines)]), file=told
         )
 
-    def give_up(line: str) -> None:
+    def force_exit(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
         os._exit(1)
 
     request = LiveRequest(station=None, out=run / "live")
     with StopRequest() as stop:
-        result = live(request, stop, tell, lambda _: None, NoiseRange(folder, run / "set-up"), give_up)
+        result = live(request, stop, tell, lambda _: None, NoiseRange(folder, run / "set-up"), force_exit)
     print("\n".join(result.losses), file=sys.stderr)
     # as `groundstation live` ends
     leave(1 if result.losses else 0)

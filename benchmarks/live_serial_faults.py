@@ -31,16 +31,16 @@ import numpy as np
 
 from groundstation.errors import RecordingError
 from groundstation.geometry.camera import Lens
-from groundstation.live.board import LiveStatus
 from groundstation.live.command import LiveRequest, live
+from groundstation.live.status_board import LiveStatus
 from groundstation.messages import TrackStatus
 from groundstation.recording.recover import recover
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
 from groundstation.simulation.cases import standard_rig
-from groundstation.simulation.lent_range import LentRange
-from groundstation.simulation.simulated_day import Landings, simulated_set_up
+from groundstation.simulation.shared_range import SharedRange
+from groundstation.simulation.simulated_landings import Landings, simulated_set_up
 from groundstation.simulation.simulated_range import RangeConfig, SimulatedRange
 from groundstation.simulation.simulated_receiver import ReceiverModel
 from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
@@ -144,7 +144,7 @@ def small_rig() -> Rig:
     return replace(rig, stations=tuple(replace(s, lens=lens) for s in rig.stations))
 
 
-def fly(case: Case, folder: Path, rate_hz: float, lent: LentRange | None = None) -> None:
+def fly(case: Case, folder: Path, rate_hz: float, lent: SharedRange | None = None) -> None:
     """Fly one approach in this process, a line for each status; at the end how it went."""
     os.setsid()
     if case.disk_full:
@@ -213,7 +213,7 @@ def run(case: Case, rate_hz: float) -> str:
         return line_of(case, told, result, lost_s)
 
 
-def begun(case: Case, folder: Path, rate_hz: float, lent: LentRange | None = None) -> "mp.process.BaseProcess":
+def begun(case: Case, folder: Path, rate_hz: float, lent: SharedRange | None = None) -> "mp.process.BaseProcess":
     """Begin a station in a process of its own."""
     folder.mkdir(exist_ok=True)
     child = mp.get_context("spawn").Process(target=fly, args=(case, folder, rate_hz, lent))
@@ -234,7 +234,7 @@ def killed(case: Case, folder: Path, rate_hz: float) -> str:
     range_ = RangeConfig(rig=file.rig, folder=folder / "range", flight=Landings(1e9), frame_rate_hz=rate_hz)
     with SimulatedRange(range_) as lender:
         begin_s = lender.begin(time.monotonic() + BEGINS_S)
-        lent = LentRange(lender, file, begin_s)
+        lent = SharedRange(lender, file, begin_s)
         child = begun(case, folder / "first", rate_hz, lent)
         wait_until(lambda: sum(track == "tracking" for _, _, track, _ in told_by(folder / "first")) > 3)
         os.killpg(child.pid or 0, signal.SIGKILL)

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from ptu_serial_faults import Bench, Faults, Tally, one_run, report
 
 from ptu_drivers.alpaca.unit import AlpacaOptions, connect_alpaca
-from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 from ptu_drivers.messages import Axis
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.simulated.alpaca import MountModel, SimulatedMount
@@ -54,7 +54,7 @@ class FaultyHttp(VirtualHttp):
             self.wait(min(self.late_s.pop(), until_s - self.now()))
             if self.now() >= until_s:
                 # its connection is closed by then: it has nowhere to arrive
-                raise Doubtful(DoubtReason.TIMEOUT, f"no answer to {path}")
+                raise ExchangeFailed(FailureReason.TIMEOUT, f"no answer to {path}")
         self.said.append(body)
         return self.spoil.pop()(status, body) if self.spoil else (status, body)
 

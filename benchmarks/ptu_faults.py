@@ -29,7 +29,7 @@ class Outcome:
     seed: int
     faults: list[str] = field(default_factory=list)
     readings: int = 0
-    doubts: int = 0
+    failures: int = 0
     wrong: list[str] = field(default_factory=list)
     worst_counts: float = 0.0
     longest_read_s: float = 0.0
@@ -65,7 +65,7 @@ def make_unit(rnd: random.Random, seed: int) -> tuple[SimulatedUnit, VirtualLine
 
 
 def drive(device: PanTiltUnit, rnd: random.Random) -> None:
-    """Tell it something new; a line in doubt may refuse."""
+    """Tell it something new; a line in failure may refuse."""
     said = device.describe()
     try:
         if rnd.random() < 0.75:
@@ -137,9 +137,9 @@ def run(seed: int) -> Outcome:
             break
     outcome.recovery_s = (back_s or float("inf")) - well_s
     health = device.health()
-    outcome.doubts, outcome.resyncs = sum(health.doubts.values()), health.resyncs
+    outcome.failures, outcome.resyncs = sum(health.failures.values()), health.resyncs
     outcome.reconnects, outcome.restarts = health.reconnects, health.restarts
-    outcome.reasons = {str(k): v for k, v in health.doubts.items()}
+    outcome.reasons = {str(k): v for k, v in health.failures.items()}
     device.close()
     return outcome
 
@@ -162,7 +162,7 @@ def main() -> None:
     print(f"runs {len(outcomes)}, faults {sum(struck.values())}, runs that failed {sum(o.failed for o in outcomes)}")
     print(f"faults by kind: {dict(struck.most_common())}")
     print(f"angles {2 * total['readings']}, wrong {sum(len(o.wrong) for o in outcomes)}")
-    print(f"doubts by reason: {dict(reasons.most_common())}")
+    print(f"failures by reason: {dict(reasons.most_common())}")
     print(f"resyncs {total['resyncs']}, reconnects {total['reconnects']}, restarts {total['restarts']}")
     print(
         f"recovery s: median {back[len(back) // 2]:.3f}, 95 % {back[int(0.95 * len(back))]:.3f}, worst {back[-1]:.3f}"

@@ -9,7 +9,7 @@ from contextlib import suppress
 
 from ptu_drivers import ProtocolError, PtuError
 from ptu_drivers.alpaca.codec import angles_of, decode, finite, rates_of
-from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.codec import FlirReply, LineSplitter, integer, integers, only_number, parse_line
 
 PIECES = (
@@ -83,11 +83,11 @@ def fuzz_alpaca(count: int, rnd: random.Random) -> dict[str, int]:
     for _ in range(count):
         try:
             value = decode("azimuth", 200 if rnd.random() < 0.95 else 400, answer(rnd), 0).get("Value")
-        except (Doubtful, PtuError):
+        except (ExchangeFailed, PtuError):
             continue
         found["answers"] += 1
         for read in (lambda value: finite("azimuth", value), angles_of, rates_of):
-            with suppress(Doubtful):
+            with suppress(ExchangeFailed):
                 read(value)
                 found["numbers"] += 1
     return found

@@ -46,7 +46,7 @@ class Tally:
     too_long: int = 0
     recovery_s: list[float] = field(default_factory=list)
     not_back: int = 0
-    doubts: Counter[str] = field(default_factory=Counter)
+    failures: Counter[str] = field(default_factory=Counter)
     still_moving: int = 0
 
 
@@ -131,7 +131,7 @@ def one_run(make: Callable[[int], Bench], seed: int, tally: Tally, faults: "Faul
             tally.not_back += 1
             break
         line.wait(0.005)
-    tally.doubts.update({str(reason.value): n for reason, n in unit.health().doubts.items()})
+    tally.failures.update({str(reason.value): n for reason, n in unit.health().failures.items()})
     unit.close()
     line.settle(2.0)
     resting = {axis: bench.sim.head_rad(axis, line.now()) for axis in Axis}
@@ -275,7 +275,7 @@ def report(name: str, t: Tally) -> bool:
     back = sorted(t.recovery_s)
     print(f"{name}: {t.runs} runs, {sum(t.faults.values())} faults, {t.angles} angles")
     print(f"  faults: {dict(t.faults.most_common())}")
-    print(f"  discarded: {dict(t.doubts.most_common())}")
+    print(f"  discarded: {dict(t.failures.most_common())}")
     print(f"  wrong angles {t.wrong}; moving after close {t.still_moving}")
     print(f"  longest call {t.longest_call_s:.3f} s; calls beyond the stated time {t.too_long}")
     print(

@@ -75,7 +75,7 @@ def on_a_pty(query: str, baud: int, seconds: float, hz: float) -> str:
             server.stdout.readline()
             with open_flir(str(link), UnitSettings(baud=baud), query=query) as device:
                 q = device.describe().pan.quantum_rad
-                device.ask_by(Query(query))
+                device.use_query(Query(query))
                 device.move_to(pan_rad=-20000 * q, tilt_rad=-4000 * q)
                 time.sleep(7.0)
                 begun, spent, count = time.monotonic(), _processor_s(), 0
@@ -85,9 +85,9 @@ def on_a_pty(query: str, baud: int, seconds: float, hz: float) -> str:
                         time.sleep(max(0.0, begun + count / hz - time.monotonic()))
                 took = time.monotonic() - begun
                 share = (_processor_s() - spent) / took
-                doubts = sum(device.health().doubts.values())
+                failures = sum(device.health().failures.values())
             server.terminate()
-    return f"{count / took:6.1f}/s   processor {100 * share:.1f} % of a core, doubts {doubts}"
+    return f"{count / took:6.1f}/s   processor {100 * share:.1f} % of a core, failures {failures}"
 
 
 def instants_on_a_pty(query: str, baud: int, seconds: float) -> str:
@@ -98,7 +98,7 @@ def instants_on_a_pty(query: str, baud: int, seconds: float) -> str:
         link = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "unit"
         server = stack.enter_context(SimulatedServer(line, link))
         device = stack.enter_context(open_flir(str(link), UnitSettings(baud=baud), query=query))
-        device.ask_by(Query(query))
+        device.use_query(Query(query))
         q = device.describe().pan.quantum_rad
         device.move_to(pan_rad=25000 * q, rate_rad_s=RATE * q)
         time.sleep(0.5)

@@ -10,7 +10,7 @@ from ptu_drivers.errors import (
     RefusedError,
     UnsupportedError,
 )
-from ptu_drivers.health import DoubtReason, Health, UnitState
+from ptu_drivers.health import FailureReason, Health, UnitState
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.lease import Lease, LeaseKind
 from ptu_drivers.messages import (
@@ -34,7 +34,7 @@ __all__ = [
     "AxisDescription",
     "AxisSettings",
     "Capability",
-    "DoubtReason",
+    "FailureReason",
     "Health",
     "Lease",
     "LeaseKind",

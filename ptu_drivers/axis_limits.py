@@ -38,7 +38,7 @@ def narrowed(
     )
 
 
-def insist_on_angle(axis: Axis, said: AxisDescription, angle_rad: float) -> None:
+def check_angle(axis: Axis, said: AxisDescription, angle_rad: float) -> None:
     """Return if an axis may point there, rad. Raises LimitError; NaN is beyond every limit."""
     if not angle_rad >= said.low_rad - _ROUNDING:
         raise LimitError(axis.value, "lower limit", got=angle_rad, bound=said.low_rad, origin=said.low_from)
@@ -46,7 +46,7 @@ def insist_on_angle(axis: Axis, said: AxisDescription, angle_rad: float) -> None
         raise LimitError(axis.value, "upper limit", got=angle_rad, bound=said.high_rad, origin=said.high_from)
 
 
-def insist_on_rate(axis: Axis, said: AxisDescription, rate_rad_s: float) -> None:
+def check_rate(axis: Axis, said: AxisDescription, rate_rad_s: float) -> None:
     """Return if an axis may turn so fast, rad/s. Raises LimitError; 0 is allowed."""
     if not abs(rate_rad_s) <= said.max_rate_rad_s * (1 + _ROUNDING):
         raise LimitError(axis.value, "maximum speed", got=rate_rad_s, bound=said.max_rate_rad_s, origin=said.rate_from)
@@ -54,7 +54,7 @@ def insist_on_rate(axis: Axis, said: AxisDescription, rate_rad_s: float) -> None
         raise LimitError(axis.value, "minimum speed", got=rate_rad_s, bound=said.min_rate_rad_s, origin="unit")
 
 
-def insist_on_room(axis: Axis, said: AxisDescription, ahead_rad: float, rate_rad_s: float) -> None:
+def check_room(axis: Axis, said: AxisDescription, ahead_rad: float, rate_rad_s: float) -> None:
     """Return if an axis that will soon be at `ahead_rad` has room to turn that way. Raises LimitError."""
     if (rate_rad_s > 0 and ahead_rad >= said.high_rad) or (rate_rad_s < 0 and ahead_rad <= said.low_rad):
-        insist_on_angle(axis, said, ahead_rad + math.copysign(2 * _ROUNDING, rate_rad_s))
+        check_angle(axis, said, ahead_rad + math.copysign(2 * _ROUNDING, rate_rad_s))

@@ -17,17 +17,17 @@ from urllib.parse import urlsplit
 from ptu_drivers.alpaca.http_connection import HttpConnection
 from ptu_drivers.alpaca.telescope import AlpacaTelescope
 from ptu_drivers.alpaca.unit import AlpacaOptions
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.dynamixel.unit import DynamixelOptions
 from ptu_drivers.errors import NoAnswerError, ProtocolError, PtuError, RefusedError
+from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.codec import encode as flir_encode
 from ptu_drivers.flir.line import FlirLine
 from ptu_drivers.flir.setup import BAUDS
 from ptu_drivers.health import HealthCounter
-from ptu_drivers.own_options import made_of
 from ptu_drivers.pelco.codec import Opcode, PelcoFraming, PelcoMessage
 from ptu_drivers.pelco.exchange import PelcoExchange
 from ptu_drivers.pelco.unit import PelcoOptions
+from ptu_drivers.protocol_options import parse_options
 from ptu_drivers.transport import SerialTransport
 
 # an answer is waited for so long; a unit answers within 10 ms, a loaded network within 100
@@ -103,7 +103,7 @@ def halt_once(line: HaltLine, attempt: int = 0, clock: Callable[[], float] = tim
         raise ProtocolError("protocol", got=line.protocol, wanted="one of " + ", ".join(HALTS)) from None
     try:
         halt(line, attempt, clock)
-    except Doubtful as fault:
+    except ExchangeFailed as fault:
         raise NoAnswerError("halt", waited_s=clock() - began_s, got=str(fault)) from fault
 
 
@@ -129,7 +129,7 @@ def _halt_flir(line: HaltLine, attempt: int, clock: Callable[[], float]) -> None
             else:
                 asked.resynchronise(clock() + asked.longest_s())
             _acknowledged(asked, "H")
-        if "velocity" in asked.ask("C").answer.text.lower():
+        if "velocity" in asked.query("C").answer.text.lower():
             # H stops the motion; the rates that are set must not begin again
             _acknowledged(asked, "PS0")
             _acknowledged(asked, "TS0")
@@ -152,14 +152,14 @@ def _heard(transport: SerialTransport, command: str, until_s: float) -> bool:
 
 
 def _acknowledged(line: FlirLine, command: str) -> None:
-    answer = line.ask(command).answer
+    answer = line.query(command).answer
     if not answer.ok:
         raise RefusedError(command, said=answer.text)
 
 
 def _halt_pelco(framing: PelcoFraming) -> Callable[[HaltLine, int, Callable[[], float]], None]:
     def halt(line: HaltLine, _attempt: int, clock: Callable[[], float]) -> None:
-        options = made_of(PelcoOptions, "Pelco", line.options)
+        options = parse_options(PelcoOptions, "Pelco", line.options)
         transport = _opened(line, line.baud or options.baud, clock)
         exchange = PelcoExchange(
             line=transport, address=options.address, framing=framing, reply_timeout_s=_REPLY_S, late_s=options.late_s
@@ -169,12 +169,12 @@ def _halt_pelco(framing: PelcoFraming) -> Callable[[HaltLine, int, Callable[[], 
         try:
             # a stop has no answer of its own: it goes before and after a question that has
             for _ in range(2):
-                exchange.tell(stop)
+                exchange.send(stop)
                 transport.wait(pause_s)
             try:
-                exchange.ask(exchange.barrier()[0], clock() + _REPLY_S + 16 * transport.character_s())
+                exchange.query(exchange.barrier()[0], clock() + _REPLY_S + 16 * transport.character_s())
             finally:
-                exchange.tell(stop)
+                exchange.send(stop)
         finally:
             transport.close()
 
@@ -187,11 +187,11 @@ def _halt_dynamixel(line: HaltLine, _attempt: int, clock: Callable[[], float]) -
     from ptu_drivers.dynamixel.bus import DynamixelBus
     from ptu_drivers.dynamixel.table import OperatingMode
 
-    options = made_of(DynamixelOptions, "Dynamixel", line.options)
+    options = parse_options(DynamixelOptions, "Dynamixel", line.options)
     transport = _opened(line, line.baud or options.baud, clock)
     try:
         bus = DynamixelBus(transport, _REPLY_S)
-        failed: Doubtful | None = None
+        failed: ExchangeFailed | None = None
         for identifier in (options.pan_id, options.tilt_id):
             try:
                 bus.drain()
@@ -202,7 +202,7 @@ def _halt_dynamixel(line: HaltLine, _attempt: int, clock: Callable[[], float]) -
                 except RefusedError:
                     # its own watchdog has closed its goals; without torque nothing turns it
                     bus.write(identifier, table.TORQUE_ENABLE, 0)
-            except Doubtful as fault:
+            except ExchangeFailed as fault:
                 failed = fault
         if failed is not None:
             raise failed
@@ -211,12 +211,12 @@ def _halt_dynamixel(line: HaltLine, _attempt: int, clock: Callable[[], float]) -
 
 
 def _halt_alpaca(line: HaltLine, _attempt: int, clock: Callable[[], float]) -> None:
-    options = made_of(AlpacaOptions, "Alpaca", line.options)
+    options = parse_options(AlpacaOptions, "Alpaca", line.options)
     connection = HttpConnection(line.url, clock)
     connection.reopen()
     telescope = AlpacaTelescope(connection, options.device)
     refused: RefusedError | None = None
-    failed: Doubtful | PtuError | None = None
+    failed: ExchangeFailed | PtuError | None = None
     heard = False
     try:
         # what stops a slew need not stop a motion by rate, and a mount may know but one of them
@@ -230,7 +230,7 @@ def _halt_alpaca(line: HaltLine, _attempt: int, clock: Callable[[], float]) -> N
                 heard = True
             except RefusedError as fault:
                 refused = fault
-            except (Doubtful, PtuError) as fault:
+            except (ExchangeFailed, PtuError) as fault:
                 failed = fault
     finally:
         connection.close()

@@ -20,7 +20,7 @@ class UnitState(StrEnum):
     CLOSED = "closed"
 
 
-class DoubtReason(StrEnum):
+class FailureReason(StrEnum):
     """Why an answer, or its absence, gave no angle."""
 
     TIMEOUT = "timeout"
@@ -58,19 +58,19 @@ class Health:
     state : what the driver is doing.
     exchanges : commands and queries sent.
     readings : angles believed, both axes.
-    doubts : answers discarded, by reason; a reason that is absent did not occur.
+    failures : answers discarded, by reason; a reason that is absent did not occur.
     limit_events : messages of the unit that an axis hit its limit.
     resyncs, reconnects, restarts : how often the line was resynchronised, opened again, the unit found restarted.
     watchdog_stops : motion halted because commands stopped.
     last_reading_s : instant of the newest believed angle, s, or minus infinity.
-    halt_owed : a halt was due, by the user or after a command in doubt, and is not acknowledged: the unit may move. It
+    halt_owed : a halt was due, by the user or after a failed command, and is not acknowledged: the unit may move. It
         holds after `close`, too, which does not raise: only where it is false, the unit is known to have been halted.
     """
 
     state: UnitState
     exchanges: int
     readings: int
-    doubts: Mapping[DoubtReason, int]
+    failures: Mapping[FailureReason, int]
     limit_events: int
     resyncs: int
     reconnects: int
@@ -87,7 +87,7 @@ class HealthCounter:
     state: UnitState = UnitState.STARTING
     exchanges: int = 0
     readings: int = 0
-    doubts: Counter[DoubtReason] = field(default_factory=Counter)
+    failures: Counter[FailureReason] = field(default_factory=Counter)
     limit_events: int = 0
     resyncs: int = 0
     reconnects: int = 0
@@ -102,7 +102,7 @@ class HealthCounter:
             state=self.state,
             exchanges=self.exchanges,
             readings=self.readings,
-            doubts=MappingProxyType(dict(self.doubts)),
+            failures=MappingProxyType(dict(self.failures)),
             limit_events=self.limit_events,
             resyncs=self.resyncs,
             reconnects=self.reconnects,

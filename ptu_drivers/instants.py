@@ -39,7 +39,9 @@ class Latency:
     send_sigma_s: float
 
 
-def of_query(*, earliest_s: float, sent_s: float, latest_s: float, first_bit_s: float, latency: Latency) -> Instant:
+def query_instant(
+    *, earliest_s: float, sent_s: float, latest_s: float, first_bit_s: float, latency: Latency
+) -> Instant:
     """Return when a query's delimiter reached the unit, which reads its counters then.
 
     On a serial port it is when the last byte had been on the line. Over a network it is the first bit of the reply less
@@ -85,14 +87,14 @@ class DeviceClock:
         self._last = -1
         self._turns = 0
 
-    def went_back(self, count: int) -> bool:
+    def ran_backwards(self, count: int) -> bool:
         """Return whether a count is below the last one, and not because the counter turned over."""
         return 0 <= self._last - count <= _COUNTER // 2 and count != self._last
 
     def instant(self, count: int, earliest_s: float, latest_s: float) -> Instant:
         """Return the instant of a count that was read between the bounds, s on our clock."""
         if count < self._last:
-            if self.went_back(count):
+            if self.ran_backwards(count):
                 self._bounds.clear()
             else:
                 self._turns += 1

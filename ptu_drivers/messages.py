@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from ptu_drivers.health import DoubtReason, UnitState
+from ptu_drivers.health import FailureReason, UnitState
 from ptu_drivers.lease import NO_LEASE, Lease
 
 
@@ -95,7 +95,7 @@ class NoReading:
     t_s : when it was found, s.
     """
 
-    reason: DoubtReason
+    reason: FailureReason
     state: UnitState
     t_s: float
 

@@ -1,4 +1,4 @@
-"""How a unit does: round trips, doubts, margins to its limits, and how it carries out a move."""
+"""How a unit does: round trips, failures, margins to its limits, and how it carries out a move."""
 
 import math
 import statistics
@@ -115,8 +115,8 @@ class Watching:
     def result(self) -> Watched:
         """Return what was seen. Raises ProtocolError if there was not one reading."""
         if self._last is None:
-            doubts = ", ".join(f"{k} {v}" for k, v in self._unit.health().doubts.items())
-            got = f"no angle in {self.duration_s:.0f} s ({doubts})"
+            failures = ", ".join(f"{k} {v}" for k, v in self._unit.health().failures.items())
+            got = f"no angle in {self.duration_s:.0f} s ({failures})"
             raise ProtocolError(self._unit.describe().url, got=got, wanted="angles")
         return Watched(
             duration_s=self.duration_s,
@@ -271,7 +271,7 @@ def format_description(said: UnitDescription) -> str:
 
 
 def format_watched(seen: Watched, said: UnitDescription) -> str:
-    """Return rate, histogram of the round trips, doubts and margins, for people."""
+    """Return rate, histogram of the round trips, failures and margins, for people."""
     trips = sorted(t * 1e3 for t in seen.round_trips_s)
     middle, most = trips[len(trips) // 2], trips[int(0.95 * (len(trips) - 1))]
     rows = [
@@ -288,9 +288,9 @@ def format_watched(seen: Watched, said: UnitDescription) -> str:
             f"{axis:4} {math.degrees(at.angle_rad):9.4f} deg; to the limits {below:.2f} deg below, {above:.2f} above"
         )
     h = seen.health
-    doubts = ", ".join(f"{reason} {n}" for reason, n in h.doubts.items()) or "none"
+    failures = ", ".join(f"{reason} {n}" for reason, n in h.failures.items()) or "none"
     rows.append(
-        f"doubts: {doubts}; resyncs {h.resyncs}, reconnects {h.reconnects}, restarts {h.restarts}, "
+        f"failures: {failures}; resyncs {h.resyncs}, reconnects {h.reconnects}, restarts {h.restarts}, "
         f"limit messages {h.limit_events}"
     )
     return "\n".join(rows)

@@ -55,20 +55,20 @@ class MotionLeases:
         self._values: Any = mp.get_context("spawn").RawArray("d", _BEATS + len(self.names))
 
     @property
-    def guard_beat_s(self) -> float:
+    def guard_heartbeat_s(self) -> float:
         """When the guard last said that it is alive; 0 before it has."""
         return float(self._values[0])
 
     @property
-    def driver_beat_s(self) -> float:
+    def driver_heartbeat_s(self) -> float:
         """When the driving process last said that it is alive; 0 before it has."""
         return float(self._values[1])
 
-    def beat_guard(self, now_s: float) -> None:
+    def set_guard_heartbeat(self, now_s: float) -> None:
         """Say that the guard is alive."""
         self._values[0] = now_s
 
-    def beat_driver(self, now_s: float) -> None:
+    def set_driver_heartbeat(self, now_s: float) -> None:
         """Say that the driving process is alive."""
         self._values[1] = now_s
 
@@ -190,7 +190,7 @@ class Expiry:
         self._suspected: dict[str, float] = {}
         self._handled: dict[str, float] = {}
 
-    def look(self, now_s: float) -> tuple[str, ...]:
+    def expired(self, now_s: float) -> tuple[str, ...]:
         """Return the names of units whose lease has run out since they were last returned."""
         out = []
         for name in self._leases.names:
@@ -230,8 +230,8 @@ def serve_guard(lines: Mapping[str, HaltLine], leases: MotionLeases, pipe: Conne
     orphaned_s: float | None = None
     while True:
         now_s = time.monotonic()
-        leases.beat_guard(now_s)
-        for name in expiry.look(now_s):
+        leases.set_guard_heartbeat(now_s)
+        for name in expiry.expired(now_s):
             halting[name].request()
         if orphaned_s is not None:
             done = not expiry.pending() and not any(h.busy for h in halting.values())

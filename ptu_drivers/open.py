@@ -10,7 +10,7 @@ from typing import Any
 from ptu_drivers.errors import ProtocolError
 from ptu_drivers.halting import halt_on_exit
 from ptu_drivers.interface import PanTiltUnit
-from ptu_drivers.own_options import insist_on_options
+from ptu_drivers.protocol_options import check_options
 from ptu_drivers.settings import UnitSettings
 
 # module:function, imported when asked for: a protocol's own packages are not needed by the others.
@@ -65,7 +65,7 @@ def open_ptu(
     if named:
         if unknown := [name for name in options if name not in named]:
             raise ProtocolError("options", got=", ".join(unknown), wanted=f"what {protocol} has: " + ", ".join(named))
-        insist_on_options(protocol, options, named)
+        check_options(protocol, options, named)
     unit: PanTiltUnit = opener(url, settings, clock, **options)
     halt_on_exit(unit)
     return unit

@@ -7,11 +7,11 @@ protocol adds how to ask, move, halt and set up. Its angles are the unit's own, 
 from abc import abstractmethod
 from typing import Protocol
 
-from ptu_drivers.axis_limits import insist_on_angle, insist_on_rate
-from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.axis_limits import check_angle, check_rate
 from ptu_drivers.errors import LineError, NoAnswerError, PtuError, RefusedError, UnsupportedError
+from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.halting import Watchdog
-from ptu_drivers.health import DoubtReason, Health, HealthCounter, UnitState
+from ptu_drivers.health import FailureReason, Health, HealthCounter, UnitState
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import Axis, Capability, NoReading, Reading, UnitDescription
 from ptu_drivers.preemption import LineLock
@@ -78,28 +78,28 @@ class PolledUnit(PanTiltUnit):
         self._watchdog: Watchdog | None = None
 
     @abstractmethod
-    def _ask(self) -> Reading:
-        """Ask both axes; raises Doubtful, LineError."""
+    def _query(self) -> Reading:
+        """Ask both axes; raises ExchangeFailed, LineError."""
 
     @abstractmethod
     def _resynchronise(self) -> None:
-        """After a doubt: make sure that the next answer belongs to the next question; raises Doubtful, LineError."""
+        """Match answers to questions again after a failure; raises ExchangeFailed, LineError."""
 
     @abstractmethod
     def _set_up(self) -> None:
-        """After the line was opened again: set what the unit may have lost; raises Doubtful, LineError."""
+        """After the line was opened again: set what the unit may have lost; raises ExchangeFailed, LineError."""
 
     @abstractmethod
     def _send_position(self, targets: dict[Axis, float], rate_rad_s: float | None) -> None:
-        """Command positions, the unit's own rad; raises Doubtful, RefusedError, LineError."""
+        """Command positions, the unit's own rad; raises ExchangeFailed, RefusedError, LineError."""
 
     @abstractmethod
     def _send_rates(self, rates: dict[Axis, float]) -> None:
-        """Command rates, the unit's own rad/s; raises Doubtful, RefusedError, LineError."""
+        """Command rates, the unit's own rad/s; raises ExchangeFailed, RefusedError, LineError."""
 
     @abstractmethod
     def _send_halt(self) -> None:
-        """Stop both axes; raises Doubtful, RefusedError, LineError."""
+        """Stop both axes; raises ExchangeFailed, RefusedError, LineError."""
 
     def describe(self) -> UnitDescription:
         """Return what the probe found."""
@@ -118,11 +118,11 @@ class PolledUnit(PanTiltUnit):
             try:
                 if self._health.state is not UnitState.READY:
                     self._recover()
-                reading = self._ask()
+                reading = self._query()
             except RefusedError as refused:
-                return self._doubt(Doubtful(DoubtReason.REFUSED, str(refused)))
-            except (Doubtful, LineError) as fault:
-                return self._doubt(fault)
+                return self._note_failure(ExchangeFailed(FailureReason.REFUSED, str(refused)))
+            except (ExchangeFailed, LineError) as fault:
+                return self._note_failure(fault)
             self._silences = 0
             self._health.state = UnitState.READY
             self._health.readings += 1
@@ -143,9 +143,9 @@ class PolledUnit(PanTiltUnit):
             if rate_rad_s is not None and Capability.SPEED not in self._description.capabilities:
                 raise UnsupportedError(self._description.protocol, got="a speed for a move to a position")
             for axis, value in asked.items():
-                insist_on_angle(axis, self._description.axis(axis), value)
+                check_angle(axis, self._description.axis(axis), value)
                 if rate_rad_s is not None:
-                    insist_on_rate(axis, self._description.axis(axis), rate_rad_s)
+                    check_rate(axis, self._description.axis(axis), rate_rad_s)
             self._turning.end()
             targets = {axis: self._axis(axis).unit_angle(value) for axis, value in asked.items()}
             self._command("move", lambda: self._send_position(targets, rate_rad_s))
@@ -190,14 +190,16 @@ class PolledUnit(PanTiltUnit):
             self._try_again()
             try:
                 if not self._health.halt_owed:
-                    self._let_go()
-            except (Doubtful, PtuError) as fault:
-                self._health.doubts[fault.reason if isinstance(fault, Doubtful) else DoubtReason.LINE_LOST] += 1
+                    self._release()
+            except (ExchangeFailed, PtuError) as fault:
+                self._health.failures[
+                    fault.reason if isinstance(fault, ExchangeFailed) else FailureReason.LINE_LOST
+                ] += 1
             self._closed = True
             self._health.state = UnitState.CLOSED
             self._line.close()
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         """After the last halt: what else a unit needs before it is left alone."""
 
     def _axis(self, axis: Axis) -> AxisSettings:
@@ -225,10 +227,10 @@ class PolledUnit(PanTiltUnit):
             self._turning.end()
             self._health.halt_owed = True
             raise
-        except (Doubtful, LineError) as fault:
+        except (ExchangeFailed, LineError) as fault:
             self._turning.end()
             self._health.halt_owed = True
-            self._doubt(fault)
+            self._note_failure(fault)
             if isinstance(fault, LineError):
                 raise
             raise NoAnswerError(name, waited_s=self._line.now() - began, got=str(fault)) from fault
@@ -241,7 +243,7 @@ class PolledUnit(PanTiltUnit):
         self._turning.end()
         self._health.halt_owed = True
         began = self._line.now()
-        last: Doubtful | LineError | None = None
+        last: ExchangeFailed | LineError | None = None
         for n in range(tries):
             if n:
                 self._try_again()
@@ -250,9 +252,9 @@ class PolledUnit(PanTiltUnit):
                     self._reconnect()
                 # no resynchronisation first: a halt that may be heard is worth more than an answer that is certain
                 self._send_halt()
-            except (Doubtful, LineError) as fault:
+            except (ExchangeFailed, LineError) as fault:
                 last = fault
-                self._doubt(fault)
+                self._note_failure(fault)
                 if isinstance(fault, LineError):
                     break
             else:
@@ -269,21 +271,21 @@ class PolledUnit(PanTiltUnit):
         except PtuError:
             return
 
-    def _doubt(self, fault: Doubtful | LineError) -> NoReading:
+    def _note_failure(self, fault: ExchangeFailed | LineError) -> NoReading:
         """Count it, and decide what comes next."""
         if isinstance(fault, LineError):
-            reason = DoubtReason.LINE_LOST
+            reason = FailureReason.LINE_LOST
             self._lose()
         else:
             reason = fault.reason
-            silent = reason in (DoubtReason.TIMEOUT, DoubtReason.LINE_LOST)
+            silent = reason in (FailureReason.TIMEOUT, FailureReason.LINE_LOST)
             self._silences = self._silences + 1 if silent else 0
             if self._health.state is UnitState.READY:
                 self._health.state = UnitState.RESYNCHRONISING
                 self._health.resyncs += 1
             if self._silences >= _SILENCES and self._health.state is not UnitState.LINE_LOST:
                 self._lose()
-        self._health.doubts[reason] += 1
+        self._health.failures[reason] += 1
         return NoReading(reason=reason, state=self._health.state, t_s=self._line.now())
 
     def _lose(self) -> None:

@@ -4,8 +4,8 @@ import threading
 from types import TracebackType
 from typing import Self
 
-from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 from ptu_drivers.transport import Chunk, Transport
 
 # an exchange looks so often whether a halt waits for its line
@@ -35,10 +35,10 @@ class LineLock:
         """Return a context manager that takes the line for a halt."""
         return _Halting(self)
 
-    def insist(self) -> None:
-        """Return if the exchange under way may go on. Raises Doubtful."""
+    def raise_if_preempted(self) -> None:
+        """Return if the exchange under way may go on. Raises ExchangeFailed."""
         if self.is_preempted:
-            raise Doubtful(DoubtReason.PREEMPTED, "a halt from another thread")
+            raise ExchangeFailed(FailureReason.PREEMPTED, "a halt from another thread")
 
     def acquire(self, *, halts: bool = False) -> None:
         """Wait for the line."""
@@ -104,9 +104,9 @@ class PreemptibleLine:
         self._transport = transport
 
     def read(self, until_s: float) -> Chunk:
-        """Return what is there, or wait for it. Raises LineError; Doubtful when a halt waits."""
+        """Return what is there, or wait for it. Raises LineError; ExchangeFailed when a halt waits."""
         while True:
-            self.lock.insist()
+            self.lock.raise_if_preempted()
             chunk = self._transport.read(min(until_s, self._transport.now() + SLICE_S))
             if chunk.data or self._transport.now() >= until_s:
                 return chunk

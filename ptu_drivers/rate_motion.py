@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ptu_drivers.axis_limits import insist_on_rate, insist_on_room
+from ptu_drivers.axis_limits import check_rate, check_room
 from ptu_drivers.messages import Axis, Reading, UnitDescription
 
 # until it is looked at again and has come to rest
@@ -27,11 +27,11 @@ class RateMotion:
     def begin(self, asked: dict[Axis, float], now_s: float, last: Reading | None) -> None:
         """Take new rates, rad/s, if the axes may turn so fast and have room, as far as is known. Raises LimitError."""
         for axis, value in asked.items():
-            insist_on_rate(axis, self.description.axis(axis), value)
+            check_rate(axis, self.description.axis(axis), value)
             if last is not None and not (self.rates and self.rates[axis]):
                 # from rest; motion is stopped at its limit anyway
                 ahead_rad = last.axis(axis).angle_rad + value * _AHEAD_S
-                insist_on_room(axis, self.description.axis(axis), ahead_rad, value)
+                check_room(axis, self.description.axis(axis), ahead_rad, value)
         self.rates, self.commanded_s = asked, now_s
 
     def end(self) -> None:

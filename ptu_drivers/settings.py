@@ -8,7 +8,7 @@ _SLOWEST_BAUD = 50
 _FASTEST_BAUD = 10_000_000
 
 
-def insist_on_baud(where: str, baud: int) -> None:
+def check_baud(where: str, baud: int) -> None:
     """Return if a serial line may have this speed, bit/s. Raises ProtocolError."""
     if not _SLOWEST_BAUD <= baud <= _FASTEST_BAUD:
         wanted = f"a serial line's speed, {_SLOWEST_BAUD} to {_FASTEST_BAUD} bit/s"
@@ -76,4 +76,4 @@ class UnitSettings:
 
     def __post_init__(self) -> None:
         if self.baud:
-            insist_on_baud("baud", self.baud)
+            check_baud("baud", self.baud)

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from ptu_drivers.clock_offset import OffsetBounds, intersection
-from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 
 
 @dataclass(slots=True, kw_only=True)
@@ -39,9 +39,9 @@ class TickClock:
 
         Raises
         ------
-        Doubtful : it cannot have shown that then.
+        ExchangeFailed : it cannot have shown that then.
         """
-        for tie, reason in ((self._tie, None), (self._held, DoubtReason.STARTING)):
+        for tie, reason in ((self._tie, None), (self._held, FailureReason.STARTING)):
             if tie is None:
                 continue
             new = self._joined(tie, tick, earliest_s, latest_s)
@@ -54,8 +54,8 @@ class TickClock:
         device_s = tick * self.tick_s
         self._held = self._bounds(device_s, earliest_s, latest_s)
         if self._tie is None:
-            raise Doubtful(DoubtReason.STARTING, "the first tick")
-        raise Doubtful(DoubtReason.ECHO_MISMATCH, f"tick {tick}, which it cannot show now")
+            raise ExchangeFailed(FailureReason.STARTING, "the first tick")
+        raise ExchangeFailed(FailureReason.ECHO_MISMATCH, f"tick {tick}, which it cannot show now")
 
     restarted: bool = False
     """The last answer was the second of a new count: the device was restarted, or seen for the first time."""

@@ -97,7 +97,7 @@ class SerialTransport:
         exclusive: bool = True,
         open_within_s: float | None = None,
     ) -> None:
-        _insist_on_address(url)
+        _check_address(url)
         self.url = url
         self._exclusive = exclusive
         self._baud = baud
@@ -261,7 +261,7 @@ class SerialTransport:
         return self._port
 
 
-def _insist_on_address(url: str) -> None:
+def _check_address(url: str) -> None:
     """Return if a network line's URL has a host and a port; pyserial says it less clearly. Raises LineError."""
     for scheme in ("socket", "rfc2217"):
         if url.startswith(f"{scheme}://"):

@@ -13,7 +13,7 @@ from groundstation.estimation.config import EstimationConfig
 from groundstation.session.flight_log import load_flight_log
 from groundstation.simulation import Scenario, case_c, simulate
 from groundstation.simulation.approach import Flare, Glide
-from groundstation.simulation.flown import flown_landing
+from groundstation.simulation.logged_flight import trajectory_from_log
 from groundstation.simulation.take_off import take_off
 from groundstation.simulation.trajectory import Trajectory
 
@@ -44,7 +44,7 @@ def flights(data: Path | None) -> dict[str, Trajectory | None]:
     log = None if data is None else data / "fixedwing-gps-log" / "bin_parser_POS.csv"
     if log is not None and log.is_file():
         flown = load_flight_log(log)
-        found["flown"] = flown_landing(
+        found["flown"] = trajectory_from_log(
             flown.t_s, flown.position_enu_m, touchdown_s=_TOUCHDOWN_S, before_s=14.0, sigma_m=0.03
         )
     return found

@@ -17,10 +17,10 @@ from groundstation.cli.stop_request import StopRequest
 from groundstation.cli.terminal import print_line
 
 if TYPE_CHECKING:
-    from groundstation.live.board import LiveStatus
     from groundstation.live.command import LiveResult
+    from groundstation.live.status_board import LiveStatus
     from groundstation.messages import TrackStatus
-    from groundstation.simulation.simulated_day import DayScore
+    from groundstation.simulation.simulated_landings import DayScore
 
 _RATE_HZ = 30.0
 # where nobody watches: a line so often, and sooner where the track's status is another
@@ -119,7 +119,7 @@ def _seconds(text: str) -> float:
 def run_live(options: argparse.Namespace) -> int:
     """Operate until the time is over or somebody says so."""
     from groundstation.live.command import LiveRequest, live
-    from groundstation.live.status_watch import StatusWatch
+    from groundstation.live.status_watchdog import StatusWatchdog
     from groundstation.simulation.fault_timetable import range_faults
     from groundstation.simulation.filming import load_faults
     from groundstation.simulation.flights import FlightModelKind
@@ -159,10 +159,10 @@ def run_live(options: argparse.Namespace) -> int:
             )
         )
     block = StatusBlock(sys.stderr)
-    with StopRequest() as stop, StatusWatch(block.silent) as watch:
+    with StopRequest() as stop, StatusWatchdog(block.silent) as watch:
 
         def show_status(status: "LiveStatus") -> None:
-            watch.told()
+            watch.notify()
             block.show(status)
 
         result = live(
@@ -255,8 +255,8 @@ class StatusBlock:
 
 def _result_text(result: "LiveResult", score: "DayScore | None" = None) -> str:
     """Return how it went, for a person."""
-    from groundstation.live.board import dropped_words
-    from groundstation.simulation.simulated_day import format_score
+    from groundstation.live.status_board import dropped_text
+    from groundstation.simulation.simulated_landings import format_score
     from groundstation.tracking.count_descriptions import describe_counts
 
     done = result.operation
@@ -275,12 +275,12 @@ def _result_text(result: "LiveResult", score: "DayScore | None" = None) -> str:
     if result.recorded:
         lines.append(f"recorded: {result.recorded}")
     if done.dropped:
-        lines.append(dropped_words(done.dropped))
+        lines.append(dropped_text(done.dropped))
     lines += [f"counted: {what}" for what in describe_counts(done.counts)]
     if score is not None:
         lines += ["", format_score(score)]
     lines += ["", *(f"wrote {path}" for path in result.files)]
-    lines += [f"not whole: {what}" for what in result.not_whole]
+    lines += [f"not whole: {what}" for what in result.incomplete]
     return "\n".join(lines)
 
 

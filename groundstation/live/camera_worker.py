@@ -1,9 +1,9 @@
-"""One station's camera on its way into the inbox: stamps into session time; repeated pictures are left out."""
+"""One station's camera on its way into the input queue: stamps into session time; repeated pictures are left out."""
 
 import math
 import threading
 
-from groundstation.live.inbox import DeviceLogLine, Inbox, TimedPicture
+from groundstation.live.input_queue import DeviceLogLine, InputQueue, TimedPicture
 from groundstation.sources.cameras.camera import CameraEvent, CameraEventKind
 from groundstation.sources.cameras.live_camera import LiveCamera
 
@@ -21,14 +21,14 @@ def said(event: CameraEvent, session_from_host_s: float) -> DeviceLogLine:
 class CameraWorker:
     """Hands one camera's frames on."""
 
-    def __init__(self, station: str, camera: LiveCamera, inbox: Inbox, session_from_host_s: float) -> None:
+    def __init__(self, station: str, camera: LiveCamera, input_queue: InputQueue, session_from_host_s: float) -> None:
         self.station = station
         self.camera = camera
         self.frames = 0
         self.newest_s = -math.inf
         self.counts_before = camera.counts
         """What the camera had counted when its frames began to be taken."""
-        self._inbox = inbox
+        self._input_queue = input_queue
         self._zero_s = session_from_host_s
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name=f"frames-{station}", daemon=True)
@@ -52,7 +52,7 @@ class CameraWorker:
                     continue
                 self.frames += 1
                 self.newest_s = frame.t_s + self._zero_s
-                self._inbox.put(
+                self._input_queue.put(
                     TimedPicture(
                         t_s=self.newest_s,
                         arrived_s=frame.arrival_s + self._zero_s,
@@ -62,6 +62,6 @@ class CameraWorker:
                 )
         except Exception as fault:  # noqa: BLE001 - one camera less is no reason to stop the others
             t_s = max(self.newest_s, 0.0)
-            self._inbox.put(
+            self._input_queue.put(
                 DeviceLogLine(t_s=t_s, level="error", text=f"{self.station}: camera: {type(fault).__name__}: {fault}")
             )

@@ -10,11 +10,11 @@ import numpy as np
 
 from groundstation.errors import GroundstationError
 from groundstation.live.check_disk import check_disk
-from groundstation.live.check_line import CheckLine, well, wrong
 from groundstation.live.check_reference import check_reference
+from groundstation.live.check_result import CheckResult, failed, passed
 from groundstation.live.devices import camera_of, check_against_rig
 from groundstation.live.head_device import HeadDevice, open_head
-from groundstation.live.keep_out_set_up import sun_words, with_keep_out
+from groundstation.live.keep_out_set_up import sun_text, with_keep_out
 from groundstation.live.station_file import StationDevices, load_station
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.sources.cameras.camera import CameraError, CameraEvent
@@ -30,7 +30,7 @@ _TURN_S = 3.0
 _SLOW_S = 0.05
 
 
-def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckLine]:
+def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckResult]:
     """Test everything that a station file names, one after the other; looks at each for ``seconds``."""
     try:
         file = load_station(path)
@@ -39,13 +39,13 @@ def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckLi
         load_config(file.config)
         file = with_keep_out(file, rig, time.monotonic(), time.time())
     except GroundstationError as fault:
-        yield wrong(str(fault))
+        yield failed(str(fault))
         return
-    yield well(f"station file, rig and tuning: {', '.join(rig.names)}")
+    yield passed(f"station file, rig and tuning: {', '.join(rig.names)}")
     yield _known(rig)
     if any(s.head is not None for s in file.stations):
-        avoided, words = sun_words(file, rig, time.time())
-        yield CheckLine(good=avoided, text=words)
+        avoided, words = sun_text(file, rig, time.time())
+        yield CheckResult(good=avoided, text=words)
     if file.reference is not None and file.origin is not None:
         yield check_reference(file.reference, file.origin, seconds)
     raw: dict[str, bool] = {}
@@ -56,19 +56,19 @@ def check_station(path: Path, seconds: float, *, move: bool) -> Iterator[CheckLi
     yield check_disk(file, rig, raw)
 
 
-def _known(rig: Rig) -> CheckLine:
+def _known(rig: Rig) -> CheckResult:
     try:
         rig.require_known()
     except GroundstationError as fault:
-        return wrong(str(fault))
+        return failed(str(fault))
     sure = [s.name for s in rig.stations if not len(s.covariance) and not rig.shared_covariance.names]
     if sure:
         text = f"rig: {', '.join(sure)} without a covariance: the track will call itself better than it is"
-        return wrong(text)
-    return well("rig: calibrated, with covariance")
+        return failed(text)
+    return passed("rig: calibrated, with covariance")
 
 
-def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, raw: dict[str, bool]) -> CheckLine:
+def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, raw: dict[str, bool]) -> CheckResult:
     """Look at one camera for a while; notes in ``raw`` whether its pictures have one byte a pixel."""
     name, told = f"{station.name} camera", list[CameraEvent]()
     frames, stamps = [], []
@@ -83,59 +83,59 @@ def _camera(station: StationDevices, rate_hz: float, rig: Rig, seconds: float, r
                     raw[station.name] = frame.picture.pattern is not None
             counts, clock = camera.counts, camera.clock_state
     except CameraError as fault:
-        return wrong(f"{name}: {fault}")
+        return failed(f"{name}: {fault}")
     except GroundstationError as fault:
         # it says itself whose camera
-        return wrong(str(fault))
+        return failed(str(fault))
     wanted = rig[station.name].lens.image_size_px
     if frames and frames[-1] != wanted:
         got = f"{frames[-1][0]} × {frames[-1][1]} px"
         text = f"{name}: got pictures of {got}; wanted {wanted[0]} × {wanted[1]} px as in the rig"
-        return wrong(text)
+        return failed(text)
     if len(stamps) < 2:
         why = told[-1].text if told else "nothing came"
-        return wrong(f"{name}: no pictures in {seconds:g} s: {why}; is it triggered, and allowed?")
+        return failed(f"{name}: no pictures in {seconds:g} s: {why}; is it triggered, and allowed?")
     rate = (len(stamps) - 1) / (stamps[-1] - stamps[0])
     text = f"{name}: {rate:.1f} Hz, {wanted[0]} × {wanted[1]} px"
     if rate < _LEAST_RATE_SHARE * rate_hz:
-        return wrong(f"{text}; wanted {rate_hz:g} Hz: exposure, trigger or bus?")
+        return failed(f"{text}; wanted {rate_hz:g} Hz: exposure, trigger or bus?")
     if counts.incomplete:
         text += f"; {counts.incomplete} incomplete of {counts.frames + counts.incomplete}: cable, packet size?"
-        return wrong(text)
+        return failed(text)
     said = (
         "host time only: its stamps are as good as the bus"
         if clock is None
         else f"clock ± {1e3 * clock.sigma_s:.2f} ms"
     )
-    return well(f"{text}, {said}")
+    return passed(f"{text}, {said}")
 
 
-def _head(name: str, head: HeadDevice, seconds: float, *, move: bool) -> Iterator[CheckLine]:
+def _head(name: str, head: HeadDevice, seconds: float, *, move: bool) -> Iterator[CheckResult]:
     """Ask one PTU for a while, and turn it if that is wanted."""
     with ExitStack() as stack:
         try:
             unit = stack.enter_context(open_head(name, head, time.monotonic))
         except GroundstationError as fault:
-            yield wrong(str(fault))
+            yield failed(str(fault))
             return
         yield _asked(name, unit, seconds)
         if move:
             yield _turned(name, unit)
 
 
-def _asked(name: str, unit: PanTiltUnit, seconds: float) -> CheckLine:
-    about, trips, doubts, newest = unit.describe(), list[float](), 0, None
+def _asked(name: str, unit: PanTiltUnit, seconds: float) -> CheckResult:
+    about, trips, failures, newest = unit.describe(), list[float](), 0, None
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         reading = unit.read()
         if isinstance(reading, NoReading):
-            doubts += 1
+            failures += 1
             time.sleep(0.02)
         else:
             trips.append(reading.answered_s - reading.sent_s)
             newest = reading
     if newest is None:
-        return wrong(f"{name} PTU: {about.model or about.protocol} gives no angles")
+        return failed(f"{name} PTU: {about.model or about.protocol} gives no angles")
     rate = len(trips) / seconds
     slow = float(np.percentile(trips, 95))
     pan, tilt = (math.degrees(axis.angle_rad) for axis in (newest.pan, newest.tilt))
@@ -143,27 +143,27 @@ def _asked(name: str, unit: PanTiltUnit, seconds: float) -> CheckLine:
         f"{name} PTU: {about.model or about.protocol}, {rate:.0f} readings/s, "
         f"round trip {1e3 * np.median(trips):.1f} ms (95 % {1e3 * slow:.1f}), at {pan:+.2f}° {tilt:+.2f}°"
     )
-    if doubts > 0.01 * len(trips):
-        return CheckLine(good=False, text=f"{text}; {doubts} answers not believed: cable, baud, another program?")
+    if failures > 0.01 * len(trips):
+        return CheckResult(good=False, text=f"{text}; {failures} answers not believed: cable, baud, another program?")
     if slow > _SLOW_S:
-        return wrong(f"{text}: slow; raise the baud in ptu_settings?")
-    return well(text)
+        return failed(f"{text}: slow; raise the baud in ptu_settings?")
+    return passed(text)
 
 
-def _turned(name: str, unit: PanTiltUnit) -> CheckLine:
+def _turned(name: str, unit: PanTiltUnit) -> CheckResult:
     """Turn pan and tilt by half a degree and back."""
     begin = unit.read()
     if isinstance(begin, NoReading):
-        return wrong(f"{name} PTU: not turned: no angles")
+        return failed(f"{name} PTU: not turned: no angles")
     pan, tilt = begin.pan.angle_rad, begin.tilt.angle_rad
     try:
         there = _went(unit, pan + _TURN_RAD, tilt + _TURN_RAD)
         back = _went(unit, pan, tilt)
     except PtuError as fault:
-        return wrong(f"{name} PTU: not turned: {fault}")
+        return failed(f"{name} PTU: not turned: {fault}")
     if there is None or back is None:
-        return CheckLine(good=False, text=f"{name} PTU: told to turn by 0.5°, not there in {_TURN_S:.0f} s")
-    return well(f"{name} PTU: turned by 0.5° and back, there in {there:.2f} s")
+        return CheckResult(good=False, text=f"{name} PTU: told to turn by 0.5°, not there in {_TURN_S:.0f} s")
+    return passed(f"{name} PTU: turned by 0.5° and back, there in {there:.2f} s")
 
 
 def _went(unit: PanTiltUnit, pan_rad: float, tilt_rad: float) -> float | None:

@@ -4,7 +4,7 @@ import os
 import shutil
 from collections.abc import Mapping
 
-from groundstation.live.check_line import CheckLine, well, wrong
+from groundstation.live.check_result import CheckResult, failed, passed
 from groundstation.live.station_file import StationFile
 from groundstation.recording.recorder_status import RecorderConfig
 from groundstation.rig.rig import Rig
@@ -24,17 +24,17 @@ def searching_bytes_per_s(file: StationFile, rig: Rig, raw: Mapping[str, bool]) 
     return pixels * file.rate_hz
 
 
-def check_disk(file: StationFile, rig: Rig, raw: Mapping[str, bool]) -> CheckLine:
+def check_disk(file: StationFile, rig: Rig, raw: Mapping[str, bool]) -> CheckResult:
     """Compare what is free with what the time that the station file wants takes."""
     if file.record is None:
-        return well("disk: no [record] folder; live will ask for --out")
+        return passed("disk: no [record] folder; live will ask for --out")
     place = file.record
     while not place.exists():
         place = place.parent
     if not place.is_dir():
-        return wrong(f"disk: got {place}, a file; wanted a folder to record in: [record] folder")
+        return failed(f"disk: got {place}, a file; wanted a folder to record in: [record] folder")
     if not os.access(place, os.W_OK | os.X_OK):
-        return wrong(f"disk: got {place}, which nothing can be written to; wanted a folder to record in")
+        return failed(f"disk: got {place}, which nothing can be written to; wanted a folder to record in")
     rate = searching_bytes_per_s(file, rig, raw)
     free = shutil.disk_usage(place).free
     minutes = max(free - RecorderConfig().keep_free_bytes, 0) / rate / 60.0
@@ -42,5 +42,5 @@ def check_disk(file: StationFile, rig: Rig, raw: Mapping[str, bool]) -> CheckLin
         f"disk: {free / 1e9:.0f} GB free below {file.record}: {minutes:.0f} min of searching at {rate / 1e6:.0f} MB/s"
     )
     if 60.0 * minutes < file.record_s:
-        return wrong(f"{text}; wanted {file.record_s / 60.0:g} ([record] minutes), tracking takes far less")
-    return well(text)
+        return failed(f"{text}; wanted {file.record_s / 60.0:g} ([record] minutes), tracking takes far less")
+    return passed(text)

@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from groundstation.errors import GroundstationError
-from groundstation.live.check_line import CheckLine, well, wrong
+from groundstation.live.check_result import CheckResult, failed, passed
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_line import open_reference_line
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace
@@ -19,7 +19,7 @@ _QUIET_S = 0.04
 _GOOD = (FixQuality.FIX, FixQuality.FLOAT, FixQuality.SIMULATED, FixQuality.PPP)
 
 
-def check_reference(device: ReferenceDevice, origin: GeoOrigin, seconds: float) -> CheckLine:
+def check_reference(device: ReferenceDevice, origin: GeoOrigin, seconds: float) -> CheckResult:
     """Listen to the receiver for a while."""
     start_s = time.monotonic()
     clock = ReferenceClock(gps_time_of(start_s), device.clock_offset_s)
@@ -46,9 +46,9 @@ def check_reference(device: ReferenceDevice, origin: GeoOrigin, seconds: float) 
         finally:
             line.close()
     except GroundstationError as fault:
-        return wrong(f"DGPS: {fault}")
+        return failed(f"DGPS: {fault}")
     said = _said(found, refused, heard, stream, clock, seconds)
-    return CheckLine(good=said.good, text=said.text + strangers)
+    return CheckResult(good=said.good, text=said.text + strangers)
 
 
 def _said(
@@ -58,13 +58,13 @@ def _said(
     stream: NmeaStream,
     clock: ReferenceClock,
     seconds: float,
-) -> CheckLine:
+) -> CheckResult:
     """Put what was heard into a line."""
     if not heard:
-        return wrong(f"DGPS: nothing came in {seconds:.0f} s: is it on, is the radio link up, is the baud right?")
+        return failed(f"DGPS: nothing came in {seconds:.0f} s: is it on, is the radio link up, is the baud right?")
     if not found:
         why = f"positions {refused[-1]}" if refused else stream.remarks.short()
-        return wrong(f"DGPS: {heard} bytes in {seconds:.0f} s and no position that can be used: {why}")
+        return failed(f"DGPS: {heard} bytes in {seconds:.0f} s and no position that can be used: {why}")
     ages = [age for _, _, age in found]
     fix, newest, _ = found[-1]
     level = 0.0 if newest.sigma_m is None else float(np.hypot(newest.sigma_m[0], newest.sigma_m[1]))
@@ -74,7 +74,7 @@ def _said(
         f"{float(np.median(ages)):.2f} s old when they come, {away:.0f} m from the origin"
     )
     if clock.adopted:
-        return wrong(f"{text}; its clock is {clock.offset_s:+.1f} s off this machine's: set one, or clock_offset_s")
+        return failed(f"{text}; its clock is {clock.offset_s:+.1f} s off this machine's: set one, or clock_offset_s")
     if fix.quality not in _GOOD:
-        return wrong(f"{text}: no corrections? wanted fix or float")
-    return well(text)
+        return failed(f"{text}: no corrections? wanted fix or float")
+    return passed(text)

@@ -10,21 +10,21 @@ from functools import partial
 from pathlib import Path
 
 from groundstation.errors import InputError
-from groundstation.live.board import LiveStatus
-from groundstation.live.core import in_operation
+from groundstation.live.core import live_config
 from groundstation.live.devices import check_against_rig
-from groundstation.live.ending import Ending
-from groundstation.live.heads import CLOSE_S, Heads
-from groundstation.live.keep_out_set_up import sun_words, with_keep_out
-from groundstation.live.memory import settle_memory
+from groundstation.live.head_manager import CLOSE_S, HeadManager
+from groundstation.live.keep_out_set_up import sun_text, with_keep_out
+from groundstation.live.memory import configure_allocator
 from groundstation.live.opened_cameras import opened_cameras
 from groundstation.live.operation import Operation, OperationResult, StatusSink
-from groundstation.live.out_folder import require_free, taken_back_unless_begun, written_files
+from groundstation.live.operator_screen import StatusCallback, open_screen
+from groundstation.live.out_folder import removed_unless_started, require_free, written_files
 from groundstation.live.record import LiveRecorder, live_header, live_reference, open_recorder
 from groundstation.live.reference_set_up import ReferenceReceiver, reference_tuning
-from groundstation.live.screen import StatusTeller, open_screen
+from groundstation.live.shutdown import Shutdown
 from groundstation.live.station_file import StationFile, load_station
 from groundstation.live.station_simulator import StationSimulator
+from groundstation.live.status_board import LiveStatus
 from groundstation.messages import StepReport
 from groundstation.recording.contents import RecordingHeader
 from groundstation.rig.rig import Rig, load_rig
@@ -56,7 +56,7 @@ class LiveRequest:
 class LiveResult:
     """How it went: the operation's figures, and what was written.
 
-    ``files`` are those with something in them. ``not_whole`` says in a line each what the disk did not take,
+    ``files`` are those with something in them. ``incomplete`` says in a line each what the disk did not take,
     ``recorded`` how much it took, and how much a second; ``lost`` is that a recording was wanted and nothing of it is
     there. ``begin_s`` is when the operation began, with a simulator the flight's time zero, session time. ``losses``
     says in a line each which of the heads' processes were lost, and which head is not known to stand.
@@ -65,7 +65,7 @@ class LiveResult:
     operation: OperationResult
     files: tuple[Path, ...]
     begin_s: float = 0.0
-    not_whole: tuple[str, ...] = ()
+    incomplete: tuple[str, ...] = ()
     recorded: str = ""
     lost: bool = False
     losses: tuple[str, ...] = ()
@@ -77,19 +77,19 @@ def live(
     tell: Callable[[LiveStatus], None],
     say: Callable[[str], None],
     simulator: StationSimulator | None = None,
-    give_up: Callable[[str], None] | None = None,
+    force_exit: Callable[[str], None] | None = None,
 ) -> LiveResult:
     """Operate a station. ``tell`` gets the status twice a second, ``say`` a line while things are being opened.
 
-    ``simulator`` stands in for the devices. ``give_up`` ends the program
-    at once where its end hangs beyond the time for it (`Ending`); it gets a line that says so.
+    ``simulator`` stands in for the devices. ``force_exit`` ends the program
+    at once where its end hangs beyond the time for it (`Shutdown`); it gets a line that says so.
 
     Raises `InputError`, `ConfigError` or `DeviceError`, one line each, where it cannot begin, and KeyboardInterrupt
     where ``stop`` says so before it has begun.
     """
     out = _folder(request)
-    with taken_back_unless_begun(out) as begun:
-        return _live(request, out, begun, stop, tell, partial(_step, stop, say), simulator, give_up)
+    with removed_unless_started(out) as begun:
+        return _live(request, out, begun, stop, tell, partial(_step, stop, say), simulator, force_exit)
 
 
 def _live(
@@ -100,32 +100,32 @@ def _live(
     tell: Callable[[LiveStatus], None],
     say: Callable[[str], None],
     simulator: StationSimulator | None,
-    give_up: Callable[[str], None] | None,
+    force_exit: Callable[[str], None] | None,
 ) -> LiveResult:
     """Operate into ``out``; ``begun`` is told once everything is open."""
-    settle_memory()
+    configure_allocator()
     file = _file(request) if simulator is None else simulator.station_file(request.station, out)
     rig = load_rig(file.rig)
     check_against_rig(file, rig)
     file = with_keep_out(file, rig, time.monotonic(), time.time())
     if simulator is not None:
         simulator.check(rig)
-    config = in_operation(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
+    config = live_config(reference_tuning(load_config(file.config), file.reference), file.rate_hz)
     header = live_header(file, config)
     known = live_reference(header, rig, config)
     # not before all files are known to be good
     out.mkdir(parents=True, exist_ok=True)
     with ExitStack() as opened:
-        ending = Ending(stop, file.park_s, give_up=give_up)
+        shutdown = Shutdown(stop, file.park_s, force_exit=force_exit)
         # after everything else, however it ends
-        opened.callback(ending.done)
+        opened.callback(shutdown.done)
         # the bound holds from here on: compiling and opening can hang as operating can
-        ending.watch()
+        shutdown.watch()
         if simulator is not None:
             simulator.open(file, out, opened, say)
         start_s = time.monotonic()
         # they are opened while this process compiles
-        heads = Heads({s.name: s.head for s in file.stations if s.head is not None}, start_s)
+        heads = HeadManager({s.name: s.head for s in file.stations if s.head is not None}, start_s)
         opened.callback(heads.close)
         heads.begin()
         say("compiling, once")
@@ -136,9 +136,9 @@ def _live(
         sinks: list[Sink] = [tables, *(() if simulator is None else simulator.sinks())]
         recorder = _recorder(request, out, rig, header, opened, sinks)
         if recorder is not None:
-            ending.writes(lambda: recorder.status.written_bytes)
-        operators: list[StatusSink] = [StatusTeller(tell)]
-        screen = open_screen(request.screen, rig, file, opened, ending, sinks, operators, say)
+            shutdown.watch_recorder(lambda: recorder.status.written_bytes)
+        operators: list[StatusSink] = [StatusCallback(tell)]
+        screen = open_screen(request.screen, rig, file, opened, shutdown, sinks, operators, say)
         operation = Operation(
             file,
             rig,
@@ -147,39 +147,39 @@ def _live(
             recorders=[] if recorder is None else [recorder],
             operators=operators,
             start_s=start_s,
-            also=lambda: ", ".join(w for w in (_recording(recorder), screen(), *faults) if w),
+            extra_status=lambda: ", ".join(w for w in (_recording(recorder), screen(), *faults) if w),
             keep_images=request.screen != "none",
             reference_errors=known.errors if header.learns_from_reference else None,
         )
-        sun_known, sun = sun_words(file, rig, time.time())
+        sun_known, sun = sun_text(file, rig, time.time())
         if file.sun_angle_rad != 0.0:
             say(sun)
-            operation.say("info" if sun_known else "warning", sun)
-        reference = ReferenceReceiver(file, known, operation.inbox, start_s=start_s, folder=out, faults=faults)
+            operation.log("info" if sun_known else "warning", sun)
+        reference = ReferenceReceiver(file, known, operation.input_queue, start_s=start_s, folder=out, faults=faults)
         opened.callback(reference.close)
         say("opening the PTUs")
         heads.opened(stop)
         say("opening the cameras")
-        cameras = opened.enter_context(opened_cameras(file, operation, simulator, ending))
+        cameras = opened.enter_context(opened_cameras(file, operation, simulator, shutdown))
         # halted before anything else is closed
-        opened.callback(lambda: heads.close(ending.left_s(CLOSE_S)))
+        opened.callback(lambda: heads.close(shutdown.left_s(CLOSE_S)))
         begin_s = time.monotonic() + _BEGIN_AFTER_S
         if simulator is not None:
             begin_s = simulator.begin(begin_s)
         begun()
         end_s = math.inf if request.seconds is None else begin_s + request.seconds
         result = operation.run(
-            cameras, heads, lambda: ending.asked() or time.monotonic() >= end_s, reference.worker, ending
+            cameras, heads, lambda: shutdown.requested() or time.monotonic() >= end_s, reference.worker, shutdown
         )
         reference.close(recorder)
     if recorder is not None and recorder.status.trouble:
-        faults.insert(0, f"{_RECORDING}: {recorder.words()}")
+        faults.insert(0, f"{_RECORDING}: {recorder.summary()}")
     return LiveResult(
         operation=result,
         files=written_files(out),
         begin_s=begin_s - start_s,
-        not_whole=tuple(faults),
-        recorded="" if recorder is None else recorder.took(),
+        incomplete=tuple(faults),
+        recorded="" if recorder is None else recorder.written_summary(),
         lost=recorder is not None and recorder.status.written_bytes == 0,
         losses=tuple(heads.log.losses),
     )
@@ -252,4 +252,4 @@ def _recorder(
 
 
 def _recording(recorder: LiveRecorder | None) -> str:
-    return "not recording" if recorder is None else recorder.words()
+    return "not recording" if recorder is None else recorder.summary()

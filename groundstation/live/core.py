@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.live.inbox import DeviceLogLine, Item, TimedPicture
+from groundstation.live.input_queue import DeviceLogLine, Item, TimedPicture
 from groundstation.live.pairing import Pairing
 from groundstation.messages import (
     Event,
@@ -47,7 +47,7 @@ _SILENT_S = 1.0
 _FURTHEST_AHEAD_S = 1.0
 
 
-def in_operation(config: Config, rate_hz: float) -> Config:
+def live_config(config: Config, rate_hz: float) -> Config:
     """Return the tuning with what is known of cameras that run at a rate.
 
     No frame comes half a period early, and from pair to pair a track does not coast.
@@ -60,7 +60,7 @@ def in_operation(config: Config, rate_hz: float) -> Config:
 
 
 @dataclass(slots=True)
-class Taken:
+class LiveStep:
     """What came of one item or of time going by."""
 
     consumed: list[Event] = field(default_factory=list)
@@ -93,62 +93,62 @@ class LiveCore:
         self._parking: Mapping[str, tuple[float, float]] | None = None
         self._ahead_s = 0.0
         self._lines: list[TrackEvent] = []
-        self._held_said = LogThrottle(
+        self._hold_throttle = LogThrottle(
             lambda t_s, text: self._lines.append(TrackEvent(t_s=t_s, level="warning", text=text))
         )
 
-    def take(self, item: Item | PixelMeasurement, now_s: float, known_s: float | None = None) -> Taken:
+    def take(self, item: Item | PixelMeasurement, now_s: float, known_s: float | None = None) -> LiveStep:
         """Take one item at session time ``now_s``; ``known_s`` as in `pass_time`."""
-        taken = Taken()
+        step = LiveStep()
         if isinstance(item, DeviceLogLine):
             line = TrackEvent(t_s=item.t_s, level=item.level, text=item.text)
-            taken.reports.append(StepReport(events=(line,)))
+            step.reports.append(StepReport(events=(line,)))
         elif isinstance(item, (TimedPicture, PixelMeasurement)):
             paired = self._pairing.frame(item.station, item.t_s)
             for epoch in paired.closed_before:
-                self._step(epoch, taken)
-            self._step(_numbered(item, paired.epoch), taken)
+                self._step(epoch, step)
+            self._step(_numbered(item, paired.epoch), step)
             for epoch in paired.closed_after:
-                self._step(epoch, taken)
+                self._step(epoch, step)
         else:
             if isinstance(item, PtuSample) and item.station in self._heads:
                 self._heads[item.station].read(item)
-            self._step(item, taken)
-        self._pass_time(now_s, now_s if known_s is None else known_s, taken)
-        return taken
+            self._step(item, step)
+        self._pass_time(now_s, now_s if known_s is None else known_s, step)
+        return step
 
-    def pass_time(self, now_s: float, known_s: float | None = None) -> Taken:
+    def pass_time(self, now_s: float, known_s: float | None = None) -> LiveStep:
         """Close a pair that will not be completed, send a heartbeat, and tell the heads where to turn, if it is time.
 
-        ``known_s`` is the time up to which all that was delivered has been taken, ``now_s`` unless more waits: what
+        ``known_s`` is the time up to which all that was delivered has been step, ``now_s`` unless more waits: what
         waits may yet hold the target.
         """
-        taken = Taken()
-        self._pass_time(now_s, now_s if known_s is None else known_s, taken)
-        return taken
+        step = LiveStep()
+        self._pass_time(now_s, now_s if known_s is None else known_s, step)
+        return step
 
-    def _pass_time(self, now_s: float, known_s: float, taken: Taken) -> None:
+    def _pass_time(self, now_s: float, known_s: float, step: LiveStep) -> None:
         if self._pairing.overdue(now_s):
             for epoch in self._pairing.flush():
-                self._step(epoch, taken)
-        self._held_said.pass_time(now_s)
+                self._step(epoch, step)
+        self._hold_throttle.pass_time(now_s)
         beat_s = min(now_s, known_s)
         if beat_s >= self._answered_s + HEARTBEAT_EVERY_S:
             self._answered_s = beat_s
-            self._step(Heartbeat(t_s=beat_s), taken)
+            self._step(Heartbeat(t_s=beat_s), step)
         if now_s >= self._commanded_s + COMMAND_EVERY_S:
             self._commanded_s = now_s
             try:
-                taken.commands += self._commands(now_s)
+                step.commands += self._commands(now_s)
             except _FAILED as fault:
-                self._begin_anew(fault, now_s, taken, in_vain=False)
-                taken.commands += self._commands(now_s)
+                self._reset_filter(fault, now_s, step, in_vain=False)
+                step.commands += self._commands(now_s)
         if self._lines:
-            taken.reports.append(StepReport(events=tuple(self._lines)))
+            step.reports.append(StepReport(events=tuple(self._lines)))
             self._lines.clear()
 
-    def delays(self, seconds: Mapping[str, float], latency_s: float) -> None:
-        """Say how long each head's line has lately taken from command to acknowledgement, and the head after that."""
+    def set_delays(self, seconds: Mapping[str, float], latency_s: float) -> None:
+        """Say how long each head's line has lately step from command to acknowledgement, and the head after that."""
         for name, delay_s in seconds.items():
             self._heads[name].latency_s = max(delay_s, 0.0) + latency_s
 
@@ -176,35 +176,35 @@ class LiveCore:
                 lines.append(f"station {name}: the head {words}")
         return lines
 
-    def finish(self) -> Taken:
+    def finish(self) -> LiveStep:
         """Let go of what still waits."""
-        taken = Taken()
+        step = LiveStep()
         for epoch in self._pairing.flush():
-            self._step(epoch, taken)
+            self._step(epoch, step)
         try:
-            taken.reports.append(self.pipeline.finish())
+            step.reports.append(self.pipeline.finish())
         except _FAILED as fault:
-            self._begin_anew(fault, self.pipeline.time_s or 0.0, taken, in_vain=False)
-        return taken
+            self._reset_filter(fault, self.pipeline.time_s or 0.0, step, in_vain=False)
+        return step
 
-    def _step(self, event: Event, taken: Taken) -> None:
-        taken.consumed.append(event)
+    def _step(self, event: Event, step: LiveStep) -> None:
+        step.consumed.append(event)
         try:
             report = self.pipeline.step(event)
         except _FAILED as fault:
             # numbers that no filter can work with: a fresh one may
-            self._begin_anew(fault, event.t_s, taken, in_vain=True)
+            self._reset_filter(fault, event.t_s, step, in_vain=True)
         else:
-            self._told(report, taken)
+            self._note_report(report, step)
 
-    def _begin_anew(self, fault: Exception, t_s: float, taken: Taken, *, in_vain: bool) -> None:
+    def _reset_filter(self, fault: Exception, t_s: float, step: LiveStep, *, in_vain: bool) -> None:
         """Have the pipeline forget everything; it is told so by an event, for a replay to do the same."""
         self.status = TrackStatus.SEARCHING
-        anew = FilterReset(t_s=t_s, why=f"{type(fault).__name__}: {fault}", in_vain=in_vain)
-        taken.consumed.append(anew)
-        self._told(self.pipeline.step(anew), taken)
+        reset = FilterReset(t_s=t_s, why=f"{type(fault).__name__}: {fault}", in_vain=in_vain)
+        step.consumed.append(reset)
+        self._note_report(self.pipeline.step(reset), step)
 
-    def _told(self, report: StepReport, taken: Taken) -> None:
+    def _note_report(self, report: StepReport, step: LiveStep) -> None:
         for estimate in report.estimates:
             self.status = estimate.status
             self._answered_s = max(self._answered_s, estimate.t_s)
@@ -213,7 +213,7 @@ class LiveCore:
         for state in report.states:
             self.status = state.status
         if not report.empty:
-            taken.reports.append(report)
+            step.reports.append(report)
 
     def _commands(self, now_s: float) -> list[PointingCommand]:
         if any(head.keep_out is not None for head in self._heads.values()):
@@ -221,7 +221,7 @@ class LiveCore:
         commands = [self._command(name, head, now_s) for name, head in self._heads.items()]
         for name, head in self._heads.items():
             if head.keep_out is not None and head.keep_out.held:
-                self._held_said.take(now_s, f"{name}: {head.keep_out.held}")
+                self._hold_throttle.take(now_s, f"{name}: {head.keep_out.held}")
         return commands
 
     def _command(self, name: str, head: HeadPilot, now_s: float) -> PointingCommand:

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 
-from groundstation.live.child import Child
+from groundstation.live.child_process import ChildProcess
+from groundstation.live.hang_detector import HangDetector
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.restart_delay import RestartDelay
-from groundstation.live.silence import Silence
 from ptu_drivers.halt_only import HaltLine
 from ptu_drivers.motion_guard import LEASE_S, GuardReport, MotionLeases, serve_guard
 
@@ -42,12 +42,12 @@ class GuardProcess:
         clock: Callable[[], float],
         lose: Callable[[str], None],
         report: Callable[[GuardReport], None],
-        make: Callable[..., Child] = Child,
+        make: Callable[..., ChildProcess] = ChildProcess,
     ) -> None:
         self._lines, self._leases, self._clock, self._lose, self._make = halt_lines(heads), leases, clock, lose, make
         self._report = report
-        self._child: Child | None = None
-        self._silence = Silence()
+        self._child: ChildProcess | None = None
+        self._hang_detector = HangDetector()
         self._delay = RestartDelay()
         self._due_s = self._begun_s = 0.0
         self._requested_s: float | None = None
@@ -56,7 +56,7 @@ class GuardProcess:
     def begin(self) -> None:
         """Start the process."""
         # what the one before it said of itself counts no more
-        self._leases.beat_guard(0.0)
+        self._leases.set_guard_heartbeat(0.0)
         self._begun_s = self._clock()
         self._child = self._make("ptu-guard", serve_guard, self._lines, self._leases)
         self._delay.began(self._begun_s)
@@ -75,9 +75,9 @@ class GuardProcess:
 
     def ready(self) -> bool:
         """Return whether it has said of itself lately that it is alive."""
-        return self._child is not None and self._clock() - self._leases.guard_beat_s <= LEASE_S
+        return self._child is not None and self._clock() - self._leases.guard_heartbeat_s <= LEASE_S
 
-    def look(self, since_s: float) -> None:
+    def poll(self, since_s: float) -> None:
         """Take its reports; begin it again if it has ended, or hangs (silence before ``since_s`` does not count)."""
         now_s = self._clock()
         if self._child is None:
@@ -93,10 +93,12 @@ class GuardProcess:
                     self._report(report)
         except (EOFError, OSError):
             self._child.kill(_GRACE_S)
-            why = self._child.how_it_ended()
-        beat_s = self._leases.guard_beat_s
+            why = self._child.exit_description()
+        beat_s = self._leases.guard_heartbeat_s
         silent_s = now_s - max(beat_s, since_s)
-        if not why and (self._silence.hangs(self._child.pid, silent_s) if beat_s else now_s - self._begun_s > _START_S):
+        if not why and (
+            self._hang_detector.hangs(self._child.pid, silent_s) if beat_s else now_s - self._begun_s > _START_S
+        ):
             self._child.kill()
             why = f"said nothing for {silent_s:.1f} s and was killed"
         if why:

@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from groundstation.errors import GroundstationError
 from groundstation.live.head_device import HeadDevice, open_head
 from groundstation.live.head_worker import HeadWorker, head_limits
-from groundstation.live.inbox import Item
+from groundstation.live.input_queue import Item
 from groundstation.messages import PointingCommand
 from groundstation.thread_scheduling import short_gil_switch_interval
 from ptu_drivers.motion_guard import LEASE_S, MotionLeases
@@ -38,12 +38,12 @@ class HeadReport:
 
     station: str
     state: str
-    doubts: int
+    failures: int
     delay_s: float
 
 
-class _Outbox:
-    """The inbox in the pipeline's process, as seen from this one."""
+class _PipeSink:
+    """The input queue in the pipeline's process, as seen from this one."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
@@ -69,16 +69,16 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, leases: MotionL
             with contextlib.suppress(OSError):
                 pipe.send(str(fault))
             return
-        leases.beat_driver(time.monotonic())
+        leases.set_driver_heartbeat(time.monotonic())
         try:
             pipe.send({name: (unit.describe(), head_limits(unit)) for name, unit in units.items()})
         except OSError:
             # nobody waits for it any more
             return
-        outbox = _Outbox(pipe)
+        pipe_sink = _PipeSink(pipe)
         workers = {
             name: HeadWorker(
-                name, unit, outbox, session_from_unit_s=-start_s, clock=time.monotonic, period_s=heads[name].poll_s
+                name, unit, pipe_sink, session_from_unit_s=-start_s, clock=time.monotonic, period_s=heads[name].poll_s
             )
             for name, unit in units.items()
         }
@@ -89,9 +89,9 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, leases: MotionL
             stack.callback(worker.request_stop)
         stack.enter_context(short_gil_switch_interval())
         # on the way out nothing is said any more: so long ahead at once
-        stack.callback(lambda: leases.beat_driver(time.monotonic() + _LEAVE_S))
+        stack.callback(lambda: leases.set_driver_heartbeat(time.monotonic() + _LEAVE_S))
         with contextlib.suppress(MemoryError):
-            lost = _serve(pipe, workers, outbox, leases)
+            lost = _serve(pipe, workers, pipe_sink, leases)
     if lost:
         raise SystemExit(1)
 
@@ -105,7 +105,7 @@ def stop_and_release(name: str, worker: HeadWorker, leases: MotionLeases) -> Non
         leases.release(name)
 
 
-def _serve(pipe: Connection, workers: Mapping[str, HeadWorker], outbox: _Outbox, leases: MotionLeases) -> bool:
+def _serve(pipe: Connection, workers: Mapping[str, HeadWorker], pipe_sink: _PipeSink, leases: MotionLeases) -> bool:
     """Pass commands on until the other side stops or is gone; renew the leases, and report now and then.
 
     Returns whether it ended because a head's thread has ended or hangs.
@@ -113,10 +113,10 @@ def _serve(pipe: Connection, workers: Mapping[str, HeadWorker], outbox: _Outbox,
     reported_s = -math.inf
     with contextlib.suppress(EOFError, OSError):
         while True:
-            vouch(workers, leases, time.monotonic())
-            if lost := lost_heads(workers, time.monotonic()):
+            renew_leases(workers, leases, time.monotonic())
+            if lost := unresponsive_heads(workers, time.monotonic()):
                 for text in lost:
-                    outbox.put(text)
+                    pipe_sink.put(text)
                 return True
             if pipe.poll(_BEAT_S):
                 what = pipe.recv()
@@ -126,21 +126,21 @@ def _serve(pipe: Connection, workers: Mapping[str, HeadWorker], outbox: _Outbox,
                     for worker in workers.values():
                         worker.start()
                 elif isinstance(what, PointingCommand) and what.station in workers:
-                    workers[what.station].tell(what)
+                    workers[what.station].set_command(what)
             now_s = time.monotonic()
             if now_s - reported_s >= _HEALTH_EVERY_S:
                 reported_s = now_s
                 for name, worker in workers.items():
-                    doubts = sum(worker.health.doubts.values())
-                    outbox.put(HeadReport(name, shown_state(worker, now_s), doubts, worker.delay_s))
+                    failures = sum(worker.health.failures.values())
+                    pipe_sink.put(HeadReport(name, state_text(worker, now_s), failures, worker.delay_s))
     return False
 
 
-def lost_heads(workers: Mapping[str, HeadWorker], now_s: float) -> list[str]:
+def unresponsive_heads(workers: Mapping[str, HeadWorker], now_s: float) -> list[str]:
     """Return a line for each head whose thread has ended, or has not come round for longer than its driver may take."""
     lost = []
     for name, worker in workers.items():
-        late_s = now_s - worker.round_s
+        late_s = now_s - worker.last_cycle_s
         if worker.ended:
             lost.append(f"{name}: PTU: its thread has ended")
         elif late_s > _ROUND_EXCHANGES * worker.unit.describe().reply_timeout_s + _HANGS_S:
@@ -148,25 +148,25 @@ def lost_heads(workers: Mapping[str, HeadWorker], now_s: float) -> list[str]:
     return lost
 
 
-def shown_state(worker: HeadWorker, now_s: float) -> str:
+def state_text(worker: HeadWorker, now_s: float) -> str:
     """Return the unit's state as its thread knows it; of a thread that ended or is late, that it is not known."""
     if worker.ended:
         return "thread ended"
-    return worker.health.state.value if _comes_round(worker, now_s) else "driver does not return"
+    return worker.health.state.value if _is_responsive(worker, now_s) else "driver does not return"
 
 
-def vouch(workers: Mapping[str, HeadWorker], leases: MotionLeases, now_s: float) -> None:
+def renew_leases(workers: Mapping[str, HeadWorker], leases: MotionLeases, now_s: float) -> None:
     """Renew the leases of the units whose threads come round, and hold all units still while there is no guard.
 
     A thread may wait as long as its unit may take to answer, and a lease's length on top.
     """
-    leases.beat_driver(now_s)
-    unguarded = now_s - leases.guard_beat_s > LEASE_S
+    leases.set_driver_heartbeat(now_s)
+    unguarded = now_s - leases.guard_heartbeat_s > LEASE_S
     for name, worker in workers.items():
-        worker.hold(unguarded)
-        if not worker.ended and _comes_round(worker, now_s):
+        worker.set_hold(unguarded)
+        if not worker.ended and _is_responsive(worker, now_s):
             leases.renew(name, now_s + LEASE_S)
 
 
-def _comes_round(worker: HeadWorker, now_s: float) -> bool:
-    return now_s - worker.round_s < worker.unit.describe().reply_timeout_s + LEASE_S
+def _is_responsive(worker: HeadWorker, now_s: float) -> bool:
+    return now_s - worker.last_cycle_s < worker.unit.describe().reply_timeout_s + LEASE_S

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable
 from typing import Protocol
 
-from groundstation.live.inbox import DeviceLogLine, Item
+from groundstation.live.input_queue import DeviceLogLine, Item
 from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from groundstation.pointing.pilot import LEASE_S, AxisLimits, HeadLimits
@@ -22,7 +22,7 @@ from ptu_drivers.messages import AngleSample, AxisDescription, Capability, NoRea
 
 # a unit that gives nothing is asked no more often than that
 _PATIENCE_S = 0.02
-_SLOW_TO_SAY_S = 1.0
+_REPORT_AFTER_S = 1.0
 # so small a change of rate waits until the watchdog wants to hear something: the line is for readings
 _SAME_RATE_RAD_S = math.radians(0.01)
 _REPEAT_S = 0.15
@@ -81,8 +81,8 @@ def _between(before: AngleSample, after: AngleSample, t_s: float) -> float:
     return before.angle_rad + (after.angle_rad - before.angle_rad) * (t_s - before.t_s) / span_s
 
 
-class Outlet(Protocol):
-    """Whoever takes readings and what is to be said; an `Inbox`, here or in another process."""
+class ItemSink(Protocol):
+    """Whoever takes readings and what is to be said; an `InputQueue`, here or in another process."""
 
     def put(self, item: Item) -> None:
         """Take it; never waits."""
@@ -94,7 +94,7 @@ class HeadWorker:
     Parameters
     ----------
     unit : opened and probed; its clock is the one that ``session_from_unit_s`` is added to.
-    inbox : takes readings and what is to be said.
+    input_queue : takes readings and what is to be said.
     period_s : asked no more often than that.
     clock : the unit's.
     """
@@ -103,7 +103,7 @@ class HeadWorker:
         self,
         station: str,
         unit: PanTiltUnit,
-        inbox: Outlet,
+        input_queue: ItemSink,
         *,
         session_from_unit_s: float,
         clock: Callable[[], float],
@@ -114,11 +114,11 @@ class HeadWorker:
         self.readings = 0
         self.refused = 0
         self.newest_s = -math.inf
-        self._inbox = inbox
+        self._input_queue = input_queue
         self._zero_s = session_from_unit_s
         self._clock = clock
         self._period_s = period_s
-        self._at_once = PanTiltAligner(station, session_from_unit_s)
+        self._aligner = PanTiltAligner(station, session_from_unit_s)
         self._by_rate = Capability.VELOCITY in unit.describe().capabilities
         self._command: PointingCommand | None = None
         self.delay_s = 0.0
@@ -127,15 +127,15 @@ class HeadWorker:
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._quiet_since_s: float | None = None
-        self._told: str = ""
-        self._seldom = LogThrottle(lambda _, text: self._say("warning", text))
+        self._reported_reason: str = ""
+        self._throttle = LogThrottle(lambda _, text: self._log("warning", text))
         if isinstance(unit, KeepOutUnit):
-            unit.report = lambda text: self._say("warning", f"PTU: {text}")
-        self.round_s = math.inf
+            unit.report = lambda text: self._log("warning", f"PTU: {text}")
+        self.last_cycle_s = math.inf
         """When the thread last came round, on the unit's clock; infinite before it has begun."""
         self.health = unit.health()
         """As it was a moment ago: asking the unit itself may wait for its line."""
-        self._looked_s = -math.inf
+        self._health_s = -math.inf
         self._held = self._held_still = False
         self._thread = threading.Thread(target=self._work, name=f"ptu-{station}", daemon=True)
 
@@ -143,12 +143,12 @@ class HeadWorker:
         """Begin."""
         self._thread.start()
 
-    def tell(self, command: PointingCommand) -> None:
+    def set_command(self, command: PointingCommand) -> None:
         """Hand over the newest command; never waits."""
         with self._lock:
             self._command = command
 
-    def hold(self, held: bool) -> None:
+    def set_hold(self, held: bool) -> None:
         """From now on hold the unit still, whatever is commanded, or let it go on; never waits."""
         self._held = held
 
@@ -173,15 +173,15 @@ class HeadWorker:
     def _work(self) -> None:
         try:
             while not self._stop.is_set():
-                began_s = self.round_s = self._clock()
+                began_s = self.last_cycle_s = self._clock()
                 if self._held:
                     self._hold_still()
                 else:
                     self._held_still = False
-                    self._obey()
-                heard = self._ask()
-                if began_s >= self._looked_s + _HEALTH_EVERY_S:
-                    self._looked_s = began_s
+                    self._execute()
+                heard = self._poll()
+                if began_s >= self._health_s + _HEALTH_EVERY_S:
+                    self._health_s = began_s
                     self.health = self.unit.health()
                 left_s = (self._period_s if heard else _PATIENCE_S) - (self._clock() - began_s)
                 if left_s > 0:
@@ -189,32 +189,32 @@ class HeadWorker:
         except Exception as fault:  # noqa: BLE001 - whatever it is: the head stops and the operator hears of it
             # where memory is short there may be none for the line either
             with contextlib.suppress(MemoryError):
-                self._say("error", f"PTU: {type(fault).__name__}: {fault}; it is halted")
+                self._log("error", f"PTU: {type(fault).__name__}: {fault}; it is halted")
         finally:
             self.unit.close()
 
-    def _ask(self) -> bool:
+    def _poll(self) -> bool:
         """Read the angles; returns whether there are any."""
         reading = self.unit.read()
         now_s = self._clock() + self._zero_s
         if isinstance(reading, NoReading):
             if self._quiet_since_s is None:
                 self._quiet_since_s = now_s
-            elif now_s - self._quiet_since_s > _SLOW_TO_SAY_S and self._told != reading.reason.value:
-                self._told = reading.reason.value
-                self._say("warning", f"PTU gives no angles: {reading.reason.value} ({reading.state.value})")
+            elif now_s - self._quiet_since_s > _REPORT_AFTER_S and self._reported_reason != reading.reason.value:
+                self._reported_reason = reading.reason.value
+                self._log("warning", f"PTU gives no angles: {reading.reason.value} ({reading.state.value})")
             return False
-        if self._told:
-            self._say("info", "PTU gives angles again")
-        self._quiet_since_s, self._told = None, ""
-        sample = self._at_once.sample(reading)
+        if self._reported_reason:
+            self._log("info", "PTU gives angles again")
+        self._quiet_since_s, self._reported_reason = None, ""
+        sample = self._aligner.sample(reading)
         if sample is not None:
             self.readings += 1
             self.newest_s = sample.t_s
-            self._inbox.put(sample)
+            self._input_queue.put(sample)
         return True
 
-    def _obey(self) -> None:
+    def _execute(self) -> None:
         """Do what was told last, once."""
         with self._lock:
             command, self._command = self._command, None
@@ -232,15 +232,15 @@ class HeadWorker:
             self.delay_s += _DELAY_RATE * (took_s - self.delay_s)
         except KeepOutError as fault:
             self.refused += 1
-            self._seldom.take(command.t_s, f"PTU: {fault}")
+            self._throttle.take(command.t_s, f"PTU: {fault}")
         except LimitError as fault:
             self.refused += 1
-            self._say("warning", f"PTU: {fault}")
+            self._log("warning", f"PTU: {fault}")
         except PtuError as fault:
             # the next reading says what is wrong with the line
             self.refused += 1
             if self.refused == 1:
-                self._say("warning", f"PTU: {fault}")
+                self._log("warning", f"PTU: {fault}")
 
     def _hold_still(self) -> None:
         """Halt the unit, once it has acknowledged no more, and forget what is commanded meanwhile."""
@@ -255,7 +255,7 @@ class HeadWorker:
             # tried again in the next round; the driver owes it, too
             self.refused += 1
             if self.refused == 1:
-                self._say("warning", f"PTU: {fault}")
+                self._log("warning", f"PTU: {fault}")
 
     def _same(self, command: PointingCommand) -> bool:
         """Return whether the head does already what is wanted."""
@@ -267,5 +267,7 @@ class HeadWorker:
         )
         return self._by_rate and apart < _SAME_RATE_RAD_S
 
-    def _say(self, level: str, text: str) -> None:
-        self._inbox.put(DeviceLogLine(t_s=self._clock() + self._zero_s, level=level, text=f"{self.station}: {text}"))
+    def _log(self, level: str, text: str) -> None:
+        self._input_queue.put(
+            DeviceLogLine(t_s=self._clock() + self._zero_s, level=level, text=f"{self.station}: {text}")
+        )

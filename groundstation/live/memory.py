@@ -13,7 +13,7 @@ _PICTURE_BYTES = 256 * 1024
 _ARENAS = 2
 
 
-def settle_memory() -> bool:
+def configure_allocator() -> bool:
     """Give each picture memory of its own, and all threads two heaps; False where the allocator is another."""
     if not sys.platform.startswith("linux"):
         return False

@@ -7,26 +7,26 @@ from functools import partial
 
 from groundstation.live.camera_worker import said
 from groundstation.live.devices import camera_of
-from groundstation.live.ending import Ending
 from groundstation.live.head_device import DeviceError
 from groundstation.live.operation import Operation
+from groundstation.live.shutdown import Shutdown
 from groundstation.live.station_file import StationFile
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.sources.cameras.camera import CameraCare, CameraError, CameraEvent, CameraTiming, StampPoint
 from groundstation.sources.cameras.live_camera import LiveCamera
 
-# of the time for ending, what a camera's driver gets
+# of the time for shutdown, what a camera's driver gets
 _CAMERA_S = 0.8
 
 
 @contextmanager
 def opened_cameras(
-    file: StationFile, operation: Operation, simulated: StationSimulator | None, ending: Ending
+    file: StationFile, operation: Operation, simulated: StationSimulator | None, shutdown: Shutdown
 ) -> Iterator[Mapping[str, LiveCamera]]:
     """Open all cameras, in the end asking all to stop before one is waited for. Raises `DeviceError`: one fails."""
 
     def tell(event: CameraEvent) -> None:
-        operation.inbox.put(said(event, -operation.start_s))
+        operation.input_queue.put(said(event, -operation.start_s))
 
     with ExitStack() as stack:
         cameras: dict[str, LiveCamera] = {}
@@ -47,4 +47,4 @@ def opened_cameras(
             for camera in cameras.values():
                 camera.stop()
             for camera in cameras.values():
-                camera.close(ending.left_s(_CAMERA_S))
+                camera.close(shutdown.left_s(_CAMERA_S))

@@ -11,17 +11,17 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from groundstation.estimation.parameters import ParameterPrior
-from groundstation.live.board import DeviceState, LiveStatus, StatusBoard
-from groundstation.live.camera_words import clock_words, lost_words
+from groundstation.live.camera_status import clock_status, lost_frames
 from groundstation.live.camera_worker import CameraWorker
-from groundstation.live.core import LiveCore, Taken
-from groundstation.live.ending import Ending
+from groundstation.live.core import LiveCore, LiveStep
 from groundstation.live.head_log import HeadState
-from groundstation.live.heads import Heads
-from groundstation.live.inbox import DeviceLogLine, Inbox, Item, TimedPicture
-from groundstation.live.pairing import Pairing, Shedding
+from groundstation.live.head_manager import HeadManager
+from groundstation.live.input_queue import DeviceLogLine, InputQueue, Item, TimedPicture
+from groundstation.live.pairing import LoadShedder, Pairing
 from groundstation.live.reference_worker import ReferenceWorker
+from groundstation.live.shutdown import Shutdown
 from groundstation.live.station_file import StationFile
+from groundstation.live.status_board import DeviceState, LiveStatus, StatusBoard
 from groundstation.messages import Event, Frame, PtuSample, TrackStatus
 from groundstation.pointing.keep_out import KeepOut
 from groundstation.pointing.pilot import HeadPilot
@@ -50,7 +50,7 @@ class EventSink(Protocol):
 class StatusSink(Protocol):
     """Takes what the operator is told, twice a second."""
 
-    def tell(self, status: LiveStatus) -> None:
+    def update(self, status: LiveStatus) -> None:
         """Take it; never waits long."""
 
 
@@ -58,7 +58,7 @@ class StatusSink(Protocol):
 class OperationResult:
     """How an operation went.
 
-    ``epochs`` pairs were answered, ``dropped`` counts what was not taken, ``latency_*`` from a pair's first frame at
+    ``epochs`` pairs were answered, ``dropped`` counts what was not step, ``latency_*`` from a pair's first frame at
     the host to its answer, ``tracking_*`` while tracking, 0 where there is none; ``counts`` are the pipeline's;
     ``busy_s`` is what its thread computed in ``elapsed_s``.
     """
@@ -102,23 +102,23 @@ class Operation:
         operators: Sequence[StatusSink] = (),
         clock: Callable[[], float] = time.monotonic,
         start_s: float | None = None,
-        also: Callable[[], str] = lambda: "",
+        extra_status: Callable[[], str] = lambda: "",
         keep_images: bool = False,
         reference_errors: ParameterPrior | None = None,
     ) -> None:
         self._file, self._rig, self._config = file, rig, config
         self._sinks, self._recorders, self._operators = sinks, recorders, operators
         self._clock = clock
-        self._also = also
+        self._extra_status = extra_status
         self._keep_images = keep_images
         self._reference_errors = reference_errors
         self._reference: ReferenceWorker | None = None
         self.start_s = clock() if start_s is None else start_s
-        self.inbox = Inbox()
+        self.input_queue = InputQueue()
         self._board = StatusBoard()
         self._epochs = self._tracked = 0
         self._busy_s = 0.0
-        self._told_s, self._told = -_NEVER, TrackStatus.SEARCHING
+        self._shown_s, self._shown_track = -_NEVER, TrackStatus.SEARCHING
         self._shown_changes = 0
 
     @property
@@ -126,51 +126,51 @@ class Operation:
         """Session time, s."""
         return self._clock() - self.start_s
 
-    def say(self, level: str, text: str) -> None:
+    def log(self, level: str, text: str) -> None:
         """Put a line into the log; from any thread."""
-        self.inbox.put(DeviceLogLine(t_s=self.now_s, level=level, text=text))
+        self.input_queue.put(DeviceLogLine(t_s=self.now_s, level=level, text=text))
 
     def run(
         self,
         cameras: Mapping[str, LiveCamera],
-        heads: Heads,
+        heads: HeadManager,
         until: Callable[[], bool],
         reference: ReferenceWorker | None = None,
-        ending: Ending | None = None,
+        shutdown: Shutdown | None = None,
     ) -> OperationResult:
         """Operate until ``until`` says so, then park the heads, and let everything that waits be answered.
 
-        Heads are parked as long as ``ending`` allows, and not at all once their process is lost.
+        Heads are parked as long as ``shutdown`` allows, and not at all once their process is lost.
 
         The devices are opened already, and closed by whoever opened them; ``reference`` opens its line itself.
         """
         warm_up()
-        workers = [CameraWorker(n, c, self.inbox, -self.start_s) for n, c in cameras.items()]
+        workers = [CameraWorker(n, c, self.input_queue, -self.start_s) for n, c in cameras.items()]
         core = self._core(heads)
         with ExitStack() as stack:
             stack.enter_context(short_gil_switch_interval())
             for worker in workers:
                 stack.callback(worker.stop)
                 worker.start()
-            heads.start(self.inbox)
+            heads.start(self.input_queue)
             self._reference = reference
             if reference is not None:
                 stack.callback(reference.stop)
                 reference.start()
             began_s = self.now_s
             while not until():
-                self._turn(core, heads, workers, self.inbox.get(_WAIT_S))
-            ending = ending or Ending(until, clock=self._clock)
-            ending.begin()
+                self._cycle(core, heads, workers, self.input_queue.get(_WAIT_S))
+            shutdown = shutdown or Shutdown(until, clock=self._clock)
+            shutdown.begin()
             core.park({s.name: s.head.park_rad for s in self._file.stations if s.head is not None})
-            self.say("info", "parking")
-            while ending.parks() and heads.running and core.not_parked(self.now_s, _PARKED_RAD, heard=True):
-                item = self.inbox.get(_WAIT_S)
+            self.log("info", "parking")
+            while shutdown.may_park() and heads.running and core.not_parked(self.now_s, _PARKED_RAD, heard=True):
+                item = self.input_queue.get(_WAIT_S)
                 # what is seen while the heads swing away is of no use
-                self._turn(core, heads, workers, None if isinstance(item, TimedPicture) else item)
+                self._cycle(core, heads, workers, None if isinstance(item, TimedPicture) else item)
             for line in core.not_parked(self.now_s, _PARKED_RAD):
-                self._hand_on(core.take(DeviceLogLine(t_s=self.now_s, level="warning", text=line), self.now_s), heads)
-        self._hand_on(core.finish(), heads)
+                self._dispatch(core.take(DeviceLogLine(t_s=self.now_s, level="warning", text=line), self.now_s), heads)
+        self._dispatch(core.finish(), heads)
         return OperationResult(
             elapsed_s=self.now_s - began_s,
             epochs=self._epochs,
@@ -185,42 +185,42 @@ class Operation:
         )
 
     # ------------------------------------------------------------------------------------- one turn
-    def _turn(self, core: LiveCore, heads: Heads, cameras: Sequence[CameraWorker], item: Item | None) -> None:
+    def _cycle(self, core: LiveCore, heads: HeadManager, cameras: Sequence[CameraWorker], item: Item | None) -> None:
         began_s = self.now_s
-        if isinstance(item, TimedPicture) and self._shedding.leaves_out(
-            item.station, item.t_s, self.inbox.frames_waiting
+        if isinstance(item, TimedPicture) and self._load_shedder.drops(
+            item.station, item.t_s, self.input_queue.frames_waiting
         ):
             item = None
         known_s = self._known_s(item, began_s)
-        taken = core.pass_time(began_s, known_s) if item is None else core.take(item, began_s, known_s)
+        step = core.pass_time(began_s, known_s) if item is None else core.take(item, began_s, known_s)
         if isinstance(item, TimedPicture):
-            for event in taken.consumed:
+            for event in step.consumed:
                 if isinstance(event, Frame):
                     self._board.arrived(event.epoch, item.arrived_s)
-        self._hand_on(taken, heads)
+        self._dispatch(step, heads)
         now_s = self.now_s
         if item is not None:
             self._busy_s += now_s - began_s
-        silenced = core.status is not self._told and any(report.states for report in taken.reports)
+        track_changed = core.status is not self._shown_track and any(report.states for report in step.reports)
         changed = heads.log.changes != self._shown_changes
-        if silenced or changed or now_s - self._told_s >= _STATUS_EVERY_S:
-            self._told_s, self._told, self._shown_changes = now_s, core.status, heads.log.changes
-            core.delays({n: h.delay_s for n, h in heads.states.items()}, self._file.pointing.latency_s)
-            self._tell(core, heads, cameras, now_s)
+        if track_changed or changed or now_s - self._shown_s >= _STATUS_EVERY_S:
+            self._shown_s, self._shown_track, self._shown_changes = now_s, core.status, heads.log.changes
+            core.set_delays({n: h.delay_s for n, h in heads.states.items()}, self._file.pointing.latency_s)
+            self._publish_status(core, heads, cameras, now_s)
 
     def _known_s(self, item: Item | None, now_s: float) -> float:
-        """Return up to when the devices' records have been taken, ``item`` included: now, unless more waits."""
-        if not len(self.inbox):
+        """Return up to when the devices' records have been step, ``item`` included: now, unless more waits."""
+        if not len(self.input_queue):
             return now_s
         return item.t_s if isinstance(item, TimedPicture | PtuSample) else -_NEVER
 
-    def _hand_on(self, taken: Taken, heads: Heads) -> None:
-        for command in taken.commands:
-            heads.tell(command)
-        for event in taken.consumed:
+    def _dispatch(self, step: LiveStep, heads: HeadManager) -> None:
+        for command in step.commands:
+            heads.send_command(command)
+        for event in step.consumed:
             for recorder in self._recorders:
                 recorder.take(event)
-        for report in taken.reports:
+        for report in step.reports:
             now_s = self.now_s
             for estimate in report.estimates:
                 self._epochs += 1
@@ -231,7 +231,9 @@ class Operation:
             for sink in self._sinks:
                 sink.write(report)
 
-    def _tell(self, core: LiveCore, heads: Heads, cameras: Sequence[CameraWorker], now_s: float) -> None:
+    def _publish_status(
+        self, core: LiveCore, heads: HeadManager, cameras: Sequence[CameraWorker], now_s: float
+    ) -> None:
         states = [self._camera_state(c, now_s) for c in cameras] + [
             self._head_state(n, h, now_s) for n, h in heads.states.items()
         ]
@@ -240,24 +242,24 @@ class Operation:
             contradicted = core.pipeline.counts["references_refused"]
             states.append(self._reference.state(now_s, rate_hz, contradicted))
         dropped = self._dropped()
-        status = self._board.status(now_s, core.status, tuple(states), dropped, self._also())
+        status = self._board.status(now_s, core.status, tuple(states), dropped, self._extra_status())
         for operator in self._operators:
-            operator.tell(status)
+            operator.update(status)
 
     def _dropped(self) -> dict[str, int]:
-        dropped = {what: n for what, n in self.inbox.dropped.items() if n}
-        return dropped | ({"pairs, being behind": self._shedding.pairs} if self._shedding.pairs else {})
+        dropped = {what: n for what, n in self.input_queue.dropped.items() if n}
+        return dropped | ({"pairs, being behind": self._load_shedder.pairs} if self._load_shedder.pairs else {})
 
     def _camera_state(self, worker: CameraWorker, now_s: float) -> DeviceState:
         camera, found = worker.camera, worker.camera.read_back
-        clock = clock_words(camera.clock_state, has_clock=found is None or found.device_clock)
-        note = ", ".join(w for w in (lost_words(camera.counts, worker.counts_before), clock) if w)
+        clock = clock_status(camera.clock_state, has_clock=found is None or found.device_clock)
+        note = ", ".join(w for w in (lost_frames(camera.counts, worker.counts_before), clock) if w)
         name = f"{worker.station} camera"
         rate = self._board.rate(name, worker.frames, now_s)
         return DeviceState(name=name, rate_hz=rate, age_s=now_s - worker.newest_s, note=note)
 
     def _head_state(self, station: str, head: HeadState, now_s: float) -> DeviceState:
-        note = head.state + (f", {head.doubts} answers not believed" if head.doubts else "")
+        note = head.state + (f", {head.failures} answers not believed" if head.failures else "")
         name = f"{station} PTU"
         rate = self._board.rate(name, head.readings, now_s)
         return DeviceState(name=name, rate_hz=rate, age_s=now_s - head.newest_s, note=note)
@@ -273,7 +275,7 @@ class Operation:
             reference_errors=self._reference_errors,
         )
 
-    def _core(self, heads: Heads) -> LiveCore:
+    def _core(self, heads: HeadManager) -> LiveCore:
         geometries = {s.name: s.geometry() for s in self._rig.stations}
         closed = {s.name: s.head.keep_out for s in self._file.stations if s.head is not None}
         pilots = {
@@ -282,7 +284,7 @@ class Operation:
         }
         period_s = 1.0 / self._file.rate_hz
         pairing = Pairing(self._rig.names, period_s)
-        self._shedding = Shedding(pairing, period_s, most=len(self._rig.names) + 1)
+        self._load_shedder = LoadShedder(pairing, period_s, most=len(self._rig.names) + 1)
         return LiveCore(self._pipeline(), pairing, pilots, SearchPattern(geometries, self._file.search))
 
 

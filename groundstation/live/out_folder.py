@@ -22,7 +22,7 @@ def written_files(out: Path) -> tuple[Path, ...]:
 
 
 @contextlib.contextmanager
-def taken_back_unless_begun(out: Path) -> Iterator[Callable[[], None]]:
+def removed_unless_started(out: Path) -> Iterator[Callable[[], None]]:
     """Yield what to call once there is something to keep; where that was never called, ``out`` is left as it was.
 
     So a device that is not there costs nothing but another start with the same command.

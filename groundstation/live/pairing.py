@@ -91,7 +91,7 @@ class Pairing:
         return [Epoch(t_s=sum(stamps) / len(stamps), epoch=pair.number, stations=stations)]
 
 
-class Shedding:
+class LoadShedder:
     """Leaves whole pairs out while the pipeline is behind: one frame of a pair is worth little without the other.
 
     Parameters
@@ -107,7 +107,7 @@ class Shedding:
         self._most = most
         self._left_out: dict[str, float] = {}
 
-    def leaves_out(self, station: str, t_s: float, waiting: int) -> bool:
+    def drops(self, station: str, t_s: float, waiting: int) -> bool:
         """Return whether a frame is not to be taken, with so many waiting behind it."""
         if self._pairing.joins(station, t_s):
             return False

@@ -35,7 +35,7 @@ class LiveRecorder(Recorder):
         self._now, self._recent = clock, RecentRate()
         self._least_free = config.keep_free_bytes
 
-    def words(self) -> str:
+    def summary(self) -> str:
         """Return what the operator is told."""
         status = self.status
         rate = self._recent.at(self._now(), status.written_bytes)
@@ -47,7 +47,7 @@ class LiveRecorder(Recorder):
             return text
         return text + f", enough for {_long(max(status.free_bytes - self._least_free, 0) / rate)} of this"
 
-    def took(self) -> str:
+    def written_summary(self) -> str:
         """Return what it came to in the end: bytes, and how many a second while tracking and while searching."""
         status = self.status
         return ", ".join(w for w in (f"{status.written_bytes / 1e6:.1f} MB", status.rates.line()) if w)

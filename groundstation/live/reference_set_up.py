@@ -4,7 +4,6 @@ import dataclasses
 import time
 from pathlib import Path
 
-from groundstation.live.inbox import Inbox
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace
 from groundstation.live.reference_table import DgpsTable
@@ -46,7 +45,7 @@ class ReferenceReceiver:
         self,
         file: StationFile,
         known: ReferencePrior,
-        inbox: Inbox,
+        input_queue: InputQueue,
         *,
         start_s: float,
         folder: Path,
@@ -59,7 +58,7 @@ class ReferenceReceiver:
             return
         clock = ReferenceClock(gps_time_of(start_s), device.clock_offset_s)
         place = ReferencePlace(origin, clock, known.antenna_in_body_m, known.offset_s)
-        self.worker = ReferenceWorker(device, place, inbox, self._table, start_s=start_s)
+        self.worker = ReferenceWorker(device, place, input_queue, self._table, start_s=start_s)
 
     def close(self, recorder: Recorder | None = None) -> None:
         """Close the table and add it to the recording; twice does no harm."""

@@ -1,4 +1,4 @@
-"""The reference receiver in a thread of its own: sentences in, positions into the inbox and into a table.
+"""The reference receiver in a thread of its own: sentences in, positions into the input queue and into a table.
 
 A line that is gone is opened again, over and over; that no position comes is said once, and that one comes again.
 """
@@ -11,12 +11,12 @@ from collections.abc import Callable
 from typing import Protocol
 
 from groundstation.errors import GroundstationError, LogError
-from groundstation.live.board import GONE_S, ReferenceState
-from groundstation.live.head_worker import Outlet
-from groundstation.live.inbox import DeviceLogLine
+from groundstation.live.head_worker import ItemSink
+from groundstation.live.input_queue import DeviceLogLine
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_line import ReceiverLine, open_reference_line
 from groundstation.live.reference_place import ReferencePlace
+from groundstation.live.status_board import GONE_S, ReferenceState
 from groundstation.messages import DgpsFix
 from groundstation.session.logs.fixes import LogFix, LogOptions
 from groundstation.session.logs.nmea_stream import NmeaStream
@@ -44,7 +44,7 @@ class ReferenceWorker:
     Parameters
     ----------
     place : puts a position into the runway frame and onto the session's clock.
-    inbox : takes the positions for the filter, if it is to learn, and what is to be said.
+    input_queue : takes the positions for the filter, if it is to learn, and what is to be said.
     table : takes all of them, None for nowhere.
     start_s : the session's time zero on ``clock``.
     clock, utc : the host's, monotonic and Unix time.
@@ -55,7 +55,7 @@ class ReferenceWorker:
         self,
         device: ReferenceDevice,
         place: ReferencePlace,
-        inbox: Outlet,
+        input_queue: ItemSink,
         table: FixTable | None,
         *,
         start_s: float,
@@ -67,13 +67,13 @@ class ReferenceWorker:
         self.refused: Counter[str] = Counter()
         self.quality = ""
         self.newest_s = -math.inf
-        self._device, self._place, self._inbox, self._table = device, place, inbox, table
+        self._device, self._place, self._input_queue, self._table = device, place, input_queue, table
         self._start_s, self._clock, self._utc, self._connect = start_s, clock, utc, connect
         self._stream = NmeaStream("DGPS", LogOptions(geoid_separation_m=device.geoid_separation_m))
         self._stop = threading.Event()
         self._trouble = ""
         self._strangers = 0
-        self._seldom = LogThrottle(lambda _, text: self._say("warning", text), _REFUSED_EVERY_S)
+        self._throttle = LogThrottle(lambda _, text: self._log("warning", text), _REFUSED_EVERY_S)
         self._gone = False
         self._listening_since_s = self._now_s()
         self._adopted = 0
@@ -139,10 +139,10 @@ class ReferenceWorker:
 
     def _count_refused(self, line: ReceiverLine, more: int) -> None:
         """Count datagrams of senders that are not allowed, and say now and then that there are some."""
-        self._seldom.pass_time(self._now_s())
+        self._throttle.pass_time(self._now_s())
         if more:
             self._strangers += more
-            self._seldom.take(self._now_s(), f"{line.refused_sender} is not among its senders: datagrams refused")
+            self._throttle.take(self._now_s(), f"{line.refused_sender} is not among its senders: datagrams refused")
 
     def _take(self, fix: LogFix) -> None:
         arrived_s = self._now_s()
@@ -156,7 +156,7 @@ class ReferenceWorker:
                 if offset_s
                 else "its clock has stepped, and is right again"
             )
-            self._say("warning", text)
+            self._log("warning", text)
         if placed.antenna is not None and self._table is not None:
             self._table.write(placed.antenna)
         if placed.refusal is not None:
@@ -169,21 +169,21 @@ class ReferenceWorker:
         self._trouble = ""
         if self._gone:
             self._gone = False
-            self._say("info", "there again")
+            self._log("info", "there again")
         if self._device.learn:
-            self._inbox.put(placed.nose)
+            self._input_queue.put(placed.nose)
 
     def _watch(self) -> None:
         """Say it once if no position has come for long."""
         since_s = max(self.newest_s, self._listening_since_s)
         if not self._gone and self._now_s() - since_s > GONE_S:
             self._gone = True
-            self._say("warning", f"gone: no position that can be used since {since_s:.1f} s")
+            self._log("warning", f"gone: no position that can be used since {since_s:.1f} s")
 
     def _say_trouble(self, text: str) -> None:
         if text != self._trouble:
             self._trouble = text
-            self._say("warning", f"{text}; it is tried again")
+            self._log("warning", f"{text}; it is tried again")
 
-    def _say(self, level: str, text: str) -> None:
-        self._inbox.put(DeviceLogLine(t_s=self._now_s(), level=level, text=f"DGPS: {text}"))
+    def _log(self, level: str, text: str) -> None:
+        self._input_queue.put(DeviceLogLine(t_s=self._now_s(), level=level, text=f"DGPS: {text}"))

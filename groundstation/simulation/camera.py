@@ -7,7 +7,13 @@ import numpy as np
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.geometry.kernels import MIN_DEPTH_M
 from groundstation.geometry.station import StationGeometry
-from groundstation.simulation.checks import require, require_finite, require_not_negative, require_shape, require_share
+from groundstation.simulation.checks import (
+    require,
+    require_finite,
+    require_fraction,
+    require_not_negative,
+    require_shape,
+)
 from groundstation.simulation.kernels import project_many
 from groundstation.simulation.pointing import HeadAngles, PointingHistory
 from groundstation.simulation.trajectory import Trajectory
@@ -53,8 +59,8 @@ class CameraModel:
         fine = bool(np.allclose(cov, cov.T)) and float(np.linalg.eigvalsh(cov)[0]) > -1e-12
         require(fine, where, got=cov.tolist(), wanted="a symmetric matrix without a negative variance")
         require_finite("CameraModel: phase_s", self.phase_s)
-        require_share("CameraModel: miss_probability", self.miss_probability)
-        require_share("CameraModel: outlier_probability", self.outlier_probability)
+        require_fraction("CameraModel: miss_probability", self.miss_probability)
+        require_fraction("CameraModel: outlier_probability", self.outlier_probability)
         require_not_negative("CameraModel: outlier_range_px", self.outlier_range_px)
         require_not_negative("CameraModel: latency_s", self.latency_s)
 

@@ -29,7 +29,7 @@ def require_not_negative(where: str, value: float) -> None:
     require(math.isfinite(value) and value >= 0, where, got=value, wanted="a finite number ≥ 0")
 
 
-def require_share(where: str, value: float) -> None:
+def require_fraction(where: str, value: float) -> None:
     """Raise `ScenarioError` unless a number is a probability."""
     require(0 <= value <= 1, where, got=value, wanted="a number from 0 to 1")
 

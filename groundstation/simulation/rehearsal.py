@@ -16,8 +16,8 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.estimation.parameters import DGPS_CLOCK, ParameterPrior
 from groundstation.geometry.aim import aim_at
-from groundstation.live.core import LiveCore, Taken, in_operation
-from groundstation.live.inbox import Item
+from groundstation.live.core import LiveCore, LiveStep, live_config
+from groundstation.live.input_queue import Item
 from groundstation.live.pairing import Pairing
 from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, TrackEstimate, TrackState, TrackStatus
 from groundstation.pointing.pilot import AxisLimits, HeadLimits, HeadPilot, PointingConfig
@@ -305,7 +305,7 @@ class Rehearsal:
         self._core = self._fresh_core()
         self._result.restarts += 1
 
-    def _done(self, taken: Taken) -> None:
+    def _done(self, taken: LiveStep) -> None:
         """Obey the commands, and lay the answers beside the truth."""
         for command in taken.commands:
             # a head that does not answer does not hear, either
@@ -331,7 +331,7 @@ class Rehearsal:
             acceleration_rad_s2=math.radians(h.head_acceleration_deg_s2),
         )
         limits = HeadLimits(pan=axis, tilt=axis)
-        config = in_operation(self._config, h.frame_rate_hz)
+        config = live_config(self._config, h.frame_rate_hz)
         clock = ParameterPrior.independent([f"{DGPS_CLOCK}.offset"], [config.estimation.reference_clock_sigma_s])
         return LiveCore(
             Pipeline(self._rig, config, span_m=self._span_m, reference_errors=clock if h.dgps_rate_hz > 0.0 else None),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from groundstation.arrays import FloatArray
-from groundstation.live.inbox import TimedPicture
+from groundstation.live.input_queue import TimedPicture
 from groundstation.rig.rig import Rig
 from groundstation.simulation.rehearsal import Rehearsal, RehearsalConfig, RehearsalFault, RehearsalFaultKind
 from groundstation.simulation.rendered_camera import RenderedCamera

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
-from groundstation.simulation.checks import require, require_positive, require_share
+from groundstation.simulation.checks import require, require_fraction, require_positive
 from groundstation.simulation.render_kernels import TILE, flat_blocks
 from groundstation.simulation.scenery_kernels import bake
 
@@ -52,7 +52,7 @@ class Scenery:
         require(
             self.runway_to_y_m > self.runway_from_y_m, "Scenery: runway_to_y_m", got=self.runway_to_y_m, wanted=wanted
         )
-        require_share("Scenery: cloud_cover", self.cloud_cover)
+        require_fraction("Scenery: cloud_cover", self.cloud_cover)
         high = 0 < self.sun_elevation_rad <= 0.5 * math.pi
         require(high, "Scenery: sun_elevation_rad", got=self.sun_elevation_rad, wanted="above 0, at most π/2")
 

@@ -22,8 +22,8 @@ from types import TracebackType
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.live.child import deaf_to_the_terminal
-from groundstation.live.due_line import DueLine
+from groundstation.live.child_process import terminal_signals_blocked
+from groundstation.live.delay_line import DelayLine
 from groundstation.picture import BayerPattern
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.rendered_camera import RenderedCamera
@@ -129,13 +129,13 @@ class SimulatedRange:
         context = mp.get_context("spawn")
         ends: dict[str, Connection] = {}
         for name, (w, h) in self._sizes.items():
-            with deaf_to_the_terminal():
+            with terminal_signals_blocked():
                 self._memory[name] = SharedMemory(create=True, size=_SLOTS * w * h)
             self._pipes[name], ends[name] = context.Pipe(duplex=False)
         self._control, other = context.Pipe()
         blocks = {name: memory.name for name, memory in self._memory.items()}
         process = context.Process(target=serve_range, args=(self._config, blocks, ends, other), daemon=True)
-        with deaf_to_the_terminal():
+        with terminal_signals_blocked():
             process.start()
         self._process = process
         for end in (*ends.values(), other):
@@ -331,7 +331,7 @@ def _deliver(
     (w, h), period_s, number = station.camera.station.lens.image_size_px, 1.0 / config.frame_rate_hz, 0
     slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
     frozen: ImageArray | None = None
-    line = DueLine(pipe, time.monotonic)
+    line = DelayLine(pipe, time.monotonic)
     give_way()  # the rendering, not the line's own thread: delivery is as punctual as a camera's
     while not stop.is_set() and not line.broken:
         t_s = first_s + number * period_s

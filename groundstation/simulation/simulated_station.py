@@ -10,7 +10,7 @@ from groundstation.live.station_simulator import StationSimulator
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.fault_timetable import check_timetable
 from groundstation.simulation.flights import FlightModelKind
-from groundstation.simulation.simulated_day import DayScore, EstimateKeeper, landings, score, simulated_set_up
+from groundstation.simulation.simulated_landings import DayScore, EstimateKeeper, landings, score, simulated_set_up
 from groundstation.simulation.simulated_range import RangeConfig, SimulatedRange
 from groundstation.simulation.simulated_receiver import ReceiverModel
 from groundstation.simulation.timed_faults import TimedFault

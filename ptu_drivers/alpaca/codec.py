@@ -1,13 +1,13 @@
-"""Answers of an Alpaca server: JSON that is what was asked for, or a named doubt."""
+"""Answers of an Alpaca server: JSON that is what was asked for, or a named failure."""
 
 import http.client
 import json
 import math
 from typing import Any
 
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import RefusedError
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 
 _SHOWN = 60
 
@@ -21,7 +21,7 @@ def decode(name: str, status: int, body: bytes, transaction: int) -> dict[str, A
 
     Raises
     ------
-    Doubtful : it is no answer, or one to another request. RefusedError : the server or its device refuses.
+    ExchangeFailed : it is no answer, or one to another request. RefusedError : the server or its device refuses.
     """
     text = body.decode("utf-8", "replace")
     if status != http.client.OK:
@@ -35,7 +35,9 @@ def decode(name: str, status: int, body: bytes, transaction: int) -> dict[str, A
         raise _garbage(name, text)
     # 0 where a server does not repeat it
     if answer.get("ClientTransactionID", 0) not in (0, transaction):
-        raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{name}: transaction {str(answer['ClientTransactionID'])[:_SHOWN]}")
+        raise ExchangeFailed(
+            FailureReason.ECHO_MISMATCH, f"{name}: transaction {str(answer['ClientTransactionID'])[:_SHOWN]}"
+        )
     error = answer.get("ErrorNumber", 0)
     if error:
         raise RefusedError(name, said=f"{answer.get('ErrorMessage', '')} ({error})")
@@ -43,7 +45,7 @@ def decode(name: str, status: int, body: bytes, transaction: int) -> dict[str, A
 
 
 def finite(name: str, value: object) -> float:
-    """Return a number that came as JSON, which must be one. Raises Doubtful."""
+    """Return a number that came as JSON, which must be one. Raises ExchangeFailed."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise _garbage(name, value)
     try:
@@ -56,7 +58,7 @@ def finite(name: str, value: object) -> float:
 
 
 def angles_of(state: object) -> dict[str, float]:
-    """Return azimuth and altitude of a `DeviceState`, deg. Raises Doubtful."""
+    """Return azimuth and altitude of a `DeviceState`, deg. Raises ExchangeFailed."""
     named: dict[str, object] = {}
     for item in _dictionaries("devicestate", state):
         if isinstance(item.get("Name"), str):
@@ -65,7 +67,7 @@ def angles_of(state: object) -> dict[str, float]:
 
 
 def rates_of(ranges: object) -> tuple[float, float] | None:
-    """Return the least and greatest rate of `AxisRates`, deg/s, or None where there are none. Raises Doubtful."""
+    """Return the least and greatest rate of `AxisRates`, deg/s, or None where there are none. Raises ExchangeFailed."""
     ends = [
         (finite("axisrates", r.get("Minimum")), finite("axisrates", r.get("Maximum")))
         for r in _dictionaries("axisrates", ranges)
@@ -79,5 +81,5 @@ def _dictionaries(name: str, items: object) -> list[dict[str, Any]]:
     return items
 
 
-def _garbage(name: str, value: object) -> Doubtful:
-    return Doubtful(DoubtReason.GARBAGE, f"{name}: {repr(value)[:_SHOWN]}")
+def _garbage(name: str, value: object) -> ExchangeFailed:
+    return ExchangeFailed(FailureReason.GARBAGE, f"{name}: {repr(value)[:_SHOWN]}")

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
 
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError, ProtocolError
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 from ptu_drivers.preemption import SLICE_S, LineLock
 
 _DEFAULT_PORT = 11111
@@ -38,7 +38,7 @@ class _ExchangeSocket(socket.socket):
         self.until_s, self.left = until_s, 2 * _LONGEST
 
     def connect_by(self, address: Any, until_s: float) -> None:
-        """Connect. Raises TimeoutError, OSError; Doubtful when a halt waits."""
+        """Connect. Raises TimeoutError, OSError; ExchangeFailed when a halt waits."""
         self.begin(until_s)
         self.setblocking(False)
         self.connect_ex(address)
@@ -67,8 +67,8 @@ class _ExchangeSocket(socket.socket):
             return got
 
     def _slice_s(self) -> float:
-        """Return how long to wait now, s. Raises TimeoutError at the end of the exchange; Doubtful."""
-        self.lock.insist()
+        """Return how long to wait now, s. Raises TimeoutError at the end of the exchange; ExchangeFailed."""
+        self.lock.raise_if_preempted()
         left_s = self.until_s - self.clock()
         if left_s <= 0.0:
             raise TimeoutError
@@ -133,10 +133,10 @@ class HttpConnection:
             whole = answer.isclosed()
             return answer.status, body
         except TimeoutError as late:
-            raise Doubtful(DoubtReason.TIMEOUT, f"no whole answer to {path}") from late
+            raise ExchangeFailed(FailureReason.TIMEOUT, f"no whole answer to {path}") from late
         except http.client.HTTPException as broken:
             # an idle connection that the server closed shows only when it is used
-            raise Doubtful(DoubtReason.TRUNCATED, str(broken) or type(broken).__name__) from broken
+            raise ExchangeFailed(FailureReason.TRUNCATED, str(broken) or type(broken).__name__) from broken
         except OSError as gone:
             raise LineError(self.url, got=str(gone) or type(gone).__name__, wanted="an Alpaca server") from gone
         finally:
@@ -158,14 +158,14 @@ class HttpConnection:
         return connection.getresponse()
 
     def _connect(self, until_s: float) -> _ExchangeSocket:
-        """Connect to the first address that takes it. Raises TimeoutError, OSError, Doubtful."""
+        """Connect to the first address that takes it. Raises TimeoutError, OSError, ExchangeFailed."""
         fault: OSError | None = None
         for family, kind, number, _, address in self._addresses:
             sock = _ExchangeSocket(family, kind, number)
             sock.clock, sock.lock = self._clock, self.lock
             try:
                 sock.connect_by(address, until_s)
-            except (OSError, Doubtful) as raised:
+            except (OSError, ExchangeFailed) as raised:
                 sock.close()
                 if not isinstance(raised, OSError):
                     raise

@@ -7,8 +7,8 @@ from typing import Any, Protocol
 from urllib.parse import urlencode
 
 from ptu_drivers.alpaca.codec import decode, finite
-from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 from ptu_drivers.polled_unit import Line
 
 _CLIENT = 4242
@@ -23,7 +23,7 @@ class HttpLine(Line, Protocol):
 
         Raises
         ------
-        Doubtful : no whole answer until then, or a halt waits. LineError : nobody is there.
+        ExchangeFailed : no whole answer until then, or a halt waits. LineError : nobody is there.
         """
 
 
@@ -37,28 +37,28 @@ class AlpacaTelescope:
     _transactions: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
     def get(self, name: str, until_s: float, **parameters: object) -> Any:
-        """Return a property. Raises Doubtful, RefusedError, LineError."""
-        return self._ask("GET", name, parameters, until_s).get("Value")
+        """Return a property. Raises ExchangeFailed, RefusedError, LineError."""
+        return self._query("GET", name, parameters, until_s).get("Value")
 
     def number(self, name: str, until_s: float, **parameters: object) -> float:
-        """Return a property that is a finite number. Raises Doubtful, RefusedError, LineError."""
+        """Return a property that is a finite number. Raises ExchangeFailed, RefusedError, LineError."""
         return finite(name, self.get(name, until_s, **parameters))
 
     def flag(self, name: str, until_s: float, **parameters: object) -> bool:
-        """Return a property that is true or false. Raises Doubtful, RefusedError, LineError."""
+        """Return a property that is true or false. Raises ExchangeFailed, RefusedError, LineError."""
         value = self.get(name, until_s, **parameters)
         if not isinstance(value, bool):
-            raise Doubtful(DoubtReason.GARBAGE, f"{name}: {value!r}")
+            raise ExchangeFailed(FailureReason.GARBAGE, f"{name}: {value!r}")
         return value
 
     def put(self, name: str, until_s: float, **parameters: object) -> None:
-        """Call a method, or set a property. Raises Doubtful, RefusedError, LineError."""
-        self._ask("PUT", name, parameters, until_s)
+        """Call a method, or set a property. Raises ExchangeFailed, RefusedError, LineError."""
+        self._query("PUT", name, parameters, until_s)
 
-    def _ask(self, method: str, name: str, parameters: Mapping[str, object], until_s: float) -> dict[str, Any]:
+    def _query(self, method: str, name: str, parameters: Mapping[str, object], until_s: float) -> dict[str, Any]:
         if method == "GET" and self.line.now() >= until_s:
             # commands still go out: a halt that is late is better than none
-            raise Doubtful(DoubtReason.TIMEOUT, f"no time left to ask for {name}")
+            raise ExchangeFailed(FailureReason.TIMEOUT, f"no time left to ask for {name}")
         transaction = next(self._transactions) % 0xFFFFFFFF
         self.sent += 1
         query = urlencode({**parameters, "ClientID": _CLIENT, "ClientTransactionID": transaction})

@@ -11,14 +11,14 @@ from ptu_drivers.alpaca.codec import angles_of, rates_of
 from ptu_drivers.alpaca.http_connection import LEAST_S, HttpConnection
 from ptu_drivers.alpaca.telescope import AlpacaTelescope, HttpLine
 from ptu_drivers.axis_limits import narrowed
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
-from ptu_drivers.health import DoubtReason, HealthCounter
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.lease import MOVES_ONLY, NO_LEASE
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
-from ptu_drivers.own_options import made_of
 from ptu_drivers.polled_unit import PolledUnit
+from ptu_drivers.protocol_options import parse_options
 from ptu_drivers.settings import UnitSettings
 
 _ALT_AZ = 0
@@ -85,7 +85,7 @@ class AlpacaUnit(PolledUnit):
         self._combined = combined
         self._goal: dict[Axis, float] = {}
 
-    def _ask(self) -> Reading:
+    def _query(self) -> Reading:
         sent_s = self._line.now()
         until_s = self._until_s
         angles: dict[Axis, float] = {}
@@ -101,10 +101,10 @@ class AlpacaUnit(PolledUnit):
                     angles[axis] = self._telescope.number(name, until_s)
                     spans[axis] = (asked_s, self._line.now())
         except RefusedError as refused:
-            raise Doubtful(DoubtReason.REFUSED, str(refused)) from refused
+            raise ExchangeFailed(FailureReason.REFUSED, str(refused)) from refused
         self._health.exchanges = self._telescope.sent
         if not (0 <= angles[Axis.PAN] <= 360 and -90 <= angles[Axis.TILT] <= 90):
-            raise Doubtful(DoubtReason.OUT_OF_RANGE, f"{angles[Axis.PAN]}, {angles[Axis.TILT]} deg")
+            raise ExchangeFailed(FailureReason.OUT_OF_RANGE, f"{angles[Axis.PAN]}, {angles[Axis.TILT]} deg")
         samples = {axis: self._sample(axis, angles[axis], *spans[axis]) for axis in Axis}
         return Reading(pan=samples[Axis.PAN], tilt=samples[Axis.TILT], sent_s=sent_s, answered_s=self._line.now())
 
@@ -137,7 +137,7 @@ class AlpacaUnit(PolledUnit):
         if len(targets) < len(Axis):
             # the mount takes both at once: the other axis keeps its goal, or stays where it is
             if not self._goal:
-                here = self._ask()
+                here = self._query()
                 self._goal = {a: self._axis(a).unit_angle(here.axis(a).angle_rad) for a in Axis}
             targets = {**self._goal, **targets}
         self._goal = targets
@@ -161,14 +161,14 @@ class AlpacaUnit(PolledUnit):
         if Capability.VELOCITY in self._description.capabilities:
             stops[:0] = [partial(self._move_axis, axis, 0.0) for axis in Axis]
         # first all of them close together, whether or not they are answered; then each with its share of the time
-        faults: list[Doubtful | PtuError] = []
+        faults: list[ExchangeFailed | PtuError] = []
         for most_s in (_PROMPT_S, math.inf):
             faults.clear()
             for sent, stop in enumerate(stops):
                 left_s = max(0.0, self._until_s - self._line.now())
                 try:
                     stop(self._line.now() + min(most_s, left_s / (len(stops) - sent)))
-                except (Doubtful, PtuError) as fault:
+                except (ExchangeFailed, PtuError) as fault:
                     faults.append(fault)
             if not faults:
                 return
@@ -190,7 +190,7 @@ def connect_alpaca(line: HttpLine, settings: UnitSettings, options: AlpacaOption
         unit = AlpacaUnit(
             telescope, settings, options, description, combined=_has_state(telescope, until_s), watch=watch
         )
-    except Doubtful as fault:
+    except ExchangeFailed as fault:
         line.close()
         raise ProtocolError(line.url, got=str(fault), wanted="an Alpaca telescope") from fault
     except PtuError as fault:
@@ -205,14 +205,14 @@ def open_alpaca(
     url: str, settings: UnitSettings, clock: Callable[[], float] = time.monotonic, **options: Any
 ) -> PanTiltUnit:
     """Open a mount at `http://host:port`; `options` are the fields of `AlpacaOptions`."""
-    chosen = made_of(AlpacaOptions, "Alpaca", options)
+    chosen = parse_options(AlpacaOptions, "Alpaca", options)
     line = HttpConnection(url, clock)
     line.reopen()
     return connect_alpaca(line, settings, chosen)
 
 
 def prepare(telescope: AlpacaTelescope, until_s: float) -> None:
-    """Connect the mount, unpark it and keep it from following the stars. Raises Doubtful, RefusedError, LineError."""
+    """Connect and unpark the mount, and turn tracking off. Raises ExchangeFailed, RefusedError, LineError."""
     if not telescope.flag("connected", until_s):
         telescope.put("connected", until_s, Connected=True)
     if telescope.flag("atpark", until_s):
@@ -222,7 +222,7 @@ def prepare(telescope: AlpacaTelescope, until_s: float) -> None:
 
 
 def combined_state(telescope: AlpacaTelescope, until_s: float) -> dict[str, float]:
-    """Return azimuth and altitude of one request, deg. Raises Doubtful, RefusedError, LineError."""
+    """Return azimuth and altitude of one request, deg. Raises ExchangeFailed, RefusedError, LineError."""
     return angles_of(telescope.get("devicestate", until_s))
 
 
@@ -230,7 +230,7 @@ def _has_state(telescope: AlpacaTelescope, until_s: float) -> bool:
     """Say whether one request gives both angles (interface version 4); mounts answer it or refuse it."""
     try:
         combined_state(telescope, until_s)
-    except (Doubtful, RefusedError):
+    except (ExchangeFailed, RefusedError):
         return False
     return True
 

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.dynamixel.codec import ServoError
 from ptu_drivers.dynamixel.table import STATE, Register, number
 from ptu_drivers.errors import MissingPackageError, RefusedError
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 from ptu_drivers.transport import Transport
 
 _STATUS_OVERHEAD = 11
@@ -148,27 +148,27 @@ class DynamixelBus:
         return self._port.sent
 
     def ping(self, identifier: int) -> int:
-        """Return a servo's model number. Raises Doubtful, LineError."""
+        """Return a servo's model number. Raises ExchangeFailed, LineError."""
         self._send(self._sdk.txPacket, [0, 0, 0, 0, identifier, 3, 0, 1, 0, 0])
         self._port.setPacketTimeout(_STATUS_OVERHEAD + 3)
         return number(self._receive(identifier, 3, "ping").data[:2])
 
     def read(self, identifier: int, register: Register) -> int:
-        """Return a register's number. Raises Doubtful, RefusedError, LineError."""
+        """Return a register's number. Raises ExchangeFailed, RefusedError, LineError."""
         self._send(self._sdk.readTx, identifier, register.address, register.size)
         status = self._receive(identifier, register.size, f"read {register.address}")
         return number(status.data, signed=register.signed)
 
     def write(self, identifier: int, register: Register, value: int) -> None:
-        """Set a register, acknowledged. Raises Doubtful, RefusedError, LineError."""
+        """Set a register, acknowledged. Raises ExchangeFailed, RefusedError, LineError."""
         data = list(value.to_bytes(register.size, "little", signed=register.signed))
         self._port.is_using = False
         self._send(self._sdk.writeTxOnly, identifier, register.address, register.size, data)
         self._port.setPacketTimeout(_STATUS_OVERHEAD)
         self._receive(identifier, 0, f"write {register.address}")
 
-    def tell(self, register: Register, values: Mapping[int, int]) -> None:
-        """Set a register of several servos at once, which do not answer to that. Raises Doubtful, LineError."""
+    def sync_write(self, register: Register, values: Mapping[int, int]) -> None:
+        """Set a register of several servos at once, which do not answer to that. Raises ExchangeFailed, LineError."""
         packed: list[int] = []
         for identifier, value in values.items():
             packed += [identifier, *value.to_bytes(register.size, "little", signed=register.signed)]
@@ -176,12 +176,12 @@ class DynamixelBus:
         self._port.is_using = False
 
     def states(self, identifiers: tuple[int, ...]) -> tuple[Status, ...]:
-        """Ask several servos at once for tick, velocity and position. Raises Doubtful, LineError."""
+        """Ask several servos at once for tick, velocity and position. Raises ExchangeFailed, LineError."""
         self._send(self._sdk.syncReadTx, STATE.address, STATE.size, list(identifiers), len(identifiers), False)
         self._port.setPacketTimeout((_STATUS_OVERHEAD + STATE.size) * len(identifiers))
         answers = tuple(self._receive(i, STATE.size, "sync read") for i in identifiers)
         if self._port.leftover():
-            raise Doubtful(DoubtReason.GARBAGE, "bytes on the heels of the answer")
+            raise ExchangeFailed(FailureReason.GARBAGE, "bytes on the heels of the answer")
         return answers
 
     def drain(self) -> None:
@@ -196,31 +196,33 @@ class DynamixelBus:
         self._port.is_using = False
         result = send(self._port, *arguments)
         if result != self._success:
-            raise Doubtful(DoubtReason.TIMEOUT, self._sdk.getTxRxResult(result))
+            raise ExchangeFailed(FailureReason.TIMEOUT, self._sdk.getTxRxResult(result))
 
     def _receive(self, identifier: int, size: int, what: str) -> Status:
         try:
             packet, result = self._sdk.rxPacket(self._port, False)
         except IndexError as short:
             # the SDK indexes into packets whose own length says too little
-            raise Doubtful(DoubtReason.TRUNCATED, f"{what}: a packet that is too short") from short
+            raise ExchangeFailed(FailureReason.TRUNCATED, f"{what}: a packet that is too short") from short
         if result != self._success:
-            reason = DoubtReason.CHECKSUM if packet else DoubtReason.TIMEOUT
-            raise Doubtful(reason, f"{what}: {self._sdk.getTxRxResult(result)}")
+            reason = FailureReason.CHECKSUM if packet else FailureReason.TIMEOUT
+            raise ExchangeFailed(reason, f"{what}: {self._sdk.getTxRxResult(result)}")
         # the SDK has taken the stuffing out, and says in the length what is left
         length = packet[5] | packet[6] << 8
         began_s = self._port.began_s(len(packet))
         if packet[4] != identifier:
-            raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{what}: an answer of servo {packet[4]}")
+            raise ExchangeFailed(FailureReason.ECHO_MISMATCH, f"{what}: an answer of servo {packet[4]}")
         if began_s < self._port.asked_s - self.line.character_s():
-            raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{what}: an answer that began before the question was out")
+            raise ExchangeFailed(
+                FailureReason.ECHO_MISMATCH, f"{what}: an answer that began before the question was out"
+            )
         error = packet[8]
         alert = bool(error & ServoError.ALERT)
         (self.hardware_alert.add if alert else self.hardware_alert.discard)(identifier)
         if error & ~ServoError.ALERT:
             raise RefusedError(f"{what} of servo {identifier}", said=self._sdk.getRxPacketError(error & 0x7F))
         if length != size + _LENGTH_OF_EMPTY:
-            raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{what}: {length - _LENGTH_OF_EMPTY} bytes, not {size}")
+            raise ExchangeFailed(FailureReason.ECHO_MISMATCH, f"{what}: {length - _LENGTH_OF_EMPTY} bytes, not {size}")
         return Status(
             identifier=identifier,
             data=bytes(packet[9 : 9 + size]),

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from ptu_drivers.axis_limits import narrowed
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.dynamixel import table
 from ptu_drivers.dynamixel.bus import DynamixelBus, Status
 from ptu_drivers.dynamixel.table import OperatingMode
 from ptu_drivers.errors import ProtocolError, PtuError, RefusedError
-from ptu_drivers.health import DoubtReason, HealthCounter
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.lease import LEASE_S, Lease, LeaseKind
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
-from ptu_drivers.own_options import made_of
 from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.preemption import PreemptibleLine
-from ptu_drivers.settings import UnitSettings, insist_on_baud
+from ptu_drivers.protocol_options import parse_options
+from ptu_drivers.settings import UnitSettings, check_baud
 from ptu_drivers.tick_clock import TickClock
 from ptu_drivers.transport import SerialTransport, Transport
 
@@ -49,7 +49,7 @@ class DynamixelOptions:
     torque_off: bool = True
 
     def __post_init__(self) -> None:
-        insist_on_baud("Dynamixel option baud", self.baud)
+        check_baud("Dynamixel option baud", self.baud)
         for name in ("pan_id", "tilt_id"):
             if not 0 <= getattr(self, name) <= 252:
                 raise ProtocolError(f"Dynamixel option {name}", got=str(getattr(self, name)), wanted="0 to 252")
@@ -104,18 +104,18 @@ class DynamixelUnit(PolledUnit):
         super()._try_again()
         self._bus.finish_by(self._until_s)
 
-    def _ask(self) -> Reading:
+    def _query(self) -> Reading:
         sent_s = self._line.now()
         # who answers first does so at once, which ties its clock closely: they take turns
         self._order.reverse()
         states = self._bus.states(tuple(self._servos[axis].identifier for axis in self._order))
         self._health.exchanges = self._bus.sent
-        faults: list[Doubtful] = []
+        faults: list[ExchangeFailed] = []
         samples: dict[Axis, AngleSample] = {}
         for axis, state in zip(self._order, states, strict=True):
             try:
                 samples[axis] = self._sample(axis, state)
-            except Doubtful as fault:
+            except ExchangeFailed as fault:
                 faults.append(fault)
         if any(clock.restarted for clock in self._clocks.values()) and self._mode is not None:
             # torque is off after a restart, and the tick says that there was one
@@ -131,7 +131,7 @@ class DynamixelUnit(PolledUnit):
         t_s, sigma_t_s = self._clocks[axis].instant(tick, state.asked_s, state.first_bit_s)
         position = table.number(state.data[12:16], signed=True)
         if state.alert and self._bus.read(servo.identifier, table.HARDWARE_ERROR) >> _ENCODER_BIT & 1:
-            raise Doubtful(DoubtReason.REFUSED, f"{axis.value}: the servo reports an error of its encoder")
+            raise ExchangeFailed(FailureReason.REFUSED, f"{axis.value}: the servo reports an error of its encoder")
         step_rad = self._description.axis(axis).quantum_rad
         return AngleSample(
             axis=axis,
@@ -153,7 +153,7 @@ class DynamixelUnit(PolledUnit):
         self._mode = None
 
     def _follow(self, mode: OperatingMode) -> None:
-        """Make both servos follow positions or rates, with torque; raises Doubtful, RefusedError, LineError."""
+        """Make both servos follow positions or rates, with torque; raises ExchangeFailed, RefusedError, LineError."""
         if self._mode is mode:
             return
         self._mode = None
@@ -217,7 +217,7 @@ class DynamixelUnit(PolledUnit):
 
     def _halt_unasked(self) -> None:
         """Stop both without a question, which is heard though no answer comes; each mode heeds one of the orders."""
-        self._bus.tell(table.GOAL_VELOCITY, {servo.identifier: 0 for servo in self._servos.values()})
+        self._bus.sync_write(table.GOAL_VELOCITY, {servo.identifier: 0 for servo in self._servos.values()})
         last = self._last
         if self._mode is not OperatingMode.VELOCITY and last is not None:
             if self._line.now() - max(last.pan.t_s, last.tilt.t_s) > _FRESH_S:
@@ -226,9 +226,9 @@ class DynamixelUnit(PolledUnit):
             for axis, servo in self._servos.items():
                 position = servo.position(self._axis(axis).unit_angle(last.axis(axis).angle_rad))
                 here[servo.identifier] = min(max(position, servo.low), servo.high)
-            self._bus.tell(table.GOAL_POSITION, here)
+            self._bus.sync_write(table.GOAL_POSITION, here)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         if self._options.torque_off:
             for servo in self._servos.values():
                 self._bus.write(servo.identifier, table.TORQUE_ENABLE, 0)
@@ -248,7 +248,7 @@ def connect_dynamixel(
         except PtuError:
             line.close()
             raise
-        except Doubtful as fault:
+        except ExchangeFailed as fault:
             line.close()
             raise ProtocolError(
                 line.url,
@@ -271,7 +271,7 @@ def open_dynamixel(
     url: str, settings: UnitSettings, clock: Callable[[], float] = time.monotonic, **options: Any
 ) -> PanTiltUnit:
     """Open two servos on one bus; `options` are the fields of `DynamixelOptions`."""
-    chosen = made_of(DynamixelOptions, "Dynamixel", options)
+    chosen = parse_options(DynamixelOptions, "Dynamixel", options)
     line = SerialTransport(url, settings.baud or chosen.baud, clock)
     return connect_dynamixel(line, settings, chosen)
 

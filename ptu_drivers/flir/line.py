@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
 
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
+from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.codec import DELIMITER, FlirReply, LineSplitter, RawLine, Stray, encode, parse_line
-from ptu_drivers.health import DoubtReason, HealthCounter
+from ptu_drivers.health import FailureReason, HealthCounter
 from ptu_drivers.transport import Transport
 
 # an answer's length on the line that is waited for beyond the timeout
@@ -80,7 +80,7 @@ class FlirLine:
         """Return the longest time that an exchange may take, s."""
         return self._timeout_s + LONGEST_ANSWER_CHARACTERS * self.transport.character_s() + self.pace_s
 
-    def ask(self, command: str, *, deadline_s: float | None = None) -> Exchanged:
+    def query(self, command: str, *, deadline_s: float | None = None) -> Exchanged:
         """Send a command and return its answer.
 
         Parameters
@@ -90,14 +90,14 @@ class FlirLine:
 
         Raises
         ------
-        Doubtful : nothing to be believed came. LineError : the line is gone.
+        ExchangeFailed : nothing to be believed came. LineError : the line is gone.
         """
         self._sweep()
         self._keep_pace()
         spelled = self._spell(command)
         return self._finish(self._send(spelled), deadline_s)
 
-    def ask_two(self, first: str, second: str, *, deadline_s: float | None = None) -> tuple[Exchanged, Exchanged]:
+    def query_pair(self, first: str, second: str, *, deadline_s: float | None = None) -> tuple[Exchanged, Exchanged]:
         """Ask two queries, the letters of the second typed while the answer to the first comes in.
 
         Still one command at a time: the second is none before its delimiter, which follows the first answer's end.
@@ -125,7 +125,7 @@ class FlirLine:
 
         Raises
         ------
-        Doubtful : no such answer. LineError.
+        ExchangeFailed : no such answer. LineError.
         """
         self._drain(deadline_s)
         self._keep_pace()
@@ -141,9 +141,9 @@ class FlirLine:
                     self._keep_pace()
                     question = self._send(f"Z{next(self._nonce)}")
             if self.transport.now() >= deadline_s:
-                raise Doubtful(DoubtReason.TIMEOUT, f"only lines that do not answer {question.command}")
+                raise ExchangeFailed(FailureReason.TIMEOUT, f"only lines that do not answer {question.command}")
 
-    def halt_unasked(self) -> None:
+    def halt_blind(self) -> None:
         """Send a halt without waiting for anything, behind what spoils half a command; `resynchronise` is due then.
 
         Raises
@@ -159,7 +159,7 @@ class FlirLine:
 
         Raises
         ------
-        Doubtful, LineError.
+        ExchangeFailed, LineError.
         """
         for command in ("Z0", "EE"):
             self._drain(deadline_s)
@@ -176,8 +176,8 @@ class FlirLine:
         def answered(until_s: float) -> bool:
             try:
                 self._finish(question, until_s)
-            except Doubtful as doubt:
-                if doubt.reason is DoubtReason.TIMEOUT:
+            except ExchangeFailed as failure:
+                if failure.reason is FailureReason.TIMEOUT:
                     # the echo comes at once, the answer when it is done
                     return False
                 raise
@@ -186,12 +186,12 @@ class FlirLine:
         return answered
 
     def outwait(self, command: str, timeout_s: float) -> None:
-        """Send a command and wait for its answer, `timeout_s` at most. Raises Doubtful, LineError."""
+        """Send a command and wait for its answer, `timeout_s` at most. Raises ExchangeFailed, LineError."""
         began = self.transport.now()
         answered = self.begin(command)
         while not answered(self.transport.now() + self.longest_s()):
             if self.transport.now() - began > timeout_s:
-                raise Doubtful(DoubtReason.TIMEOUT, "nothing")
+                raise ExchangeFailed(FailureReason.TIMEOUT, "nothing")
 
     def _spell(self, command: str) -> str:
         """Vary the case of the letters; the unit does not care, and its echo repeats it."""
@@ -227,12 +227,12 @@ class FlirLine:
                 parsed = self._parse(line)
                 if isinstance(parsed, FlirReply):
                     if parsed.echo != question.command:
-                        raise Doubtful(DoubtReason.ECHO_MISMATCH, parsed.echo or "an answer without echo")
+                        raise ExchangeFailed(FailureReason.ECHO_MISMATCH, parsed.echo or "an answer without echo")
                     if question.command.isalpha():
                         self._length[question.command.upper()] = len(line.data)
                     return self._exchanged(question, parsed, line)
             if self.transport.now() >= limit:
-                raise Doubtful(DoubtReason.TIMEOUT, f"only lines that do not answer {question.command}")
+                raise ExchangeFailed(FailureReason.TIMEOUT, f"only lines that do not answer {question.command}")
 
     def _exchanged(self, question: _Question, answer: FlirReply, line: RawLine) -> Exchanged:
         character = self.transport.character_s()
@@ -260,14 +260,14 @@ class FlirLine:
             if not chunk.data:
                 left = self._splitter.unfinished
                 begun = b"*" in left or b"!" in left
-                reason = DoubtReason.TRUNCATED if begun else DoubtReason.TIMEOUT
-                raise Doubtful(reason, repr(left)[:60] if left else f"nothing to {asked}")
+                reason = FailureReason.TRUNCATED if begun else FailureReason.TIMEOUT
+                raise ExchangeFailed(reason, repr(left)[:60] if left else f"nothing to {asked}")
             lines = self._splitter.feed(chunk.data, chunk.t_s, self.transport.character_s())
             if lines:
                 return lines
             late += self.transport.now() >= until_s
             if late > _LATE_CHUNKS:
-                raise Doubtful(DoubtReason.TRUNCATED, repr(self._splitter.unfinished)[:60])
+                raise ExchangeFailed(FailureReason.TRUNCATED, repr(self._splitter.unfinished)[:60])
             left = self._splitter.unfinished
             if on_mark and b"*" in left:
                 on_mark()
@@ -288,20 +288,20 @@ class FlirLine:
         try:
             parsed = parse_line(line.data)
         except ProtocolError as fault:
-            raise Doubtful(DoubtReason.GARBAGE, fault.got) from fault
+            raise ExchangeFailed(FailureReason.GARBAGE, fault.got) from fault
         self._counter.limit_events += parsed.events
         if isinstance(parsed, Stray) and not parsed.events:
-            self._counter.doubts[DoubtReason.UNEXPECTED] += 1
+            self._counter.failures[FailureReason.UNEXPECTED] += 1
         return parsed
 
     def _sweep(self) -> None:
-        """Look at what came while nobody asked: anything but limit messages is a reason to doubt what follows."""
+        """Look at what came while nobody asked: anything but limit messages is a reason to reject what follows."""
         chunk = self.transport.read(self.transport.now())
         lines = self._splitter.feed(chunk.data, chunk.t_s, self.transport.character_s()) if chunk.data else []
         for line in lines:
             parsed = self._parse(line)
             if isinstance(parsed, FlirReply):
-                raise Doubtful(DoubtReason.ECHO_MISMATCH, f"{parsed.echo} {parsed.text}")
+                raise ExchangeFailed(FailureReason.ECHO_MISMATCH, f"{parsed.echo} {parsed.text}")
 
     def _drain(self, deadline_s: float) -> None:
         end = min(self.transport.now() + _DRAIN_S, deadline_s)

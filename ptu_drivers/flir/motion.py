@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from ptu_drivers.axis_limits import insist_on_angle, insist_on_rate
+from ptu_drivers.axis_limits import check_angle, check_rate
 from ptu_drivers.errors import LimitError
 from ptu_drivers.flir.probe import UnitFacts
 from ptu_drivers.messages import Axis, Reading, UnitDescription
@@ -42,7 +42,7 @@ class Converter:
 
     def position(self, axis: Axis, angle_rad: float) -> int:
         """Return the position of an angle, counts. Raises LimitError."""
-        insist_on_angle(axis, self.description.axis(axis), angle_rad)
+        check_angle(axis, self.description.axis(axis), angle_rad)
         facts = self.facts.axis(axis)
         counts = round(self.of(axis).unit_angle(angle_rad) / facts.quantum_rad)
         return min(max(counts, facts.low), facts.high)
@@ -50,7 +50,7 @@ class Converter:
     def rate(self, axis: Axis, rate_rad_s: float, *, still: bool = True) -> int:
         """Return a signed rate, counts/s; `still` allows 0. Raises LimitError."""
         a = self.description.axis(axis)
-        insist_on_rate(axis, a, rate_rad_s)
+        check_rate(axis, a, rate_rad_s)
         facts = self.facts.axis(axis)
         if rate_rad_s == 0.0 and still:
             return 0

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
+from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.codec import FlirReply, integer, integers
 from ptu_drivers.flir.line import Exchanged, FlirLine
 from ptu_drivers.flir.motion import Converter
 from ptu_drivers.flir.probe import UnitFacts
-from ptu_drivers.health import DoubtReason
-from ptu_drivers.instants import DeviceClock, Instant, Latency, of_query
+from ptu_drivers.health import FailureReason
+from ptu_drivers.instants import DeviceClock, Instant, Latency, query_instant
 from ptu_drivers.messages import AngleSample, Axis, Reading
 from ptu_drivers.plausibility import AngleVerdict, Plausibility, Point
 from ptu_drivers.settings import UnitSettings
@@ -74,13 +74,13 @@ class Poller:
 
         Raises
         ------
-        Doubtful : none to be believed. LineError.
+        ExchangeFailed : none to be believed. LineError.
         """
-        raw = self._ask(deadline_s)
+        raw = self._query(deadline_s)
         verdicts = {axis: self._gates[axis].judge(raw.point(axis)) for axis in Axis}
         if AngleVerdict.IMPOSSIBLE in verdicts.values():
             self.forget()
-            raise Doubtful(DoubtReason.TOO_FAST, str(raw.counts))
+            raise ExchangeFailed(FailureReason.TOO_FAST, str(raw.counts))
         if AngleVerdict.CONFIRM in verdicts.values():
             raw = self._confirmed(raw, deadline_s)
         for axis in Axis:
@@ -89,13 +89,13 @@ class Poller:
 
     def _confirmed(self, first: _Raw, deadline_s: float) -> _Raw:
         """Ask again, and return the newest if all fit; without a past, twice."""
-        second = self._ask(deadline_s)
+        second = self._query(deadline_s)
         self._compare(first, second)
         if all(gate.has_past for gate in self._gates.values()):
             return second
         for axis in Axis:
             self._gates[axis].accept(first.point(axis))
-        third = self._ask(deadline_s)
+        third = self._query(deadline_s)
         self._compare(second, third)
         return third
 
@@ -103,20 +103,20 @@ class Poller:
         for axis in Axis:
             if not self._gates[axis].confirms(one.point(axis), other.point(axis)):
                 self.forget()
-                raise Doubtful(DoubtReason.UNCONFIRMED, f"{one.counts[axis]}, then {other.counts[axis]}")
+                raise ExchangeFailed(FailureReason.UNCONFIRMED, f"{one.counts[axis]}, then {other.counts[axis]}")
 
-    def _ask(self, deadline_s: float) -> _Raw:
+    def _query(self, deadline_s: float) -> _Raw:
         line = self._line
         if self.query is Query.PAIR:
             if self.type_ahead:
-                both = line.ask_two("PP", "TP", deadline_s=deadline_s)
+                both = line.query_pair("PP", "TP", deadline_s=deadline_s)
             else:
-                both = (line.ask("PP", deadline_s=deadline_s), line.ask("TP", deadline_s=deadline_s))
+                both = (line.query("PP", deadline_s=deadline_s), line.query("TP", deadline_s=deadline_s))
             counts = {axis: self._integer(e.answer) for axis, e in zip(Axis, both, strict=True)}
             instants = {axis: self._instant(e) for axis, e in zip(Axis, both, strict=True)}
             begun_s, done_s = both[0].begun_s, both[1].done_s
         else:
-            asked = line.ask("B" if self.query is Query.COMBINED else "BT", deadline_s=deadline_s)
+            asked = line.query("B" if self.query is Query.COMBINED else "BT", deadline_s=deadline_s)
             numbers = self._integers(asked.answer)
             counts = {Axis.PAN: numbers[0], Axis.TILT: numbers[1]}
             instants = dict.fromkeys(Axis, self._instant(asked, numbers))
@@ -125,18 +125,18 @@ class Poller:
             facts = self._facts.axis(axis)
             over = _OVER * (facts.high - facts.low)
             if not facts.low - over <= counts[axis] <= facts.high + over:
-                raise Doubtful(DoubtReason.OUT_OF_RANGE, f"{axis} {counts[axis]}")
+                raise ExchangeFailed(FailureReason.OUT_OF_RANGE, f"{axis} {counts[axis]}")
         return _Raw(counts=counts, instants=instants, begun_s=begun_s, done_s=done_s)
 
     def _instant(self, asked: Exchanged, numbers: tuple[int, ...] = ()) -> Instant:
         if self._clock is not None and self.query is Query.DEVICE_CLOCK:
             count = numbers[self._facts.clock_field]
-            if self._clock.went_back(count):
+            if self._clock.ran_backwards(count):
                 # restarted, or misread: the recovery finds out
                 self.forget()
-                raise Doubtful(DoubtReason.GARBAGE, f"counter {count}")
+                raise ExchangeFailed(FailureReason.GARBAGE, f"counter {count}")
             return self._clock.instant(count, asked.earliest_s, asked.latest_s)
-        return of_query(
+        return query_instant(
             earliest_s=asked.earliest_s,
             sent_s=asked.sent_s,
             latest_s=asked.latest_s,
@@ -149,14 +149,14 @@ class Poller:
         try:
             return integer(answer.text)
         except ProtocolError as fault:
-            raise Doubtful(DoubtReason.GARBAGE, fault.got) from fault
+            raise ExchangeFailed(FailureReason.GARBAGE, fault.got) from fault
 
     def _integers(self, answer: FlirReply) -> tuple[int, ...]:
         _refuse(answer)
         try:
             return integers(answer.text, 4 if self.query is Query.COMBINED else 5)
         except ProtocolError as fault:
-            raise Doubtful(DoubtReason.GARBAGE, fault.got) from fault
+            raise ExchangeFailed(FailureReason.GARBAGE, fault.got) from fault
 
     def _reading(self, raw: _Raw) -> Reading:
         samples = {}
@@ -182,4 +182,4 @@ def best_query(facts: UnitFacts) -> Query:
 
 def _refuse(answer: FlirReply) -> None:
     if not answer.ok:
-        raise Doubtful(DoubtReason.REFUSED, answer.text)
+        raise ExchangeFailed(FailureReason.REFUSED, answer.text)

@@ -4,11 +4,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
+from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.codec import integer, integers, only_number
 from ptu_drivers.flir.line import Exchanged, FlirLine
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.health import FailureReason
 from ptu_drivers.messages import Axis, AxisDescription
 from ptu_drivers.settings import AxisSettings
 
@@ -91,22 +91,22 @@ class UnitFacts:
         return self.pan if axis is Axis.PAN else self.tilt
 
 
-def insist(line: FlirLine, command: str) -> Exchanged:
-    """Ask until there is an answer, with a fresh start after each doubt.
+def require_ok(line: FlirLine, command: str) -> Exchanged:
+    """Ask until there is an answer, with a fresh start after each failure.
 
     Raises
     ------
-    Doubtful : none after a few tries.
+    ExchangeFailed : none after a few tries.
     """
     for _ in range(_TRIES - 1):
         try:
-            return line.ask(command)
-        except Doubtful:
+            return line.query(command)
+        except ExchangeFailed:
             try:
                 line.resynchronise(line.transport.now() + line.longest_s())
-            except Doubtful:
+            except ExchangeFailed:
                 continue
-    return line.ask(command)
+    return line.query(command)
 
 
 def set_up(line: FlirLine) -> None:
@@ -114,14 +114,14 @@ def set_up(line: FlirLine) -> None:
 
     Raises
     ------
-    Doubtful, ProtocolError : the unit does not do it.
+    ExchangeFailed, ProtocolError : the unit does not do it.
     """
     for command in ("EE", "FT", "CI"):
-        said = insist(line, command).answer
+        said = require_ok(line, command).answer
         if not said.ok:
             raise ProtocolError(command, got=said.text or "an error", wanted="*")
     # that the echo is on, each answer shows; that it is terse, this one
-    integer(insist(line, "PP").answer.text)
+    integer(require_ok(line, "PP").answer.text)
 
 
 def probe(line: FlirLine) -> UnitFacts:
@@ -129,12 +129,12 @@ def probe(line: FlirLine) -> UnitFacts:
 
     Raises
     ------
-    Doubtful : no answer. ProtocolError : an answer without the figure that it must have.
+    ExchangeFailed : no answer. ProtocolError : an answer without the figure that it must have.
     """
     details: dict[str, str] = {}
 
     def text(command: str) -> str:
-        said = insist(line, command).answer
+        said = require_ok(line, command).answer
         if said.ok and said.text:
             details[command] = said.text
             return said.text
@@ -146,7 +146,7 @@ def probe(line: FlirLine) -> UnitFacts:
     line.pace_s = pace
     pan, tilt = _axis(line, "P"), _axis(line, "T")
     text("O")
-    combined = _knows_combined(line)
+    combined = _supports_combined(line)
     clock_hz, clock_field = _device_clock(line)
     return UnitFacts(
         model=model,
@@ -165,7 +165,7 @@ def probe(line: FlirLine) -> UnitFacts:
 def _axis(line: FlirLine, letter: str) -> AxisFacts:
     def number(what: str) -> float:
         for last in (False, False, True):
-            said = insist(line, letter + what).answer
+            said = require_ok(line, letter + what).answer
             try:
                 return only_number(said.text if said.ok else "an error: " + said.text)
             except ProtocolError:
@@ -174,7 +174,7 @@ def _axis(line: FlirLine, letter: str) -> AxisFacts:
                     raise
         raise AssertionError
 
-    acceleration = insist(line, letter + "A").answer
+    acceleration = require_ok(line, letter + "A").answer
     facts = AxisFacts(
         arcsec=number("R"),
         low=round(number("N")),
@@ -189,16 +189,16 @@ def _axis(line: FlirLine, letter: str) -> AxisFacts:
     return facts
 
 
-def _knows_combined(line: FlirLine) -> bool:
+def _supports_combined(line: FlirLine) -> bool:
     """Return whether `B` answers with positions first, as `PP` and `TP` say them at rest."""
-    said = insist(line, "B").answer
+    said = require_ok(line, "B").answer
     if not said.ok:
         return False
     try:
         four = integers(said.text, 4)
     except ProtocolError:
         return False
-    pan, tilt = (integer(insist(line, c).answer.text) for c in ("PP", "TP"))
+    pan, tilt = (integer(require_ok(line, c).answer.text) for c in ("PP", "TP"))
     return abs(four[0] - pan) <= 1 and abs(four[1] - tilt) <= 1
 
 
@@ -208,15 +208,15 @@ def _device_clock(line: FlirLine) -> tuple[float, int]:
     No source shows the order of `BT`: the positions must be those of `PP` and `TP`, and one number must run as fast
     as `CNF` says.
     """
-    if not insist(line, "BT").answer.ok or not (said := insist(line, "CNF").answer).ok:
+    if not require_ok(line, "BT").answer.ok or not (said := require_ok(line, "CNF").answer).ok:
         return 0.0, 0
     try:
         hz = only_number(said.text)
-        first = insist(line, "BT")
+        first = require_ok(line, "BT")
         line.transport.wait(0.2)
-        second = insist(line, "BT")
+        second = require_ok(line, "BT")
         before, after = integers(first.answer.text, 5), integers(second.answer.text, 5)
-        pan, tilt = (integer(insist(line, c).answer.text) for c in ("PP", "TP"))
+        pan, tilt = (integer(require_ok(line, c).answer.text) for c in ("PP", "TP"))
     except ProtocolError:
         return 0.0, 0
     if len(before) != len(after) or hz <= 0 or abs(after[0] - pan) > 1 or abs(after[1] - tilt) > 1:
@@ -230,6 +230,6 @@ def _device_clock(line: FlirLine) -> tuple[float, int]:
     return 0.0, 0
 
 
-def doubt_of(fault: ProtocolError) -> Doubtful:
-    """Return an answer that cannot be read as a doubt."""
-    return Doubtful(DoubtReason.GARBAGE, fault.got)
+def failure_of(fault: ProtocolError) -> ExchangeFailed:
+    """Return an answer that cannot be parsed, as a failed exchange."""
+    return ExchangeFailed(FailureReason.GARBAGE, fault.got)

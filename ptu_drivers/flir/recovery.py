@@ -1,13 +1,13 @@
-"""From a doubt back to angles, one bounded step at a time: the line, the echo, the speed, the unit's settings."""
+"""From a failure back to angles, one bounded step at a time: the line, the echo, the speed, the unit's settings."""
 
 from collections import deque
 from collections.abc import Callable
 
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError, ProtocolError
+from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.codec import integer
 from ptu_drivers.flir.line import FlirLine
-from ptu_drivers.health import DoubtReason, HealthCounter, UnitState
+from ptu_drivers.health import FailureReason, HealthCounter, UnitState
 
 # a unit's speed at power-up, as it leaves the factory
 DEFAULT_BAUD = 9600
@@ -21,7 +21,7 @@ _AWAIT_S = 2.0
 
 
 class Recovery:
-    """What to do next when the line or the unit is in doubt.
+    """What to do next when the line or the unit is in an uncertain state.
 
     Parameters
     ----------
@@ -51,37 +51,37 @@ class Recovery:
         """Take the line's speed as the one that the unit is meant to have."""
         self._baud = self._line.transport.baud()
 
-    def doubt(self, reason: DoubtReason) -> None:
+    def record_failure(self, reason: FailureReason) -> None:
         """Something doubtful came; the next `advance` begins to mend it."""
-        self._counter.doubts[reason] += 1
+        self._counter.failures[reason] += 1
         self._awaited = None
-        if reason is DoubtReason.LINE_LOST:
+        if reason is FailureReason.LINE_LOST:
             self._counter.state = UnitState.LINE_LOST
         elif self._counter.state is not UnitState.LINE_LOST:
             self._counter.state = UnitState.RESYNCHRONISING
 
-    def advance(self, deadline_s: float) -> DoubtReason:
+    def advance(self, deadline_s: float) -> FailureReason:
         """Take one step, until `deadline_s` at most; return why there is no angle yet."""
         try:
             if self._counter.state is UnitState.LINE_LOST:
                 self._reopen()
-                return DoubtReason.LINE_LOST
+                return FailureReason.LINE_LOST
             if self._counter.state is UnitState.STARTING:
                 self._start(deadline_s)
-                return DoubtReason.STARTING
+                return FailureReason.STARTING
             self._resynchronise(deadline_s)
-        except Doubtful as doubt:
-            if doubt.reason is DoubtReason.PREEMPTED:
+        except ExchangeFailed as failure:
+            if failure.reason is FailureReason.PREEMPTED:
                 # says nothing of the line
-                self.doubt(doubt.reason)
+                self.record_failure(failure.reason)
             else:
-                self._fail(doubt.reason)
-            return doubt.reason
+                self._fail(failure.reason)
+            return failure.reason
         except LineError:
-            self.doubt(DoubtReason.LINE_LOST)
+            self.record_failure(FailureReason.LINE_LOST)
             self._line.transport.wait(_IDLE_S)
-            return DoubtReason.LINE_LOST
-        return DoubtReason.STARTING if self._queue else DoubtReason.TIMEOUT
+            return FailureReason.LINE_LOST
+        return FailureReason.STARTING if self._queue else FailureReason.TIMEOUT
 
     def _resynchronise(self, deadline_s: float) -> None:
         self._counter.resyncs += 1
@@ -92,7 +92,7 @@ class Recovery:
             line.resynchronise(deadline_s)
         self._look_for_restart(deadline_s)
         if self._counter.halt_owed and not self._queue:
-            line.ask("H", deadline_s=deadline_s)
+            line.query("H", deadline_s=deadline_s)
             self._counter.halt_owed = False
         self._failed = 0
         if line.transport.baud() != self._baud:
@@ -102,12 +102,12 @@ class Recovery:
 
     def _look_for_restart(self, deadline_s: float) -> None:
         """A unit that was restarted talks verbosely again."""
-        said = self._line.ask("PP", deadline_s=deadline_s).answer
+        said = self._line.query("PP", deadline_s=deadline_s).answer
         try:
             integer(said.text)
         except ProtocolError as fault:
             if not said.ok or "position" not in said.text:
-                raise Doubtful(DoubtReason.GARBAGE, said.text) from fault
+                raise ExchangeFailed(FailureReason.GARBAGE, said.text) from fault
             if self._line.transport.now() - self._answered_s > _BOOT_S:
                 self._restart()
             else:
@@ -135,20 +135,20 @@ class Recovery:
                 self._awaited = line.begin("A")
                 self._await_until_s = line.transport.now() + _AWAIT_S
             elif line.transport.now() > self._await_until_s:
-                raise Doubtful(DoubtReason.TIMEOUT, "nothing to A")
+                raise ExchangeFailed(FailureReason.TIMEOUT, "nothing to A")
             if not self._awaited(deadline_s):
                 return
             self._awaited = None
         elif command == _RESYNCHRONISE:
             line.resynchronise(deadline_s)
         else:
-            line.ask(command, deadline_s=deadline_s)
+            line.query(command, deadline_s=deadline_s)
             if command.startswith("@"):
                 line.transport.set_baud(self._baud)
         self._queue.popleft()
 
-    def _fail(self, reason: DoubtReason) -> None:
-        self.doubt(reason)
+    def _fail(self, reason: FailureReason) -> None:
+        self.record_failure(reason)
         self._failed += 1
         transport = self._line.transport
         if self._failed % _REOPEN_AFTER == 0:
@@ -162,7 +162,7 @@ class Recovery:
         try:
             transport.reopen()
         except LineError:
-            self._counter.doubts[DoubtReason.LINE_LOST] += 1
+            self._counter.failures[FailureReason.LINE_LOST] += 1
             transport.wait(_IDLE_S)
             return
         self._counter.reconnects += 1

@@ -4,14 +4,14 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError, PtuError
+from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.codec import integer
 from ptu_drivers.flir.line import FlirLine
 from ptu_drivers.flir.poll import Query, best_query
 from ptu_drivers.flir.probe import probe, set_up
 from ptu_drivers.flir.unit import DRAINING_S, FlirUnit
-from ptu_drivers.health import DoubtReason, HealthCounter
+from ptu_drivers.health import FailureReason, HealthCounter
 from ptu_drivers.preemption import PreemptibleLine
 from ptu_drivers.settings import UnitSettings
 from ptu_drivers.transport import SerialTransport, Transport
@@ -72,14 +72,14 @@ def connect(
         facts = probe(line)
         _raise_baud(line, settings.baud)
         type_ahead = _takes_type_ahead(line)
-    except Doubtful as doubt:
+    except ExchangeFailed as failure:
         transport.close()
-        raise ProtocolError(transport.url, got=doubt.got, wanted="a FLIR unit's answer") from doubt
+        raise ProtocolError(transport.url, got=failure.got, wanted="a FLIR unit's answer") from failure
     except PtuError:
         transport.close()
         raise
     unit = FlirUnit(line, shared.lock, counter, facts, settings, threaded=threaded)
-    unit.ask_by(best_query(facts) if query == "auto" else Query(query), type_ahead=type_ahead)
+    unit.use_query(best_query(facts) if query == "auto" else Query(query), type_ahead=type_ahead)
     return unit
 
 
@@ -87,9 +87,9 @@ def _takes_type_ahead(line: FlirLine) -> bool:
     """Return whether letters typed while an answer comes in leave that answer whole; tried, since nothing says so."""
     try:
         for _ in range(_TRIES):
-            for said in line.ask_two("PP", "TP"):
+            for said in line.query_pair("PP", "TP"):
                 integer(said.answer.text)
-    except (Doubtful, ProtocolError):
+    except (ExchangeFailed, ProtocolError):
         line.resynchronise(line.transport.now() + line.longest_s())
         return False
     return True
@@ -107,8 +107,8 @@ def _find(line: FlirLine, settings: UnitSettings, patience_s: float) -> None:
             transport.set_baud(baud)
             try:
                 line.greet(transport.now() + line.longest_s() + DRAINING_S)
-            except Doubtful as doubt:
-                got = "silence" if doubt.reason is DoubtReason.TIMEOUT else doubt.got
+            except ExchangeFailed as failure:
+                got = "silence" if failure.reason is FailureReason.TIMEOUT else failure.got
             else:
                 return
             if transport.now() >= end:
@@ -124,11 +124,11 @@ def _raise_baud(line: FlirLine, baud: int) -> bool:
     old = transport.baud()
     if not baud or not old or baud == old:
         return False
-    if not line.ask(f"@({baud},0,F)").answer.ok:
+    if not line.query(f"@({baud},0,F)").answer.ok:
         return False
     for speed in (baud, baud, old, old):
         transport.set_baud(speed)
-        with suppress(Doubtful):
+        with suppress(ExchangeFailed):
             line.resynchronise(transport.now() + line.longest_s())
             return speed == baud
-    raise Doubtful(DoubtReason.TIMEOUT, f"nothing at {baud} baud, nor at {old} any more")
+    raise ExchangeFailed(FailureReason.TIMEOUT, f"nothing at {baud} baud, nor at {old} any more")

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError, NoAnswerError, PtuError, RefusedError
+from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.description import describe_unit
 from ptu_drivers.flir.lease import RateChain
 from ptu_drivers.flir.line import LONGEST_ANSWER_CHARACTERS, FlirLine
@@ -13,7 +13,7 @@ from ptu_drivers.flir.poll import Poller, Query
 from ptu_drivers.flir.probe import LETTER, UnitFacts
 from ptu_drivers.flir.recovery import DEFAULT_BAUD, Recovery
 from ptu_drivers.halting import Watchdog
-from ptu_drivers.health import DoubtReason, Health, HealthCounter, UnitState
+from ptu_drivers.health import FailureReason, Health, HealthCounter, UnitState
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import Axis, NoReading, Reading, UnitDescription
 from ptu_drivers.preemption import LineLock
@@ -68,7 +68,7 @@ class FlirUnit(PanTiltUnit):
         self._threaded = threaded
         counter.state = UnitState.READY
 
-    def ask_by(self, query: Query, *, type_ahead: bool = True) -> None:
+    def use_query(self, query: Query, *, type_ahead: bool = True) -> None:
         """Ask angles in this way from now on, whatever the probe found best."""
         self._poller.query = query
         self._poller.type_ahead = type_ahead
@@ -94,15 +94,15 @@ class FlirUnit(PanTiltUnit):
                 reason = self._advance()
             return NoReading(reason=reason, state=self._counter.state, t_s=self._transport.now())
 
-    def _poll(self) -> Reading | DoubtReason:
+    def _poll(self) -> Reading | FailureReason:
         try:
             reading = self._poller.poll(self._until_s)
-        except Doubtful as doubt:
-            self._recovery.doubt(doubt.reason)
-            return doubt.reason
+        except ExchangeFailed as failure:
+            self._recovery.record_failure(failure.reason)
+            return failure.reason
         except LineError:
-            self._recovery.doubt(DoubtReason.LINE_LOST)
-            return DoubtReason.LINE_LOST
+            self._recovery.record_failure(FailureReason.LINE_LOST)
+            return FailureReason.LINE_LOST
         self._last = reading
         self._chain.observe(reading)
         self._recovery.note_answer()
@@ -110,7 +110,7 @@ class FlirUnit(PanTiltUnit):
         self._counter.last_reading_s = max(reading.pan.t_s, reading.tilt.t_s)
         return self._driven(lambda: self._guard(reading)) or reading
 
-    def _look_after(self) -> DoubtReason | None:
+    def _look_after(self) -> FailureReason | None:
         """Halt motion by rate that no command renews; see that else it goes on. Return why that could not be done."""
         if not any(self._turning.values()):
             return None
@@ -120,20 +120,20 @@ class FlirUnit(PanTiltUnit):
         self._counter.watchdog_stops += 1
         return self._driven(self._halt_both)
 
-    def _driven(self, drive: Callable[[], None]) -> DoubtReason | None:
+    def _driven(self, drive: Callable[[], None]) -> FailureReason | None:
         """Carry out commands of the driver's own; return why that could not be done."""
         try:
             drive()
-        except Doubtful as doubt:
-            return doubt.reason
+        except ExchangeFailed as failure:
+            return failure.reason
         except LineError:
-            return DoubtReason.LINE_LOST
+            return FailureReason.LINE_LOST
         except RefusedError:
             self._stop_turning()
-            return DoubtReason.REFUSED
+            return FailureReason.REFUSED
         return None
 
-    def _advance(self) -> DoubtReason:
+    def _advance(self) -> FailureReason:
         if self._counter.state is UnitState.LINE_LOST and self._moving:
             # whatever was commanded before goes on meanwhile
             self._counter.halt_owed = True
@@ -206,11 +206,11 @@ class FlirUnit(PanTiltUnit):
         """Read the angles if those that are known are old. Raises NoAnswerError."""
         began = self._transport.now()
         if self._chain.is_lost() and not isinstance(reason := self._poll(), Reading):
-            raise self._nothing(f"angles ({reason})", began)
+            raise self._no_answer(f"angles ({reason})", began)
 
     def _stop_turning(self) -> None:
         """Stop both axes after a command that only one of them may have taken; what fails is left to the watchdog."""
-        with suppress(PtuError, Doubtful):
+        with suppress(PtuError, ExchangeFailed):
             self._halt_both()
 
     def _halt_both(self) -> None:
@@ -231,7 +231,7 @@ class FlirUnit(PanTiltUnit):
             if not self._is_ready():
                 # first without a question: it may be heard though no answer comes
                 with suppress(LineError):
-                    self._line.halt_unasked()
+                    self._line.halt_blind()
             for _ in range(_HALTS):
                 self._begin()
                 if not self._is_ready():
@@ -240,7 +240,7 @@ class FlirUnit(PanTiltUnit):
                     if not self._counter.halt_owed:
                         break
                     if not self._is_ready():
-                        fault = self._nothing("H", began)
+                        fault = self._no_answer("H", began)
                         continue
                 try:
                     with self._answered("H"):
@@ -252,7 +252,7 @@ class FlirUnit(PanTiltUnit):
                     continue
                 break
             else:
-                raise fault or self._nothing("H", began)
+                raise fault or self._no_answer("H", began)
             self._counter.halt_owed = False
             self._stand()
 
@@ -265,11 +265,11 @@ class FlirUnit(PanTiltUnit):
             began = self._transport.now()
             try:
                 self._line.outwait("R", self._settings.homing_timeout_s)
-            except Doubtful as doubt:
-                self._recovery.doubt(doubt.reason)
-                raise NoAnswerError("R", waited_s=self._transport.now() - began, got=doubt.got) from doubt
+            except ExchangeFailed as failure:
+                self._recovery.record_failure(failure.reason)
+                raise NoAnswerError("R", waited_s=self._transport.now() - began, got=failure.got) from failure
             except LineError:
-                self._recovery.doubt(DoubtReason.LINE_LOST)
+                self._recovery.record_failure(FailureReason.LINE_LOST)
                 raise
             self._poller.forget()
             self._stand()
@@ -287,7 +287,7 @@ class FlirUnit(PanTiltUnit):
                 self._begin()
                 for axis, rate in self._rates.items():
                     self._chain.set_speed(axis, rate)
-            except (PtuError, Doubtful):
+            except (PtuError, ExchangeFailed):
                 # the line is dead: once more blindly, it may carry one way
                 with suppress(PtuError):
                     self._transport.write(b"Z H ")
@@ -311,15 +311,15 @@ class FlirUnit(PanTiltUnit):
                 self._turning[axis] = 0.0
 
     def _command(self, command: str) -> None:
-        """Carry out a command. Raises RefusedError, Doubtful, LineError."""
+        """Carry out a command. Raises RefusedError, ExchangeFailed, LineError."""
         try:
-            answer = self._line.ask(command, deadline_s=self._until_s).answer
-        except Doubtful as doubt:
-            self._recovery.doubt(doubt.reason)
+            answer = self._line.query(command, deadline_s=self._until_s).answer
+        except ExchangeFailed as failure:
+            self._recovery.record_failure(failure.reason)
             self._counter.halt_owed = True
             raise
         except LineError:
-            self._recovery.doubt(DoubtReason.LINE_LOST)
+            self._recovery.record_failure(FailureReason.LINE_LOST)
             raise
         if not answer.ok:
             raise RefusedError(command, said=answer.text)
@@ -330,8 +330,8 @@ class FlirUnit(PanTiltUnit):
         began = self._transport.now()
         try:
             yield
-        except Doubtful as doubt:
-            raise NoAnswerError(what, waited_s=self._transport.now() - began, got=doubt.got) from doubt
+        except ExchangeFailed as failure:
+            raise NoAnswerError(what, waited_s=self._transport.now() - began, got=failure.got) from failure
 
     def _is_ready(self) -> bool:
         return self._counter.state is UnitState.READY
@@ -343,12 +343,12 @@ class FlirUnit(PanTiltUnit):
         self._until_s = self._transport.now() + self._limit_s
 
     def _must_be_ready(self) -> None:
-        """Give a line in doubt one step to come back. Raises NoAnswerError."""
+        """Give a line that is not ready one recovery step. Raises NoAnswerError."""
         began = self._transport.now()
         if not self._is_ready():
             self._advance()
         if not self._is_ready():
-            raise self._nothing("a command", began)
+            raise self._no_answer("a command", began)
 
-    def _nothing(self, command: str, began_s: float) -> NoAnswerError:
+    def _no_answer(self, command: str, began_s: float) -> NoAnswerError:
         return NoAnswerError(command, waited_s=self._transport.now() - began_s, got=f"state: {self._counter.state}")

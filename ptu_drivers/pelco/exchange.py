@@ -9,8 +9,8 @@ it doubtful (a byte too many inside a message passes the checksum once in 256).
 from collections import Counter
 from dataclasses import dataclass, field
 
-from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 from ptu_drivers.messages import Axis
 from ptu_drivers.pelco.codec import Opcode, PelcoFraming, PelcoMessage, acknowledgement_of, encode, scan
 from ptu_drivers.transport import Transport
@@ -55,7 +55,7 @@ class PelcoExchange:
     address, framing : of the unit.
     reply_timeout_s : how long to wait for an answer beyond the time that its bytes take, s.
     late_s : an answer that has not come so long after its question never comes, s.
-    doubts : counts of what was passed over without harm, by reason.
+    failures : counts of what was passed over without harm, by reason.
     echoes : own messages that came back, as they do on two wires.
     """
 
@@ -64,17 +64,17 @@ class PelcoExchange:
     framing: PelcoFraming
     reply_timeout_s: float
     late_s: float
-    doubts: Counter[DoubtReason] = field(default_factory=Counter)
+    failures: Counter[FailureReason] = field(default_factory=Counter)
     echoes: int = 0
     sent: int = 0
     _unanswered: dict[Axis, float] = field(default_factory=dict)
 
-    def ask(self, axis: Axis, until_s: float) -> PelcoReply:
+    def query(self, axis: Axis, until_s: float) -> PelcoReply:
         """Ask one axis.
 
         Raises
         ------
-        Doubtful : no answer that can be believed. LineError : the line is gone.
+        ExchangeFailed : no answer that can be believed. LineError : the line is gone.
         """
         question = encode(PelcoMessage(address=self.address, opcode=_QUERY[axis]), self.framing)
         self.drain()
@@ -91,14 +91,14 @@ class PelcoExchange:
             chunk = self.line.read(until_s)
             received += chunk.data
             if not chunk.data or len(received) > _LONGEST:
-                raise Doubtful(self._why_nothing(bytes(received[:_LONGEST]), question))
+                raise ExchangeFailed(self._failure_without_answer(bytes(received[:_LONGEST]), question))
             arrivals.append((len(received), chunk.t_s))
             for at, message in scan(bytes(received), self.framing).found:
                 if at in refused:
                     continue
                 began_s = _began(at, arrivals, character_s)
                 if self._is_answer(message, axis, began_s >= asked_s, question):
-                    self._insist_on_silence(bytes(received), at + len(question), character_s)
+                    self._check_silence(bytes(received), at + len(question), character_s)
                     self._answered(axis, sent_s)
                     return PelcoReply(
                         word=message.word,
@@ -109,15 +109,15 @@ class PelcoExchange:
                     )
                 refused.add(at)
 
-    def tell(self, message: PelcoMessage) -> None:
+    def send(self, message: PelcoMessage) -> None:
         """Send a command that has no answer."""
         self.sent += 1
         self.line.write(encode(message, self.framing))
 
-    def tell_and_wait(self, message: PelcoMessage, until_s: float) -> int:
-        """Send a command to a unit that acknowledges; returns its alarm bits. Raises Doubtful, LineError."""
+    def send_and_wait(self, message: PelcoMessage, until_s: float) -> int:
+        """Send a command to a unit that acknowledges; returns its alarm bits. Raises ExchangeFailed, LineError."""
         self.drain()
-        self.tell(message)
+        self.send(message)
         frame = encode(message, self.framing)
         received = bytearray()
         until_s = min(until_s, self.line.now() + 2 * len(frame) * self.line.character_s() + self.reply_timeout_s)
@@ -125,7 +125,7 @@ class PelcoExchange:
             chunk = self.line.read(until_s)
             received += chunk.data
             if not chunk.data or len(received) > _LONGEST:
-                raise Doubtful(DoubtReason.TIMEOUT, "no acknowledgement")
+                raise ExchangeFailed(FailureReason.TIMEOUT, "no acknowledgement")
             rest = bytes(received).removeprefix(frame)
             for at in range(len(rest) - 3):
                 short = acknowledgement_of(rest[at : at + 4], message)
@@ -137,16 +137,16 @@ class PelcoExchange:
         return (Axis.TILT, Axis.PAN) if Axis.PAN in self._unanswered else (Axis.PAN, Axis.TILT)
 
     def wait_until_idle(self, until_s: float) -> None:
-        """Listen until old answers can be told from new ones. Raises Doubtful if that takes longer, LineError."""
+        """Listen until old answers can be told from new ones. Raises ExchangeFailed if that takes longer, LineError."""
         self.drain()
         if len(self._unanswered) < len(Axis):
             return
         certain_s = max(self._unanswered.values()) + self.late_s
         while self.line.now() < min(certain_s, until_s):
             if self.line.read(min(certain_s, until_s)).data:
-                self.doubts[DoubtReason.UNEXPECTED] += 1
+                self.failures[FailureReason.UNEXPECTED] += 1
         if self.line.now() < certain_s:
-            raise Doubtful(DoubtReason.TIMEOUT, "answers that may still come")
+            raise ExchangeFailed(FailureReason.TIMEOUT, "answers that may still come")
         self._unanswered.clear()
 
     def drain(self) -> None:
@@ -164,28 +164,28 @@ class PelcoExchange:
             self.echoes += 1
             return False
         if message.address != self.address or message.command_1 != 0 or message.opcode not in _ANSWERS:
-            self.doubts[DoubtReason.UNEXPECTED] += 1
+            self.failures[FailureReason.UNEXPECTED] += 1
             return False
         if message.opcode != _REPLY[axis] or not in_time:
-            self.doubts[DoubtReason.ECHO_MISMATCH] += 1
+            self.failures[FailureReason.ECHO_MISMATCH] += 1
             return False
         return True
 
-    def _insist_on_silence(self, received: bytes, end: int, character_s: float) -> None:
+    def _check_silence(self, received: bytes, end: int, character_s: float) -> None:
         quiet_s = max(_QUIET_CHARACTERS * character_s, _QUIET_S)
         if len(received) > end or self.line.read(self.line.now() + quiet_s).data:
-            raise Doubtful(DoubtReason.GARBAGE, "bytes on the heels of the answer")
+            raise ExchangeFailed(FailureReason.GARBAGE, "bytes on the heels of the answer")
 
-    def _why_nothing(self, received: bytes, question: bytes) -> DoubtReason:
+    def _failure_without_answer(self, received: bytes, question: bytes) -> FailureReason:
         seen = scan(received, self.framing)
         if not seen.skipped and seen.used == len(received):
             # nothing, or whole messages of others
-            return DoubtReason.TIMEOUT
+            return FailureReason.TIMEOUT
         rest = received.removeprefix(question)
         start = rest.find(question[:2])
         if start < 0:
-            return DoubtReason.GARBAGE
-        return DoubtReason.TRUNCATED if len(rest) - start < len(question) else DoubtReason.CHECKSUM
+            return FailureReason.GARBAGE
+        return FailureReason.TRUNCATED if len(rest) - start < len(question) else FailureReason.CHECKSUM
 
 
 def _began(at: int, arrivals: list[tuple[int, float]], character_s: float) -> float:

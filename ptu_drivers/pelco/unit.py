@@ -7,19 +7,19 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ptu_drivers.axis_limits import narrowed
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
-from ptu_drivers.health import DoubtReason, HealthCounter
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason, HealthCounter
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.lease import MOVES_ONLY, NO_LEASE
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Capability, Reading, UnitDescription
-from ptu_drivers.own_options import made_of
 from ptu_drivers.pelco.codec import Opcode, PelcoFraming, PelcoMessage, with_word
 from ptu_drivers.pelco.exchange import PelcoExchange, PelcoReply
 from ptu_drivers.plausibility import AngleVerdict, Plausibility, Point
 from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.preemption import PreemptibleLine
-from ptu_drivers.settings import UnitSettings, insist_on_baud
+from ptu_drivers.protocol_options import parse_options
+from ptu_drivers.settings import UnitSettings, check_baud
 from ptu_drivers.transport import SerialTransport, Transport
 
 _HALF_TURN_DEG = 180.0
@@ -67,7 +67,7 @@ class PelcoOptions:
     gap_s: float = 0.01
 
     def __post_init__(self) -> None:
-        insist_on_baud("Pelco option baud", self.baud)
+        check_baud("Pelco option baud", self.baud)
         for name, good, wanted in (
             ("address", 1 <= self.address <= 255, "1 to 255"),
             ("pan_sign", self.pan_sign in (1, -1), "1 or -1"),
@@ -127,7 +127,7 @@ class PelcoUnit(PolledUnit):
         *,
         watch: bool,
     ) -> None:
-        health = HealthCounter(doubts=exchange.doubts)
+        health = HealthCounter(failures=exchange.failures)
         super().__init__(line, settings, description, health, watch=watch)
         self._exchange = exchange
         self._options = options
@@ -141,13 +141,13 @@ class PelcoUnit(PolledUnit):
         }
         self._unwrapped: dict[Axis, float] = {}
 
-    def _ask(self) -> Reading:
+    def _query(self) -> Reading:
         until_s = self._answer_by_s()
         sent_s = self._line.now()
-        samples = {axis: self._ask_axis(axis, until_s) for axis in self._exchange.barrier()}
+        samples = {axis: self._query_axis(axis, until_s) for axis in self._exchange.barrier()}
         return Reading(pan=samples[Axis.PAN], tilt=samples[Axis.TILT], sent_s=sent_s, answered_s=self._line.now())
 
-    def _ask_axis(self, axis: Axis, until_s: float) -> AngleSample:
+    def _query_axis(self, axis: Axis, until_s: float) -> AngleSample:
         """Ask once, and once more where the angle is not what the last ones led to expect.
 
         The checksum has 8 bits: of two wrong bytes, one pair in 256 passes it.
@@ -158,7 +158,7 @@ class PelcoUnit(PolledUnit):
             again = self._point(axis, until_s)
             if not gate.confirms(point, again):
                 gate.forget()
-                raise Doubtful(DoubtReason.TOO_FAST, f"{axis.value} {math.degrees(point.angle):.2f} deg")
+                raise ExchangeFailed(FailureReason.TOO_FAST, f"{axis.value} {math.degrees(point.angle):.2f} deg")
             gate.accept(point)
             point = again
         gate.accept(point)
@@ -174,11 +174,11 @@ class PelcoUnit(PolledUnit):
         )
 
     def _point(self, axis: Axis, until_s: float) -> Point:
-        answer = self._exchange.ask(axis, until_s)
+        answer = self._exchange.query(axis, until_s)
         self._health.exchanges = self._exchange.sent
         unit_rad = self._options.unit_angle(axis, answer.word)
         if unit_rad is None:
-            raise Doubtful(DoubtReason.OUT_OF_RANGE, f"{axis.value} {answer.word}")
+            raise ExchangeFailed(FailureReason.OUT_OF_RANGE, f"{axis.value} {answer.word}")
         if axis is Axis.PAN and axis in self._unwrapped:
             # the turn that is nearest to where it was, so that crossing the seam is no jump
             unit_rad += 2 * math.pi * round((self._unwrapped[axis] - unit_rad) / (2 * math.pi))
@@ -208,8 +208,8 @@ class PelcoUnit(PolledUnit):
     def _send_position(self, targets: dict[Axis, float], rate_rad_s: float | None) -> None:
         opcodes = {Axis.PAN: Opcode.SET_PAN, Axis.TILT: Opcode.SET_TILT}
         for axis, unit_rad in targets.items():
-            self._tell(with_word(self._options.address, opcodes[axis], self._options.word(axis, unit_rad)))
-        self._insist_on_an_answer()
+            self._send(with_word(self._options.address, opcodes[axis], self._options.word(axis, unit_rad)))
+        self._check_answer()
 
     def _send_rates(self, rates: dict[Axis, float]) -> None:
         pan, tilt = self._speed(rates[Axis.PAN]), self._speed(rates[Axis.TILT])
@@ -219,28 +219,28 @@ class PelcoUnit(PolledUnit):
             opcode |= Opcode.LEFT if rates[Axis.PAN] > 0 else Opcode.RIGHT
         if tilt:
             opcode |= Opcode.UP if rates[Axis.TILT] > 0 else Opcode.DOWN
-        self._tell(PelcoMessage(address=self._options.address, opcode=opcode, data_1=pan, data_2=tilt))
-        self._insist_on_an_answer()
+        self._send(PelcoMessage(address=self._options.address, opcode=opcode, data_1=pan, data_2=tilt))
+        self._check_answer()
 
     def _send_halt(self) -> None:
         stop = PelcoMessage(address=self._options.address, opcode=Opcode.STOP)
         # a stop is not confirmed: it goes before and after a question that is, so that a lost byte costs one of them
-        self._tell(stop)
+        self._send(stop)
         try:
-            self._insist_on_an_answer()
+            self._check_answer()
         finally:
-            self._tell(stop)
+            self._send(stop)
 
-    def _tell(self, message: PelcoMessage) -> None:
+    def _send(self, message: PelcoMessage) -> None:
         if self._options.acknowledges:
-            self._exchange.tell_and_wait(message, self._until_s)
+            self._exchange.send_and_wait(message, self._until_s)
         else:
-            self._exchange.tell(message)
+            self._exchange.send(message)
             self._line.wait(self._pause_s())
 
-    def _insist_on_an_answer(self) -> None:
+    def _check_answer(self) -> None:
         """Ask where the unit is, to know that somebody hears; commands have no answer of their own."""
-        self._exchange.ask(self._exchange.barrier()[0], self._answer_by_s())
+        self._exchange.query(self._exchange.barrier()[0], self._answer_by_s())
         self._health.exchanges = self._exchange.sent
 
     def _pause_s(self) -> float:
@@ -307,7 +307,7 @@ def open_pelco_p(
 def _open(
     url: str, settings: UnitSettings, clock: Callable[[], float], options: Mapping[str, Any], framing: PelcoFraming
 ) -> PelcoUnit:
-    chosen = made_of(PelcoOptions, "Pelco", options)
+    chosen = parse_options(PelcoOptions, "Pelco", options)
     if settings.baud:
         chosen = replace(chosen, baud=settings.baud)
     line = SerialTransport(url, chosen.baud, clock)

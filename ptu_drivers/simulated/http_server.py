@@ -5,9 +5,9 @@ import random
 from collections.abc import Callable
 from itertools import count
 
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 from ptu_drivers.preemption import SLICE_S, LineLock
 from ptu_drivers.simulated.alpaca import SimulatedMount
 
@@ -60,24 +60,24 @@ class VirtualHttp:
         """Let go."""
 
     def transfer(self, method: str, path: str, query: str, until_s: float) -> tuple[int, bytes]:
-        """Return status and body. Raises Doubtful, LineError."""
+        """Return status and body. Raises ExchangeFailed, LineError."""
         if self.gone:
             raise LineError(self.url, got="connection refused", wanted="an Alpaca server")
         if self.dead:
             self._await(until_s)
-            raise Doubtful(DoubtReason.TIMEOUT, "no answer")
+            raise ExchangeFailed(FailureReason.TIMEOUT, "no answer")
         self.wait(self._random.uniform(*self._delay_s))
         answer = self.mount.answer(self._now_s, method, path, query)
         back_s = self._random.uniform(*self._delay_s)
         whole_s = self._now_s + back_s + self.trickle_s * len(answer[1])
         if self.trickle_s and whole_s > until_s:
             self._await(until_s)
-            raise Doubtful(DoubtReason.TIMEOUT, "no whole answer")
+            raise ExchangeFailed(FailureReason.TIMEOUT, "no whole answer")
         self._await(whole_s)
         return answer
 
     def _await(self, until_s: float) -> None:
-        """Wait as a connection does. Raises Doubtful when a halt goes first."""
+        """Wait as a connection does. Raises ExchangeFailed when a halt goes first."""
         while self._now_s < until_s:
-            self.lock.insist()
+            self.lock.raise_if_preempted()
             self.wait(min(SLICE_S, until_s - self._now_s))

@@ -32,9 +32,9 @@ CORE = ("detection", "estimation", "geometry", "integrity", "picture", "pointing
 SIMULATION_EDGE = (
     "filmed_folder",
     "filming",
-    "lent_range",
+    "shared_range",
     "session_folder",
-    "simulated_day",
+    "simulated_landings",
     "simulated_range",
     "simulated_receiver",
     "simulated_station",

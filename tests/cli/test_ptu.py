@@ -13,7 +13,7 @@ from groundstation.cli.main import main
 from ptu_drivers import NoReading, Reading, open_ptu
 from ptu_drivers.errors import LineError
 from ptu_drivers.flir.unit import FlirUnit
-from ptu_drivers.health import DoubtReason, UnitState
+from ptu_drivers.health import FailureReason, UnitState
 from ptu_drivers.simulated.flir import FlirModel
 from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
 from ptu_drivers.simulated.line import VirtualLine
@@ -37,7 +37,7 @@ def test_probe(url: str, capsys: pytest.CaptureFixture[str]) -> None:
         "-174.002 …  174.002 deg",
         "-10.000 …   20.000 deg",
         "readings/s",
-        "doubts: none",
+        "failures: none",
         "device clock",
         "#",
     ):
@@ -177,7 +177,7 @@ def test_a_unit_that_does_not_go_to_a_speed_says_so(tmp_path: Path, capsys: pyte
 def test_the_first_angle_is_not_awaited_for_ever(
     url: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    silent = NoReading(reason=DoubtReason.TIMEOUT, state=UnitState.RESYNCHRONISING, t_s=0.0)
+    silent = NoReading(reason=FailureReason.TIMEOUT, state=UnitState.RESYNCHRONISING, t_s=0.0)
     monkeypatch.setattr(FlirUnit, "read", lambda _unit: silent)
     assert main(["ptu", "jog", url, "--pan", "1", "--patience", "0.2"]) == 1
     assert (

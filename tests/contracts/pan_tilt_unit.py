@@ -21,7 +21,7 @@ from ptu_drivers import (
     AngleSample,
     Axis,
     Capability,
-    DoubtReason,
+    FailureReason,
     LeaseKind,
     LimitError,
     LineError,
@@ -284,8 +284,8 @@ class PanTiltContract:
                 assert rig.now() - back < 2.0
                 rig.wait(0.01)
             counts = unit.health()
-            assert sum(counts.doubts.values()) > 0
-            assert set(counts.doubts) <= set(DoubtReason)
+            assert sum(counts.failures.values()) > 0
+            assert set(counts.failures) <= set(FailureReason)
             assert counts.readings >= 2
 
     def test_it_stands_when_its_host_dies(self, rig: ContractRig) -> None:
@@ -383,7 +383,7 @@ class PanTiltContract:
             let_go = rig.now()
             halting.join(60.0)
             assert isinstance(got, NoReading)
-            assert got.reason is DoubtReason.PREEMPTED
+            assert got.reason is FailureReason.PREEMPTED
             assert let_go - told[0] <= 0.15
             assert rest_since_s(rig) < told[0] + 1.0
             rig.trickle(0.0)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.live.core import Taken, in_operation
+from groundstation.live.core import LiveStep, live_config
 from groundstation.live.record import LiveRecorder, live_header
 from groundstation.messages import Epoch, Event, FilterReset, Frame, StepReport, TrackEvent, TrackStatus
 from groundstation.recording.recorder import Recorder, RecorderConfig
@@ -15,7 +15,7 @@ from groundstation.replay.replay import ReplayRequest, ReplayResult, replay
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.approach import Glide
 from groundstation.simulation.rehearsal import Rehearsal
-from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.simulation.simulated_landings import simulated_set_up
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.tracking.config import Config
 from tests.recording.recorded import events, header, looked_at, played, same, small_rig
@@ -60,7 +60,7 @@ class Recorded(Rehearsal):
         self.result = self.run()
         self._tables.close()
 
-    def _done(self, taken: Taken) -> None:
+    def _done(self, taken: LiveStep) -> None:
         for event in taken.consumed:
             self._recorder.take(event)
         for report in taken.reports:
@@ -72,7 +72,7 @@ class Recorded(Rehearsal):
 
 def flown_and_replayed(folder: Path, prepare: Callable[[Recorded], None]) -> tuple[Recorded, ReplayResult, Path]:
     file = simulated_set_up(folder / "live", 30.0, with_angle_noise(make_rig(), np.radians(0.01)))
-    rig, config = load_rig(file.rig), in_operation(Config(), 30.0)
+    rig, config = load_rig(file.rig), live_config(Config(), 30.0)
     path = folder / "flight.mcap"
     with LiveRecorder(path, rig, live_header(file, config), RecorderConfig()) as recorder:
         flown = Recorded(folder / "live", rig, config, file.span_m, recorder)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from groundstation.live.board import DeviceState, StatusBoard, dropped_words
-from groundstation.live.camera_words import clock_words, lost_words
+from groundstation.live.camera_status import clock_status, lost_frames
+from groundstation.live.status_board import DeviceState, StatusBoard, dropped_text
 from groundstation.messages import Kinematics, TrackEstimate, TrackState, TrackStatus, TriangulationStatus
 from groundstation.sources.cameras.camera import CameraCounts
 from groundstation.sources.cameras.clock_fit import ClockFitState
@@ -82,7 +82,7 @@ def test_what_is_not_known_of_now_is_not_told_as_if_it_were() -> None:
 
 def test_one_of_a_kind_is_told_in_the_singular() -> None:
     dropped = {"frames of left": 1, "frames of right": 2, "readings": 1, "pairs, being behind": 1}
-    assert dropped_words(dropped) == "dropped: 1 frame of left, 2 frames of right, 1 reading, 1 pair, being behind"
+    assert dropped_text(dropped) == "dropped: 1 frame of left, 2 frames of right, 1 reading, 1 pair, being behind"
 
 
 def test_zero_has_no_sign() -> None:
@@ -104,8 +104,8 @@ def test_before_anything_has_come() -> None:
 
 
 def test_a_device_that_is_silent_is_said_to_be() -> None:
-    assert DeviceState(name="left PTU", rate_hz=80.2, age_s=0.01, note="ready").words() == "left PTU 80 Hz, ready"
-    assert DeviceState(name="left PTU", rate_hz=0.0, age_s=2.5).words() == "left PTU 0 Hz, silent for 2.5 s"
+    assert DeviceState(name="left PTU", rate_hz=80.2, age_s=0.01, note="ready").summary() == "left PTU 80 Hz, ready"
+    assert DeviceState(name="left PTU", rate_hz=0.0, age_s=2.5).summary() == "left PTU 0 Hz, silent for 2.5 s"
 
 
 def test_a_rate_is_that_of_the_last_seconds() -> None:
@@ -123,17 +123,17 @@ def test_a_cameras_clock_is_told_in_words() -> None:
     clock = ClockFitState(
         offset_s=1234.56789, drift=12.4e-6, sigma_s=0.00004, drift_sigma=1e-7, spread_s=0.00031, bins=60
     )
-    words = clock_words(clock, has_clock=True)
+    words = clock_status(clock, has_clock=True)
     assert words == (
         "its clock 1234.5679 s behind ours, drifts +12 ppm, pictures 0.31 ms later than the quickest, "
         "known to ± 0.04 ms"
     )
-    assert "0.5000 s ahead of ours" in clock_words(replace(clock, offset_s=-0.5), has_clock=True)
-    assert "drifts +0 ppm" in clock_words(replace(clock, drift=-1e-9), has_clock=True)
+    assert "0.5000 s ahead of ours" in clock_status(replace(clock, offset_s=-0.5), has_clock=True)
+    assert "drifts +0 ppm" in clock_status(replace(clock, drift=-1e-9), has_clock=True)
     for early in (replace(clock, bins=7), replace(clock, sigma_s=4.3)):
-        assert clock_words(early, has_clock=True) == "its clock is still being found"
-    assert clock_words(None, has_clock=True) == ""
-    assert clock_words(None, has_clock=False) == "no clock of its own: stamped on arrival"
+        assert clock_status(early, has_clock=True) == "its clock is still being found"
+    assert clock_status(None, has_clock=True) == ""
+    assert clock_status(None, has_clock=False) == "no clock of its own: stamped on arrival"
     before = CameraCounts(dropped=59, lost=2)
-    assert lost_words(CameraCounts(dropped=59, lost=2), before) == ""
-    assert lost_words(CameraCounts(dropped=61, lost=3, incomplete=1), before) == "1 incomplete, 1 lost, 2 dropped"
+    assert lost_frames(CameraCounts(dropped=59, lost=2), before) == ""
+    assert lost_frames(CameraCounts(dropped=61, lost=3, incomplete=1), before) == "1 incomplete, 1 lost, 2 dropped"

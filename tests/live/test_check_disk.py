@@ -9,7 +9,7 @@ import pytest
 
 from groundstation.live.check_disk import check_disk, searching_bytes_per_s
 from groundstation.rig.rig import load_rig
-from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.simulation.simulated_landings import simulated_set_up
 
 
 class Usage(NamedTuple):

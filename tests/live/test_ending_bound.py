@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from benchmarks.live_kill import Run, Units, recorded_until, wait_until
-from groundstation.live.child import Child
-from groundstation.live.ending import END_S, PARK_S, Ending
+from groundstation.live.child_process import ChildProcess
 from groundstation.live.restart_delay import RestartDelay
+from groundstation.live.shutdown import END_S, PARK_S, Shutdown
 
 
 class Clock:
@@ -25,21 +25,21 @@ class Clock:
         return self.now_s
 
 
-def ending(clock: Clock, stop: Callable[[], bool] = lambda: True, park_s: float | None = None) -> Ending:
-    return Ending(stop, park_s, clock=clock)
+def ending(clock: Clock, stop: Callable[[], bool] = lambda: True, park_s: float | None = None) -> Shutdown:
+    return Shutdown(stop, park_s, clock=clock)
 
 
 def test_parking_is_part_of_the_whole() -> None:
     clock = Clock()
     end = ending(clock)
     assert (end.bound_s, end.parking_s) == (END_S, PARK_S) == (3.0, 1.5)
-    assert not end.parks()
-    assert end.asked()
-    assert end.parks()
+    assert not end.may_park()
+    assert end.requested()
+    assert end.may_park()
     clock.now_s += 1.49
-    assert end.parks()
+    assert end.may_park()
     clock.now_s += 0.02
-    assert not end.parks()
+    assert not end.may_park()
 
 
 def test_a_station_that_parks_for_longer_has_its_time_on_top() -> None:
@@ -48,19 +48,19 @@ def test_a_station_that_parks_for_longer_has_its_time_on_top() -> None:
     assert end.bound_s == 11.0
     end.begin()
     clock.now_s += 7.9
-    assert end.parks()
+    assert end.may_park()
 
 
 def test_the_time_runs_from_the_first_wish_on() -> None:
     clock, wanted = Clock(), [False]
     end = ending(clock, lambda: wanted[0])
-    assert not end.asked()
+    assert not end.requested()
     clock.now_s += 50.0
     assert not end.overdue()
     wanted[0] = True
-    assert end.asked()
+    assert end.requested()
     clock.now_s += 2.9
-    assert end.asked()
+    assert end.requested()
     assert not end.overdue()
     clock.now_s += 0.11
     assert end.overdue()
@@ -82,7 +82,7 @@ def test_the_steps_of_the_end_share_what_is_left() -> None:
 def test_a_recorder_that_writes_is_waited_for_and_one_that_does_not_is_not() -> None:
     clock, written = Clock(), [1000]
     end = ending(clock)
-    end.writes(lambda: written[0])
+    end.watch_recorder(lambda: written[0])
     end.begin()
     for _ in range(20):
         clock.now_s += 0.5
@@ -95,7 +95,7 @@ def test_a_recorder_that_writes_is_waited_for_and_one_that_does_not_is_not() -> 
 def test_what_hangs_is_given_up_once() -> None:
     clock = Clock()
     said: list[str] = []
-    end = Ending(lambda: True, give_up=said.append, clock=clock)
+    end = Shutdown(lambda: True, force_exit=said.append, clock=clock)
     end.begin()
     clock.now_s += 3.1
     end.watch()
@@ -107,7 +107,7 @@ def test_what_hangs_is_given_up_once() -> None:
 def test_what_has_ended_is_not_given_up() -> None:
     clock = Clock()
     said: list[str] = []
-    end = Ending(lambda: True, give_up=said.append, clock=clock)
+    end = Shutdown(lambda: True, force_exit=said.append, clock=clock)
     end.watch()
     end.done()
     clock.now_s += 100.0
@@ -140,27 +140,27 @@ def _deaf(pipe: Any) -> None:
 
 def test_a_child_that_is_stopped_is_killed() -> None:
     """Expected: SIGTERM waits for a stopped process to go on; no `join` without a bound waits with it."""
-    child = Child("stopped", _waits)
+    child = ChildProcess("stopped", _waits)
     assert child.pipe.poll(60.0)
     os.kill(child.pid, signal.SIGSTOP)
     assert not child.end("stop", 0.1, 0.1)
     assert not child.is_alive()
-    assert child.how_it_ended() == "was ended by SIGKILL"
+    assert child.exit_description() == "was ended by SIGKILL"
 
 
 def test_a_child_that_does_not_listen_is_killed_and_one_that_does_is_not() -> None:
-    deaf, good = Child("deaf", _deaf), Child("good", _waits)
+    deaf, good = ChildProcess("deaf", _deaf), ChildProcess("good", _waits)
     assert deaf.pipe.poll(60.0)
     assert good.pipe.poll(60.0)
     assert not deaf.end("stop", 0.1, 0.1)
-    assert deaf.how_it_ended() == "was ended by SIGKILL"
+    assert deaf.exit_description() == "was ended by SIGKILL"
     assert good.end("stop", 60.0, 0.1)
-    assert good.how_it_ended() == "ended with exit code 0"
+    assert good.exit_description() == "ended with exit code 0"
     assert not good.send("anything")
 
 
 def test_a_child_is_asked_before_it_is_forced() -> None:
-    child = Child("asked", _waits)
+    child = ChildProcess("asked", _waits)
     assert child.pipe.poll(60.0)
     assert child.end("nothing that it knows", 60.0, 60.0)
     assert mp.active_children() == []
@@ -218,11 +218,11 @@ def test_a_killed_pipeline_leaves_no_head_turning_and_a_recording(station: tuple
 def test_a_pipe_that_is_closed_under_a_sender_is_no_error() -> None:
     """Expected: who commands and who supervises are two threads; a command to a process that is being lost is lost."""
     for _ in range(3):
-        child = Child("short", _waits)
+        child = ChildProcess("short", _waits)
         assert child.pipe.poll(60.0)
         faults: list[BaseException] = []
 
-        def send(to: Child = child, into: list[BaseException] = faults) -> None:
+        def send(to: ChildProcess = child, into: list[BaseException] = faults) -> None:
             try:
                 while to.send("x" * 1000):
                     pass

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.cli.live import _words
+from groundstation.cli.live import _result_text
 from groundstation.cli.main import main
 from groundstation.live.command import LiveRequest, LiveResult
-from groundstation.live.ending import Ending
 from groundstation.live.operation import OperationResult
+from groundstation.live.operator_screen import open_screen
 from groundstation.live.out_folder import written_files
-from groundstation.live.screen import open_screen
+from groundstation.live.shutdown import Shutdown
 from groundstation.simulation.cases import standard_rig
-from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.simulation.simulated_landings import simulated_set_up
 from groundstation.viewer.viewer import ViewerError
 
 
@@ -40,11 +40,11 @@ def ended(*, epochs: int = 40, tracked: int = 20, p50_ms: float = 9.0, tracking_
 
 def test_delays_of_nothing_are_not_told() -> None:
     """Expected: a line for what was measured; none, rather than 0.0 ms, where nothing was tracked or nothing came."""
-    assert "the same while tracking: median 7.5 ms, 99 % within 15.0 ms" in _words(ended())
-    never = _words(ended(tracked=0, tracking_p50_ms=0.0))
+    assert "the same while tracking: median 7.5 ms, 99 % within 15.0 ms" in _result_text(ended())
+    never = _result_text(ended(tracked=0, tracking_p50_ms=0.0))
     assert "its answer: median 9.0 ms, 99 % within 18.0 ms" in never
     assert "while tracking" not in never
-    nothing = _words(ended(epochs=0, tracked=0, p50_ms=0.0, tracking_p50_ms=0.0))
+    nothing = _result_text(ended(epochs=0, tracked=0, p50_ms=0.0, tracking_p50_ms=0.0))
     assert nothing.startswith("0 pairs in 10.0 s, tracking in 0.0 % of them\nthe pipeline computed")
     assert " 0.0 ms" not in nothing
 
@@ -56,7 +56,7 @@ def test_without_a_display_it_names_an_option_that_it_has(tmp_path: Path, monkey
     request = LiveRequest(station=None, out=tmp_path / "out", screen="desktop")
     file = simulated_set_up(tmp_path, 30.0, None)
     with ExitStack() as opened, pytest.raises(ViewerError, match="no display for --view; --web shows the same"):
-        open_screen(request.screen, standard_rig(), file, opened, Ending(lambda: False), [], [], lambda _: None)
+        open_screen(request.screen, standard_rig(), file, opened, Shutdown(lambda: False), [], [], lambda _: None)
 
 
 @pytest.mark.parametrize("lost", [False, True])
@@ -65,7 +65,7 @@ def test_where_nothing_was_recorded_the_exit_code_says_so(
 ) -> None:
     """Expected: 1 and a line where a recording was wanted and nothing of it is there; 0 where only some of it lacks."""
     why = "flight.mcap: failed: the disk took nothing at the end (disk full, 12 MB free)"
-    result = replace(ended(), not_whole=(why,), lost=lost)
+    result = replace(ended(), incomplete=(why,), lost=lost)
     monkeypatch.setattr("groundstation.live.command.live", lambda *_, **__: result)
     assert main(["live", "--simulate", "--out", "x"]) == int(lost)
     said = capsys.readouterr()

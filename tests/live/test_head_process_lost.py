@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from groundstation.live.head_device import HeadDevice
-from groundstation.live.heads import Heads
-from groundstation.live.inbox import DeviceLogLine, Inbox, Item
+from groundstation.live.head_manager import HeadManager
+from groundstation.live.input_queue import DeviceLogLine, InputQueue, Item
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from ptu_drivers.messages import Axis
 from ptu_drivers.simulated.axis import SimulatedAxis
@@ -31,12 +31,12 @@ LONG_S = 30.0
 
 @dataclass
 class Station:
-    """Heads in operation, one of them told to turn all the time; its unit is served here, outside their processes."""
+    """Heads in operation, one of which gets a rate command all the time; its unit is served here, in the test."""
 
-    heads: Heads
+    heads: HeadManager
     server: SimulatedServer
     axis: SimulatedAxis
-    inbox: Inbox
+    input_queue: InputQueue
     start_s: float
     items: list[tuple[float, Item]] = field(default_factory=list)
     states: list[tuple[float, str]] = field(default_factory=list)
@@ -82,20 +82,20 @@ KINDS = {"flir on a pty": (flir, True), "flir by TCP": (flir, False), "pelco on 
 
 @contextlib.contextmanager
 def operated(kind: str, folder: Path) -> Iterator[Station]:
-    """Heads that turn at a rate, over and over told so."""
+    """Heads that turn at a rate which is commanded repeatedly."""
     make, is_pty = KINDS[kind]
     server, head, axis = make(folder / "ptu" if is_pty else 0)
     start_s = time.monotonic()
-    heads = Heads({"left": head}, start_s)
+    heads = HeadManager({"left": head}, start_s)
     ended = threading.Event()
     with server, heads:
-        station = Station(heads, server, axis, Inbox(), start_s)
-        heads.start(station.inbox)
+        station = Station(heads, server, axis, InputQueue(), start_s)
+        heads.start(station.input_queue)
 
         def operate() -> None:
             told_s = 0.0
             while not ended.is_set():
-                item = station.inbox.get(0.01)
+                item = station.input_queue.get(0.01)
                 if item is not None:
                     station.items.append((time.monotonic(), item))
                 words = heads.states["left"].state
@@ -106,7 +106,7 @@ def operated(kind: str, folder: Path) -> Iterator[Station]:
                     told_s = now_s
                     # there and back, so that no limit is reached
                     way = 1.0 if int((now_s - start_s) / 6.0) % 2 == 0 else -1.0
-                    heads.tell(turning(way * RATE_RAD_S, now_s - start_s))
+                    heads.send_command(turning(way * RATE_RAD_S, now_s - start_s))
 
         thread = threading.Thread(target=operate, daemon=True)
         thread.start()

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 from groundstation.live.head_worker import HeadWorker
-from groundstation.live.inbox import DeviceLogLine, Inbox, Item
+from groundstation.live.input_queue import DeviceLogLine, InputQueue, Item
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from ptu_drivers.errors import LimitError, LineError
-from ptu_drivers.health import DoubtReason, Health, HealthCounter, UnitState
+from ptu_drivers.health import FailureReason, Health, HealthCounter, UnitState
 from ptu_drivers.interface import PanTiltUnit
 from ptu_drivers.messages import (
     AngleSample,
@@ -92,11 +92,11 @@ def whole(t_s: float) -> Reading:
 
 
 def silent(t_s: float) -> NoReading:
-    return NoReading(reason=DoubtReason.TIMEOUT, state=UnitState.LINE_LOST, t_s=t_s)
+    return NoReading(reason=FailureReason.TIMEOUT, state=UnitState.LINE_LOST, t_s=t_s)
 
 
 class RefusingOutlet:
-    """An inbox in another process that is gone: handing anything over fails."""
+    """An input queue in another process that is gone: handing anything over fails."""
 
     def __init__(self) -> None:
         self.asked = threading.Event()
@@ -106,8 +106,10 @@ class RefusingOutlet:
         raise OSError("the other process is gone")
 
 
-def worker(unit: ScriptedUnit, inbox: Inbox | RefusingOutlet, clock: Callable[[], float] = lambda: 0.0) -> HeadWorker:
-    return HeadWorker("left", unit, inbox, session_from_unit_s=5.0, clock=clock)
+def worker(
+    unit: ScriptedUnit, input_queue: InputQueue | RefusingOutlet, clock: Callable[[], float] = lambda: 0.0
+) -> HeadWorker:
+    return HeadWorker("left", unit, input_queue, session_from_unit_s=5.0, clock=clock)
 
 
 def ended(head: HeadWorker) -> None:
@@ -115,9 +117,9 @@ def ended(head: HeadWorker) -> None:
     assert not head._thread.is_alive()
 
 
-def all_of(inbox: Inbox) -> list[Item]:
+def all_of(input_queue: InputQueue) -> list[Item]:
     found = []
-    while (item := inbox.get(0.0)) is not None:
+    while (item := input_queue.get(0.0)) is not None:
         found.append(item)
     return found
 
@@ -126,17 +128,17 @@ def all_of(inbox: Inbox) -> list[Item]:
 @pytest.mark.parametrize("fault", [RuntimeError("a bug"), ValueError("nonsense"), MemoryError()])
 def test_a_thread_that_fails_leaves_its_head_halted(place: str, fault: Exception) -> None:
     """Expected: closed, which halts, by the thread itself before anyone asks it to stop; one line, level error."""
-    unit, inbox = ScriptedUnit(by_rate=place != "move_to", failing={place: fault}), Inbox()
+    unit, input_queue = ScriptedUnit(by_rate=place != "move_to", failing={place: fault}), InputQueue()
     unit.turning = True
-    head = worker(unit, inbox)
-    head.tell(replace(COMMAND, purpose=Purpose.HOLD) if place == "halt" else COMMAND)
+    head = worker(unit, input_queue)
+    head.set_command(replace(COMMAND, purpose=Purpose.HOLD) if place == "halt" else COMMAND)
     assert not head.ended
     head.start()
     ended(head)
     assert head.ended
     assert not unit.turning
     assert unit.calls[-1] == "close"
-    (said,) = [item for item in all_of(inbox) if isinstance(item, DeviceLogLine)]
+    (said,) = [item for item in all_of(input_queue) if isinstance(item, DeviceLogLine)]
     assert (said.level, said.t_s) == ("error", 5.0)
     assert said.text == f"left: PTU: {type(fault).__name__}: {fault}; it is halted"
 
@@ -146,7 +148,7 @@ def test_a_head_is_halted_even_where_nobody_can_be_told() -> None:
     """Expected: what takes readings and lines fails, so that the line about it fails as well; the head stops."""
     unit, outlet = ScriptedUnit(), RefusingOutlet()
     head = worker(unit, outlet)
-    head.tell(COMMAND)
+    head.set_command(COMMAND)
     head.start()
     ended(head)
     assert outlet.asked.is_set()
@@ -159,7 +161,7 @@ def test_a_head_that_is_stopped_is_halted_whether_it_ran_or_not() -> None:
     started, never = ScriptedUnit(), ScriptedUnit()
     for unit in (started, never):
         unit.turning = True
-        head = worker(unit, Inbox())
+        head = worker(unit, InputQueue())
         if unit is started:
             head.start()
         head.stop()
@@ -170,10 +172,10 @@ def test_a_head_that_is_stopped_is_halted_whether_it_ran_or_not() -> None:
 
 def obeyed(unit: ScriptedUnit, *commands: PointingCommand) -> HeadWorker:
     """Have commands obeyed one after the other, without the thread."""
-    head = worker(unit, Inbox())
+    head = worker(unit, InputQueue())
     for command in commands:
-        head.tell(command)
-        head._obey()
+        head.set_command(command)
+        head._execute()
     return head
 
 
@@ -181,9 +183,9 @@ def test_what_is_told_is_done_in_the_terms_of_the_unit() -> None:
     """Expected: rates where it turns by rate, places where it does not, a halt for a hold; each once."""
     by_rate, by_place = ScriptedUnit(), ScriptedUnit(by_rate=False)
     head = obeyed(by_rate, COMMAND)
-    head._obey()
+    head._execute()
     assert by_rate.calls == ["move_at 0.2 -0.1"]
-    obeyed(by_place, COMMAND)._obey()
+    obeyed(by_place, COMMAND)._execute()
     assert by_place.calls == ["move_to 0.3 0.1"]
     hold = replace(COMMAND, t_s=0.01, purpose=Purpose.HOLD)
     for unit in (ScriptedUnit(), ScriptedUnit(by_rate=False)):
@@ -193,10 +195,10 @@ def test_what_is_told_is_done_in_the_terms_of_the_unit() -> None:
 
 def test_the_newest_command_counts() -> None:
     unit = ScriptedUnit()
-    head = worker(unit, Inbox())
-    head.tell(COMMAND)
-    head.tell(replace(COMMAND, pan_rate_rad_s=0.5))
-    head._obey()
+    head = worker(unit, InputQueue())
+    head.set_command(COMMAND)
+    head.set_command(replace(COMMAND, pan_rate_rad_s=0.5))
+    head._execute()
     assert unit.calls == ["move_at 0.5 -0.1"]
 
 
@@ -235,42 +237,42 @@ def test_a_place_is_told_each_time() -> None:
 )
 def test_a_refused_command_is_counted_and_said(fault: Exception, lines: int) -> None:
     """Expected: each beyond a limit; of a line in trouble the first, since readings tell the rest."""
-    unit, inbox = ScriptedUnit(failing={"move_at": fault}), Inbox()
-    head = worker(unit, inbox)
+    unit, input_queue = ScriptedUnit(failing={"move_at": fault}), InputQueue()
+    head = worker(unit, input_queue)
     for k in range(2):
-        head.tell(replace(COMMAND, t_s=float(k)))
-        head._obey()
+        head.set_command(replace(COMMAND, t_s=float(k)))
+        head._execute()
     assert head.refused == 2
-    said = [item for item in all_of(inbox) if isinstance(item, DeviceLogLine)]
+    said = [item for item in all_of(input_queue) if isinstance(item, DeviceLogLine)]
     assert [s.level for s in said] == ["warning"] * lines
     assert said[0].text == f"left: PTU: {fault}"
 
 
 def test_readings_are_handed_over_in_session_time() -> None:
-    unit, inbox = ScriptedUnit(), Inbox()
-    head = worker(unit, inbox)
-    assert head._ask()
-    assert all_of(inbox) == [PtuSample(t_s=5.01, station="left", pan_rad=0.1, tilt_rad=0.1)]
+    unit, input_queue = ScriptedUnit(), InputQueue()
+    head = worker(unit, input_queue)
+    assert head._poll()
+    assert all_of(input_queue) == [PtuSample(t_s=5.01, station="left", pan_rad=0.1, tilt_rad=0.1)]
     assert (head.readings, head.newest_s) == (1, 5.01)
 
 
 def test_a_unit_without_angles_is_said_once_and_so_is_its_return() -> None:
     """Expected: not before a second of silence; the same reason not again."""
     now = [0.0]
-    unit, inbox = ScriptedUnit(), Inbox()
-    head = worker(unit, inbox, lambda: now[0])
+    unit, input_queue = ScriptedUnit(), InputQueue()
+    head = worker(unit, input_queue, lambda: now[0])
     unit.answer = silent
     for t in (0.0, 0.9):
         now[0] = t
-        assert not head._ask()
-    assert all_of(inbox) == []
+        assert not head._poll()
+    assert all_of(input_queue) == []
     for t in (1.1, 1.2):
         now[0] = t
-        assert not head._ask()
-    (said,) = all_of(inbox)
+        assert not head._poll()
+    (said,) = all_of(input_queue)
     assert isinstance(said, DeviceLogLine)
     assert (said.level, said.t_s) == ("warning", 6.1)
     unit.answer = whole
-    assert head._ask()
-    back = [item for item in all_of(inbox) if isinstance(item, DeviceLogLine)]
+    assert head._poll()
+    back = [item for item in all_of(input_queue) if isinstance(item, DeviceLogLine)]
     assert [(s.level, s.text) for s in back] == [("info", "left: PTU gives angles again")]

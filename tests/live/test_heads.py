@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from groundstation.live.head_device import DeviceError, HeadDevice
+from groundstation.live.head_manager import HeadManager
 from groundstation.live.head_worker import PanTiltAligner
-from groundstation.live.heads import Heads
-from groundstation.live.inbox import Inbox
+from groundstation.live.input_queue import InputQueue
 from groundstation.messages import PointingCommand, PtuSample, Purpose
 from ptu_drivers.messages import AngleSample, AngleSource, Axis, Reading
 from ptu_drivers.simulated.flir import FlirModel
@@ -69,16 +69,16 @@ def turning(rate_rad_s: float, t_s: float) -> PointingCommand:
 def test_a_head_is_read_turned_and_halted(tmp_path: Path) -> None:
     link, start_s = tmp_path / "ptu", time.monotonic()
     with simulated_unit(link) as server:
-        inbox = Inbox()
-        with Heads({"left": HeadDevice(url=str(link), baud=BAUD)}, start_s) as heads:
+        input_queue = InputQueue()
+        with HeadManager({"left": HeadDevice(url=str(link), baud=BAUD)}, start_s) as heads:
             assert heads.states["left"].limits.pan.fastest_rad_s == pytest.approx(8000 * COUNT_RAD, rel=0.01)
-            heads.start(inbox)
+            heads.start(input_queue)
             samples: list[PtuSample] = []
             for k in range(40):
-                heads.tell(turning(0.1, time.monotonic() - start_s + 0.001 * k))
+                heads.send_command(turning(0.1, time.monotonic() - start_s + 0.001 * k))
                 end_s = time.monotonic() + 0.05
                 while time.monotonic() < end_s:
-                    item = inbox.get(0.01)
+                    item = input_queue.get(0.01)
                     if isinstance(item, PtuSample):
                         samples.append(item)
             assert len(samples) > 20
@@ -93,17 +93,17 @@ def test_a_head_is_read_turned_and_halted(tmp_path: Path) -> None:
 def test_a_line_that_nobody_is_on_is_one_line(tmp_path: Path) -> None:
     with (
         pytest.raises(DeviceError, match=r"left: PTU: .*nowhere.*wanted"),
-        Heads({"left": HeadDevice(url=str(tmp_path / "nowhere"))}, 0.0),
+        HeadManager({"left": HeadDevice(url=str(tmp_path / "nowhere"))}, 0.0),
     ):
         pass
 
 
 def _operate(link: str) -> None:
     start_s = time.monotonic()
-    with Heads({"left": HeadDevice(url=link, baud=BAUD)}, start_s) as heads:
-        heads.start(Inbox())
+    with HeadManager({"left": HeadDevice(url=link, baud=BAUD)}, start_s) as heads:
+        heads.start(InputQueue())
         while True:
-            heads.tell(turning(0.05, time.monotonic() - start_s))
+            heads.send_command(turning(0.05, time.monotonic() - start_s))
             time.sleep(0.05)
 
 

@@ -6,18 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.live.board import LiveStatus
-from groundstation.live.core import HEARTBEAT_EVERY_S, LiveCore, Taken, in_operation
-from groundstation.live.heads import Heads
-from groundstation.live.inbox import DeviceLogLine
+from groundstation.live.core import HEARTBEAT_EVERY_S, LiveCore, LiveStep, live_config
+from groundstation.live.head_manager import HeadManager
+from groundstation.live.input_queue import DeviceLogLine
 from groundstation.live.operation import Operation
 from groundstation.live.pairing import Pairing
+from groundstation.live.status_board import LiveStatus
 from groundstation.messages import Heartbeat, Kinematics, PtuSample, Purpose, StepReport, TrackState, TrackStatus
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.rig.rig import load_rig
 from groundstation.simulation.approach import Glide
-from groundstation.simulation.rehearsal import Fault, FaultKind, Rehearsal
-from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.simulation.rehearsal import Rehearsal, RehearsalFault, RehearsalFaultKind
+from groundstation.simulation.simulated_landings import simulated_set_up
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 from tests.live.test_begun_anew import flown_and_replayed
@@ -27,14 +27,14 @@ STATIONS = ("left", "right")
 LOSS_S = 2.5
 
 
-def dead(*kinds: FaultKind, to_s: float) -> list[Fault]:
-    return [Fault(kind=kind, station=name, from_s=LOSS_S, to_s=to_s) for kind in kinds for name in STATIONS]
+def dead(*kinds: RehearsalFaultKind, to_s: float) -> list[RehearsalFault]:
+    return [RehearsalFault(kind=kind, station=name, from_s=LOSS_S, to_s=to_s) for kind in kinds for name in STATIONS]
 
 
 class Watched(Rehearsal):
     """A rehearsal that keeps what the operator would read, and what the heads are told, at each turn."""
 
-    def __init__(self, faults: list[Fault], seconds: float) -> None:
+    def __init__(self, faults: list[RehearsalFault], seconds: float) -> None:
         flight = Glide(start_y_m=360.0, end_y_m=360.0 - 20.0 * seconds, speed_m_s=20.0, aim_y_m=60.0)
         super().__init__(with_angle_noise(make_rig(), np.radians(0.01)), Config(), flight, faults=faults, seed=1)
         self.read: list[tuple[float, TrackStatus]] = []
@@ -44,7 +44,7 @@ class Watched(Rehearsal):
         super()._tick(now_s)
         self.read.append((now_s, self._core.status))
 
-    def _done(self, taken: Taken) -> None:
+    def _done(self, taken: LiveStep) -> None:
         super()._done(taken)
         self.told += [(c.t_s, c.purpose) for c in taken.commands]
 
@@ -55,7 +55,7 @@ class Watched(Rehearsal):
 def test_both_cameras_lost_for_ten_seconds() -> None:
     """Expected: as was measured at an airstrip's rehearsal ("tracking at 442 ± 1.3 m" all the while) no more: coasting
     within half a second, a covariance that grows and holds the truth, lost within eight seconds and without a place."""
-    flown = Watched(dead(FaultKind.CAMERA_LOST, to_s=LOSS_S + 10.0), 14.5)
+    flown = Watched(dead(RehearsalFaultKind.CAMERA_LOST, to_s=LOSS_S + 10.0), 14.5)
     result = flown.run()
     assert flown.statuses(1.5, LOSS_S) == [TrackStatus.TRACKING]
     assert flown.statuses(LOSS_S + 0.5, LOSS_S + 10.0) == [TrackStatus.COASTING, TrackStatus.LOST]
@@ -83,7 +83,7 @@ def test_both_cameras_lost_for_ten_seconds() -> None:
 
 def test_the_source_killed_to_the_end() -> None:
     """Expected: with neither pictures nor angles it is lost sooner, and stays so; the heads are told nothing new."""
-    flown = Watched(dead(FaultKind.CAMERA_LOST, FaultKind.PTU_SILENT, to_s=math.inf), 9.0)
+    flown = Watched(dead(RehearsalFaultKind.CAMERA_LOST, RehearsalFaultKind.PTU_SILENT, to_s=math.inf), 9.0)
     result = flown.run()
     assert flown.statuses(LOSS_S + 0.5, 9.0) == [TrackStatus.COASTING, TrackStatus.LOST]
     lost_s = next(t_s for t_s, status in flown.read if status is TrackStatus.LOST)
@@ -94,7 +94,7 @@ def test_the_source_killed_to_the_end() -> None:
 
 
 def test_it_tracks_again_when_they_are_back() -> None:
-    flown = Watched(dead(FaultKind.CAMERA_LOST, to_s=LOSS_S + 1.5), 6.5)
+    flown = Watched(dead(RehearsalFaultKind.CAMERA_LOST, to_s=LOSS_S + 1.5), 6.5)
     result = flown.run()
     assert flown.statuses(LOSS_S + 0.5, LOSS_S + 1.5) == [TrackStatus.COASTING]
     assert result.share(TrackStatus.TRACKING, LOSS_S + 2.5, 6.5) > 0.95
@@ -102,7 +102,7 @@ def test_it_tracks_again_when_they_are_back() -> None:
 
 def test_a_replay_of_it_is_the_same_bit_for_bit(tmp_path: Path) -> None:
     """Expected: the pairs' track and the answers to the heartbeats, with both cameras lost midway."""
-    faults = [Fault(kind=FaultKind.CAMERA_LOST, station=n, from_s=1.5, to_s=2.6) for n in STATIONS]
+    faults = [RehearsalFault(kind=RehearsalFaultKind.CAMERA_LOST, station=n, from_s=1.5, to_s=2.6) for n in STATIONS]
     flown, result, folder = flown_and_replayed(tmp_path, lambda r: setattr(r, "_faults", faults))
     assert TrackStatus.COASTING in {s.status for s in flown.result.states if 1.5 < s.t_s < 2.6}
     assert result.fault is None
@@ -121,11 +121,11 @@ def test_a_replay_of_it_is_the_same_bit_for_bit(tmp_path: Path) -> None:
 def fresh() -> LiveCore:
     rig = make_rig()
     geometries = {s.name: s.geometry() for s in rig.stations}
-    pipeline = Pipeline(rig, in_operation(Config(), 30.0))
+    pipeline = Pipeline(rig, live_config(Config(), 30.0))
     return LiveCore(pipeline, Pairing(rig.names, 1.0 / 30.0), {}, SearchPattern(geometries, SearchConfig()))
 
 
-def beats(taken: Taken) -> list[float]:
+def beats(taken: LiveStep) -> list[float]:
     return [e.t_s for e in taken.consumed if isinstance(e, Heartbeat)]
 
 
@@ -155,8 +155,8 @@ def test_with_more_waiting_it_is_no_later_than_what_was_taken() -> None:
 
 @pytest.mark.parametrize(("rate_hz", "coast_after_s"), [(30.0, 0.25), (10.01, 0.25), (5.0, 0.5), (1.0, 2.5)])
 def test_slow_cameras_do_not_coast_from_pair_to_pair(rate_hz: float, coast_after_s: float) -> None:
-    assert in_operation(Config(), rate_hz).estimation.coast_after_s == pytest.approx(coast_after_s)
-    assert in_operation(in_operation(Config(), rate_hz), 30.0).estimation.coast_after_s == pytest.approx(coast_after_s)
+    assert live_config(Config(), rate_hz).estimation.coast_after_s == pytest.approx(coast_after_s)
+    assert live_config(live_config(Config(), rate_hz), 30.0).estimation.coast_after_s == pytest.approx(coast_after_s)
 
 
 # ------------------------------------------------------------------------------------ what is told
@@ -166,18 +166,18 @@ class Canned(LiveCore):
     def __init__(self) -> None:
         self.status, self.beating, self.known = TrackStatus.TRACKING, True, list[float | None]()
 
-    def pass_time(self, now_s: float, known_s: float | None = None) -> Taken:
+    def pass_time(self, now_s: float, known_s: float | None = None) -> LiveStep:
         self.known.append(known_s)
         if not self.beating:
-            return Taken()
+            return LiveStep()
         place = Kinematics(
             position_runway_m=np.array([0.0, 442.0, 9.0]), velocity_runway_m_s=np.zeros(3), covariance=np.eye(6)
         )
         here = None if self.status is TrackStatus.LOST else place
         state = TrackState(t_s=now_s, status=self.status, kinematics=here)
-        return Taken(reports=[StepReport(states=(state,))])
+        return LiveStep(reports=[StepReport(states=(state,))])
 
-    def take(self, item: object, now_s: float, known_s: float | None = None) -> Taken:  # type: ignore[override]
+    def take(self, item: object, now_s: float, known_s: float | None = None) -> LiveStep:  # type: ignore[override]
         return self.pass_time(now_s, known_s)
 
 
@@ -185,7 +185,7 @@ class Operator:
     def __init__(self) -> None:
         self.read: list[LiveStatus] = []
 
-    def tell(self, status: LiveStatus) -> None:
+    def update(self, status: LiveStatus) -> None:
         self.read.append(status)
 
 
@@ -193,14 +193,14 @@ def operated(tmp_path: Path) -> tuple[Operation, Operator, list[float]]:
     file = simulated_set_up(tmp_path, 30.0, None)
     now, operator = [0.0], Operator()
     operation = Operation(file, load_rig(file.rig), Config(), operators=[operator], clock=lambda: now[0], start_s=0.0)
-    operation._core(Heads({}, 0.0))
+    operation._core(HeadManager({}, 0.0))
     return operation, operator, now
 
 
 def test_a_status_that_time_has_changed_is_told_at_once(tmp_path: Path) -> None:
     """Expected: otherwise twice a second; a change that a pair brought waits for that."""
     operation, operator, now = operated(tmp_path)
-    core, heads = Canned(), Heads({}, 0.0)
+    core, heads = Canned(), HeadManager({}, 0.0)
 
     def turn(t_s: float) -> int:
         now[0] = t_s
@@ -224,12 +224,12 @@ def test_a_status_that_time_has_changed_is_told_at_once(tmp_path: Path) -> None:
 
 def test_a_turn_knows_whether_more_waits(tmp_path: Path) -> None:
     operation, _, now = operated(tmp_path)
-    core, heads = Canned(), Heads({}, 0.0)
+    core, heads = Canned(), HeadManager({}, 0.0)
     reading = PtuSample(t_s=9.5, station="left", pan_rad=0.0, tilt_rad=0.0)
     said = DeviceLogLine(t_s=9.5, level="info", text="parking")
     now[0] = 10.0
     operation._turn(core, heads, [], reading)
-    operation.inbox.put(reading)
+    operation.input_queue.put(reading)
     operation._turn(core, heads, [], reading)
     operation._turn(core, heads, [], said)
     operation._turn(core, heads, [], None)

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from groundstation.live.inbox import DeviceLogLine, Inbox, Item, TimedPicture
+from groundstation.live.input_queue import DeviceLogLine, InputQueue, Item, TimedPicture
 from groundstation.messages import PtuSample, ReferenceFix
 from groundstation.picture import as_picture
 
@@ -20,9 +20,9 @@ def sample(t_s: float, station: str = "left") -> PtuSample:
     return PtuSample(t_s=t_s, station=station, pan_rad=0.0, tilt_rad=0.0)
 
 
-def drained(inbox: Inbox) -> list[Item]:
+def drained(input_queue: InputQueue) -> list[Item]:
     found = []
-    while (item := inbox.get(0.0)) is not None:
+    while (item := input_queue.get(0.0)) is not None:
         found.append(item)
     return found
 
@@ -33,68 +33,68 @@ def shots(items: list[Item]) -> list[tuple[str, float]]:
 
 def test_a_full_camera_costs_its_own_oldest_frame_and_no_other_cameras() -> None:
     """Expected: the other camera's frames, which are older, stay; so does the order of what is left."""
-    inbox = Inbox(frames=2)
+    input_queue = InputQueue(frames=2)
     for station, t_s in (("left", 0.0), ("left", 0.1), ("right", 0.2), ("right", 0.3), ("right", 0.4)):
-        inbox.put(shot(station, t_s))
-    assert inbox.dropped == {"frames of right": 1}
-    assert inbox.frames_waiting == len(inbox) == 4
-    assert shots(drained(inbox)) == [("left", 0.0), ("left", 0.1), ("right", 0.3), ("right", 0.4)]
-    assert inbox.frames_waiting == 0
+        input_queue.put(shot(station, t_s))
+    assert input_queue.dropped == {"frames of right": 1}
+    assert input_queue.frames_waiting == len(input_queue) == 4
+    assert shots(drained(input_queue)) == [("left", 0.0), ("left", 0.1), ("right", 0.3), ("right", 0.4)]
+    assert input_queue.frames_waiting == 0
 
 
 @pytest.mark.parametrize("stations", [("left", "right"), ("right", "left"), ("left", "third", "right")])
 def test_a_camera_that_floods_keeps_its_newest_and_costs_no_other(stations: tuple[str, ...]) -> None:
-    inbox, flooding = Inbox(frames=3), stations[-1]
+    input_queue, flooding = InputQueue(frames=3), stations[-1]
     for k, station in enumerate(stations[:-1]):
-        inbox.put(shot(station, 0.01 * k))
+        input_queue.put(shot(station, 0.01 * k))
     for k in range(20):
-        inbox.put(shot(flooding, 1.0 + k))
-    assert inbox.dropped == {f"frames of {flooding}": 17}
+        input_queue.put(shot(flooding, 1.0 + k))
+    assert input_queue.dropped == {f"frames of {flooding}": 17}
     own = [(station, 0.01 * k) for k, station in enumerate(stations[:-1])]
-    assert shots(drained(inbox)) == [*own, *[(flooding, 1.0 + k) for k in (17, 18, 19)]]
+    assert shots(drained(input_queue)) == [*own, *[(flooding, 1.0 + k) for k in (17, 18, 19)]]
 
 
 def test_what_was_taken_makes_room() -> None:
-    inbox = Inbox(frames=2, others=2)
+    input_queue = InputQueue(frames=2, others=2)
     for k in range(10):
-        inbox.put(sample(float(k)))
-        assert inbox.get(0.0) == sample(float(k))
-        inbox.put(shot("left", float(k)))
-        inbox.put(shot("right", float(k)))
-        assert shots([i for i in (inbox.get(0.0), inbox.get(0.0)) if i is not None]) == [
+        input_queue.put(sample(float(k)))
+        assert input_queue.get(0.0) == sample(float(k))
+        input_queue.put(shot("left", float(k)))
+        input_queue.put(shot("right", float(k)))
+        assert shots([i for i in (input_queue.get(0.0), input_queue.get(0.0)) if i is not None]) == [
             ("left", float(k)),
             ("right", float(k)),
         ]
-    assert inbox.dropped == {}
+    assert input_queue.dropped == {}
 
 
 def test_readings_do_not_push_out_frames_nor_frames_readings() -> None:
     """Expected: of too many readings the oldest goes, whoever's; words count among them."""
-    inbox = Inbox(frames=1, others=3)
-    inbox.put(shot("left", 0.0))
+    input_queue = InputQueue(frames=1, others=3)
+    input_queue.put(shot("left", 0.0))
     words = DeviceLogLine(t_s=0.1, level="info", text="left: ready")
     fix = ReferenceFix(t_s=0.4, position_runway_m=np.zeros(3), sigma_m=np.ones(3))
     for item in (words, sample(0.2), sample(0.3, "right"), fix):
-        inbox.put(item)
-    assert inbox.dropped == {"readings": 1}
-    inbox.put(shot("left", 0.5))
-    assert inbox.dropped == {"readings": 1, "frames of left": 1}
-    left = drained(inbox)
+        input_queue.put(item)
+    assert input_queue.dropped == {"readings": 1}
+    input_queue.put(shot("left", 0.5))
+    assert input_queue.dropped == {"readings": 1, "frames of left": 1}
+    left = drained(input_queue)
     assert left[:3] == [sample(0.2), sample(0.3, "right"), fix]
     assert shots(left) == [("left", 0.5)]
 
 
 def test_what_comes_wakes_who_waits() -> None:
-    inbox, got = Inbox(), []
-    waiting = threading.Thread(target=lambda: got.append(inbox.get(60.0)))
+    input_queue, got = InputQueue(), []
+    waiting = threading.Thread(target=lambda: got.append(input_queue.get(60.0)))
     waiting.start()
-    inbox.put(sample(1.0))
+    input_queue.put(sample(1.0))
     waiting.join(20.0)
     assert got == [sample(1.0)]
-    assert inbox.get(0.0) is None
+    assert input_queue.get(0.0) is None
 
 
 @pytest.mark.parametrize("room", [{"frames": 0}, {"others": 0}])
-def test_an_inbox_without_room_is_refused(room: dict[str, int]) -> None:
+def test_an_input_queue_without_room_is_refused(room: dict[str, int]) -> None:
     with pytest.raises(ValueError, match="at least one frame"):
-        Inbox(**room)
+        InputQueue(**room)

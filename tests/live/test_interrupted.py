@@ -14,12 +14,12 @@ import pytest
 
 from groundstation.cli.main import main
 from groundstation.cli.stop_request import StopRequest
-from groundstation.live.board import LiveStatus
-from groundstation.live.child import deaf_to_the_terminal
+from groundstation.live.child_process import terminal_signals_blocked
 from groundstation.live.command import LiveRequest, LiveResult, live
 from groundstation.live.station_simulator import StationSimulator
-from groundstation.simulation.lent_range import LentRange
-from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.live.status_board import LiveStatus
+from groundstation.simulation.shared_range import SharedRange
+from groundstation.simulation.simulated_landings import simulated_set_up
 from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
 from tests.live.test_ending_words import ended
 from tests.live.test_words import status
@@ -30,8 +30,8 @@ STARTED = """
 import signal
 from multiprocessing import resource_tracker
 from pathlib import Path
-from groundstation.live.child import deaf_to_the_terminal
-with deaf_to_the_terminal():
+from groundstation.live.child_process import terminal_signals_blocked
+with terminal_signals_blocked():
     inside = signal.pthread_sigmask(signal.SIG_BLOCK, [])
 lines = Path(f"/proc/{resource_tracker._resource_tracker._pid}/status").read_text().splitlines()
 blocked = int(next(line for line in lines if line.startswith("SigBlk")).split()[1], 16)
@@ -41,7 +41,7 @@ print(sorted(int(s) for s in inside), blocked & 1, sorted(signal.pthread_sigmask
 
 def test_a_child_hears_nothing_and_its_parent_hears_again() -> None:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
-    with deaf_to_the_terminal():
+    with terminal_signals_blocked():
         deaf = subprocess.run([sys.executable, "-S", "-c", ASKED], check=False).returncode
     hears = subprocess.run([sys.executable, "-S", "-c", ASKED], check=False).returncode
     assert (deaf, hears) == (2, sum(s in before for s in SIGNALS))
@@ -73,16 +73,16 @@ def test_what_hangs_before_operation_is_given_up_too(monkeypatch: pytest.MonkeyP
         asked.set()
         assert given_up.wait(60.0)
 
-    def give_up(line: str) -> None:
+    def force_exit(line: str) -> None:
         said.append(line)
         given_up.set()
 
     monkeypatch.setattr("groundstation.live.command.warm_up", hangs)
-    monkeypatch.setattr("groundstation.live.command.Heads", lambda *_: MagicMock())
+    monkeypatch.setattr("groundstation.live.command.HeadManager", lambda *_: MagicMock())
     request = LiveRequest(station=None, out=tmp_path / "out", record=False)
-    simulator = LentRange(MagicMock(truth={}), simulated_set_up(tmp_path / "range", 30.0, None), 0.0)
+    simulator = SharedRange(MagicMock(truth={}), simulated_set_up(tmp_path / "range", 30.0, None), 0.0)
     with pytest.raises(KeyboardInterrupt):
-        live(request, asked.is_set, lambda status: None, lambda line: None, simulator, give_up)
+        live(request, asked.is_set, lambda status: None, lambda line: None, simulator, force_exit)
     # nothing is recorded yet, and nothing is said of it
     assert said == ["did not end within 3 s and is ended by force; the heads' processes halt them now"]
 
@@ -121,7 +121,7 @@ def test_a_closed_terminal_lands_it_softly(dead_terminal: TextIO, monkeypatch: p
         tell: Callable[[LiveStatus], None],
         say: Callable[[str], None],
         simulator: StationSimulator | None,
-        give_up: Callable[[str], None],
+        force_exit: Callable[[str], None],
     ) -> LiveResult:
         say("opening the PTUs")
         assert not stop()

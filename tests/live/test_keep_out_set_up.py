@@ -10,7 +10,7 @@ import pytest
 from groundstation.cli.main import main
 from groundstation.errors import ConfigError
 from groundstation.live import head_device
-from groundstation.live.keep_out_set_up import sun_words, with_keep_out
+from groundstation.live.keep_out_set_up import sun_text, with_keep_out
 from groundstation.live.keep_out_unit import KeepOutUnit
 from groundstation.live.station_file import StationFile, load_station
 from groundstation.rig.rig_toml import rig_to_toml
@@ -80,7 +80,7 @@ def test_left_out_it_is_half_the_field_of_view_and_five_degrees(tmp_path: Path) 
 )
 def test_that_the_sun_is_not_avoided_is_said(tmp_path: Path, tables: str, good: bool, said: str) -> None:
     file = load_station(field(tmp_path, tables))
-    found, words = sun_words(file, make_rig(), NOON_S)
+    found, words = sun_text(file, make_rig(), NOON_S)
     assert found is good
     assert words.startswith(said)
     heads = [s.head for s in with_keep_out(file, make_rig(), 0.0, NOON_S).stations]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from groundstation.live.keep_out_unit import KeepOutError, KeepOutUnit
 from groundstation.pointing.keep_out import KeepOut, LensAxis, Sector, SunZone
 from groundstation.pointing.sun import SunOverPlace
-from ptu_drivers.health import DoubtReason, UnitState
+from ptu_drivers.health import FailureReason, UnitState
 from ptu_drivers.lease import Lease, LeaseKind
 from ptu_drivers.messages import NoReading
 from tests.live.turning_unit import TurningUnit
@@ -290,7 +290,7 @@ def test_a_halt_waits_behind_no_reading() -> None:
     def slow_read() -> NoReading:
         asked.set()
         assert answered.wait(60.0)
-        return NoReading(reason=DoubtReason.TIMEOUT, state=UnitState.RESYNCHRONISING, t_s=0.0)
+        return NoReading(reason=FailureReason.TIMEOUT, state=UnitState.RESYNCHRONISING, t_s=0.0)
 
     unit.read = slow_read  # type: ignore[method-assign]
     unit.halt = halted.set  # type: ignore[method-assign]

@@ -14,7 +14,7 @@ from groundstation.replay.reference_prior import reference_prior
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
-from groundstation.simulation.simulated_day import simulated_set_up
+from groundstation.simulation.simulated_landings import simulated_set_up
 from groundstation.tracking.config import Config, load_config
 
 
@@ -24,8 +24,8 @@ def test_what_a_replay_needs_is_in_it(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     with open_recorder(path, rig, live_header(file, config)) as recorder:
         recorder.take(Epoch(t_s=1.0, epoch=0, stations=rig.names))
-        assert recorder.words().startswith("recording")
-    assert recorder.words().startswith("closed")
+        assert recorder.summary().startswith("recording")
+    assert recorder.summary().startswith("closed")
     session = load_session(path)
     assert (session.name, session.target.span_m) == (file.name, file.span_m)
     assert rig_to_toml(session.rig) == rig_to_toml(rig)

@@ -9,13 +9,13 @@ ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = """
 import sys
 import numpy as np
-from groundstation.live.memory import settle_memory
+from groundstation.live.memory import configure_allocator
 
 def resident_mb():
     return int(open("/proc/self/statm").read().split()[1]) * 4096 / 1e6
 
 if sys.argv[1] == "settled":
-    assert settle_memory()
+    assert configure_allocator()
 np.ones(1_200_000, np.uint8)
 before = resident_mb()
 pictures = [np.ones(1_200_000, np.uint8) for _ in range(100)]

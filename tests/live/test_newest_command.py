@@ -9,5 +9,5 @@ def test_the_newest_command_replaces_the_one_before() -> None:
     worker = HeadWorker.__new__(HeadWorker)
     worker._lock, worker._command = threading.Lock(), None
     for command in ("first", "second"):
-        worker.tell(command)
+        worker.set_command(command)
         assert worker._command == command

@@ -6,13 +6,13 @@ import pytest
 
 from groundstation.cli.main import main
 from groundstation.errors import InputError
-from groundstation.live.out_folder import require_free, taken_back_unless_begun
+from groundstation.live.out_folder import removed_unless_started, require_free
 from groundstation.rig.rig_toml import rig_to_toml
 from tests.live.test_operation import small_rig
 
 
 def operate(out: Path, fault: BaseException, *, begins: bool) -> None:
-    with taken_back_unless_begun(out) as begun:
+    with removed_unless_started(out) as begun:
         out.mkdir(exist_ok=True)
         (out / "flight.mcap").write_bytes(b"x")
         (out / "ptu-left").symlink_to("/dev/pts/none")

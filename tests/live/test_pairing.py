@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundstation.live.inbox import DeviceLogLine, Inbox, TimedPicture
-from groundstation.live.pairing import Pairing, Shedding
+from groundstation.live.input_queue import DeviceLogLine, InputQueue, TimedPicture
+from groundstation.live.pairing import LoadShedder, Pairing
 from groundstation.messages import Epoch, PtuSample
 from groundstation.picture import BgrPicture
 
@@ -71,35 +71,35 @@ def shot(station: str, t_s: float) -> TimedPicture:
 
 
 def test_the_oldest_frame_of_the_same_camera_goes() -> None:
-    inbox = Inbox(frames=2)
+    input_queue = InputQueue(frames=2)
     for k in range(5):
-        inbox.put(shot("left", float(k)))
-    inbox.put(shot("right", 9.0))
-    inbox.put(PtuSample(t_s=0.5, station="left", pan_rad=0.0, tilt_rad=0.0))
-    assert inbox.dropped == {"frames of left": 3}
-    got = [inbox.get(0.0) for _ in range(5)]
+        input_queue.put(shot("left", float(k)))
+    input_queue.put(shot("right", 9.0))
+    input_queue.put(PtuSample(t_s=0.5, station="left", pan_rad=0.0, tilt_rad=0.0))
+    assert input_queue.dropped == {"frames of left": 3}
+    got = [input_queue.get(0.0) for _ in range(5)]
     assert [getattr(i, "t_s", None) for i in got] == [3.0, 4.0, 9.0, 0.5, None]
 
 
 def test_readings_are_bounded_too() -> None:
-    inbox = Inbox(others=3)
+    input_queue = InputQueue(others=3)
     for k in range(5):
-        inbox.put(DeviceLogLine(t_s=float(k), level="info", text=str(k)))
-    assert inbox.dropped == {"readings": 2}
-    assert [i.t_s for i in iter(lambda: inbox.get(0.0), None)] == [2.0, 3.0, 4.0]
+        input_queue.put(DeviceLogLine(t_s=float(k), level="info", text=str(k)))
+    assert input_queue.dropped == {"readings": 2}
+    assert [i.t_s for i in iter(lambda: input_queue.get(0.0), None)] == [2.0, 3.0, 4.0]
     with pytest.raises(ValueError, match="at least one"):
-        Inbox(frames=0)
+        InputQueue(frames=0)
 
 
 def test_whole_pairs_are_left_out_while_behind() -> None:
     pairing = Pairing(CAMERAS, PERIOD)
-    shedding = Shedding(pairing, PERIOD, most=3)
+    shedding = LoadShedder(pairing, PERIOD, most=3)
     taken = []
     # (frames waiting behind, expected)
     waiting = [0, 0, 4, 3, 3, 0, 2, 0, 0, 0]
     for k, behind in enumerate(waiting):
         station, t_s = CAMERAS[k % 2], (k // 2) * PERIOD + 0.001 * (k % 2)
-        if not shedding.leaves_out(station, t_s, behind):
+        if not shedding.drops(station, t_s, behind):
             taken.append((station, pairing.frame(station, t_s).epoch))
     # the second and the third pair are gone, with both frames each
     assert taken == [("left", 0), ("right", 0), ("left", 1), ("right", 1), ("left", 2), ("right", 2)]

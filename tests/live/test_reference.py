@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from groundstation.errors import ConfigError, LogError
 from groundstation.live.check_reference import check_reference
 from groundstation.live.head_device import DeviceError
-from groundstation.live.inbox import DeviceLogLine, Inbox, Item
+from groundstation.live.input_queue import DeviceLogLine, InputQueue, Item
 from groundstation.live.reference_device import ReferenceDevice, sender_networks
 from groundstation.live.reference_line import open_reference_line
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace, Refusal
@@ -250,20 +250,27 @@ def wait_for(condition: Callable[[], object], seconds: float = 20.0) -> None:
         time.sleep(0.002)
 
 
-def drained(inbox: Inbox) -> list[Item]:
+def drained(input_queue: InputQueue) -> list[Item]:
     items = []
-    while (item := inbox.get(0.0)) is not None:
+    while (item := input_queue.get(0.0)) is not None:
         items.append(item)
     return items
 
 
 @contextmanager
 def listening(
-    script: Script, now: Now, inbox: Inbox, table: DgpsTable | None = None, *, learn: bool = True
+    script: Script, now: Now, input_queue: InputQueue, table: DgpsTable | None = None, *, learn: bool = True
 ) -> Iterator[ReferenceWorker]:
     device = ReferenceDevice(url="scripted", learn=learn)
     worker = ReferenceWorker(
-        device, placing(), inbox, table, start_s=0.0, clock=now, utc=lambda: ZERO_UTC_S + now.s, connect=script.open
+        device,
+        placing(),
+        input_queue,
+        table,
+        start_s=0.0,
+        clock=now,
+        utc=lambda: ZERO_UTC_S + now.s,
+        connect=script.open,
     )
     worker.start()
     try:
@@ -273,25 +280,25 @@ def listening(
 
 
 def test_it_says_when_the_receiver_is_gone_and_there_again(tmp_path: Path) -> None:
-    now, inbox, faults = Now(), Inbox(), list[str]()
+    now, input_queue, faults = Now(), InputQueue(), list[str]()
     script, table = Script(), DgpsTable(tmp_path / "dgps.csv", faults)
-    with listening(script, now, inbox, table) as worker:
-        assert worker.state(0.0, 0.0).words() == "DGPS: no position yet"
+    with listening(script, now, input_queue, table) as worker:
+        assert worker.state(0.0, 0.0).summary() == "DGPS: no position yet"
         for k in range(5):
             now.s = 0.2 * k + 0.1
             script.waiting.append(said_at(0.2 * k))
             wait_for(lambda k=k: worker.fixes == k + 1)
-        assert worker.state(1.1, 5.0).words() == "DGPS: 5 fixes, 0.2 s old, fix"
-        assert worker.state(1.1, 5.0, 3).words() == "DGPS: 5 fixes, 0.2 s old, fix, 3 refused by the filter"
+        assert worker.state(1.1, 5.0).summary() == "DGPS: 5 fixes, 0.2 s old, fix"
+        assert worker.state(1.1, 5.0, 3).summary() == "DGPS: 5 fixes, 0.2 s old, fix, 3 refused by the filter"
         # nothing for long, and the line is lost, too
         now.s = 4.0
         script.waiting.append(DeviceError("scripted: got end of file; wanted a line that is there"))
         wait_for(lambda: script.opened == 2)
-        assert worker.state(4.0, 0.0).words() == "DGPS: gone since 0.9 s, after 5 fixes, fix"
+        assert worker.state(4.0, 0.0).summary() == "DGPS: gone since 0.9 s, after 5 fixes, fix"
         script.waiting.append(said_at(3.9))
         wait_for(lambda: worker.fixes == 6)
-        assert worker.state(4.0, 5.0).words() == "DGPS: 6 fixes, 0.0 s old, fix"
-    items = drained(inbox)
+        assert worker.state(4.0, 5.0).summary() == "DGPS: 6 fixes, 0.0 s old, fix"
+    items = drained(input_queue)
     assert [round(i.t_s, 3) for i in items if isinstance(i, ReferenceFix)] == [0.0, 0.2, 0.4, 0.6, 0.8, 3.9]
     said = [(i.level, i.text) for i in items if isinstance(i, DeviceLogLine)]
     assert ("warning", "DGPS: gone: no position that can be used since 0.9 s") in said
@@ -307,13 +314,13 @@ def test_it_says_when_the_receiver_is_gone_and_there_again(tmp_path: Path) -> No
 
 
 def test_for_comparison_only_it_teaches_nothing() -> None:
-    now, inbox, script = Now(), Inbox(), Script()
-    with listening(script, now, inbox, learn=False) as worker:
+    now, input_queue, script = Now(), InputQueue(), Script()
+    with listening(script, now, input_queue, learn=False) as worker:
         now.s = 0.1
         script.waiting.append(said_at(0.0))
         wait_for(lambda: worker.fixes == 1)
-        assert worker.state(0.2, 5.0).words() == "DGPS: 1 fixes, 0.1 s old, fix, not learnt"
-    assert not [i for i in drained(inbox) if isinstance(i, ReferenceFix)]
+        assert worker.state(0.2, 5.0).summary() == "DGPS: 1 fixes, 0.1 s old, fix, not learnt"
+    assert not [i for i in drained(input_queue) if isinstance(i, ReferenceFix)]
 
 
 def test_a_table_that_the_disk_refuses_ends_by_itself(tmp_path: Path) -> None:
@@ -406,13 +413,13 @@ def test_beyond_this_machine_its_senders_have_to_be_named() -> None:
 
 
 def test_the_operator_is_told_of_strangers_now_and_then() -> None:
-    now, inbox, script = Now(), Inbox(), Script()
-    with listening(script, now, inbox) as worker:
+    now, input_queue, script = Now(), InputQueue(), Script()
+    with listening(script, now, input_queue) as worker:
         for k in range(40):
             now.s = 0.1 * k
             script.refuse(3)
             wait_for(lambda k=k: worker.state(now.s, 0.0).note == f"{3 * (k + 1)} datagrams of others refused")
-    said = [i.text for i in drained(inbox) if isinstance(i, DeviceLogLine) and "sender" in i.text]
+    said = [i.text for i in drained(input_queue) if isinstance(i, DeviceLogLine) and "sender" in i.text]
     assert said == ["DGPS: 10.9.8.7 is not among its senders: datagrams refused"]
 
 

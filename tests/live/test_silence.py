@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from groundstation.live.silence import ASLEEP_S, LONGEST_S, Activity, Silence, activity
+from groundstation.live.hang_detector import ASLEEP_S, LONGEST_S, Activity, HangDetector, activity
 from ptu_drivers.motion_guard import LEASE_S
 
 
@@ -35,7 +35,7 @@ def test_how_long_a_process_may_say_nothing(state: str, advancing: bool, bound_s
         ticks += advancing
         return Activity(state=state, ticks=ticks)
 
-    silence = Silence(look)
+    silence = HangDetector(look)
     silent_s = 0.0
     while not silence.hangs(7, silent_s):
         silent_s += 0.01
@@ -46,7 +46,7 @@ def test_how_long_a_process_may_say_nothing(state: str, advancing: bool, bound_s
 def test_a_process_that_is_heard_of_again_begins_at_the_front() -> None:
     """Expected: what it did before its last sign of life does not count as activity since."""
     ticks = [5]
-    silence = Silence(lambda _: Activity(state="S", ticks=ticks[0]))
+    silence = HangDetector(lambda _: Activity(state="S", ticks=ticks[0]))
     assert not silence.hangs(7, 0.4)
     ticks[0] = 9
     assert not silence.hangs(7, 0.1)

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 
 import pytest
 
+from groundstation.live.hang_detector import LONGEST_S, Activity, HangDetector
 from groundstation.live.head_device import HeadDevice
-from groundstation.live.heads import Heads
-from groundstation.live.inbox import DeviceLogLine, Inbox
-from groundstation.live.silence import LONGEST_S, Activity, Silence
+from groundstation.live.head_manager import HeadManager
+from groundstation.live.input_queue import DeviceLogLine, InputQueue
 from groundstation.messages import PointingCommand, Purpose
 from ptu_drivers.motion_guard import LEASE_S, GuardReport, MotionLeases
 
@@ -38,9 +38,9 @@ class Process:
         self.ended = False
         self.made[name] = self
         if name == "ptu-guard":
-            self.leases.beat_guard(self.clock() + 1e6)
+            self.leases.set_guard_heartbeat(self.clock() + 1e6)
         else:
-            self.leases.beat_driver(self.clock())
+            self.leases.set_driver_heartbeat(self.clock())
             for station in self.leases.names:
                 self.leases.renew(station, self.clock() + 0.35)
             self.other.send({})
@@ -71,13 +71,13 @@ class Process:
     def kill(self, _grace_s: float = 0.0) -> None:
         self.ended = True
 
-    def how_it_ended(self) -> str:
+    def exit_description(self) -> str:
         return "ended with exit code 0"
 
 
-def closed(kind: type[Process]) -> tuple[Heads, dict[str, Process]]:
+def closed(kind: type[Process]) -> tuple[HeadManager, dict[str, Process]]:
     kind.made = {}
-    heads = Heads({"left": HeadDevice(url="nowhere")}, 0.0, make=kind)  # type: ignore[arg-type]
+    heads = HeadManager({"left": HeadDevice(url="nowhere")}, 0.0, make=kind)  # type: ignore[arg-type]
     with heads:
         pass
     return heads, kind.made
@@ -111,7 +111,7 @@ def test_a_head_that_does_not_answer_the_guard_either_may_still_turn() -> None:
 
 def test_a_process_that_is_lost_while_a_command_waits_to_be_sent_is_no_error() -> None:
     """Expected: the supervisor's thread takes the process away between the look at it and the sending."""
-    heads = Heads({"left": HeadDevice(url="nowhere")}, 0.0, make=Process)  # type: ignore[arg-type]
+    heads = HeadManager({"left": HeadDevice(url="nowhere")}, 0.0, make=Process)  # type: ignore[arg-type]
 
     class Losing:
         """A lock in whose waiting time the process is lost."""
@@ -125,7 +125,7 @@ def test_a_process_that_is_lost_while_a_command_waits_to_be_sent_is_no_error() -
     with heads:
         child = Process.made["ptus"]
         heads._sending = Losing()  # type: ignore[assignment]
-        heads.tell(COMMAND)
+        heads.send_command(COMMAND)
         assert heads._child is None
         assert child.sent == [COMMAND]
 
@@ -134,16 +134,16 @@ def test_a_process_that_is_lost_while_a_command_waits_to_be_sent_is_no_error() -
 def test_a_halt_that_the_guard_did_by_itself_is_reported(acknowledges: bool) -> None:
     """Expected: a lease ran out without a request: a line in the log, and no loss yet."""
     Process.made = {}
-    heads = Heads({"left": HeadDevice(url="nowhere")}, 0.0, make=Process)  # type: ignore[arg-type]
-    heads.log.inbox = Inbox()
+    heads = HeadManager({"left": HeadDevice(url="nowhere")}, 0.0, make=Process)  # type: ignore[arg-type]
+    heads.log.input_queue = InputQueue()
     with heads:
         now_s = time.monotonic()
         Process.made["ptu-guard"].other.send(
             GuardReport(name="left", acknowledged=acknowledges, began_s=now_s, ended_s=now_s, why="a dead line")
         )
-        heads.look()
+        heads.poll()
         lines = []
-        while (item := heads.log.inbox.get(0.0)) is not None:
+        while (item := heads.log.input_queue.get(0.0)) is not None:
             assert isinstance(item, DeviceLogLine)
             lines.append((item.level, item.text))
         ((level, text),) = lines
@@ -161,13 +161,13 @@ def test_a_silent_process_that_has_something_to_do_is_given_a_second() -> None:
         clock = staticmethod(lambda: now[0])
 
     Simulated.made = {}
-    heads = Heads({"left": HeadDevice(url="nowhere")}, 0.0, clock=lambda: now[0], make=Simulated)  # type: ignore[arg-type]
-    heads._silence = Silence(lambda _: Activity(state="R", ticks=0))
+    heads = HeadManager({"left": HeadDevice(url="nowhere")}, 0.0, clock=lambda: now[0], make=Simulated)  # type: ignore[arg-type]
+    heads._hang_detector = HangDetector(lambda _: Activity(state="R", ticks=0))
     changes, killed_s = [], math.inf
     with heads:
         while math.isinf(killed_s) and now[0] < 105.0:
             before = heads.log.changes
-            heads.look()
+            heads.poll()
             if heads.log.changes > before:
                 changes.append(now[0] - 100.0)
             if Simulated.made["ptus"].ended:

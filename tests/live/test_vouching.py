@@ -8,7 +8,14 @@ from typing import cast
 
 import pytest
 
-from groundstation.live.head_process import _Outbox, _serve, lost_heads, shown_state, stop_and_release, vouch
+from groundstation.live.head_process import (
+    _PipeSink,
+    _serve,
+    renew_leases,
+    state_text,
+    stop_and_release,
+    unresponsive_heads,
+)
 from groundstation.live.head_worker import HeadWorker
 from ptu_drivers.health import HealthCounter, UnitState
 from ptu_drivers.motion_guard import LEASE_S, MotionLeases
@@ -19,33 +26,33 @@ REPLY_S = 0.6
 class Thread:
     """A head's thread that came round at a stated time."""
 
-    def __init__(self, round_s: float) -> None:
-        self.round_s = round_s
+    def __init__(self, last_cycle_s: float) -> None:
+        self.last_cycle_s = last_cycle_s
         self.held: bool | None = None
         self.ended = False
         self.health = HealthCounter(state=UnitState.READY).snapshot()
         self.unit = SimpleNamespace(describe=lambda: SimpleNamespace(reply_timeout_s=REPLY_S))
 
-    def hold(self, held: bool) -> None:
+    def set_hold(self, held: bool) -> None:
         self.held = held
 
 
 def vouched(leases: MotionLeases, threads: dict[str, Thread], now_s: float) -> None:
-    vouch(cast(dict[str, HeadWorker], threads), leases, now_s)
+    renew_leases(cast(dict[str, HeadWorker], threads), leases, now_s)
 
 
 def test_a_thread_that_does_not_come_round_loses_its_lease_and_no_other() -> None:
     leases = MotionLeases(("left", "right"))
     threads = {"left": Thread(100.0), "right": Thread(100.0)}
-    leases.beat_guard(100.0)
+    leases.set_guard_heartbeat(100.0)
     vouched(leases, threads, 100.0)
     assert (leases.until_s("left"), leases.until_s("right")) == (100.0 + LEASE_S, 100.0 + LEASE_S)
-    assert leases.driver_beat_s == 100.0
-    threads["right"].round_s = 102.0
+    assert leases.driver_heartbeat_s == 100.0
+    threads["right"].last_cycle_s = 102.0
     vouched(leases, threads, 102.0)
     assert leases.until_s("left") == 100.0 + LEASE_S
     assert leases.until_s("right") == 102.0 + LEASE_S
-    assert leases.driver_beat_s == 102.0
+    assert leases.driver_heartbeat_s == 102.0
 
 
 def test_a_thread_may_wait_as_long_as_its_unit_may_take() -> None:
@@ -63,14 +70,14 @@ def test_without_a_guard_all_are_held() -> None:
     # none has ever said that it is there
     vouched(leases, threads, 100.0)
     assert [t.held for t in threads.values()] == [True, True]
-    leases.beat_guard(100.0)
+    leases.set_guard_heartbeat(100.0)
     vouched(leases, threads, 100.0 + LEASE_S)
     assert [t.held for t in threads.values()] == [False, False]
     vouched(leases, threads, 100.01 + LEASE_S)
     assert [t.held for t in threads.values()] == [True, True]
 
 
-class Ending:
+class Shutdown:
     """A head's thread that is stopped, and what comes of it."""
 
     def __init__(self, acknowledged: bool | BaseException) -> None:
@@ -90,7 +97,7 @@ def test_a_lease_is_given_back_only_after_an_acknowledged_halt(
     leases = MotionLeases(("left",))
     leases.renew("left", 7.0)
     with contextlib.suppress(SystemExit):
-        stop_and_release("left", cast(HeadWorker, Ending(acknowledged)), leases)
+        stop_and_release("left", cast(HeadWorker, Shutdown(acknowledged)), leases)
     assert leases.until_s("left") == left_s
 
 
@@ -101,9 +108,9 @@ def test_a_thread_that_ended_is_vouched_for_no_more_and_its_head_is_lost() -> No
     threads["left"].ended = True
     vouched(leases, threads, 100.0)
     assert (leases.until_s("left"), leases.until_s("right")) == (0.0, 100.0 + LEASE_S)
-    assert lost_heads(cast(dict[str, HeadWorker], threads), 100.0) == ["left: PTU: its thread has ended"]
-    assert shown_state(cast(HeadWorker, threads["left"]), 100.0) == "thread ended"
-    assert shown_state(cast(HeadWorker, threads["right"]), 100.0) == "ready"
+    assert unresponsive_heads(cast(dict[str, HeadWorker], threads), 100.0) == ["left: PTU: its thread has ended"]
+    assert state_text(cast(HeadWorker, threads["left"]), 100.0) == "thread ended"
+    assert state_text(cast(HeadWorker, threads["right"]), 100.0) == "ready"
 
 
 def test_a_driver_that_does_not_return_is_not_ready_and_then_lost() -> None:
@@ -111,14 +118,16 @@ def test_a_driver_that_does_not_return_is_not_ready_and_then_lost() -> None:
     thread = Thread(100.0)
     threads = cast(dict[str, HeadWorker], {"left": thread})
     late_s = 100.0 + REPLY_S + LEASE_S + 0.01
-    assert shown_state(cast(HeadWorker, thread), late_s) == "driver does not return"
-    assert lost_heads(threads, late_s) == []
-    assert lost_heads(threads, 100.0 + 4 * REPLY_S + 0.99) == []
-    assert lost_heads(threads, 100.0 + 4 * REPLY_S + 1.01) == ["left: PTU: its driver has not returned for 3.4 s"]
+    assert state_text(cast(HeadWorker, thread), late_s) == "driver does not return"
+    assert unresponsive_heads(threads, late_s) == []
+    assert unresponsive_heads(threads, 100.0 + 4 * REPLY_S + 0.99) == []
+    assert unresponsive_heads(threads, 100.0 + 4 * REPLY_S + 1.01) == [
+        "left: PTU: its driver has not returned for 3.4 s"
+    ]
 
 
 def test_a_thread_that_has_not_begun_is_not_lost() -> None:
-    assert lost_heads(cast(dict[str, HeadWorker], {"left": Thread(math.inf)}), 100.0) == []
+    assert unresponsive_heads(cast(dict[str, HeadWorker], {"left": Thread(math.inf)}), 100.0) == []
 
 
 def test_the_process_ends_with_a_loss_when_a_thread_has_ended() -> None:
@@ -126,7 +135,7 @@ def test_the_process_ends_with_a_loss_when_a_thread_has_ended() -> None:
     here, there = mp.Pipe()
     leases, thread = MotionLeases(("left",)), Thread(math.inf)
     thread.ended = True
-    assert _serve(there, cast(dict[str, HeadWorker], {"left": thread}), _Outbox(there), leases)
+    assert _serve(there, cast(dict[str, HeadWorker], {"left": thread}), _PipeSink(there), leases)
     assert here.poll(0)
     assert here.recv() == "left: PTU: its thread has ended"
     assert leases.until_s("left") == 0.0

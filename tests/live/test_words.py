@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from groundstation.cli.live import StatusBlock
-from groundstation.live.board import LiveStatus
 from groundstation.live.camera_worker import CameraWorker
-from groundstation.live.inbox import Inbox
+from groundstation.live.input_queue import InputQueue
 from groundstation.live.record import LiveRecorder
-from groundstation.live.status_watch import StatusWatch
+from groundstation.live.status_board import LiveStatus
+from groundstation.live.status_watchdog import StatusWatchdog
 from groundstation.messages import Epoch, TrackStatus
 from groundstation.recording.recorder import RecorderConfig
 from groundstation.recording.recorder_rates import RateBook
@@ -38,18 +38,18 @@ def test_the_recorder_says_rate_and_free_disk(tmp_path: Path) -> None:
     config = RecorderConfig(png_fill=0.0, keep_free_bytes=2 * 10**9, chunk_s=0.0)
     with LiveRecorder(path, small_rig(), header(), config, free_bytes=lambda: 82 * 10**9) as recorder:
         recorder._now = lambda: now[0]
-        recorder.words()
+        recorder.summary()
         for event in recorder.taken(events(120, np.random.default_rng(1))):
             recorder.write(looked_at(event))
         while recorder.status.fill > 0.0 or recorder.status.free_bytes is None:
             time.sleep(0.001)
         now[0] = 2.0
-        words = recorder.words()
+        words = recorder.summary()
     assert words.startswith("recording, ")
     assert "MB/s, disk 82.0 GB free, enough for " in words
     # nothing of these pictures is whole or tracked
-    assert "MB/s while searching (4 s)" in recorder.took()
-    assert "tracking" not in recorder.took()
+    assert "MB/s while searching (4 s)" in recorder.written_summary()
+    assert "tracking" not in recorder.written_summary()
 
 
 def test_what_is_written_is_booked_to_what_the_track_did() -> None:
@@ -167,24 +167,24 @@ def test_a_status_that_comes_no_more_is_said_to_be_old(monkeypatch: pytest.Monke
 
 def test_the_watch_speaks_while_nothing_is_told() -> None:
     now, said = [100.0], list[float]()
-    watch = StatusWatch(said.append, lambda: now[0])
-    watch.look()
+    watch = StatusWatchdog(said.append, lambda: now[0])
+    watch.check()
     now[0] = 200.0
-    watch.look()
+    watch.check()
     assert said == [], "before the first there is nothing to be old"
-    watch.told()
+    watch.notify()
     for now[0] in (201.0, 202.0, 202.1, 205.0):
-        watch.look()
+        watch.check()
     assert said == pytest.approx([2.1, 5.0])
-    watch.told()
-    watch.look()
+    watch.notify()
+    watch.check()
     assert len(said) == 2
 
 
 def test_the_watch_looks_by_itself_and_ends() -> None:
     now, spoken = [0.0], threading.Event()
-    with StatusWatch(lambda age_s: spoken.set(), lambda: now[0]) as watch:
-        watch.told()
+    with StatusWatchdog(lambda age_s: spoken.set(), lambda: now[0]) as watch:
+        watch.notify()
         now[0] = 10.0
         assert spoken.wait(60.0)
     assert not watch._thread.is_alive()
@@ -237,7 +237,7 @@ def test_what_a_camera_dropped_before_anybody_listened_is_no_loss() -> None:
     with camera:
         while camera.counts.dropped < 46:
             time.sleep(0.001)
-        worker = CameraWorker("left", camera, Inbox(), 0.0)
+        worker = CameraWorker("left", camera, InputQueue(), 0.0)
         worker.start()
         worker.stop()
         assert worker.counts_before.dropped == 46

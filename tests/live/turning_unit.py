@@ -96,9 +96,9 @@ class TurningUnit(PanTiltUnit):
 
     def read(self) -> Reading | NoReading:
         if self.silent:
-            from ptu_drivers.health import DoubtReason
+            from ptu_drivers.health import FailureReason
 
-            return NoReading(reason=DoubtReason.TIMEOUT, state=UnitState.RESYNCHRONISING, t_s=self.now_s)
+            return NoReading(reason=FailureReason.TIMEOUT, state=UnitState.RESYNCHRONISING, t_s=self.now_s)
         pan, tilt = (
             AngleSample(
                 axis=axis,

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from ptu_drivers import LineError, ProtocolError, Reading, RefusedError, UnitSettings, open_ptu
-from ptu_drivers.doubtful import Doubtful
+from ptu_drivers.exchange_failed import ExchangeFailed
 from ptu_drivers.flir.setup import connect
-from ptu_drivers.health import DoubtReason, HealthCounter, UnitState
+from ptu_drivers.health import FailureReason, HealthCounter, UnitState
 from ptu_drivers.messages import Axis, AxisDescription, Capability, UnitDescription
 from ptu_drivers.polled_unit import PolledUnit
 from ptu_drivers.preemption import LineLock
-from ptu_drivers.simulated.flir import FlirModel, Said
+from ptu_drivers.simulated.flir import FlirModel, LineEffect
 from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
 from ptu_drivers.simulated.line import VirtualLine
 from ptu_drivers.simulated.server import SimulatedServer
@@ -140,7 +140,7 @@ def test_an_axis_whose_neighbour_refused_does_not_turn_on(tmp_path: Path) -> Non
         flir = server.line.unit.flir
         carry_out = flir.execute
 
-        def refusing(command: str, t_s: float) -> Said:
+        def refusing(command: str, t_s: float) -> LineEffect:
             refused = command.upper().startswith("TS") and command.upper() not in ("TS", "TS0")
             return carry_out("NONSENSE" if refused else command, t_s)
 
@@ -185,11 +185,11 @@ class DeafUnit(PolledUnit):
 
     def _heard(self) -> None:
         if self.deaf:
-            raise Doubtful(DoubtReason.TIMEOUT, "nothing")
+            raise ExchangeFailed(FailureReason.TIMEOUT, "nothing")
 
-    def _ask(self) -> Reading:
+    def _query(self) -> Reading:
         self._heard()
-        raise Doubtful(DoubtReason.GARBAGE, "no angles in this test")
+        raise ExchangeFailed(FailureReason.GARBAGE, "no angles in this test")
 
     def _resynchronise(self) -> None:
         self._heard()

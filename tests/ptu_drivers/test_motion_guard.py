@@ -42,42 +42,42 @@ def until(condition: Callable[[], bool], seconds: float = 30.0) -> bool:
 def test_a_lease_that_runs_out_is_acted_on_once() -> None:
     leases = MotionLeases(("left", "right"))
     expiry = Expiry(leases)
-    assert expiry.look(100.0) == ()
+    assert expiry.expired(100.0) == ()
     leases.renew("left", 10.0)
     leases.renew("right", 20.0)
     assert expiry.pending()
-    assert expiry.look(9.99) == expiry.look(10.0) == ()
+    assert expiry.expired(9.99) == expiry.expired(10.0) == ()
     # the second look in a row that finds it so
-    assert expiry.look(10.01) == ()
-    assert expiry.look(10.03) == ("left",)
-    assert expiry.look(10.05) == ()
+    assert expiry.expired(10.01) == ()
+    assert expiry.expired(10.03) == ("left",)
+    assert expiry.expired(10.05) == ()
     assert expiry.pending()
     leases.release("right")
     assert not expiry.pending()
-    assert expiry.look(99.0) == ()
+    assert expiry.expired(99.0) == ()
 
 
 def test_a_lease_that_is_renewed_in_between_is_in_force() -> None:
     leases = MotionLeases(("left",))
     expiry = Expiry(leases)
     leases.renew("left", 10.0)
-    assert expiry.look(10.1) == ()
+    assert expiry.expired(10.1) == ()
     leases.renew("left", 10.5)
-    assert expiry.look(10.2) == ()
-    assert expiry.look(10.6) == ()
-    assert expiry.look(10.7) == ("left",)
+    assert expiry.expired(10.2) == ()
+    assert expiry.expired(10.6) == ()
+    assert expiry.expired(10.7) == ("left",)
     # and each time again
     leases.renew("left", 11.0)
-    assert [expiry.look(t) for t in (10.9, 11.1, 11.2, 11.3)] == [(), (), ("left",), ()]
+    assert [expiry.expired(t) for t in (10.9, 11.1, 11.2, 11.3)] == [(), (), ("left",), ()]
 
 
 def test_beats_and_leases_do_not_share_their_places() -> None:
     leases = MotionLeases(("left", "right"))
-    leases.beat_guard(1.0)
-    leases.beat_driver(2.0)
+    leases.set_guard_heartbeat(1.0)
+    leases.set_driver_heartbeat(2.0)
     leases.renew("left", 3.0)
     leases.renew("right", 4.0)
-    values = (leases.guard_beat_s, leases.driver_beat_s, leases.until_s("left"), leases.until_s("right"))
+    values = (leases.guard_heartbeat_s, leases.driver_heartbeat_s, leases.until_s("left"), leases.until_s("right"))
     assert values == (1.0, 2.0, 3.0, 4.0)
     leases.release("left")
     assert (leases.until_s("left"), leases.until_s("right")) == (0.0, 4.0)
@@ -190,7 +190,7 @@ def test_a_guard_halts_what_nobody_vouches_for(tmp_path: Path, orphaned: bool) -
         guard.start()
         other.close()
         try:
-            assert until(lambda: leases.guard_beat_s > 0.0)
+            assert until(lambda: leases.guard_heartbeat_s > 0.0)
             for _ in range(10):
                 leases.renew("left", time.monotonic() + 5.0)
                 time.sleep(0.05)

@@ -5,9 +5,9 @@ import random
 
 import pytest
 
-from ptu_drivers import DoubtReason, NoReading, Reading, UnitSettings
+from ptu_drivers import FailureReason, NoReading, Reading, UnitSettings
 from ptu_drivers.flir.setup import connect
-from ptu_drivers.instants import DeviceClock, Latency, of_query
+from ptu_drivers.instants import DeviceClock, Latency, query_instant
 from ptu_drivers.messages import AngleSource
 from ptu_drivers.plausibility import AngleVerdict, Plausibility, Point
 from ptu_drivers.simulated.axis import SimulatedAxis
@@ -116,7 +116,7 @@ def test_a_unit_that_says_it_turns_faster_than_it_can_is_not_believed(faster: fl
             refused.append(unit.read())
         assert refused
         assert all(isinstance(got, NoReading) for got in refused)
-        assert unit.health().doubts.keys() <= {DoubtReason.TOO_FAST, DoubtReason.UNCONFIRMED}
+        assert unit.health().failures.keys() <= {FailureReason.TOO_FAST, FailureReason.UNCONFIRMED}
         line.wait(1.0)
         while not isinstance(unit.read(), Reading):
             assert line.now() < arrives + 5.0
@@ -131,7 +131,7 @@ def test_instants_stay_within_their_bounds() -> None:
         first = latest + rnd.uniform(0.0, 0.01)
         for spread in (0.0005, math.inf):
             latency = Latency(unit_s=0.005, unit_sigma_s=0.0017, send_sigma_s=spread)
-            found = of_query(earliest_s=earliest, sent_s=sent, latest_s=latest, first_bit_s=first, latency=latency)
+            found = query_instant(earliest_s=earliest, sent_s=sent, latest_s=latest, first_bit_s=first, latency=latency)
             assert earliest <= found.t_s <= latest
             assert 1e-4 <= found.sigma_s <= max(1e-4, (latest - earliest) / math.sqrt(12))
 
@@ -149,6 +149,6 @@ def test_the_device_clock_learns_its_offset_and_survives_a_wrap_and_a_restart() 
         errors.append((found.t_s - true, found.sigma_s))
     assert max(abs(e) for e, _ in errors[50:]) < 0.0015
     assert all(abs(e) < 4 * s + 2 / hz for e, s in errors)
-    assert clock.went_back(5)
+    assert clock.ran_backwards(5)
     again = clock.instant(5, 200.0, 200.004)
     assert 200.0 <= again.t_s <= 200.004

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from ptu_drivers.doubtful import Doubtful
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 from ptu_drivers.preemption import LineLock
 
 
@@ -39,9 +39,9 @@ def test_a_halt_is_let_in_before_what_waited_longer() -> None:
         halting = threading.Thread(target=halt)
         halting.start()
         wait_until(lock=lock)
-        with pytest.raises(Doubtful) as caught:
-            lock.insist()
-        assert caught.value.reason is DoubtReason.PREEMPTED
+        with pytest.raises(ExchangeFailed) as caught:
+            lock.raise_if_preempted()
+        assert caught.value.reason is FailureReason.PREEMPTED
     for thread in (*readers, halting):
         thread.join(60.0)
     assert order == ["halt", *["read"] * 5]
@@ -63,7 +63,7 @@ def test_a_halt_is_not_preempted_by_another_one() -> None:
             wait_until(entered)
             time.sleep(0.05)
             assert not lock.is_preempted
-            lock.insist()
-        lock.insist()
+            lock.raise_if_preempted()
+        lock.raise_if_preempted()
     other.join(60.0)
     assert not other.is_alive()

@@ -10,7 +10,7 @@ import pytest
 from groundstation.cli.main import main
 from ptu_drivers import PanTiltUnit, UnitSettings, open_ptu
 from ptu_drivers.errors import LineError
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.health import FailureReason
 from ptu_drivers.messages import AngleSource, NoReading, Reading
 from ptu_drivers.simulated.flir import FlirModel
 from ptu_drivers.simulated.flir_line import LineModel, SimulatedUnit
@@ -61,7 +61,7 @@ def lost_and_back(unit: PanTiltUnit, break_it: object, mend: object) -> None:
         assert time.monotonic() - asked < stated_s + BUSY_S
         assert isinstance(got, NoReading)
         reasons.add(got.reason)
-    assert reasons <= {DoubtReason.LINE_LOST, DoubtReason.TIMEOUT, DoubtReason.TRUNCATED}
+    assert reasons <= {FailureReason.LINE_LOST, FailureReason.TIMEOUT, FailureReason.TRUNCATED}
     mend()
     back = time.monotonic()
     while isinstance(unit.read(), NoReading):
@@ -88,7 +88,7 @@ def test_probe_positions_and_instants(flir: Flir) -> None:
             if abs(got.pan.angle_rad - 0.3) < COUNT_RAD and abs(got.tilt.angle_rad + 0.1) < COUNT_RAD:
                 break
         assert got.pan.angle_rad == pytest.approx(0.3, abs=COUNT_RAD)
-        assert unit.health().doubts == {}
+        assert unit.health().failures == {}
 
 
 def test_the_speed_of_the_far_port_is_raised_with_the_units_and_found_again(flir: Flir) -> None:

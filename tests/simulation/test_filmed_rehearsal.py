@@ -5,7 +5,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.messages import TrackStatus
 from groundstation.simulation.approach import Glide
-from groundstation.simulation.rehearsal import Fault, FaultKind, RehearsalConfig
+from groundstation.simulation.rehearsal import RehearsalConfig, RehearsalFault, RehearsalFaultKind
 from groundstation.simulation.rehearsal_pictures import PictureRehearsal
 from groundstation.tracking.config import Config
 from tests.live.test_operation import small_rig
@@ -30,7 +30,7 @@ class Vanishing:
 
 
 def test_it_is_filmed_found_and_followed_and_not_tracked_where_it_is_not() -> None:
-    lost = Fault(kind=FaultKind.CAMERA_LOST, station="right", from_s=2.2, to_s=2.6)
+    lost = RehearsalFault(kind=RehearsalFaultKind.CAMERA_LOST, station="right", from_s=2.2, to_s=2.6)
     hardware = RehearsalConfig(frame_rate_hz=10.0)
     day = PictureRehearsal(
         small_rig(), Config(), Vanishing(3.0, 4.2), faults=[lost], hardware=hardware, seed=2, span_m=2.3

@@ -7,7 +7,7 @@ import pytest
 
 from groundstation.errors import ScenarioError
 from groundstation.session.flight_log import load_flight_log
-from groundstation.simulation.flown import flown_landing
+from groundstation.simulation.logged_flight import trajectory_from_log
 
 TOUCHDOWN_S = 613.5
 
@@ -25,7 +25,7 @@ def made_up_log(rng: np.random.Generator, heading_deg: float) -> tuple[np.ndarra
 @pytest.mark.parametrize("heading_deg", [0.0, 77.0, 180.0, 300.0])
 def test_whatever_its_heading_it_lands_along_the_runway(rng: np.random.Generator, heading_deg: float) -> None:
     t, enu = made_up_log(rng, heading_deg)
-    landing = flown_landing(t, enu, touchdown_s=60.0, before_s=30.0, touchdown_y_m=80.0)
+    landing = trajectory_from_log(t, enu, touchdown_s=60.0, before_s=30.0, touchdown_y_m=80.0)
     assert landing.span_s == pytest.approx((0.0, 30.0))
     assert landing.position(np.array([30.0]))[0] == pytest.approx([0.0, 80.0, 0.3], abs=1e-9)
     moments = np.linspace(0.0, 29.0, 50)
@@ -37,11 +37,11 @@ def test_whatever_its_heading_it_lands_along_the_runway(rng: np.random.Generator
 def test_a_log_that_does_not_cover_the_landing_is_refused(rng: np.random.Generator) -> None:
     t, enu = made_up_log(rng, 0.0)
     with pytest.raises(ScenarioError, match=r"samples from 50 to 90 s of a log from 0 to 61\.96 s"):
-        flown_landing(t, enu, touchdown_s=90.0)
+        trajectory_from_log(t, enu, touchdown_s=90.0)
     with pytest.raises(ScenarioError, match="at least 1 m/s over ground"):
-        flown_landing(t, np.zeros_like(enu), touchdown_s=50.0)
+        trajectory_from_log(t, np.zeros_like(enu), touchdown_s=50.0)
     with pytest.raises(ScenarioError, match=r"position_enu_m: got shape"):
-        flown_landing(t, enu[:, :2], touchdown_s=50.0)
+        trajectory_from_log(t, enu[:, :2], touchdown_s=50.0)
 
 
 # the autopilot's filtered position at 25 Hz, and the receiver's own at 5 Hz
@@ -52,7 +52,7 @@ def test_the_real_log(shared_data: Path, name: str, sigma_m: float) -> None:
     if not path.is_file():
         pytest.skip(f"no {path}")
     log = load_flight_log(path)
-    landing = flown_landing(log.t_s, log.position_enu_m, touchdown_s=TOUCHDOWN_S, before_s=14.0, sigma_m=sigma_m)
+    landing = trajectory_from_log(log.t_s, log.position_enu_m, touchdown_s=TOUCHDOWN_S, before_s=14.0, sigma_m=sigma_m)
     t = np.linspace(8.0, 13.0, 40)
     p, v = landing.position(t), landing.velocity(t)
     assert 9.0 < np.hypot(v[:, 0], v[:, 1]).mean() < 15.0

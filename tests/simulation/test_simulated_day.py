@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from groundstation.simulation.flights import FlightModelKind
-from groundstation.simulation.simulated_day import Landings, landings
+from groundstation.simulation.simulated_landings import Landings, landings
 
 LAP_S, APPROACH_S = 53.0, 23.0
 T = np.arange(0.0, APPROACH_S, 0.05)

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from benchmarks.live_serial_faults import CASES
-from groundstation.live.due_line import DueLine
+from groundstation.live.delay_line import DelayLine
 from groundstation.simulation.timed_faults import (
     CAMERA_CLOCK_STEPPED,
     CAMERA_FROZEN,
@@ -45,7 +45,7 @@ def test_a_line_is_silent_for_so_long_and_struck_over_and_over(tmp_path: Path) -
 def test_what_is_late_holds_up_nobody_and_overtakes_nothing() -> None:
     """Expected: each leaves when it is due, in order; whoever hands over goes on; a reader that left is noticed."""
     here, there = mp.Pipe(duplex=False)
-    line = DueLine(there, time.monotonic)
+    line = DelayLine(there, time.monotonic)
     began_s = time.monotonic()
     for number, late_s in enumerate((0.2, 0.0, 0.3)):
         line.send(began_s + late_s, number)

@@ -13,9 +13,9 @@ import pytest
 from ptu_drivers import open_ptu
 from ptu_drivers.alpaca.codec import angles_of, decode, finite
 from ptu_drivers.alpaca.unit import AlpacaOptions, AlpacaUnit, connect_alpaca
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LimitError, LineError, ProtocolError, RefusedError, UnsupportedError
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 from ptu_drivers.messages import Axis, Capability, NoReading, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings
 from ptu_drivers.simulated.alpaca import MountModel, SimulatedMount
@@ -45,21 +45,21 @@ def changed(**parts: object) -> Callable[[int, bytes], tuple[int, bytes]]:
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
-        (lambda status, body: (status, body[:20]), DoubtReason.GARBAGE),
-        (lambda status, body: (status, b"[1]"), DoubtReason.GARBAGE),
-        (lambda status, body: (status, b"\xff\xfe"), DoubtReason.GARBAGE),
-        (lambda status, body: (500, b"oops"), DoubtReason.REFUSED),
-        (changed(Value="12"), DoubtReason.GARBAGE),
-        (changed(Value=True), DoubtReason.GARBAGE),
-        (changed(Value=None), DoubtReason.GARBAGE),
-        (changed(Value=float("nan")), DoubtReason.GARBAGE),
-        (changed(Value=400.0), DoubtReason.OUT_OF_RANGE),
-        (changed(ClientTransactionID=3), DoubtReason.ECHO_MISMATCH),
-        (changed(ErrorNumber=1031, ErrorMessage="not connected"), DoubtReason.REFUSED),
+        (lambda status, body: (status, body[:20]), FailureReason.GARBAGE),
+        (lambda status, body: (status, b"[1]"), FailureReason.GARBAGE),
+        (lambda status, body: (status, b"\xff\xfe"), FailureReason.GARBAGE),
+        (lambda status, body: (500, b"oops"), FailureReason.REFUSED),
+        (changed(Value="12"), FailureReason.GARBAGE),
+        (changed(Value=True), FailureReason.GARBAGE),
+        (changed(Value=None), FailureReason.GARBAGE),
+        (changed(Value=float("nan")), FailureReason.GARBAGE),
+        (changed(Value=400.0), FailureReason.OUT_OF_RANGE),
+        (changed(ClientTransactionID=3), FailureReason.ECHO_MISMATCH),
+        (changed(ErrorNumber=1031, ErrorMessage="not connected"), FailureReason.REFUSED),
     ],
 )
 def test_a_doubtful_answer_gives_no_angle(
-    spoil: Callable[[int, bytes], tuple[int, bytes]], reason: DoubtReason
+    spoil: Callable[[int, bytes], tuple[int, bytes]], reason: FailureReason
 ) -> None:
     line, unit = rig(MountModel(state=False))
     line.spoil = spoil
@@ -225,13 +225,13 @@ def test_a_slow_server_gives_no_angle_and_its_late_answer_is_never_read(server: 
         began = time.monotonic()
         got = unit.read()
         assert isinstance(got, NoReading)
-        assert got.reason is DoubtReason.TIMEOUT
+        assert got.reason is FailureReason.TIMEOUT
         assert time.monotonic() - began < 0.29
         mount.server.dawdle = False  # type: ignore[attr-defined]
         end = time.monotonic() + 5.0
         while not isinstance(got := unit.read(), Reading):
             assert time.monotonic() < end
-        assert DoubtReason.ECHO_MISMATCH not in unit.health().doubts
+        assert FailureReason.ECHO_MISMATCH not in unit.health().failures
 
 
 def test_a_trickling_answer_holds_up_neither_read_nor_halt(server: tuple[str, SimulatedMount]) -> None:
@@ -251,7 +251,7 @@ def test_a_trickling_answer_holds_up_neither_read_nor_halt(server: tuple[str, Si
         assert time.monotonic() - asked < 8.0
         reading.join(60.0)
         assert isinstance(answered[0], NoReading)
-        assert answered[0].reason is DoubtReason.PREEMPTED
+        assert answered[0].reason is FailureReason.PREEMPTED
         mount.server.trickles = False  # type: ignore[attr-defined]
     assert mount.axes[Axis.PAN].speed(time.monotonic()) == 0
 
@@ -285,7 +285,7 @@ def test_wrong_options_are_named() -> None:
 )
 def test_numbers_that_are_none(value: str) -> None:
     """JSON allows integers beyond all numbers, and brackets beyond all stacks."""
-    with pytest.raises(Doubtful):
+    with pytest.raises(ExchangeFailed):
         finite("azimuth", decode("azimuth", 200, b'{"Value":' + value.encode() + b"}", 1)["Value"])
 
 
@@ -293,7 +293,7 @@ def test_numbers_that_are_none(value: str) -> None:
     "state", [None, {}, [3], [{"Name": ["Azimuth"], "Value": 1}], [{"Name": "Azimuth", "Value": 1}]]
 )
 def test_states_that_are_none(state: object) -> None:
-    with pytest.raises(Doubtful):
+    with pytest.raises(ExchangeFailed):
         angles_of(state)
 
 

@@ -12,9 +12,9 @@ from contextlib import contextmanager
 import pytest
 
 from ptu_drivers.alpaca.http_connection import HttpConnection
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import LineError
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.health import FailureReason
 
 LATE_S = 5.0
 Serve = Callable[[socket.socket, threading.Event], None]
@@ -92,9 +92,9 @@ def test_a_trickling_answer_ends_with_its_exchange(data: bytes, whole_until: int
 
     with serving(serve) as line:
         began = line.now()
-        with pytest.raises(Doubtful) as caught:
+        with pytest.raises(ExchangeFailed) as caught:
             line.transfer("GET", "/slow", "", began + 0.4)
-        assert caught.value.reason is DoubtReason.TIMEOUT
+        assert caught.value.reason is FailureReason.TIMEOUT
         assert 0.3 < line.now() - began < LATE_S
 
 
@@ -107,9 +107,9 @@ def test_an_answer_without_end_is_cut_off() -> None:
             peer.sendall(b"HTTP/1.1 100 Continue\r\n\r\n" * 1000)
 
     with serving(serve) as line:
-        with pytest.raises(Doubtful) as caught:
+        with pytest.raises(ExchangeFailed) as caught:
             line.transfer("GET", "/endless", "", line.now() + 60.0)
-        assert caught.value.reason is DoubtReason.TRUNCATED
+        assert caught.value.reason is FailureReason.TRUNCATED
         assert "more than" in caught.value.got
 
 
@@ -133,8 +133,8 @@ def test_a_halt_waits_for_no_answer_and_has_a_connection_of_its_own() -> None:
             with line.lock:
                 try:
                     line.transfer("GET", "/read", "", line.now() + 60.0)
-                except Doubtful as doubt:
-                    outcome.append(doubt.reason)
+                except ExchangeFailed as failure:
+                    outcome.append(failure.reason)
 
         reading = threading.Thread(target=read)
         reading.start()
@@ -147,7 +147,7 @@ def test_a_halt_waits_for_no_answer_and_has_a_connection_of_its_own() -> None:
             assert line.transfer("PUT", "/halt", "", line.now() + 60.0) == (200, b"{}")
         assert time.monotonic() - asked < LATE_S
         reading.join(60.0)
-    assert outcome == [DoubtReason.PREEMPTED]
+    assert outcome == [FailureReason.PREEMPTED]
     assert [b"/read" in r for r in requests] == [True, False]
 
 
@@ -183,9 +183,9 @@ def test_a_host_that_accepts_nothing_ends_with_its_exchange() -> None:
             line = HttpConnection(f"http://127.0.0.1:{address[1]}")
             line.reopen()
             began = line.now()
-            with pytest.raises(Doubtful) as caught:
+            with pytest.raises(ExchangeFailed) as caught:
                 line.transfer("GET", "/", "", began + 0.3)
-            assert caught.value.reason is DoubtReason.TIMEOUT
+            assert caught.value.reason is FailureReason.TIMEOUT
             assert line.now() - began < LATE_S
 
 

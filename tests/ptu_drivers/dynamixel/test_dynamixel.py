@@ -13,7 +13,7 @@ from ptu_drivers import open_ptu
 from ptu_drivers.dynamixel import table
 from ptu_drivers.dynamixel.unit import DynamixelOptions, DynamixelUnit, connect_dynamixel
 from ptu_drivers.errors import LimitError, MissingPackageError, NoAnswerError, ProtocolError, RefusedError
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.health import FailureReason
 from ptu_drivers.messages import AngleSource, Axis, NoReading, Reading
 from ptu_drivers.settings import AxisSettings, UnitSettings
 from ptu_drivers.simulated.dynamixel import ServoModel, SimulatedDynamixel
@@ -157,7 +157,7 @@ def test_an_old_answer_is_refused_by_its_tick() -> None:
     sim.say(line.now() + 0.004, old)
     got = unit.read()
     assert isinstance(got, NoReading)
-    assert got.reason is DoubtReason.ECHO_MISMATCH
+    assert got.reason is FailureReason.ECHO_MISMATCH
     late = reading(unit)
     assert late.pan.angle_rad == pytest.approx(sim.head_rad(Axis.PAN, late.pan.t_s), abs=0.003)
 
@@ -177,7 +177,7 @@ def test_an_error_of_the_encoder_gives_no_angle() -> None:
     sim.servo(Axis.PAN).put(table.HARDWARE_ERROR, 0x08)
     got = unit.read()
     assert isinstance(got, NoReading)
-    assert got.reason is DoubtReason.REFUSED
+    assert got.reason is FailureReason.REFUSED
 
 
 def test_the_servos_stop_by_themselves_when_the_line_dies() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from ptu_drivers import ProtocolError
 from ptu_drivers.flir.codec import (
     LONGEST_LINE,
-    Answer,
+    FlirReply,
     LineSplitter,
     RawLine,
     Stray,
@@ -73,7 +73,7 @@ def test_examples(line: bytes, echo: str, ok: bool, text: str, events: int, end:
         assert split(whole, len(whole)) == split(whole) == [line]
         assert split(whole + b"PP * 1") == [line]
     parsed = parse_line(line)
-    assert isinstance(parsed, Answer)
+    assert isinstance(parsed, FlirReply)
     assert (parsed.echo, parsed.ok, parsed.text, parsed.events) == (echo, ok, text, events)
     assert line[parsed.mark_at : parsed.mark_at + 1] == (b"*" if ok else b"!")
     assert line[: max(parsed.delimiter_at, 0)].endswith(echo.encode())
@@ -152,7 +152,7 @@ def test_round_trip(echo: str, ok: bool, value: int, events: list[str], cut: int
     line = f"{encode(echo).decode()}{''.join(events)}{'*' if ok else '!'} {value}".encode()
     assert split(b"\n" + line + b"\r\n", cut) == [line]
     parsed = parse_line(line)
-    assert isinstance(parsed, Answer)
+    assert isinstance(parsed, FlirReply)
     assert (parsed.echo, parsed.ok, parsed.events) == (echo, ok, len(events))
     assert integer(parsed.text) == value
 
@@ -166,7 +166,7 @@ def test_anything_at_all(data: bytes, cut: int) -> None:
     for line in lines:
         try:
             parsed = parse_line(line)
-            if isinstance(parsed, Answer):
+            if isinstance(parsed, FlirReply):
                 integer(parsed.text)
         except ProtocolError as fault:
             said.append(str(fault))

@@ -8,7 +8,16 @@ import random
 import ptu_faults
 import pytest
 
-from ptu_drivers import DoubtReason, LimitError, NoReading, PanTiltUnit, ProtocolError, Reading, UnitSettings, UnitState
+from ptu_drivers import (
+    FailureReason,
+    LimitError,
+    NoReading,
+    PanTiltUnit,
+    ProtocolError,
+    Reading,
+    UnitSettings,
+    UnitState,
+)
 from ptu_drivers.flir.setup import connect
 from ptu_drivers.simulated.faults import FAULTS
 from ptu_drivers.simulated.flir import FlirModel
@@ -58,7 +67,7 @@ def test_a_late_answer_never_passes_for_the_next() -> None:
     outcome = ptu_faults.Outcome(seed=0)
     got = [device.read() for _ in range(30)]
     assert isinstance(got[0], NoReading)
-    assert got[0].reason is DoubtReason.TIMEOUT
+    assert got[0].reason is FailureReason.TIMEOUT
     for reading in got:
         if isinstance(reading, Reading):
             ptu_faults.check(line.unit, device, reading, outcome)
@@ -89,8 +98,8 @@ def test_an_angle_that_it_cannot_have_turned_to() -> None:
     line.faults.skip, line.faults.lose = 6, 1
     readings = [got for _ in range(10) if isinstance(got := device.read(), Reading)]
     assert {round(r.pan.angle_rad / device.describe().pan.quantum_rad) for r in readings} == {1200}
-    doubts = device.health().doubts
-    assert doubts.keys() & {DoubtReason.TOO_FAST, DoubtReason.UNCONFIRMED, DoubtReason.OUT_OF_RANGE}
+    failures = device.health().failures
+    assert failures.keys() & {FailureReason.TOO_FAST, FailureReason.UNCONFIRMED, FailureReason.OUT_OF_RANGE}
 
 
 def test_unplugged_in_motion_it_is_halted_when_the_line_is_back() -> None:

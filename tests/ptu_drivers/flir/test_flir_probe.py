@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import pytest
 
 from ptu_drivers import UnitSettings
-from ptu_drivers.doubtful import Doubtful
 from ptu_drivers.errors import ProtocolError
-from ptu_drivers.flir.codec import Answer
+from ptu_drivers.exchange_failed import ExchangeFailed
+from ptu_drivers.flir.codec import FlirReply
 from ptu_drivers.flir.poll import Poller
 from ptu_drivers.flir.probe import _axis
 from ptu_drivers.flir.setup import connect
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.health import FailureReason
 from ptu_drivers.messages import Axis
 from ptu_drivers.simulated.faults import FAULTS
 from ptu_drivers.simulated.flir import FlirModel
@@ -25,12 +25,12 @@ FACTS = {"PR": "92.571428", "PN": "-3000", "PX": "3000", "PL": "31", "PU": "2000
 def line_saying(answers: dict[str, list[str]]) -> SimpleNamespace:
     """A line whose questions are answered from a list each; the last answer stays."""
 
-    def ask(command: str) -> SimpleNamespace:
+    def query(command: str) -> SimpleNamespace:
         left = answers[command]
         text = left.pop(0) if len(left) > 1 else left[0]
-        return SimpleNamespace(answer=Answer(echo=command, ok=True, text=text, events=(), mark_at=3, delimiter_at=2))
+        return SimpleNamespace(answer=FlirReply(echo=command, ok=True, text=text, events=(), mark_at=3, delimiter_at=2))
 
-    return SimpleNamespace(ask=ask)
+    return SimpleNamespace(query=query)
 
 
 def test_a_number_that_another_line_ran_into_is_asked_for_again() -> None:
@@ -63,9 +63,9 @@ def test_two_readings_that_contradict_each_other_leave_no_past() -> None:
     gates = {axis: Gate() for axis in Axis}
     poller._gates, poller._clock = gates, None
     raw = SimpleNamespace(counts=dict.fromkeys(Axis, 7), point=lambda axis: None)
-    with pytest.raises(Doubtful) as doubt:
+    with pytest.raises(ExchangeFailed) as failure:
         poller._compare(raw, raw)
-    assert doubt.value.reason is DoubtReason.UNCONFIRMED
+    assert failure.value.reason is FailureReason.UNCONFIRMED
     assert all(gate.forgotten for gate in gates.values())
 
 

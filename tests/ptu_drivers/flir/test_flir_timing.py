@@ -86,6 +86,6 @@ def test_a_device_clock_is_known_better_than_one_exchange() -> None:
 def test_an_echo_that_interrupts_answers_is_noticed_and_avoided() -> None:
     line = VirtualLine(SimulatedUnit(PAIR, LineModel(echo_interrupts=True), seed=1))
     device = connect(line, UnitSettings())
-    tried = device.health().doubts
+    tried = device.health().failures
     assert all(isinstance(device.read(), Reading) for _ in range(50))
-    assert device.health().doubts == tried
+    assert device.health().failures == tried

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ptu_drivers import open_ptu
 from ptu_drivers.errors import LimitError, NoAnswerError, ProtocolError, UnsupportedError
-from ptu_drivers.health import DoubtReason
+from ptu_drivers.health import FailureReason
 from ptu_drivers.messages import Axis, NoReading, Reading
 from ptu_drivers.pelco.codec import Opcode, PelcoFraming, PelcoMessage, decode, encode, with_word
 from ptu_drivers.pelco.unit import PelcoOptions, PelcoUnit, connect_pelco
@@ -69,17 +69,17 @@ def inserted(frame: bytes) -> bytes:
 @pytest.mark.parametrize(
     ("wrong", "reason"),
     [
-        (lambda f: b"", DoubtReason.TIMEOUT),
-        (lambda f: f[:4], DoubtReason.TRUNCATED),
-        (lambda f: f[:3] + f[4:], DoubtReason.TRUNCATED),
-        (lambda f: f[1:], DoubtReason.GARBAGE),
-        (lambda f: f[:5] + b"\x00" + f[6:], DoubtReason.CHECKSUM),
-        (inserted, DoubtReason.GARBAGE),
-        (lambda f: f + b"\x00", DoubtReason.GARBAGE),
-        (lambda f: encode(with_word(1, Opcode.TILT_IS, 10000)), DoubtReason.TIMEOUT),
-        (lambda f: encode(with_word(9, Opcode.PAN_IS, 11000)), DoubtReason.TIMEOUT),
-        (lambda f: encode(with_word(1, Opcode.PAN_IS, 36000)), DoubtReason.OUT_OF_RANGE),
-        (lambda f: encode(PelcoMessage(address=1, opcode=Opcode.PAN_IS, command_1=1)), DoubtReason.TIMEOUT),
+        (lambda f: b"", FailureReason.TIMEOUT),
+        (lambda f: f[:4], FailureReason.TRUNCATED),
+        (lambda f: f[:3] + f[4:], FailureReason.TRUNCATED),
+        (lambda f: f[1:], FailureReason.GARBAGE),
+        (lambda f: f[:5] + b"\x00" + f[6:], FailureReason.CHECKSUM),
+        (inserted, FailureReason.GARBAGE),
+        (lambda f: f + b"\x00", FailureReason.GARBAGE),
+        (lambda f: encode(with_word(1, Opcode.TILT_IS, 10000)), FailureReason.TIMEOUT),
+        (lambda f: encode(with_word(9, Opcode.PAN_IS, 11000)), FailureReason.TIMEOUT),
+        (lambda f: encode(with_word(1, Opcode.PAN_IS, 36000)), FailureReason.OUT_OF_RANGE),
+        (lambda f: encode(PelcoMessage(address=1, opcode=Opcode.PAN_IS, command_1=1)), FailureReason.TIMEOUT),
     ],
     ids=[
         "none",
@@ -96,7 +96,7 @@ def inserted(frame: bytes) -> bytes:
     ],
 )
 def test_a_doubtful_answer_gives_no_angle_and_the_next_read_is_right(
-    scripted: Scripted, wrong: Callable[[bytes], bytes], reason: DoubtReason
+    scripted: Scripted, wrong: Callable[[bytes], bytes], reason: FailureReason
 ) -> None:
     answers, line, _ = scripted
     unit = connect(line)
@@ -104,7 +104,7 @@ def test_a_doubtful_answer_gives_no_angle_and_the_next_read_is_right(
     got = unit.read()
     assert isinstance(got, NoReading)
     assert got.reason is reason
-    assert unit.health().doubts[reason] == 1
+    assert unit.health().failures[reason] == 1
     got = unit.read()
     assert isinstance(got, Reading)
     assert math.degrees(got.pan.angle_rad) == pytest.approx(-100.0)
@@ -122,7 +122,7 @@ def test_a_lone_wrong_angle_that_passes_every_check_of_its_bytes_is_not_believed
     if isinstance(got, Reading):
         assert math.degrees(got.pan.angle_rad) == pytest.approx(-100.0)
     else:
-        assert got.reason is DoubtReason.TOO_FAST
+        assert got.reason is FailureReason.TOO_FAST
     after = [unit.read() for _ in range(3)][-1]
     assert isinstance(after, Reading)
     assert math.degrees(after.pan.angle_rad) == pytest.approx(-100.0)
@@ -161,7 +161,7 @@ def test_an_answer_after_its_time_is_not_taken_for_the_next_one() -> None:
                 error = abs(s.angle_rad - sim.head_rad(s.axis, s.t_s))
                 assert error < 5 * math.hypot(s.sigma_rad, math.radians(30) * s.sigma_t_s)
     assert readings > 40
-    assert unit.health().doubts[DoubtReason.TIMEOUT] >= 1
+    assert unit.health().failures[FailureReason.TIMEOUT] >= 1
 
 
 def test_stamps_at_9600_baud() -> None:
@@ -185,7 +185,7 @@ def test_own_echo_is_passed_over() -> None:
     sim, line = simulated(PelcoModel(echo=True))
     unit = connect(line)
     assert isinstance(unit.read(), Reading)
-    assert not unit.health().doubts
+    assert not unit.health().failures
     sim.power_cycle(line.now(), 0.1, homing=False)
     assert isinstance(unit.read(), NoReading)
 

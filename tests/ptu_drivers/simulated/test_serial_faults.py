@@ -13,7 +13,7 @@ def test_no_wrong_angle_and_back_in_time(name: str) -> None:
         peer_module("dynamixel-sdk", "dynamixel_sdk")
     tally = ptu_alpaca_faults.campaign(6, 5000) if name == "alpaca" else campaign(name, 6, first_seed=5000)
     assert tally.angles > 500
-    assert sum(tally.doubts.values()) > 20
+    assert sum(tally.failures.values()) > 20
     assert (tally.wrong, tally.not_back, tally.slow, tally.still_moving, tally.too_long) == (0, 0, 0, 0, 0)
     assert max(tally.recovery_s) < RECOVERY_S
 

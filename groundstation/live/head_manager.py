@@ -1,6 +1,6 @@
 """The PTUs' process under supervision: what it reads and is told, and what is done when it is lost.
 
-It is lost when it ends, or hangs (`Silence`): then it is killed, the motion guard halts every head over lines
+It is lost when it ends, or hangs (`HangDetector`): then it is killed, the motion guard halts every head over lines
 of its own, and it is begun again (`RestartDelay`). The guard's process is supervised in the same way; without it the
 PTUs' process holds all heads still by itself. What is known of a head is said, and what is not, too.
 """
@@ -13,14 +13,14 @@ from enum import StrEnum
 from multiprocessing.connection import wait
 from types import TracebackType
 
-from groundstation.live.child import Child
+from groundstation.live.child_process import ChildProcess
 from groundstation.live.guard_process import GuardProcess
+from groundstation.live.hang_detector import HangDetector
 from groundstation.live.head_device import DeviceError, HeadDevice
 from groundstation.live.head_log import HeadLog, HeadState
 from groundstation.live.head_process import HeadReport, serve_heads
-from groundstation.live.inbox import Inbox, Item
+from groundstation.live.input_queue import InputQueue, Item
 from groundstation.live.restart_delay import RestartDelay
-from groundstation.live.silence import Silence
 from groundstation.messages import PointingCommand, PtuSample
 from groundstation.pointing.pilot import HeadLimits
 from ptu_drivers.messages import UnitDescription
@@ -50,7 +50,7 @@ class ProcessPhase(StrEnum):
     CLOSED = "closed"
 
 
-class Heads:
+class HeadManager:
     """The PTUs as the pipeline's process meets them; a context manager that halts them on the way out.
 
     Parameters
@@ -68,25 +68,25 @@ class Heads:
         start_s: float,
         *,
         clock: Callable[[], float] = time.monotonic,
-        make: Callable[..., Child] = Child,
+        make: Callable[..., ChildProcess] = ChildProcess,
     ) -> None:
         self.log = HeadLog(start_s, clock)
         self._heads, self._start_s, self._clock, self._make = dict(heads), start_s, clock, make
         self._leases = MotionLeases(tuple(self._heads))
-        self._guard = GuardProcess(self._heads, self._leases, clock, self._lose_guard, self._halted_by_guard, make)
-        self._child: Child | None = None
+        self._guard = GuardProcess(self._heads, self._leases, clock, self._on_guard_lost, self._on_guard_halt, make)
+        self._child: ChildProcess | None = None
         self._phase = ProcessPhase.CLOSED
         self._delay = RestartDelay()
         self._unknown: frozenset[str] = frozenset()
         self._leaving = self._silent = False
-        self._silence = Silence()
+        self._hang_detector = HangDetector()
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
         self._sending = threading.Lock()
-        self._looked_s = self._since_s = -math.inf
+        self._polled_s = self._since_s = -math.inf
         self._lost_s = self._due_s = self._begun_s = 0.0
 
-    def __enter__(self) -> "Heads":
+    def __enter__(self) -> "HeadManager":
         self.begin()
         return self.opened()
 
@@ -116,7 +116,7 @@ class Heads:
             self._guard.begin()
             self._begin_process()
 
-    def opened(self, stop: Callable[[], bool] = lambda: False) -> "Heads":
+    def opened(self, stop: Callable[[], bool] = lambda: False) -> "HeadManager":
         """Wait until the heads are opened.
 
         Raises `DeviceError` where one cannot be, KeyboardInterrupt where ``stop`` says so meanwhile.
@@ -140,21 +140,21 @@ class Heads:
         except (DeviceError, KeyboardInterrupt):
             self.close()
             raise
-        self._note_opened(answer)
+        self._on_opened(answer)
         return self
 
-    def start(self, inbox: Inbox) -> None:
-        """Let readings come into an inbox from now on."""
-        self.log.inbox = inbox
+    def start(self, input_queue: InputQueue) -> None:
+        """Put readings into an input queue from now on."""
+        self.log.input_queue = input_queue
         if self._child is None:
             return
         self._send("start")
         self._thread = threading.Thread(target=self._supervise, name="ptus", daemon=True)
         self._thread.start()
 
-    def tell(self, command: PointingCommand) -> None:
+    def send_command(self, command: PointingCommand) -> None:
         """Hand a command on; never waits: to a process that has not been heard of, nothing is sent."""
-        if self._phase is ProcessPhase.RUNNING and self._clock() - self._leases.driver_beat_s < LEASE_S:
+        if self._phase is ProcessPhase.RUNNING and self._clock() - self._leases.driver_heartbeat_s < LEASE_S:
             self._send(command)
 
     def close(self, within_s: float = CLOSE_S) -> None:
@@ -173,9 +173,9 @@ class Heads:
             kept = [name for name in self._heads if self._leases.until_s(name)]
             self._unknown |= set(kept)
             if killed and self._unknown:
-                self.log.lost("the PTUs' process did not end and was killed")
+                self.log.add_loss("the PTUs' process did not end and was killed")
             elif kept:
-                self.log.lost(f"the PTUs' process ended without an acknowledged halt of {', '.join(kept)}")
+                self.log.add_loss(f"the PTUs' process ended without an acknowledged halt of {', '.join(kept)}")
         if self._unknown:
             self._guard.request_halt()
             halting = True
@@ -183,10 +183,10 @@ class Heads:
             self._await_halts(max(end_s, self._clock() + _HALT_SHARE * within_s))
         self._guard.end()
 
-    def _end_process(self, child: Child, within_s: float) -> bool:
+    def _end_process(self, child: ChildProcess, within_s: float) -> bool:
         """End the process; returns whether it had to be killed."""
-        beat_s = self._leases.driver_beat_s
-        if beat_s and self._silence.hangs(child.pid, self._clock() - beat_s):
+        beat_s = self._leases.driver_heartbeat_s
+        if beat_s and self._hang_detector.hangs(child.pid, self._clock() - beat_s):
             # one that hangs hears no request
             child.kill()
             return True
@@ -200,119 +200,119 @@ class Heads:
                 handles = [*handles, self._child.pipe, self._child.sentinel]
             try:
                 wait(handles, _LOOK_S)
-                self.look()
+                self.poll()
             except Exception as fault:  # noqa: BLE001 - no memory, no process to be had: it goes on and tries again
-                self.log.lost(f"supervising the PTUs: {type(fault).__name__}: {fault}")
-                self.log.say("error", f"supervising the PTUs: {type(fault).__name__}: {fault}")
+                self.log.add_loss(f"supervising the PTUs: {type(fault).__name__}: {fault}")
+                self.log.add("error", f"supervising the PTUs: {type(fault).__name__}: {fault}")
                 self._stopping.wait(_ABSENT_S)
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Take what has come, and do what is due; called over and over by the supervisor's thread."""
         now_s = self._clock()
-        if now_s - self._looked_s > _ABSENT_S:
+        if now_s - self._polled_s > _ABSENT_S:
             self._since_s = now_s
-        self._looked_s = now_s
-        ended = self._child is not None and not self._take_all(self._child)
-        self._guard.look(self._since_s)
+        self._polled_s = now_s
+        ended = self._child is not None and not self._receive_all(self._child)
+        self._guard.poll(self._since_s)
         if self._phase in (ProcessPhase.RUNNING, ProcessPhase.OPENING) and self._child is not None:
-            self._look_after(self._child, now_s, ended)
+            self._check_process(self._child, now_s, ended)
         elif self._phase is ProcessPhase.HALTING:
-            self._look_after_halts(now_s)
+            self._check_halts(now_s)
         elif self._phase is ProcessPhase.WAITING and now_s >= self._due_s:
             self._begin_process()
 
-    def _take_all(self, child: Child) -> bool:
+    def _receive_all(self, child: ChildProcess) -> bool:
         """Take what has come from the process; returns False once it is gone."""
         try:
             while child.pipe.poll(0):
-                self._take(child.pipe.recv())
+                self._receive(child.pipe.recv())
         except (EOFError, OSError):
             return False
         return True
 
-    def _take(self, item: Item | HeadReport | str | dict[str, tuple[UnitDescription, HeadLimits]]) -> None:
+    def _receive(self, item: Item | HeadReport | str | dict[str, tuple[UnitDescription, HeadLimits]]) -> None:
         if isinstance(item, dict):
-            self._note_opened(item)
+            self._on_opened(item)
             self._send("start")
-            self.log.say("info", f"the PTUs' process runs again, restart {self._delay.restarts}")
+            self.log.add("info", f"the PTUs' process runs again, restart {self._delay.restarts}")
         elif isinstance(item, str):
-            self.log.say("error", f"{item}; tried again")
+            self.log.add("error", f"{item}; tried again")
         elif isinstance(item, HeadReport):
             state = self.states[item.station]
             held = "" if self._guard.ready() else "held still: no motion guard, unit "
-            state.state, state.doubts, state.delay_s = held + item.state, item.doubts, item.delay_s
+            state.state, state.failures, state.delay_s = held + item.state, item.failures, item.delay_s
         else:
             if isinstance(item, PtuSample):
                 self.states[item.station].readings += 1
                 self.states[item.station].newest_s = item.t_s
-            if self.log.inbox is not None:
-                self.log.inbox.put(item)
+            if self.log.input_queue is not None:
+                self.log.input_queue.put(item)
 
-    def _look_after(self, child: Child, now_s: float, ended: bool) -> None:
+    def _check_process(self, child: ChildProcess, now_s: float, ended: bool) -> None:
         """Notice that the process has ended, hangs, or does not get its heads opened."""
-        beat_s = self._leases.driver_beat_s
+        beat_s = self._leases.driver_heartbeat_s
         silent_s = now_s - max(beat_s, self._since_s, self._begun_s)
         if beat_s > now_s + _LOOK_S and not self._leaving:
             # so far ahead it vouches only once it leaves
             self._leaving = True
-            self.log.show(dict.fromkeys(self._heads, "process ends, halting"))
+            self.log.set_states(dict.fromkeys(self._heads, "process ends, halting"))
         if ended or not child.is_alive():
             child.kill(_GRACE_S)
-            self._lose(child.how_it_ended(), now_s)
+            self._on_process_lost(child.exit_description(), now_s)
             return
         if self._phase is ProcessPhase.RUNNING and (silent_s > LEASE_S) is not self._silent:
             # no lease is renewed meanwhile: the guard halts the heads by itself
             self._silent = silent_s > LEASE_S
-            self.log.show(
+            self.log.set_states(
                 dict.fromkeys(self._heads, "process silent, being halted" if self._silent else "process back")
             )
-        hangs = self._silence.hangs(child.pid, silent_s)
+        hangs = self._hang_detector.hangs(child.pid, silent_s)
         if hangs if self._phase is ProcessPhase.RUNNING else silent_s > _OPEN_S:
             # SIGTERM would wait for the thread that hangs
             child.kill()
-            self._lose(f"said nothing for {silent_s:.1f} s and was killed", now_s)
+            self._on_process_lost(f"said nothing for {silent_s:.1f} s and was killed", now_s)
 
-    def _lose(self, why: str, now_s: float) -> None:
+    def _on_process_lost(self, why: str, now_s: float) -> None:
         """Have every head halted whose process is gone."""
         self._child = None
         self._phase, self._lost_s = ProcessPhase.HALTING, now_s
         for name in self._heads:
             self._leases.release(name)
         self._guard.request_halt()
-        self.log.lost(f"the PTUs' process {why}")
-        self.log.say("error", f"the PTUs' process {why}: no angles; the motion guard halts the heads")
-        self.log.show(dict.fromkeys(self._heads, "process lost, being halted"))
+        self.log.add_loss(f"the PTUs' process {why}")
+        self.log.add("error", f"the PTUs' process {why}: no angles; the motion guard halts the heads")
+        self.log.set_states(dict.fromkeys(self._heads, "process lost, being halted"))
 
-    def _look_after_halts(self, now_s: float) -> None:
+    def _check_halts(self, now_s: float) -> None:
         """Say what the guard could do, and plan the restart."""
         results = self._guard.results()
         if len(results) < len(self._heads) and now_s < self._lost_s + HALTING_S + _REPORT_S:
             return
-        self._unknown = self.log.halts(self._heads, results, self._lost_s)
+        self._unknown = self.log.report_halts(self._heads, results, self._lost_s)
         self._guard.settled()
         self._phase, self._due_s = ProcessPhase.WAITING, self._delay.lost(now_s)
 
-    def _lose_guard(self, why: str) -> None:
-        self.log.lost(f"the motion guard's process {why}")
-        self.log.say("error", f"the motion guard's process {why}: heads are held still until it runs again")
+    def _on_guard_lost(self, why: str) -> None:
+        self.log.add_loss(f"the motion guard's process {why}")
+        self.log.add("error", f"the motion guard's process {why}: heads are held still until it runs again")
         if self._phase is ProcessPhase.RUNNING:
-            self.log.show(dict.fromkeys(self._heads, "held still: no motion guard"))
+            self.log.set_states(dict.fromkeys(self._heads, "held still: no motion guard"))
 
-    def _halted_by_guard(self, report: GuardReport) -> None:
+    def _on_guard_halt(self, report: GuardReport) -> None:
         """A lease ran out: the head's thread, or all of its process, did not come round."""
         if self._phase is not ProcessPhase.CLOSED:
-            self.log.lease_ran_out(report)
+            self.log.report_lease_expired(report)
 
     def _begin_process(self) -> None:
-        self._leases.beat_driver(0.0)
+        self._leases.set_driver_heartbeat(0.0)
         self._leaving = self._silent = False
         self._begun_s = self._clock()
         self._child = self._make("ptus", serve_heads, self._heads, self._start_s, self._leases)
         self._phase = ProcessPhase.OPENING
 
-    def _note_opened(self, found: dict[str, tuple[UnitDescription, HeadLimits]]) -> None:
+    def _on_opened(self, found: dict[str, tuple[UnitDescription, HeadLimits]]) -> None:
         """Note what the heads are, and that their process does its work."""
-        self.log.opened(found, "" if self.log.inbox is None else "process restarted")
+        self.log.note_opened(found, "" if self.log.input_queue is None else "process restarted")
         self._unknown = frozenset()
         self._begun_s = self._clock()
         self._delay.began(self._begun_s)
@@ -322,8 +322,8 @@ class Heads:
         """Wait for the guard's answers at the end, and keep what is not known to stand."""
         while len(self._guard.results()) < len(self._heads) and self._clock() < until_s:
             wait(self._guard.handles, _LOOK_S)
-            self._guard.look(self._since_s)
-        self.log.end(self._heads, self._guard.results())
+            self._guard.poll(self._since_s)
+        self.log.report_end(self._heads, self._guard.results())
 
     def _send(self, what: object) -> None:
         # the supervisor's thread may lose the process meanwhile; sending to one that is gone does nothing

@@ -11,15 +11,15 @@ SILENT_S = 2.0
 _LOOK_EVERY_S = 0.5
 
 
-class StatusWatch:
+class StatusWatchdog:
     """Calls ``silent`` with the newest status's age, s, over and over while none has come for `SILENT_S`.
 
-    A context manager, with a thread of its own inside; `look` is what it does. Before the first status it is quiet.
+    A context manager, with a thread of its own inside; `check` is what it does. Before the first status it is quiet.
     """
 
     def __init__(self, silent: Callable[[float], None], clock: Callable[[], float] = time.monotonic) -> None:
         self._silent, self._clock = silent, clock
-        self._told_s: float | None = None
+        self._newest_s: float | None = None
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._work, name="status watch", daemon=True)
 
@@ -34,19 +34,19 @@ class StatusWatch:
         # it may hang in what it calls as well as anything else
         self._thread.join(_LOOK_EVERY_S)
 
-    def told(self) -> None:
+    def notify(self) -> None:
         """Note that a status was told; from any thread."""
-        self._told_s = self._clock()
+        self._newest_s = self._clock()
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Look once."""
-        told_s = self._told_s
-        if told_s is None:
+        newest_s = self._newest_s
+        if newest_s is None:
             return
-        age_s = self._clock() - told_s
+        age_s = self._clock() - newest_s
         if age_s > SILENT_S:
             self._silent(age_s)
 
     def _work(self) -> None:
         while not self._ended.wait(_LOOK_EVERY_S):
-            self.look()
+            self.check()

@@ -8,7 +8,7 @@ _SETTLED = ClockFitConfig().settled
 _COARSE_S = 0.1
 
 
-def clock_words(clock: ClockFitState | None, *, has_clock: bool) -> str:
+def clock_status(clock: ClockFitState | None, *, has_clock: bool) -> str:
     """Return offset, drift, envelope and sigma of a device's clock in a few words; "" while nothing is known yet."""
     if clock is None:
         return "" if has_clock else "no clock of its own: stamped on arrival"
@@ -21,7 +21,7 @@ def clock_words(clock: ClockFitState | None, *, has_clock: bool) -> str:
     )
 
 
-def lost_words(now: CameraCounts, before: CameraCounts) -> str:
+def lost_frames(now: CameraCounts, before: CameraCounts) -> str:
     """Return which frames did not come through since ``before``; "" for none."""
     missing = {
         "incomplete": now.incomplete - before.incomplete,

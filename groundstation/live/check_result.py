@@ -4,18 +4,18 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CheckLine:
+class CheckResult:
     """One device: whether it is well, and the line that says so."""
 
     good: bool
     text: str
 
 
-def well(text: str) -> CheckLine:
+def passed(text: str) -> CheckResult:
     """Return a line on a device that is well."""
-    return CheckLine(good=True, text=text)
+    return CheckResult(good=True, text=text)
 
 
-def wrong(text: str) -> CheckLine:
+def failed(text: str) -> CheckResult:
     """Return a line on one that is not."""
-    return CheckLine(good=False, text=text)
+    return CheckResult(good=False, text=text)

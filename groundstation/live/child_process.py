@@ -20,7 +20,7 @@ _KILLED_S = 0.3
 
 
 @contextmanager
-def deaf_to_the_terminal() -> Iterator[None]:
+def terminal_signals_blocked() -> Iterator[None]:
     """What is begun inside never hears the terminal's signals, not even while it starts; whoever began it ends it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _OF_THE_GROUP)
     try:
@@ -32,7 +32,7 @@ def deaf_to_the_terminal() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-class Child:
+class ChildProcess:
     """A process of the station with a pipe to it, which it gets as its last argument.
 
     It is a daemon, hears nothing of the terminal, and sees the pipe's end when this process is gone.
@@ -47,7 +47,7 @@ class Child:
         self._process: BaseProcess = context.Process(
             target=_named, args=(name, target, *given, other), name=name, daemon=True
         )
-        with deaf_to_the_terminal():
+        with terminal_signals_blocked():
             self._process.start()
         other.close()
 
@@ -95,7 +95,7 @@ class Child:
         with self._using:
             self.pipe.close()
 
-    def how_it_ended(self) -> str:
+    def exit_description(self) -> str:
         """Return in a few words how it ended: by which signal, or with which exit code."""
         code = self._process.exitcode
         if code is None:

@@ -37,7 +37,7 @@ def activity(pid: int) -> Activity:
         return Activity(state="", ticks=0)
 
 
-class Silence:
+class HangDetector:
     """Judges one process; `hangs` is to be called over and over.
 
     Parameters

@@ -11,13 +11,13 @@ _Options = TypeVar("_Options")
 _WANTED = {int: "a whole number", float: "a number", bool: "true or false", str: "a word"}
 
 
-def made_of(kind: type[_Options], protocol: str, given: Mapping[str, object]) -> _Options:
+def parse_options(kind: type[_Options], protocol: str, given: Mapping[str, object]) -> _Options:
     """Return the protocol's options, a dataclass whose fields all have defaults. Raises ProtocolError."""
-    insist_on_options(protocol, given, {f.name: f.type for f in fields(kind)})  # type: ignore[arg-type]
+    check_options(protocol, given, {f.name: f.type for f in fields(kind)})  # type: ignore[arg-type]
     return kind(**given)
 
 
-def insist_on_options(protocol: str, given: Mapping[str, object], kinds: Mapping[str, Any]) -> None:
+def check_options(protocol: str, given: Mapping[str, object], kinds: Mapping[str, Any]) -> None:
     """Return if each option is known and of its kind. Raises ProtocolError."""
     unknown = [name for name in given if name not in kinds]
     if unknown:

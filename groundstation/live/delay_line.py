@@ -6,7 +6,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 
 
-class DueLine:
+class DelayLine:
     """Sends into a pipe when it is due, from a thread of its own, so that whoever exposes goes on exposing.
 
     Parameters

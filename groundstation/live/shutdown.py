@@ -22,14 +22,14 @@ _LOOK_S = 0.05
 _STALLED_S = 1.0
 
 
-class Ending:
+class Shutdown:
     """When the end was asked for, and what is left of the time for it.
 
     Parameters
     ----------
     stop : whether somebody wants the end.
     park_s : what the station file gives parking, on top of `END_S`; None takes `PARK_S` out of it.
-    give_up : ends the program at once, with the line that it gets; None lets it hang.
+    force_exit : ends the program at once, with the line that it gets; None lets it hang.
     clock : monotonic, s.
     """
 
@@ -38,10 +38,10 @@ class Ending:
         stop: Callable[[], bool],
         park_s: float | None = None,
         *,
-        give_up: Callable[[str], None] | None = None,
+        force_exit: Callable[[str], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._stop, self._give_up, self._clock = stop, give_up, clock
+        self._stop, self._force_exit, self._clock = stop, force_exit, clock
         self.parking_s = PARK_S if park_s is None else park_s
         self.bound_s = END_S if park_s is None else END_S + park_s
         self._begun_s: float | None = None
@@ -50,7 +50,7 @@ class Ending:
         self._moved_s = -math.inf
         self._done = threading.Event()
 
-    def asked(self) -> bool:
+    def requested(self) -> bool:
         """Return whether the end is asked for; the time runs from the first such answer."""
         if self._begun_s is None and self._stop():
             self.begin()
@@ -61,7 +61,7 @@ class Ending:
         if self._begun_s is None:
             self._begun_s = self._clock()
 
-    def parks(self) -> bool:
+    def may_park(self) -> bool:
         """Return whether heads may still be on their way to where they are parked."""
         return self._begun_s is not None and self._clock() < self._begun_s + self.parking_s
 
@@ -72,7 +72,7 @@ class Ending:
         left_s = self._begun_s + self.bound_s - _FILES_S - self._clock()
         return min(most_s, max(left_s, _LEAST_S))
 
-    def writes(self, written: Callable[[], int]) -> None:
+    def watch_recorder(self, written: Callable[[], int]) -> None:
         """From now on the recorder is closing; ``written`` is how many bytes the disk has taken."""
         self._written = written
 
@@ -89,15 +89,15 @@ class Ending:
         now_s, written = self._clock(), self._written()
         if written != self._newest:
             self._newest, self._moved_s = written, now_s
-        if not self.asked() or self._begun_s is None or now_s < self._begun_s + self.bound_s:
+        if not self.requested() or self._begun_s is None or now_s < self._begun_s + self.bound_s:
             return False
         return written == 0 or now_s - self._moved_s > _STALLED_S
 
     def _watch(self) -> None:
         while not self._done.wait(_LOOK_S):
-            if self.overdue() and self._give_up is not None:
+            if self.overdue() and self._force_exit is not None:
                 recorded = ", groundstation recover makes the recording whole" if self._newest > 0 else ""
-                self._give_up(
+                self._force_exit(
                     f"did not end within {self.bound_s:g} s and is ended by force; the heads' processes halt them now"
                     + recorded
                 )

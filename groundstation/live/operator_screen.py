@@ -1,29 +1,29 @@
-"""The operator's screen, opened where it is wanted, and closed within the time for ending."""
+"""The operator's screen, opened where it is wanted, and closed within the time for shutdown."""
 
 import os
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from groundstation.live.board import LiveStatus
-from groundstation.live.ending import Ending
 from groundstation.live.operation import StatusSink
+from groundstation.live.shutdown import Shutdown
 from groundstation.live.station_file import StationFile
+from groundstation.live.status_board import LiveStatus
 from groundstation.rig.rig import Rig
 from groundstation.sinks.sink import Sink
 
-# of the time for ending, for what is still to be drawn and for the viewer
+# of the time for shutdown, for what is still to be drawn and for the viewer
 _SCREEN_S = 0.5
 
 
-class StatusTeller:
+class StatusCallback:
     """A function as a `StatusSink`."""
 
-    def __init__(self, tell: Callable[[LiveStatus], None]) -> None:
-        self._tell = tell
+    def __init__(self, callback: Callable[[LiveStatus], None]) -> None:
+        self._callback = callback
 
-    def tell(self, status: LiveStatus) -> None:
+    def update(self, status: LiveStatus) -> None:
         """Pass it on."""
-        self._tell(status)
+        self._callback(status)
 
 
 def open_screen(
@@ -31,7 +31,7 @@ def open_screen(
     rig: Rig,
     file: StationFile,
     opened: ExitStack,
-    ending: Ending,
+    shutdown: Shutdown,
     sinks: list[Sink],
     operators: list[StatusSink],
     say: Callable[[str], None],
@@ -46,10 +46,10 @@ def open_screen(
         stream = open_live_stream("groundstation", os.environ, "--web shows the same in a browser")
     else:
         stream, address, process = open_web_stream("groundstation", os.environ)
-        opened.callback(lambda: stop_viewer(process, ending.left_s(_SCREEN_S)))
+        opened.callback(lambda: stop_viewer(process, shutdown.left_s(_SCREEN_S)))
         say(f"operator's screen: {address}")
     view = LiveView(stream, rig, file.name)
-    opened.callback(lambda: view.close(ending.left_s(_SCREEN_S)))
+    opened.callback(lambda: view.close(shutdown.left_s(_SCREEN_S)))
     sinks.append(view)
-    operators.append(StatusTeller(lambda status: view.show_status(status.t_s, status.lines)))
+    operators.append(StatusCallback(lambda status: view.show_status(status.t_s, status.lines)))
     return view.status_text

@@ -35,7 +35,7 @@ class DeviceState:
     age_s: float
     note: str = ""
 
-    def words(self) -> str:
+    def summary(self) -> str:
         """Return it in a few words."""
         if not math.isfinite(self.age_s):
             return f"{self.name} nothing yet" + (f", {self.note}" if self.note else "")
@@ -50,7 +50,7 @@ class ReferenceState(DeviceState):
     fixes: int = 0
     newest_s: float = -math.inf
 
-    def words(self) -> str:
+    def summary(self) -> str:
         """Return it in a few words."""
         rest = f", {self.note}" if self.note else ""
         if not self.fixes:
@@ -77,7 +77,7 @@ class LiveStatus:
         return " · ".join(self.lines)
 
 
-def dropped_words(dropped: Mapping[str, int]) -> str:
+def dropped_text(dropped: Mapping[str, int]) -> str:
     """Return what was dropped and how much of it, one of a kind in the singular."""
     one = {what: re.sub("^([a-z]+)s", r"\1", what) for what in dropped}
     return "dropped: " + ", ".join(f"{n} {one[what] if n == 1 else what}" for what, n in dropped.items())
@@ -136,11 +136,11 @@ class StatusBoard:
         recent = [delay for _, delay in self._latencies]
         p50, p99 = (1e3 * float(np.percentile(recent, q)) if recent else 0.0 for q in (50, 99))
         lines = [self._track(now_s, track)]
-        lines += [device.words() for device in devices]
+        lines += [device.summary() for device in devices]
         if recent:
             lines.append(f"delay {p50:.0f} ms, 99 % within {p99:.0f} ms")
         if dropped:
-            lines.append(dropped_words(dropped))
+            lines.append(dropped_text(dropped))
         if also:
             lines.append(also)
         return LiveStatus(

@@ -13,7 +13,7 @@ from groundstation.simulation.simulated_range import NoseTruth, SimulatedCameraD
 from groundstation.sources.cameras.camera import CameraDevice
 
 
-class LentRange(StationSimulator):
+class SharedRange(StationSimulator):
     """The range as one station after the other meets it; it goes to a process when that is made, not later.
 
     Parameters

@@ -16,7 +16,7 @@ MAX_SAMPLES = 50_000
 _MIN_APPROACH_SPEED_M_S = 1.0
 
 
-def flown_landing(
+def trajectory_from_log(
     t_s: FloatArray,
     position_enu_m: FloatArray,
     *,
@@ -41,18 +41,20 @@ def flown_landing(
     touchdown_s : when it lands, in the log's clock.
     sigma_m : noise of one sample, per axis: what the spline may leave unexplained.
     """
-    require_rising("flown_landing: t_s", t_s)
-    require_shape("flown_landing: position_enu_m", position_enu_m, (t_s.size, 3))
-    require_positive("flown_landing: before_s", before_s)
-    require_positive("flown_landing: sigma_m", sigma_m)
-    require(0 < heading_s <= before_s, "flown_landing: heading_s", got=heading_s, wanted="above 0, up to before_s")
+    require_rising("trajectory_from_log: t_s", t_s)
+    require_shape("trajectory_from_log: position_enu_m", position_enu_m, (t_s.size, 3))
+    require_positive("trajectory_from_log: before_s", before_s)
+    require_positive("trajectory_from_log: sigma_m", sigma_m)
+    require(
+        0 < heading_s <= before_s, "trajectory_from_log: heading_s", got=heading_s, wanted="above 0, up to before_s"
+    )
     # a second more on either side: a spline is worst at its ends
     first_s, last_s = touchdown_s - before_s, touchdown_s + after_s
     chosen = (t_s >= first_s - 1.0) & (t_s <= last_s + 1.0)
     count = int(chosen.sum())
     there = f"{count} samples from {first_s:g} to {last_s:g} s of a log from {t_s[0]:g} to {t_s[-1]:g} s"
     covered = t_s[0] <= first_s and last_s <= t_s[-1] and MIN_SAMPLES <= count <= MAX_SAMPLES
-    require(covered, "flown_landing", got=there, wanted=f"{MIN_SAMPLES} to {MAX_SAMPLES} samples that cover it")
+    require(covered, "trajectory_from_log", got=there, wanted=f"{MIN_SAMPLES} to {MAX_SAMPLES} samples that cover it")
     local = t_s[chosen] - first_s
     splines = [
         UnivariateSpline(local, position_enu_m[chosen, axis], w=np.full(count, 1.0 / sigma_m), k=_QUINTIC, s=count)
@@ -76,7 +78,7 @@ def _turn(travelled_enu_m: FloatArray, over_s: float) -> FloatArray:
     east, north = travelled_enu_m[:2]
     speed = math.hypot(east, north) / over_s
     wanted = f"at least {_MIN_APPROACH_SPEED_M_S:g} m/s over ground before touchdown"
-    require(speed >= _MIN_APPROACH_SPEED_M_S, "flown_landing: touchdown_s", got=f"{speed:.3g} m/s", wanted=wanted)
+    require(speed >= _MIN_APPROACH_SPEED_M_S, "trajectory_from_log: touchdown_s", got=f"{speed:.3g} m/s", wanted=wanted)
     angle = -math.pi / 2 - math.atan2(north, east)
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -35,7 +35,7 @@ class DeviceLogLine:
 Item = TimedPicture | PtuSample | ReferenceFix | DeviceLogLine
 
 
-class Inbox:
+class InputQueue:
     """A queue from many threads to one.
 
     Parameters
@@ -46,7 +46,7 @@ class Inbox:
 
     def __init__(self, frames: int = 4, others: int = 20_000) -> None:
         if frames < 1 or others < 1:
-            raise ValueError("an inbox holds at least one frame of each camera, and one of anything else")
+            raise ValueError("an input queue holds at least one frame of each camera, and one of anything else")
         self._frames, self._others = frames, others
         self._items: deque[Item] = deque()
         self._waiting: Counter[str] = Counter()
