@@ -4,6 +4,7 @@ import dataclasses
 import time
 from pathlib import Path
 
+from groundstation.live.input_queue import InputQueue
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_place import ReferenceClock, ReferencePlace
 from groundstation.live.reference_table import DgpsTable
