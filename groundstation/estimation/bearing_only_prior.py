@@ -1,9 +1,9 @@
-"""What one camera alone leaves of a target: its bearing and how fast that turns, and little along the ray.
+"""Prior of a target tracked by one camera: bearing and bearing rate are observed, the range is not.
 
-In the holder's polar coordinates, r its distance, d the ray, s = v·d and w = (v − s d)/r, the prior is taken apart; at
-another distance r′ along the ray the target then moves at v′ = s′ d + r′ w. Of s′ the prior says s + g (r′ − r), g the
-regression of s on r, with a variance that is widened by how many sigmas r was off. w is what the camera itself has
-seen and stays as it is. docs/derivation.md, section 5.
+In polar coordinates of the camera, with distance r, ray d, s = v·d and w = (v − s d)/r, the velocity at another
+distance r′ along the ray is v′ = s′ d + r′ w. The prior of s′ is s + g (r′ − r), with g the regression of s on r; its
+variance is inflated by the deviation of r in sigmas. w is observed by the camera and stays unchanged.
+docs/derivation.md, section 5.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from groundstation.arrays import FloatArray
 
 
 class BearingOnlyPrior:
-    """A target's prior (6,), (6, 6) as the camera at ``origin_m`` (3,) has it."""
+    """The prior (6,), (6, 6) of a target in polar coordinates of the camera at ``origin_m`` (3,)."""
 
     def __init__(self, target: FloatArray, covariance: FloatArray, origin_m: FloatArray) -> None:
         ray = target[:3] - origin_m
@@ -22,7 +22,7 @@ class BearingOnlyPrior:
         across = np.eye(3) - np.outer(d, d)
         self._turning = across @ target[3:] / self._distance_m
         w, r, s = self._turning, self._distance_m, self._along
-        # how (r, s, w) go with position and velocity
+        # Jacobians of (r, s, w) by position and velocity
         by_r = np.concatenate([d, np.zeros(3)])
         by_s = np.concatenate([w, d])
         by_w = np.hstack([-np.outer(w, d) / r - s * across / r**2, across / r])
@@ -32,7 +32,7 @@ class BearingOnlyPrior:
         self._turning_spread = by_w @ covariance @ by_w.T
 
     def sigmas_to(self, point_m: FloatArray) -> float:
-        """Return by how many of its sigmas the prior's distance differs from that of a point (3,)."""
+        """Return the difference between the distance of a point (3,) and that of the prior, in sigmas."""
         return abs(self._off(point_m)) / float(np.sqrt(self._variance))
 
     def velocity(self, point_m: FloatArray) -> FloatArray:
@@ -42,12 +42,12 @@ class BearingOnlyPrior:
         return speed * ray / float(np.linalg.norm(ray)) + float(np.linalg.norm(ray)) * self._turning
 
     def velocity_slope(self, point_m: FloatArray) -> FloatArray:
-        """Return ∂v/∂p (3, 3) of `velocity`, but for the turn of the ray, which is known to a pixel."""
+        """Return ∂v/∂p (3, 3) of `velocity`, neglecting the rotation of the ray, which is known to a pixel."""
         d = (point_m - self._origin_m) / float(np.linalg.norm(point_m - self._origin_m))
         return np.outer(self._turning + self._slope * d, d)
 
     def velocity_spread(self, point_m: FloatArray) -> FloatArray:
-        """Return the covariance (3, 3) of the velocity of a target that is known to be at a point (3,)."""
+        """Return the covariance (3, 3) of the velocity, given the position (3,)."""
         ray = point_m - self._origin_m
         distance = float(np.linalg.norm(ray))
         wrong = max(self.sigmas_to(point_m), 1.0)

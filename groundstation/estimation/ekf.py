@@ -1,8 +1,7 @@
-"""The extended Kalman filter over the aircraft, the PTUs and what is uncertain of rig and clocks.
+"""The extended Kalman filter of the aircraft, the PTU angles and the errors of rig and clocks.
 
-Every reading is an update of its own at its own time: an encoder reading of a station, a pixel of a camera, a
-reference position. Updates are in Joseph form. The paper's Section 4.2; its lost equations are written out in
-docs/derivation.md.
+Measurements are fused one by one at their own times: encoder readings of a station, pixels of a camera, reference
+positions. Updates are in Joseph form. The paper's Section 4.2; the equations are derived in docs/derivation.md.
 """
 
 import math
@@ -27,29 +26,29 @@ from groundstation.estimation.triangulation import midpoint
 from groundstation.geometry.station import LensError
 from groundstation.messages import Innovation
 
-# start of an axis that has been read once: it may turn at up to this rate (1 sigma)
+# initial sigma of the rate of an axis
 INITIAL_RATE_SIGMA_RAD_S = math.radians(20.0)
-# what calibration may have done to a velocity that was found without a reference
+# error of a velocity estimated without a reference, due to calibration errors: share of the speed, and a constant
 _ADOPTED_SPEED_SHARE, _ADOPTED_SPEED_M_S = 0.4, 2.0
 _REFUSED_IN_A_ROW = 5
 _OPEN_SHARE = 0.5  # of the sigma before
 _NOTHING = np.zeros((2, 2))
-# a pixel is not looked at twice where its prediction is no more uncertain than so many sigmas of its noise
+# no iteration of the update if the prediction is no more uncertain than this many sigmas of the pixel noise
 _SETTLED_SIGMA = 2.0
-# where the prediction is more uncertain by so much, the target may have to be placed anew
+# a re-initialisation is tested if the prediction is more uncertain by this factor
 _VAGUE_SIGMA = 2.0
-# so near to none or all of the prediction inside the image, a miss does not change its shape
+# a missed detection has no effect if the probability inside the image is this close to 0 or 1
 _HARDLY = 0.02
 
 
 class StationEkf(FilterCore):
-    """`FilterCore` and the measurements: encoder readings, pixels, silhouettes' widths, misses, reference positions."""
+    """`FilterCore` with its updates: encoder readings, pixels, silhouette widths, missed detections, references."""
 
     @contextmanager
     def predicted_ahead(self, t_s: float) -> Iterator[None]:
-        """Inside, the filter is as it will be at ``t_s`` if nothing comes until then: to be asked, not to be changed.
+        """Predict the filter to ``t_s`` inside the block, for read-only use.
 
-        Afterwards it is what it was, to the last bit; nothing of it is recorded. An earlier time leaves it where it is.
+        The state is restored exactly at the end and nothing is recorded. An earlier time has no effect.
         """
         kept = self._bank, self.time_s
         try:
@@ -63,11 +62,11 @@ class StationEkf(FilterCore):
     def update_encoder(
         self, station: str, angles_rad: tuple[float, float], sigma_rad: float, clock_sigma_s: float, ahead_s: float
     ) -> Innovation:
-        """Fuse one reading of pan and tilt that was true ``ahead_s`` after the filter's time.
+        """Fuse one reading of pan and tilt, valid ``ahead_s`` after the filter time.
 
-        ``clock_sigma_s`` counts as noise of each reading unless the clock's error is carried as a state. A reading
-        beyond the gate is not used; the angles' covariance is widened by what it disagrees, since either the
-        reading is wrong or the PTU has jerked, and only the next reading can tell.
+        ``clock_sigma_s`` is treated as noise of each reading unless the clock error is a state. A reading beyond the
+        gate is not fused; the angle covariance is inflated by the residual, since the next reading decides whether
+        it is an outlier or a jerk of the PTU.
         """
         if station not in self._read:
             self.set_angles(station, angles_rad, (0.0, 0.0), sigma_rad)
@@ -76,7 +75,7 @@ class StationEkf(FilterCore):
         variance = sigma_rad**2 + self._config.ptu_acceleration_psd_rad2_s3 * abs(ahead_s) ** 3 / 3.0
         noise = (variance, 0.0 if model.carries_clock else clock_sigma_s)
         if self._learns_clocks and station in self._watch.squares:
-            # whether this very reading may teach a clock is for itself to say, too
+            # includes this reading, before it is used to estimate the clock errors
             square = model.squares(self.state, self.covariance, angles_rad, ahead_s, *noise)
             self._watch = self._watch.read(station, square / 2.0)
         read = model.fuse(self._bank, angles_rad, ahead_s, *noise, self._config.encoder_gate_sigma, self._estimated())
@@ -92,7 +91,7 @@ class StationEkf(FilterCore):
         sigma_rad: float,
         rate_sigma_rad_s: float = INITIAL_RATE_SIGMA_RAD_S,
     ) -> None:
-        """Reinitialise one PTU's states from readings, uncorrelated with the rest of the state."""
+        """Reset the states of one PTU from readings, without correlation to the previous ones."""
         self._bank.place(self.layout.angles[station], np.array(angles_rad), np.eye(2) * sigma_rad**2)
         self._bank.place(self.layout.rates[station], np.array(rates_rad_s), np.eye(2) * rate_sigma_rad_s**2)
         self._read |= {station}
@@ -105,10 +104,11 @@ class StationEkf(FilterCore):
         row_dt_s: float = 0.0,
         correlated_share: float = 0.0,
     ) -> Innovation | None:
-        """Fuse one camera's target pixel (2,) with covariance (2, 2); None if the target is behind the camera.
+        """Fuse the target pixel (2,) of one camera with covariance (2, 2); None if the target is behind the camera.
 
-        ``correlated_share`` of that covariance is an error that this station's next pixels will share. Near and beyond
-        the border the pixel is weighted (`OutOfViewWeighting`); beyond the chi-square gate it is refused.
+        ``correlated_share`` of that covariance is a time-correlated error, shared with the next pixels of the station.
+        Near and beyond the image border the pixel is weighted (`OutOfViewWeighting`); beyond the chi-square gate it is
+        rejected.
         """
         x, P = self.state, self.covariance
         prediction = self._pixels[station].predict(x, row_dt_s, self._age_s())
@@ -159,7 +159,7 @@ class StationEkf(FilterCore):
         return Innovation(residual=residual, covariance=S, nis=nis, dof=2, accepted=accepted)
 
     def _judge_provisional(self, track: ProvisionalTrack) -> None:
-        """Judge a young track by its pixels; begin it again where the first of them were the wrong ones."""
+        """Confirm a provisional track, or restart it if its first pixels were outliers."""
         self._provisional = None if track.confirmed else track
         if track.refuted:
             self._restart_provisional(track)
@@ -170,7 +170,7 @@ class StationEkf(FilterCore):
         self._place_target(start, 0.0 if self.time_s is None else self.time_s - start.t_s)
 
     def _reinitialise_range(self, seen: Seen) -> Innovation | None:
-        """Put a target that one other camera has held alone to where the two rays meet; None where it is not so."""
+        """Re-initialise a target tracked by one other camera at the intersection of the two rays, if applicable."""
         x, P, age_s = self.state, self.covariance, self._age_s()
         held = self._second_view.holder(seen, x, P, age_s)
         if held is None:
@@ -197,14 +197,15 @@ class StationEkf(FilterCore):
     ) -> Innovation:
         """Fuse a reference position of the target (3,) with covariance (3, 3), stamped ``ahead_s`` after now.
 
-        For some time after it (`EstimationConfig.reference_hold_s`) the carried errors are learnt from pixels, too. The
-        first of a target replaces its position: what pixels alone gave may be tens of metres off by the errors that are
-        to be learnt now, too far to be linearised about. So does one after several that were refused. A rig that is
-        learnt already needs neither, and is not to be thrown over by a receiver that fails.
+        For some time after it (`EstimationConfig.reference_hold_s`) the carried errors are also estimated from pixels.
+        The first reference of a target replaces its position: the position from pixels may be tens of metres off due
+        to the errors that are to be estimated, too far for a linearisation. A reference after several rejected ones
+        does so, too. Neither applies once the rig errors are estimated, so that a receiver fault cannot replace a good
+        track.
 
-        Without ``may_replace`` (other evidence holds the target where it is) refused positions never replace it, and
-        the first does only within the gate, where the stated errors of rig and clocks explain how far off it is. A
-        receiver that was refused so replaces nothing later either, before one of its positions has been accepted.
+        Without ``may_replace`` (the position is confirmed by other measurements) rejected references never replace the
+        position, and the first one does only inside the gate, where the prior errors of rig and clocks explain the
+        residual. A receiver that was rejected this way replaces nothing until one of its positions is accepted.
         """
         teaches = self._config.calibration is CalibrationUse.REFERENCE and self._rig_is_open()
         if self._watch_reference_clock(position_m, covariance_m2, ahead_s):
@@ -217,7 +218,7 @@ class StationEkf(FilterCore):
             return self._adopt_reference(position_m, covariance_m2, ahead_s)
         accepted = nis <= self._reference_gate
         self._references_refused = self._references_refused + 1 if may_replace and not accepted else 0
-        # a receiver that contradicted better evidence has to agree once before it may replace anything
+        # a receiver that contradicted other measurements has to be accepted once before it may replace the position
         self._reference_contradicted = not accepted and (self._reference_contradicted or not may_replace)
         if accepted:
             self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
@@ -226,25 +227,25 @@ class StationEkf(FilterCore):
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
 
     def _replaces(self, nis: float, *, may_replace: bool) -> bool:
-        """Return whether a reference position with this NIS replaces the target's, of a rig that is still open."""
+        """Return whether a reference with this NIS replaces the position, for a rig that is not yet estimated."""
         may_replace = may_replace and not self._reference_contradicted
         if self._newest_reference_s == -math.inf:
             return may_replace or nis <= self._reference_gate
         return may_replace and self._references_refused >= _REFUSED_IN_A_ROW
 
     def _expect_reference(self, covariance_m2: FloatArray, ahead_s: float) -> tuple[LinearPrediction, FloatArray]:
-        """Return where a reference position is expected, and the noise (3, 3) of one stamped ``ahead_s`` after now."""
+        """Return the predicted reference position and its noise (3, 3), for a stamp ``ahead_s`` after now."""
         expected = self._reference.predict(self.state, ahead_s, self._age_s())
-        # between now and when it was true the aircraft has flown as it liked, at a speed that is not known, either
+        # process noise and velocity error between the filter time and the time of validity
         away, doubt = self._reference.lateness_s(self.state, self.covariance, ahead_s, self._age_s())
         here, speed = self.layout.position, self.layout.velocity
         R = covariance_m2 + self._motions[0].process_noise(math.hypot(away, doubt))[here, here]
         return expected, R + doubt**2 * self.covariance[speed, speed]
 
     def _watch_reference_clock(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float) -> bool:
-        """Return whether a reference is where only a step of its clock would put it, and that clock counts as known.
+        """Return whether the residual of a reference indicates a step of its clock, which was estimated before.
 
-        Not of a target's first: that has nothing to step from.
+        Never for the first reference of a target.
         """
         place = self.layout.parameters.get(REFERENCE_CLOCK)
         if place is None or self._newest_reference_s == -math.inf:
@@ -256,12 +257,12 @@ class StationEkf(FilterCore):
         return has_stepped(position_m - expected.value, S, self.state[self.layout.velocity])
 
     def _reopen_reference_clock(self) -> None:
-        """Let the reference's clock be off by as much as one that nobody knows; what it was is no more than a hint."""
+        """Inflate the error of the reference clock by the prior variance of an unknown clock."""
         place = self.layout.parameters[REFERENCE_CLOCK]
         self._bank.doubt(slice(place, place + 1), np.array([self._config.reference_clock_sigma_s**2]))
 
     def _rig_is_open(self) -> bool:
-        """Return whether some mount or boresight is still about as uncertain as the rig file says."""
+        """Return whether the uncertainty of some mount or boresight is still close to that of the rig file."""
         if not self._rig_uncertain:
             return False
         shares = [
@@ -272,7 +273,7 @@ class StationEkf(FilterCore):
         return not shares or max(shares) > _OPEN_SHARE
 
     def _adopt_reference(self, position_m: FloatArray, covariance_m2: FloatArray, ahead_s: float) -> Innovation:
-        """Put the target where a reference says, with the doubt and the correlations of its clock and antenna."""
+        """Set the target to a reference position, with the uncertainty and correlations of its clock and antenna."""
         expected = self._reference.predict(self.state, ahead_s, self._age_s())
         residual = position_m - expected.value
         velocity = self.state[self.layout.velocity].copy()
@@ -283,7 +284,7 @@ class StationEkf(FilterCore):
         around = covariance_m2 + (away**2 + doubt**2) * spread
         around += self._motions[0].process_noise(math.hypot(away, doubt))[here, here]
         place = np.concatenate([self.state[here] + residual, velocity])
-        # carried to now along a speed that is not known, the place errs with it
+        # the position is propagated with the velocity, so that their errors are correlated
         self._bank.place(self.layout.target, place, np.block([[around, -away * spread], [-away * spread, spread]]))
         self._bank.share(self.layout.position, self.layout.constant, -expected.jacobian[:, self.layout.constant])
         self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
@@ -292,11 +293,11 @@ class StationEkf(FilterCore):
         return Innovation(residual=residual, covariance=around, nis=0.0, dof=0, accepted=True)
 
     def update_width(self, station: str, width_px: float, span_m: float, *, alone: bool) -> Innovation | None:
-        """Fuse the width in px of the target's silhouette in one camera: log w = log(span · f / depth · aspect).
+        """Fuse the width of the target's silhouette in one camera, px: log w = log(span · f / depth · aspect).
 
-        The error of ``span_m`` is a state of its own (`groundstation.estimation.parameters.LOG_SPAN`), so that many
-        widths do not average it away. ``alone`` tells that no other camera sees the target: then the width gives
-        range; else it only teaches the span. None where the aspect is too oblique, or no span is carried.
+        The error of ``span_m`` is a state (`groundstation.estimation.parameters.LOG_SPAN`), so that many widths do not
+        average it out. ``alone`` means that no other camera sees the target: the width then updates the range,
+        otherwise only the span. None if the aspect is too oblique, or the span is no state.
         """
         expected = self._widths[station].predict(self.state, span_m, *self.angles(station))
         if expected is None or width_px <= 0.0:
@@ -313,7 +314,7 @@ class StationEkf(FilterCore):
         return Innovation(residual=residual, covariance=S, nis=nis, dof=1, accepted=accepted)
 
     def _inflate_span(self, width_px: float) -> None:
-        """Let what was learnt of the span age since the last width, the sooner the smaller the silhouette."""
+        """Inflate the span error by the time since the last width, faster for smaller silhouettes."""
         if self._span is None or self.time_s is None or not self._span_ages:
             return
         if self._width_s is not None and self.time_s > self._width_s:
@@ -322,10 +323,10 @@ class StationEkf(FilterCore):
         self._width_s = self.time_s
 
     def update_miss(self, station: str, detection_probability: float) -> None:
-        """Take in that a camera which looked has seen nothing.
+        """Update with a missed detection of one camera.
 
-        The part of the prediction that lies inside counts (1 − P_D) of what it did; the Gaussian with the moments
-        of what is left replaces it. Where all of it is inside, or behind the camera, nothing changes.
+        The predicted density inside the image is multiplied by 1 − P_D and replaced by the Gaussian with the moments
+        of the result. There is no effect if the prediction is completely inside, or behind the camera.
         """
         prediction = self.predict_pixel(station)
         if prediction is None:

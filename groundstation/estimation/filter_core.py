@@ -1,4 +1,4 @@
-"""The filter without its measurements: what its state is, how it begins, how time passes for it."""
+"""State, initialisation and prediction of the filter; the measurement updates are in `groundstation.estimation.ekf`."""
 
 import math
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.station import StationGeometry
 from groundstation.messages import CarriedError, Kinematics
 
-# two rays meet within an angle of each other wherever the rig puts them; a third one tells whether they do so truly
+# number of stations from which the consistency of the rays makes the rig errors observable
 _RAYS_THAT_CHECK = 3
 
 
@@ -36,10 +36,10 @@ class FilterCore:
     stations : geometry of every station by name.
     turning : names of the stations that have a PTU; their angles are states.
     config : tuning.
-    prior : the errors of calibration and clocks that are carried along; none by default.
+    prior : prior of the carried errors of calibration and clocks; none by default.
 
-    The target's six states exist only after `start_target`; before it their covariance is zero and they take
-    no part. Times are session seconds; the filter never goes back, but `restore` does.
+    The six target states are only used after `start_target`; before it their covariance is zero. Times are session
+    seconds; predictions only go forward, `restore` goes back to a snapshot.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class FilterCore:
         self._all = np.ones(self.layout.size, np.bool_)
         self._moving = self._all.copy()
         self._moving[self.layout.constant] = False
-        # clocks and shutters would be learnt from the encoders' noise, which looks like motion
+        # clock and shutter errors are not estimated here: encoder noise, which resembles motion, would bias them
         self._learnt_from_reference = self._all.copy()
         for name in stations:
             self._learnt_from_reference[time_places(self.layout.parameters, name)] = False
@@ -94,15 +94,15 @@ class FilterCore:
             self._moving[self._span] = self._span_only[self._span] = True
             own = prior.names.index(LOG_SPAN)
             self._span_variance = float(prior.covariance[own, own])
-            # a span that is given as constant is taken at its word
+            # a span without process noise is not inflated
             self._span_ages = bool(prior.walk_psd[own] > 0.0)
         self._read: frozenset[str] = frozenset()
         self._first_s: float | None = None
         self._newest_reference_s = -math.inf
         self._references_refused, self._reference_contradicted = 0, False
-        # when each station's pixel last entered the target; only kept where three could
+        # time of the last accepted pixel of each station; only kept with three or more stations
         self._contributed_s: Mapping[str, float] = {}
-        # when a width was last fused of this target
+        # time of the last fused width of this target
         self._width_s: float | None = None
         self._provisional: ProvisionalTrack | None = None
         self.starts_taken_back = 0
@@ -110,22 +110,22 @@ class FilterCore:
     # ------------------------------------------------------------------------------------------ state
     @property
     def state(self) -> FloatArray:
-        """The state vector (n,), in the layout's order; not to be written to."""
+        """The state vector (n,), in the order of the layout; read-only."""
         return self._bank.x
 
     @property
     def covariance(self) -> FloatArray:
-        """The state's covariance (n, n); not to be written to."""
+        """The state covariance (n, n); read-only."""
         return self._bank.P
 
     @property
     def manoeuvring(self) -> float:
-        """How likely it is that the aircraft manoeuvres, 0 … 1; 0 where the filter knows but one way of flying."""
+        """Probability of the manoeuvre mode, 0 … 1; 0 with a single mode."""
         return float(self._bank.weights[1]) if len(self._motions) > 1 else 0.0
 
     @property
     def learns(self) -> bool:
-        """Whether the carried errors are estimated now, and not only considered."""
+        """Whether the carried errors are estimated at present; otherwise they are consider parameters."""
         match self._config.calibration:
             case CalibrationUse.ESTIMATE:
                 return True
@@ -137,7 +137,7 @@ class FilterCore:
                 return self._newest_reference_s >= oldest or self._rays_check_each_other(oldest)
 
     def _rays_check_each_other(self, since_s: float) -> bool:
-        """Return whether so many stations have contributed since then that the rig's errors show between their rays."""
+        """Return whether enough stations have contributed since ``since_s`` to make the rig errors observable."""
         known = self._contributed_s
         return len(known) >= _RAYS_THAT_CHECK and sum(t_s >= since_s for t_s in known.values()) >= _RAYS_THAT_CHECK
 
@@ -146,7 +146,7 @@ class FilterCore:
             self._contributed_s = {**self._contributed_s, station: self.time_s}
 
     def carried_errors(self) -> tuple[CarriedError, ...]:
-        """Return what is known now of the errors of calibration and clocks."""
+        """Return the current estimates of the errors of calibration and clocks."""
         return tuple(
             CarriedError(
                 name=name,
@@ -160,11 +160,11 @@ class FilterCore:
         )
 
     def snapshot(self) -> EkfState:
-        """Return all that the filter is now."""
+        """Return the complete state of the filter."""
         return EkfState(*self._state_fields())
 
     def _state_fields(self) -> EkfStateFields:
-        """Return the fields of `EkfState`, in their order; none of them is ever written over."""
+        """Return the fields of `EkfState`, in their order; their arrays are never modified in place."""
         return (
             self.time_s,
             self._first_s,
@@ -182,7 +182,7 @@ class FilterCore:
         )
 
     def restore(self, saved: EkfState) -> None:
-        """Be again what the filter was at a `snapshot`."""
+        """Restore a `snapshot`."""
         self.time_s, self._first_s, self.has_target = saved.time_s, saved.first_s, saved.has_target
         self._bank.restore(saved.bank)
         self._read, self._newest_reference_s = saved.read, saved.newest_reference_s
@@ -209,15 +209,15 @@ class FilterCore:
         *,
         triangulated: bool = False,
     ) -> None:
-        """Begin a target: (3,), (3,) in the runway frame and covariance (6, 6), as of ``age_s`` before now.
+        """Start a target: (3,), (3,) in the runway frame and covariance (6, 6), valid ``age_s`` before the filter time.
 
-        What was ``triangulated`` with this rig has the rig's errors in it, beside the noise that ``covariance`` tells:
-        they are added, and the filter knows that they are the same.
+        A state ``triangulated`` with this rig also contains the errors of the rig, which ``covariance`` does not
+        include: they are added together with their correlation to the carried errors.
         """
         mean = np.concatenate([position_m, velocity_m_s])
         now_s = 0.0 if self.time_s is None else self.time_s
         begun = ProvisionalTrack(t_s=now_s - age_s, mean=mean, covariance=covariance, triangulated=triangulated)
-        # the paper's weighting stays the paper's, with what comes of it
+        # no restarts with the paper's weighting, to reproduce the paper
         self._provisional = None if self._config.out_of_view is OutOfViewWeighting.PAPER else begun
         self._place_target(begun, age_s)
 
@@ -230,7 +230,7 @@ class FilterCore:
         for part in self.layout.offsets.values():
             self._bank.place(part, np.zeros(2), np.eye(2))
         if self._span is not None:
-            # another aircraft may have another span
+            # reset to the prior, since another aircraft may have another span
             self._width_s = None
             only = slice(self._span, self._span + 1)
             self._bank.place(only, np.zeros(1), np.full((1, 1), self._span_variance))
@@ -240,10 +240,10 @@ class FilterCore:
             self._correlate_with_rig(start, F @ covariance @ F.T + Q)
 
     def _correlate_with_rig(self, start: FloatArray, covariance: FloatArray) -> None:
-        """Move a start (6,) that was triangulated by the rig file to where the errors learnt since put it."""
+        """Correct an initial state (6,), triangulated with the rig file, for the estimated errors of the rig."""
         target, constant = self.layout.target, self.layout.constant
         sensitivity = None
-        # how a point moves with the errors depends on where it is: the second look is from the better place
+        # the sensitivity depends on the position: the second iteration uses the corrected one
         for _ in range(2):
             sensitivity = self._linearisation.sensitivity(self.state, self._age_s())
             if sensitivity is None:
@@ -253,9 +253,9 @@ class FilterCore:
             self._bank.share(target, constant, sensitivity)
 
     def pointing_sigma_rad(self, station: str) -> float:
-        """Return one sigma of where a camera looks, by what is not known of its mount and boresight; rad.
+        """Return one sigma of the pointing of a camera due to the errors of its mount and boresight, rad.
 
-        The larger of pan and tilt; zero where the rig counts as exact.
+        The larger of pan and tilt; zero for an exact rig.
         """
         P, variance = self.covariance, 0.0
         for places in self._pointing[station]:
@@ -263,7 +263,7 @@ class FilterCore:
         return math.sqrt(variance)
 
     def drop_target(self) -> None:
-        """Forget the target; the PTUs' angles and what was learnt of the rig stay."""
+        """Drop the target; the PTU angles and the estimated errors of the rig stay."""
         self._bank.place(self.layout.target, np.zeros(6), np.zeros((6, 6)))
         self.has_target = False
         self._provisional = None
@@ -271,10 +271,10 @@ class FilterCore:
         self._contributed_s = {}
 
     def kinematics_at(self, t_s: float) -> Kinematics:
-        """Return position, velocity (runway frame) and (6, 6) covariance at ``t_s``, by the motion model alone.
+        """Return position, velocity (runway frame) and (6, 6) covariance at ``t_s``, by the motion model only.
 
-        Ahead, the modes' process noise is added. Going back adds it, too: this filter does not keep what would be
-        needed to take it away (`RecordedEkf` does).
+        Process noise of the modes is added in both directions; `RecordedEkf` keeps the history needed to smooth
+        backwards instead.
         """
         dt = t_s - (self.time_s if self.time_s is not None else t_s)
         if dt == 0.0:
@@ -283,16 +283,16 @@ class FilterCore:
         return self.kinematics_of(F @ self.state, F @ self.covariance @ F.T + Q)
 
     def motion_over(self, dt_s: float, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return F and Q, (n, n) each, over ``dt_s``; the modes' noises are weighed by ``weights`` (r,).
+        """Return F and Q, (n, n) each, over ``dt_s``; the process noises of the modes are weighted by ``weights`` (r,).
 
-        Mixing the modes leaves mean and covariance of their mixture as they are, so this is what a prediction does
-        to the two.
+        Mixing the modes does not change mean and covariance of the mixture, so that F and Q describe the prediction
+        of both.
         """
         Q = sum(w * motion.process_noise(dt_s) for w, motion in zip(weights, self._motions, strict=True))
         return self._motions[0].transition(dt_s), np.asarray(Q)
 
     def kinematics_of(self, x: FloatArray, P: FloatArray) -> Kinematics:
-        """Return the target's part of a state (n,) with its covariance (n, n)."""
+        """Return the target part of a state (n,) with covariance (n, n)."""
         target = self.layout.target
         own = P[target, target]
         return Kinematics(
@@ -303,14 +303,14 @@ class FilterCore:
 
     # ------------------------------------------------------------------------------------- prediction
     def predict_to(self, t_s: float) -> None:
-        """Carry the state forward to ``t_s``; an earlier time leaves it where it is."""
+        """Predict the state to ``t_s``; an earlier time has no effect."""
         if self.time_s is None:
             self.time_s = self._first_s = t_s
         if t_s > self.time_s:
             self._propagate(self.time_s, t_s)
 
     def _propagate(self, from_s: float, to_s: float) -> FloatArray:
-        """Carry the state from its time to a later one and return the transition F (n, n)."""
+        """Predict the state from its time to a later one and return the transition F (n, n)."""
         F, noises = self._motions[0].with_noises(self._psds, to_s - from_s)
         if not self.has_target:
             noises[:, self.layout.target, self.layout.target] = 0.0
@@ -319,11 +319,11 @@ class FilterCore:
         return F
 
     def predict_pixel(self, station: str, row_dt_s: float = 0.0) -> PixelPrediction | None:
-        """Return the target's predicted pixel in one camera now; None if behind it."""
+        """Return the predicted pixel of the target in one camera at the filter time; None if behind it."""
         return self._pixels[station].predict(self.state, row_dt_s, self._age_s())
 
     def probability_in_view(self, station: str) -> float:
-        """Return how likely the target is inside a camera's image now."""
+        """Return the probability that the target is inside the image of a camera."""
         prediction = self.predict_pixel(station)
         if prediction is None:
             return 0.0
@@ -335,7 +335,7 @@ class FilterCore:
         return innovation_covariance(self.covariance, prediction.jacobian, np.zeros((2, 2)))
 
     def _ever_estimated(self) -> BoolArray:
-        """Return which states (n,) some update may move, with a reference there."""
+        """Return which states (n,) are estimated by any update, given a reference."""
         match self._config.calibration:
             case CalibrationUse.ESTIMATE:
                 return self._all
@@ -345,7 +345,7 @@ class FilterCore:
                 return self._learnt_from_reference
 
     def _estimated(self) -> BoolArray:
-        """Return which states (n,) an update may move."""
+        """Return which states (n,) an update estimates at present; the others are considered."""
         if not self.learns:
             return self._moving
         estimated = self._ever_estimated()
@@ -356,5 +356,5 @@ class FilterCore:
         return estimated
 
     def _age_s(self) -> float:
-        """Return how long the filter has been running, for what drifts."""
+        """Return the time since the first prediction, for clock drifts."""
         return 0.0 if self.time_s is None or self._first_s is None else self.time_s - self._first_s

@@ -1,9 +1,9 @@
-"""Interacting multiple models: one filter for each way of flying, weighed by how well it predicts.
+"""Interacting multiple model (IMM) filter: one filter per motion mode, weighted by its likelihood.
 
-A glide and a flare need different process noise (docs/derivation.md, section 5). Each mode is a filter of its own;
-before a prediction they are mixed by the mode transition probabilities (Blom & Bar-Shalom 1988), and each pixel
-shifts the weights by the likelihoods of its innovation. Measurements are linearised once, at the weighted mean.
-With one mode this is the plain filter, to the last bit.
+A glide and a flare need different process noise (docs/derivation.md, section 5). Each mode has its own filter; before a
+prediction the modes are mixed with their transition probabilities (Blom & Bar-Shalom 1988), and each pixel updates the
+weights with the likelihoods of its innovation. Measurements are linearised once, at the weighted mean. With one mode
+the result is bit-identical to the plain filter.
 """
 
 from collections.abc import Sequence
@@ -27,11 +27,11 @@ Stacked = tuple[FloatArray, FloatArray]
 
 
 class ImmFilter:
-    """Filters of ``size`` states that share one target.
+    """IMM filter with ``size`` states.
 
     Parameters
     ----------
-    stay_s : how long the aircraft keeps each way of flying, on average; as many as there are modes.
+    stay_s : mean sojourn time of each mode; its length is the number of modes.
     """
 
     def __init__(self, size: int, stay_s: Sequence[float]) -> None:
@@ -40,11 +40,11 @@ class ImmFilter:
         for each in self._filters:
             each.x, each.P = np.zeros(size), np.zeros((size, size))
         self._stay_s = np.asarray(stay_s, dtype=np.float64)
-        # the shares of time that the aircraft spends in each
+        # stationary mode probabilities
         self._usual = self._stay_s / self._stay_s.sum()
         self.weights: FloatArray = self._usual.copy()
         self._mean: tuple[FloatArray, FloatArray] | None = None
-        # the filters' states and covariances one above the other, where a step has left them so
+        # stacked states and covariances of the modes, if a compiled step has written them
         self._stacked: Stacked | None = None
         self._behind = False
 
@@ -61,24 +61,24 @@ class ImmFilter:
         return mean[1] if mean is not None else self._mixture()[1]
 
     def snapshot(self) -> list[FloatArray]:
-        """Return all there is to know, to be given to `restore`; nothing is copied, since nothing is written over."""
+        """Return the complete state for `restore`; without copies, since arrays are never modified in place."""
         return [self.weights, *self.modes()]
 
     def restore(self, saved: list[FloatArray]) -> None:
-        """Go back to a `snapshot`."""
+        """Restore a `snapshot`."""
         self.weights, states, covariances = saved
         self._mean, self._stacked, self._behind = None, (states, covariances), True
         if len(self._filters) == 1:
             self._changed()
 
     def copy(self) -> "ImmFilter":
-        """Return a bank of its own that is what this one is now; what is done to it leaves this one alone."""
+        """Return an independent copy."""
         other = ImmFilter(self._size, self._stay_s.tolist())
         other.restore(self.snapshot())
         return other
 
     def forget_modes(self) -> None:
-        """Set the weights to what is usual: a new target, of whose flying nothing is known."""
+        """Reset the weights to the stationary mode probabilities, for a new target."""
         self.weights = self._usual.copy()
         self._changed()
 
@@ -86,7 +86,7 @@ class ImmFilter:
         """Set some states (k,) and their covariance (k, k), uncorrelated with the rest."""
         self._changed()
         for each in self._filters:
-            # copies: whoever holds a snapshot holds the old ones
+            # copies, since snapshots refer to the old arrays
             each.x, each.P = each.x.copy(), each.P.copy()
             each.P[part, :] = 0.0
             each.P[:, part] = 0.0
@@ -94,7 +94,7 @@ class ImmFilter:
             each.P[part, part] = covariance
 
     def share(self, part: slice, source: slice, sensitivity: FloatArray) -> None:
-        """Let some states (k,) err with others (m,) by ``sensitivity`` (k, m); they knew nothing of them before."""
+        """Correlate uncorrelated states (k,) with others (m,) by ``sensitivity`` (k, m)."""
         self._changed()
         for each in self._filters:
             each.P = each.P.copy()
@@ -112,7 +112,7 @@ class ImmFilter:
         self.restore([self.weights, states, covariances])
 
     def predict(self, F: FloatArray, noises: Sequence[FloatArray] | FloatArray, dt_s: float) -> None:
-        """Carry every mode forward by ``F`` and its own process noise over ``dt_s`` seconds."""
+        """Predict every mode with ``F`` and its own process noise over ``dt_s`` seconds."""
         if len(self._filters) > 1:
             moved = self.room()
             _predict(*self.modes(), self.weights, self._stay_s, F, np.asarray(noises), dt_s, *moved)
@@ -133,7 +133,7 @@ class ImmFilter:
         telling: bool,
         share: float = 1.0,
     ) -> None:
-        """Fuse a residual (m,), taken at the weighted mean; if ``telling``, it shifts the weights, too.
+        """Update with a residual (m,) at the weighted mean; if ``telling``, the mode weights are updated as well.
 
         ``share`` scales the gain.
         """
@@ -146,11 +146,11 @@ class ImmFilter:
         self.take(moved)
 
     def reshape(self, H: FloatArray, shift: FloatArray, covariance: FloatArray, estimated: BoolArray) -> None:
-        """Give the measured quantity another distribution than predicted, and let the state follow.
+        """Replace the predicted moments of the measured quantity, and update the state accordingly.
 
-        With H (m, n): its mean moves by ``shift`` (m,), its covariance becomes ``covariance`` (m, m);
+        With H (m, n): the mean moves by ``shift`` (m,), the covariance becomes ``covariance`` (m, m);
         x += K·shift, P += K (covariance − S) Kᵀ with K = P Hᵀ S⁻¹, S = H P Hᵀ. States that are not ``estimated`` (n,)
-        keep value and variance; what they have in common with the others stays, too.
+        keep value, variance and correlations.
         """
         self._changed()
         for each in self._filters:
@@ -173,36 +173,36 @@ class ImmFilter:
         return self._mean
 
     def weights_after(self, dt_s: float) -> FloatArray:
-        """Return the weights (r,) that a prediction over ``dt_s`` ≥ 0 would leave."""
+        """Return the mode weights (r,) after a prediction over ``dt_s`` ≥ 0."""
         return self.weights if len(self._filters) == 1 else _joint(self.weights, self._stay_s, dt_s).sum(axis=0)
 
     def _changed(self) -> None:
-        """Bring the filters up to the last step and forget what follows from them: they are about to be changed."""
+        """Synchronise the filters with the last compiled step and clear the cached results, before a modification."""
         self._catch_up()
         self._mean = self._stacked = None
 
     def _catch_up(self) -> None:
-        """Let each filter have its part of what a step has left; a step itself needs it in one piece only."""
+        """Copy the stacked result of the last compiled step to the filters."""
         if self._behind and self._stacked is not None:
             for each, own_x, own_P in zip(self._filters, *self._stacked, strict=True):
                 each.x, each.P = own_x, own_P
         self._behind = False
 
     def room(self) -> Moved:
-        """Return where a step writes to: arrays of its own, since snapshots hold the ones before.
+        """Return new output arrays for a compiled step, since snapshots refer to the previous ones.
 
-        They are handed in, not returned: a compiled function takes longer to return an array than to multiply two.
+        They are passed as arguments, since returning an array from a compiled function takes longer than a product.
         """
         r, n = len(self._filters), self._size
         return np.empty((r, n)), np.empty((r, n, n)), np.empty(r), np.empty(n), np.empty((n, n))
 
     def take(self, moved: Moved) -> None:
-        """Become what a step has made of the modes."""
+        """Take over the result of a compiled step."""
         states, covariances, self.weights, x, P = moved
         self._mean, self._stacked, self._behind = (x, P), (states, covariances), True
 
     def modes(self) -> Stacked:
-        """Return the states (r, n) and covariances (r, n, n) of the modes; not to be written to."""
+        """Return the states (r, n) and covariances (r, n, n) of the modes; read-only."""
         if self._stacked is None:
             self._stacked = np.array([f.x for f in self._filters]), np.array([f.P for f in self._filters])
         return self._stacked
@@ -228,7 +228,7 @@ def _moments(states: FloatArray, covariances: FloatArray, weights: FloatArray, x
 
 @njit(cache=True)
 def _joint(weights: FloatArray, stay_s: FloatArray, dt_s: float) -> FloatArray:
-    """Return how likely each change of mode is, (r, r): from the row's into the column's."""
+    """Return the joint mode probabilities (r, r): previous mode by row, next mode by column."""
     count = weights.size
     joint = np.empty((count, count))
     for a in range(count):
@@ -253,7 +253,7 @@ def _predict(
     mean: FloatArray,
     spread: FloatArray,
 ) -> None:
-    """Write the modes after ``dt_s``: each starts from where the aircraft may have come from into it."""
+    """Write the predicted modes after ``dt_s``, each from its mixed initial condition."""
     count, n = states.shape
     joint = _joint(weights, stay_s, dt_s)
     after[:] = joint.sum(axis=0)
@@ -282,7 +282,7 @@ def correct_modes(
     mean: FloatArray,
     spread: FloatArray,
 ) -> None:
-    """Write the modes after a residual (m,) that was taken at ``x`` (n,)."""
+    """Write the modes updated with a residual (m,) at ``x`` (n,)."""
     count, n = states.shape
     m, logs = residual.size, np.zeros(count)
     own, Kt, S = np.empty(m), np.empty((m, n)), np.empty((m, m))

@@ -1,10 +1,10 @@
-"""The filter's state vector: which number stands where, defined once.
+"""Layout of the filter's state vector.
 
-Order: target position and velocity (runway frame, m and m/s), then for each turning station its pan and
-tilt (rad), then for each its pan and tilt rates (rad/s): 6 + 4 N numbers, 14 for two stations (the
-paper's Equation 4). A fixed station has no angles to estimate and takes no place. Behind these stand, if any, two
-numbers for each station's lasting error of the target point, in its sigmas (`groundstation.estimation.motion`), and the
-errors of calibration and clocks that are carried along (`groundstation.estimation.parameters`).
+Order: target position and velocity (runway frame, m and m/s), pan and tilt of each turning station (rad), pan and
+tilt rates of each turning station (rad/s): 6 + 4 N states, 14 for two stations (the paper's Equation 4). Fixed
+stations have no angle states. They are followed by two states per station for the time-correlated error of the target
+point, in sigmas (`groundstation.estimation.motion`), and by the carried errors of calibration and clocks
+(`groundstation.estimation.parameters`), where the configuration has them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,8 +20,8 @@ class StateLayout:
     """Named slices of the state vector.
 
     ``angles`` and ``rates`` map the name of a turning station to its slice of two: pan, tilt; ``offsets`` the name of
-    any station to its slice of two: how far its target point is off, and stays off for a while. ``parameters`` maps the
-    name of a calibration or clock error to its place.
+    any station to its slice of two: the time-correlated error of its target point. ``parameters`` maps the name of a
+    calibration or clock error to its index.
     """
 
     position: slice
@@ -34,24 +34,24 @@ class StateLayout:
 
     @property
     def target(self) -> slice:
-        """Position and velocity together, six numbers."""
+        """Position and velocity, six states."""
         return slice(self.position.start, self.velocity.stop)
 
     @property
     def moving(self) -> slice:
-        """What changes by itself: target, angles, rates and offsets."""
+        """Dynamic states: target, angles, rates and offsets."""
         return slice(0, self.size - len(self.parameters))
 
     @property
     def constant(self) -> slice:
-        """The errors of calibration and clocks."""
+        """Constant states: the errors of calibration and clocks."""
         return slice(self.size - len(self.parameters), self.size)
 
 
-# a dozen for each pair of frames: not frozen, which would take making one twice as long
+# a dozen per epoch: not frozen, since frozen ones take twice as long to create
 @dataclass(slots=True, eq=False)
 class EkfState:
-    """Everything that a filter is at one instant, to go back to; not to be written to."""
+    """Snapshot of the complete filter state; read-only."""
 
     time_s: float | None
     first_s: float | None
@@ -68,7 +68,7 @@ class EkfState:
     width_s: float | None
 
 
-# the fields of `EkfState`, in their order
+# types of the fields of `EkfState`, in their order
 EkfStateFields = tuple[
     float | None,
     float | None,
@@ -89,7 +89,7 @@ EkfStateFields = tuple[
 def state_layout(
     turning_stations: Sequence[str], parameters: Sequence[str] = (), offset_stations: Sequence[str] = ()
 ) -> StateLayout:
-    """Return the layout for these turning stations, carried errors and stations with lasting errors, in this order."""
+    """Return the layout for turning stations, carried errors and stations with correlated errors, in this order."""
     n = len(turning_stations)
     first_rate, first_offset = 6 + 2 * n, 6 + 4 * n
     moving = first_offset + 2 * len(offset_stations)
