@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
-from groundstation.detection.background_motion import BackgroundChange, SceneMemory
+from groundstation.detection.background_motion import BackgroundChange, SceneModel
 from groundstation.detection.candidates import Spot, contrast_map, find_spots, gap, joined, scales
 from groundstation.detection.skyline import CELL_PX, sky_around, sky_cells
 from groundstation.geometry.camera import Lens
@@ -115,7 +115,7 @@ class CandidateFinder:
         )
         self._scale = image_size_px[0] / self._size[0]
         self._lens = lens
-        self._memory = SceneMemory(
+        self._memory = SceneModel(
             self._size,
             self._scale,
             lens,

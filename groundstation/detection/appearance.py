@@ -101,6 +101,6 @@ class Appearance:
         return Appearance(mean=mean, variance=variance, frames=self.frames + 1)
 
 
-def first_look(seen: FloatArray) -> Appearance:
+def initial_appearance(seen: FloatArray) -> Appearance:
     """Start from one frame."""
     return Appearance(mean=seen, variance=np.zeros_like(seen), frames=1)

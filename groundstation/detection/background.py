@@ -192,7 +192,7 @@ class _FramePart:
         return grey_of(self.image)
 
 
-class BackgroundMemory:
+class BackgroundModel:
     """Parts of earlier frames of one camera with the target's place in each, and their shift to the newest image."""
 
     def __init__(self) -> None:
@@ -204,9 +204,9 @@ class BackgroundMemory:
         self._age = 0
         self._edge_px = MAX_EDGE_PX
 
-    def copy(self) -> "BackgroundMemory":
+    def copy(self) -> "BackgroundModel":
         """Return the same memory, to be changed apart; the images are shared."""
-        other = BackgroundMemory()
+        other = BackgroundModel()
         other._frames, other._order = dict(self._frames), list(self._order)
         other._hidden, other._shifts, other._motion = self._hidden.copy(), self._shifts.copy(), self._motion.copy()
         other._age, other._edge_px = self._age, self._edge_px
@@ -242,7 +242,7 @@ class BackgroundMemory:
         misfit = np.full((h, w), _UNKNOWN, np.float32)
         within: Box = (0, 0, w, h)
         for k in self._order:
-            kept, hole, (sx, sy) = self._laid_under(k, corner)
+            kept, hole, (sx, sy) = self._registered_part(k, corner)
             offset = (inside[0] + sx, inside[1] + sy)
             if not _subtract_background(
                 window, kept.colour, offset, self._edge_px, within, hole, residual, edge, misfit
@@ -256,7 +256,7 @@ class BackgroundMemory:
                 within = _union(near, ends, size)
         return Difference(residual=residual, edge=edge, known=_clear_unknown(misfit, residual, edge))
 
-    def _laid_under(self, k: int, corner: tuple[int, int]) -> tuple[_FramePart, Box, tuple[float, float]]:
+    def _registered_part(self, k: int, corner: tuple[int, int]) -> tuple[_FramePart, Box, tuple[float, float]]:
         """Return a kept part, what the target hides of it, and the shift to it from a part at ``corner``."""
         kept, hidden = self._frames[k], self._hidden[k]
         (x, y), shift = kept.corner, self._shifts[k]
@@ -273,7 +273,7 @@ class BackgroundMemory:
         if rows.shape[0] < MIN_TEXTURED:
             return False
         newest = self._order[0]
-        kept, hidden, shift = self._laid_under(newest, corner)
+        kept, hidden, shift = self._registered_part(newest, corner)
         kept.own()
         reference = kept.grey
         start = (shift[0] + float(self._motion[0]), shift[1] + float(self._motion[1]))

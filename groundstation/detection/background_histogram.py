@@ -97,7 +97,7 @@ def _discount(bins: Bins, share: Float32Array, contrast: Float32Array) -> None:
 
 
 @njit(cache=True, nogil=True)
-def discount_common_colours(
+def suppress_background_colours(
     residual: Float32Array, sigmas: FloatArray, keep_out: tuple[int, int, int, int], contrast: Float32Array
 ) -> None:
     """Scale ``contrast`` (h, w) down in place where the residual's colour is common outside the box.

@@ -51,7 +51,7 @@ class BackgroundChange:
     age_s: float
 
 
-class SceneMemory:
+class SceneModel:
     """Some seconds of one camera's frames, each with its place under the newest one.
 
     Parameters

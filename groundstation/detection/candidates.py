@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.bilinear import places_between, widened
-from groundstation.detection.connected import connected_runs
+from groundstation.detection.connected_components import connected_runs
 
 Float32Array = NDArray[np.float32]
 

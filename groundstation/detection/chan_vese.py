@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from groundstation.detection.contour_evolution import collect, collect_forgotten, evolve_contour, means_of
+from groundstation.detection.contour_evolution import collect, collect_unvisited, evolve_contour, means_of
 from groundstation.detection.narrow_band import AT_REST, PHI_LIMIT, limited_step, wake
 
 _FLAT_ORACLE = 1e-12  # added to |∇φ|² so that a flat φ can still move: next to nothing
@@ -184,7 +184,7 @@ def evolve(
         if quiet >= stop_after or count == 0:
             n, inside, visits = evolve_contour(u, phi, four, (n, inside, total), rows, (queue, after, waiting, seen))
             drive = means_of(n, inside, total, h * w, four)
-            count = collect_forgotten(u, phi, drive, (mu, eps_f, dt_f), rows, seen, queue)
+            count = collect_unvisited(u, phi, drive, (mu, eps_f, dt_f), rows, seen, queue)
             if count <= stop_fraction * n:
                 return iteration
             quiet, left = 0, left - visits

@@ -232,7 +232,7 @@ def settle_driven(drive: NDArray[np.float32], phi: NDArray[np.float32], mu: floa
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _on_their_way(u: NDArray[np.float32], phi: NDArray[np.float32], i: int, drive: Drive, mu: np.float32) -> int:
+def _count_unsettled(u: NDArray[np.float32], phi: NDArray[np.float32], i: int, drive: Drive, mu: np.float32) -> int:
     """Return how many pixels of row i are pushed away from their side, or hardly held and not at a limit."""
     bend, slope, level = drive
     most, limit = np.float32(4) * mu, np.float32(PHI_LIMIT)
@@ -263,7 +263,7 @@ def collect(
     flags = np.zeros((w + 7) // 8 * 8, np.bool_)
     for i in range(h):
         at_contour = crossed(rows, i, w)
-        if not at_contour and _on_their_way(u, phi, i, drive, mu) == 0:
+        if not at_contour and _count_unsettled(u, phi, i, drive, mu) == 0:
             continue
         if at_contour:
             contour_flags(phi, i, flags)
@@ -277,7 +277,7 @@ def collect(
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def collect_forgotten(
+def collect_unvisited(
     u: NDArray[np.float32],
     phi: NDArray[np.float32],
     drive: Drive,

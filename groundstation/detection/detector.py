@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
 from groundstation.detection import registration
-from groundstation.detection.appearance import first_look
-from groundstation.detection.background import BackgroundMemory, Difference
-from groundstation.detection.choice import Memory, choose, features_of
+from groundstation.detection.appearance import initial_appearance
+from groundstation.detection.background import BackgroundModel, Difference
 from groundstation.detection.config import DetectionConfig, TargetPoint
-from groundstation.detection.look import DetectionHint, WorkingImage, expectation, start_look
 from groundstation.detection.preprocess import Prepared, prepare
 from groundstation.detection.regions import Group, Regions, find_regions, soft_silhouette
 from groundstation.detection.segmentation import make_segmenter
 from groundstation.detection.start_contour import PreviousSilhouette, start_contour
 from groundstation.detection.target_point import find_nose
+from groundstation.detection.target_selection import TargetMemory, features_of, select_target
+from groundstation.detection.working_image import DetectionHint, WorkingImage, crop_working_image, expectation
 from groundstation.messages import Detection, Miss, MissReason, Roi
 from groundstation.picture import Picture, as_picture
 
@@ -42,9 +42,9 @@ class Detector:
     def __init__(self, config: DetectionConfig, image_size_px: tuple[int, int]) -> None:
         self._config = config
         self._image_size_px = image_size_px
-        self._memory: Memory | None = None
+        self._memory: TargetMemory | None = None
         self._last: PreviousSilhouette | None = None
-        self._background = BackgroundMemory()
+        self._background = BackgroundModel()
         self.segment = make_segmenter(config)
 
     def reset(self) -> None:
@@ -65,35 +65,35 @@ class Detector:
         """Look for the target inside ``roi`` of a picture, or a full image (h, w, 3) BGR; neither may change later."""
         picture = as_picture(image)
         limits = (self._config.min_span_px, self._config.max_working_span_px)
-        look = start_look(picture, roi, hint, self._expected_size(hint), limits)
-        expected = expectation(look)
+        working = crop_working_image(picture, roi, hint, self._expected_size(hint), limits)
+        expected = expectation(working)
         box = expected.box
         if box[2] - box[0] < 2 or box[3] - box[1] < 2:
             return Miss(reason=MissReason.OUT_OF_VIEW, detail="the prediction lies outside the region of interest")
-        difference = self._learnt_difference(picture, look, box)
-        prepared = prepare(look.image, expected, difference, self._config)
+        difference = self._learnt_difference(picture, working, box)
+        prepared = prepare(working.image, expected, difference, self._config)
         if prepared.level < self._config.min_contrast_to_noise:
             detail = f"nothing above {prepared.level:.1f} sigma near the prediction"
             return self._missed(Miss(reason=MissReason.LOW_CONTRAST, detail=detail))
-        start = start_contour(look, self._last)
-        regions, choice = self._divide(prepared, start, look)
+        start = start_contour(working, self._last)
+        regions, choice = self._divide(prepared, start, working)
         if isinstance(choice, Miss) and choice.reason is MissReason.WRONG_SIZE:
             # half of the strongest part's contrast may be more than a pale wing has
             prepared = prepared.fainter(_FAINTER)
-            regions, choice = self._divide(prepared, start, look)
+            regions, choice = self._divide(prepared, start, working)
         if isinstance(choice, Miss):
             return self._missed(choice)
-        detection = self._describe(choice, regions, prepared, look)
+        detection = self._describe(choice, regions, prepared, working)
         if isinstance(detection, Miss):
             return self._missed(detection)
         if not detection.cut:
-            self._learn(picture, roi, detection, choice.mass * look.scale**2, features_of(choice, regions, look))
+            self._learn(picture, roi, detection, choice.mass * working.scale**2, features_of(choice, regions, working))
         return detection
 
-    def _divide(self, prepared: Prepared, start: MaskArray, look: WorkingImage) -> tuple[Regions, Group | Miss]:
+    def _divide(self, prepared: Prepared, start: MaskArray, working: WorkingImage) -> tuple[Regions, Group | Miss]:
         """Run the level set and return its regions and the one that is the target, or why none is."""
         regions = find_regions(self.segment(prepared.u, start), prepared.contrast)
-        return regions, choose(regions, look, self._memory, self._config)
+        return regions, select_target(regions, working, self._memory, self._config)
 
     def _missed(self, miss: Miss) -> Miss:
         """Count a miss; after several, the background may hold what it should not."""
@@ -108,28 +108,28 @@ class Detector:
 
     def _learn(self, picture: Picture, roi: Roi, detection: Detection, mass: float, seen: FloatArray) -> None:
         """Take over what a detection shows of the target's size, mass and looks, and of its background."""
-        width, appearance = max(detection.box[2], 1.0), first_look(seen)
+        width, appearance = max(detection.box[2], 1.0), initial_appearance(seen)
         if self._memory is not None:
             old = self._memory.span_px
             width = old * math.exp(_MEMORY_RATE * math.log(width / old))
             before = self._memory.mass_at(width)
             mass = before * math.exp(_MEMORY_RATE * math.log(mass / before))
             appearance = self._memory.appearance.learn(seen, self._config.appearance_rate)
-        self._memory = Memory(span_px=width, mass=mass, appearance=appearance)
+        self._memory = TargetMemory(span_px=width, mass=mass, appearance=appearance)
         sure = detection.contrast_to_noise >= _TRUSTED_CONTRAST
         if sure and self._config.learn_background:
             around = (roi.x, roi.y, roi.x + roi.w, roi.y + roi.h)
             self._background.remember(picture, around, _place_of(detection), detection.box[2])
 
     def _learnt_difference(
-        self, picture: Picture, look: WorkingImage, box: tuple[int, int, int, int]
+        self, picture: Picture, working: WorkingImage, box: tuple[int, int, int, int]
     ) -> Difference | None:
         """Return the image less the learnt background; large targets, seen reduced, go without."""
-        if look.scale > 1 or not self._config.learn_background:
+        if working.scale > 1 or not self._config.learn_background:
             return None
-        x, y = look.roi.x, look.roi.y
+        x, y = working.roi.x, working.roi.y
         target = (box[0] + x, box[1] + y, box[2] + x, box[3] + y)
-        return self._background.subtract(picture, (x, y), (look.roi.w, look.roi.h), target)
+        return self._background.subtract(picture, (x, y), (working.roi.w, working.roi.h), target)
 
     def _expected_size(self, hint: DetectionHint) -> tuple[float | None, float]:
         """Return the span to expect in px and the sigma of its logarithm: the better of hint and memory."""
@@ -146,7 +146,7 @@ class Detector:
         group: Group,
         regions: Regions,
         prepared: Prepared,
-        look: WorkingImage,
+        working: WorkingImage,
     ) -> Detection | Miss:
         """Measure the chosen group: target point, covariance, outline."""
         h, w = prepared.u.shape
@@ -156,41 +156,41 @@ class Detector:
         member, soft = soft_silhouette(regions.labels, group.members, (x0, y0, x1, y1), prepared.u)
         corner = np.array([x0, y0], np.float64)
         width = float(group.width)
-        forward = None if look.forward is None else look.forward * width
-        up = None if look.up is None else look.up * width
-        expected = None if look.span is None else (look.span, look.span_sigma)
-        nose = find_nose(soft, width, group.contrast, forward, up, expected, look.height_per_span, look.scale)
+        forward = None if working.forward is None else working.forward * width
+        up = None if working.up is None else working.up * width
+        expected = None if working.span is None else (working.span, working.span_sigma)
+        nose = find_nose(soft, width, group.contrast, forward, up, expected, working.height_per_span, working.scale)
         # five places in one array: to map one costs as much as to map them all
         upper_left = (group.box[0] - 0.5, group.box[1] - 0.5)
-        places = np.array((nose.point + corner, corner, group.centre, look.predicted, upper_left))
-        point, origin, centroid, predicted, (left, top) = look.full(places)
-        covariance = nose.covariance * look.scale**2
+        places = np.array((nose.point + corner, corner, group.centre, working.predicted, upper_left))
+        point, origin, centroid, predicted, (left, top) = working.full(places)
+        covariance = nose.covariance * working.scale**2
         if self._config.target_point is TargetPoint.CENTROID:
             point = centroid
-        cut = look.cuts(group.box)
+        cut = working.cuts(group.box)
         if cut:
-            if look.border_distance(point) < 0.1 * width * look.scale or look.half_wing_gone(group.box):
+            if working.border_distance(point) < 0.1 * width * working.scale or working.half_wing_gone(group.box):
                 return Miss(reason=MissReason.CUT, detail="the image border cuts the nose off")
-            covariance = covariance + look.cut_covariance(group.box)
+            covariance = covariance + working.cut_covariance(group.box)
         doubt = math.sqrt(float(covariance[0, 0] + covariance[1, 1]))
-        if doubt > _MOST_DOUBT_PER_SPAN * width * look.scale + _MOST_DOUBT_PX:
+        if doubt > _MOST_DOUBT_PER_SPAN * width * working.scale + _MOST_DOUBT_PX:
             return Miss(reason=MissReason.NO_REGION, detail=f"the target point is uncertain by {doubt:.0f} px")
         # a bird over the aircraft makes one silhouette with it, in about the right place, but not its nose
-        spread = covariance + look.covariance * look.scale**2
+        spread = covariance + working.covariance * working.scale**2
         if _squared_sigmas(point - predicted, spread) > self._config.gate_sigmas**2:
             return Miss(reason=MissReason.NO_REGION, detail="the target point is too far from the prediction")
-        size = look.scale
-        working = (point - origin) / size
-        self._last = PreviousSilhouette(mask=member, point=working, width=width, scale=float(size))
+        size = working.scale
+        point_in_mask = (point - origin) / size
+        self._last = PreviousSilhouette(mask=member, point=point_in_mask, width=width, scale=float(size))
         return Detection(
             u_px=float(point[0]),
             v_px=float(point[1]),
             covariance_px2=covariance,
-            noise_px2=nose.noise * look.scale**2,
+            noise_px2=nose.noise * working.scale**2,
             centroid_px=centroid,
             box=(float(left), float(top), float(group.width * size), float(group.height * size)),
             area_px=group.area * size**2,
-            contour_px=_outline(member, look.scale, origin),
+            contour_px=_outline(member, working.scale, origin),
             contrast_to_noise=group.contrast,
             channel=prepared.channel.value,
             cut=cut,

@@ -51,10 +51,10 @@ class LocalSearch:
         x, y, w, h = box
         middle = np.array([x + 0.5 * w, y + 0.5 * h])
 
-        def worth(sight: Blob) -> float:
-            off = (sight.centre_px - middle) / (_CENTRED * np.array([w, h]))
+        def worth(blob: Blob) -> float:
+            off = (blob.centre_px - middle) / (_CENTRED * np.array([w, h]))
             # of several the larger, unless it is much fainter: a part of an aircraft is no aircraft
-            return sight.score * math.sqrt(sight.size_px) * math.exp(-0.5 * float(off @ off))
+            return blob.score * math.sqrt(blob.size_px) * math.exp(-0.5 * float(off @ off))
 
         found = [s for s in self.around(image, middle, max(w, h)) if _within(s.box, box)]
         return max(found, key=worth, default=None)
@@ -89,11 +89,11 @@ def _moved(c: Candidate, x0: int, y0: int) -> Blob:
     return Blob(centre_px=np.array([c.u_px + x0, c.v_px + y0]), box=(x + x0, y + y0, w, h), score=c.score)
 
 
-def best_sight(similar: list[Blob], place: FloatArray, reach_px: float, all_of_them: list[Blob]) -> Blob | None:
-    """Return the sight that is most likely the target: one near the place (2,), or one that nothing else equals."""
+def best_blob(similar: list[Blob], place: FloatArray, reach_px: float, all_of_them: list[Blob]) -> Blob | None:
+    """Return the blob that is most likely the target: one near the place (2,), or one that nothing else equals."""
 
-    def off(sight: Blob) -> float:
-        return float(np.hypot(*(sight.centre_px - place))) / reach_px
+    def off(blob: Blob) -> float:
+        return float(np.hypot(*(blob.centre_px - place))) / reach_px
 
     near = [s for s in similar if off(s) <= 1.0]
     if near:

@@ -12,7 +12,7 @@ _U_PX_SIGMAS, _V_PX_SIGMAS = 2.2, 4.5
 _READ_SHARE = 0.08  # of the attitude's part, where the outline tells the attitude
 
 
-def new_in_each_frame(steady: float, attitude: FloatArray, contrast: float, legible: float) -> FloatArray:
+def uncorrelated_covariance(steady: float, attitude: FloatArray, contrast: float, legible: float) -> FloatArray:
     """Return the noise (2, 2), px² of u and v, in a covariance of ``steady`` · 1 + ``attitude`` + more.
 
     The picture's own part is of the picture's columns and rows: it is not turned with the aircraft's bank.

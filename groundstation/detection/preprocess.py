@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.background import Difference
-from groundstation.detection.background_histogram import discount_common_colours
+from groundstation.detection.background_histogram import suppress_background_colours
 from groundstation.detection.config import Channel, DetectionConfig
 from groundstation.detection.flatten import flatten
 from groundstation.detection.registration import Box
@@ -272,7 +272,7 @@ def _colour_levels(
     """Write the contrast (h, w) of a residual (3, h, w), less where its colour is common, and return its levels."""
     inverse, sigmas = _with_noise(_clutter_moments(residual, box, _COLOUR_CLIP, None))
     _distance(residual, inverse, contrast)
-    discount_common_colours(residual, sigmas, box, contrast)
+    suppress_background_colours(residual, sigmas, box, contrast)
     return _levels(contrast, box, columns, rows, area_px)
 
 

@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
-from groundstation.detection.connected import LabelArray, connected_runs
+from groundstation.detection.connected_components import LabelArray, connected_runs
 
 _MAX_REGIONS = 400
 _MAX_SEEDS = 8

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.detection.look import UNKNOWN_SPAN_PX, WorkingImage
+from groundstation.detection.working_image import UNKNOWN_SPAN_PX, WorkingImage
 
 _HEIGHT_PER_SPAN = 0.5
 _MOST_GROWTH = 1.5
@@ -68,21 +68,21 @@ def _moved(
     return inside
 
 
-def start_contour(look: WorkingImage, last: PreviousSilhouette | None) -> MaskArray:
+def start_contour(working: WorkingImage, last: PreviousSilhouette | None) -> MaskArray:
     """Return what the start contour encloses, (h, w) of the working image.
 
     The last silhouette is scaled to the expected span and widened by the prediction's sigma, so that it holds the
     target wherever it is likely.
     """
-    shape = look.image.shape[0], look.image.shape[1]
+    shape = working.image.shape[0], working.image.shape[1]
     if last is None:
-        half = 0.5 * (look.span if look.span is not None else UNKNOWN_SPAN_PX)
-        return _ellipse(shape, look.predicted, (half, _HEIGHT_PER_SPAN * half))
-    growth = last.scale / look.scale
-    if look.span is not None:
-        growth *= min(max(look.span / (last.width * growth), 1.0 / _MOST_GROWTH), _MOST_GROWTH)
-    sigma = math.sqrt(max(float(look.covariance[0, 0]), float(look.covariance[1, 1]))) / growth
+        half = 0.5 * (working.span if working.span is not None else UNKNOWN_SPAN_PX)
+        return _ellipse(shape, working.predicted, (half, _HEIGHT_PER_SPAN * half))
+    growth = last.scale / working.scale
+    if working.span is not None:
+        growth *= min(max(working.span / (last.width * growth), 1.0 / _MOST_GROWTH), _MOST_GROWTH)
+    sigma = math.sqrt(max(float(working.covariance[0, 0]), float(working.covariance[1, 1]))) / growth
     margin = min(math.ceil(sigma), math.ceil(last.width))
     mask = cv2.copyMakeBorder(last.mask, margin, margin, margin, margin, cv2.BORDER_CONSTANT)
     mask = cv2.dilate(mask, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8))
-    return _moved(shape, np.asarray(mask, np.uint8), last.point + margin, look.predicted, growth)
+    return _moved(shape, np.asarray(mask, np.uint8), last.point + margin, working.predicted, growth)

@@ -14,10 +14,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
+from groundstation.detection.disc_response import disc_maximum
 from groundstation.detection.fuselage import locate_nose, trace
-from groundstation.detection.point_noise import new_in_each_frame
-from groundstation.detection.thickest import thickest_place
-from groundstation.detection.wing import extent, level_frame
+from groundstation.detection.point_noise import uncorrelated_covariance
+from groundstation.detection.wing_line import extent, level_frame
 
 _RADIUS_PER_SPAN = 0.07
 _CORE_PER_SPAN = 0.025  # half width of the fuselage's core
@@ -78,13 +78,13 @@ def find_nose(
     height_per_span : of the nose above the runway, in spans, or None.
     scale : how many of the camera's px one px here is; all lengths above are in px here.
     """
-    thickest = thickest_place(membership, max(_RADIUS_PER_SPAN * span, 1.2))
+    thickest = disc_maximum(membership, max(_RADIUS_PER_SPAN * span, 1.2))
     noise = (0.15 + _NOISE_PX_SIGMAS / max(contrast, 1.0)) ** 2
     covariance = (noise + (_SHAPE_PER_SPAN * span) ** 2) * np.eye(2)
     if forward_per_span is None:
         # the nose may lie anywhere within the lead of an aircraft seen some 15° off its axis
         unknown = (_UNKNOWN_HEADING * _LEAD_PER_SPAN * span) ** 2 * np.eye(2)
-        new = new_in_each_frame(noise, unknown, contrast, 0.0)
+        new = uncorrelated_covariance(noise, unknown, contrast, 0.0)
         return NosePoint(point=thickest, covariance=covariance + unknown, noise=new)
     airborne = _airborne(height_per_span)
     forward = forward_per_span
@@ -97,7 +97,7 @@ def find_nose(
         lead_error = _LEAD_SIGMA_PER_SPAN * forward
         attitude = np.outer(lead_error, lead_error) + _LEAD_PER_SPAN**2 * forward_covariance
         point = thickest + _lead(membership, thickest, forward, span) * forward
-    new = new_in_each_frame(noise, attitude, contrast, _legible(scale * span))
+    new = uncorrelated_covariance(noise, attitude, contrast, _legible(scale * span))
     return NosePoint(point=point, covariance=covariance + attitude, noise=new)
 
 

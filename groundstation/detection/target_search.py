@@ -14,7 +14,7 @@ _GATE_PX, _GATE_SIZES = 14.0, 0.7  # how far a candidate may be from where its f
 _SIZE_RATIO = 2.5
 _VELOCITY_GAIN = 0.4
 _FORGET_AFTER = 3  # frames without a candidate
-_MAX_HOPEFULS = 12
+_MAX_TENTATIVE = 12
 _MOVING_WEIGHT = 1.3
 _KNOWN_WEIGHT, _KNOWN_RATIO = 2.0, 2.0
 _LEAST_SIZE_PX = 4.0
@@ -48,7 +48,7 @@ class ConfirmationConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class ConfirmedTarget:
     """A confirmed target: its candidate in the newest frame, and its velocity (u, v) in px/s."""
 
     candidate: Candidate
@@ -56,7 +56,7 @@ class Found:
 
 
 @dataclass(slots=True, kw_only=True)
-class _Hopeful:
+class _TentativeTarget:
     """Something seen in several frames."""
 
     newest: Candidate
@@ -95,21 +95,21 @@ class TargetSearch:
     ) -> None:
         self._config = config
         self._finder = CandidateFinder(acquisition, image_size_px)
-        self._hopefuls: list[_Hopeful] = []
+        self._tentative_targets: list[_TentativeTarget] = []
         self._newest_s: float | None = None
 
     @property
     def promising(self) -> bool:
         """Whether something has been seen more than once."""
-        return any(h.seen >= 2 for h in self._hopefuls)
+        return any(h.seen >= 2 for h in self._tentative_targets)
 
     def reset(self) -> None:
         """Forget all that has been seen."""
         self._finder.reset()
-        self._hopefuls.clear()
+        self._tentative_targets.clear()
         self._newest_s = None
 
-    def look(self, image: ImageArray, t_s: float, known_size_px: float | None = None) -> Found | None:
+    def search(self, image: ImageArray, t_s: float, known_size_px: float | None = None) -> ConfirmedTarget | None:
         """Look at one frame, (h, w, 3) BGR; return the target once it is sure.
 
         ``known_size_px`` is the longer side of a target that was lost: what has that size counts more.
@@ -123,27 +123,29 @@ class TargetSearch:
 
     def drop(self, box: tuple[float, float, float, float]) -> None:
         """Forget what lies at ``box``: it has turned out not to be a target."""
-        self._hopefuls = [h for h in self._hopefuls if not overlaps(h.newest.box, box)]
+        self._tentative_targets = [h for h in self._tentative_targets if not overlaps(h.newest.box, box)]
 
     def _follow(self, candidates: list[Candidate], t_s: float, known_size_px: float | None) -> None:
         """Join candidates to what was seen before; what is left begins anew."""
         rest = list(candidates)
-        for hopeful in sorted(self._hopefuls, key=lambda h: (-h.seen, -h.weight())):
-            hopeful.frames += 1
-            best = _nearest(hopeful, rest, t_s)
+        for tentative in sorted(self._tentative_targets, key=lambda h: (-h.seen, -h.weight())):
+            tentative.frames += 1
+            best = _nearest(tentative, rest, t_s)
             if best is None:
-                hopeful.missed += 1
+                tentative.missed += 1
                 continue
             rest.remove(best)
-            _advance(hopeful, best, t_s, _worth(best, known_size_px))
-        self._hopefuls = [h for h in self._hopefuls if h.missed <= _FORGET_AFTER]
-        for c in rest[: max(0, _MAX_HOPEFULS - len(self._hopefuls))]:
-            self._hopefuls.append(_Hopeful(newest=c, first_s=t_s, newest_s=t_s, scores=[_worth(c, known_size_px)]))
+            _advance(tentative, best, t_s, _worth(best, known_size_px))
+        self._tentative_targets = [h for h in self._tentative_targets if h.missed <= _FORGET_AFTER]
+        for c in rest[: max(0, _MAX_TENTATIVE - len(self._tentative_targets))]:
+            self._tentative_targets.append(
+                _TentativeTarget(newest=c, first_s=t_s, newest_s=t_s, scores=[_worth(c, known_size_px)])
+            )
 
-    def _decide(self, t_s: float) -> Found | None:
+    def _decide(self, t_s: float) -> ConfirmedTarget | None:
         """Return the best one if it is sure and no other comes near it."""
         c = self._config
-        ranked = sorted(self._hopefuls, key=lambda h: -h.weight() * min(h.seen, c.frames))
+        ranked = sorted(self._tentative_targets, key=lambda h: -h.weight() * min(h.seen, c.frames))
         if not ranked:
             return None
         best = ranked[0]
@@ -156,7 +158,7 @@ class TargetSearch:
         lead = best.weight() / max((h.weight() for h in rivals), default=1e-9)
         if lead < c.clear_lead and t_s - best.first_s < c.undecided_s:
             return None
-        return Found(candidate=best.newest, velocity_px_s=best.velocity_px_s)
+        return ConfirmedTarget(candidate=best.newest, velocity_px_s=best.velocity_px_s)
 
 
 def _worth(c: Candidate, known_size_px: float | None) -> float:
@@ -167,11 +169,11 @@ def _worth(c: Candidate, known_size_px: float | None) -> float:
     return weight * min(c.score, _ENOUGH)
 
 
-def _nearest(hopeful: _Hopeful, candidates: list[Candidate], t_s: float) -> Candidate | None:
-    """Return the candidate that goes on with ``hopeful`` best."""
-    u, v = hopeful.place(t_s)
-    old = max(size_of(hopeful.newest.box), 3.0)
-    reach = (_GATE_PX + _GATE_SIZES * old) * (1 + hopeful.missed)
+def _nearest(tentative: _TentativeTarget, candidates: list[Candidate], t_s: float) -> Candidate | None:
+    """Return the candidate that goes on with ``tentative`` best."""
+    u, v = tentative.place(t_s)
+    old = max(size_of(tentative.newest.box), 3.0)
+    reach = (_GATE_PX + _GATE_SIZES * old) * (1 + tentative.missed)
     best, least = None, math.inf
     for c in candidates:
         ratio = max(size_of(c.box), 3.0) / old
@@ -183,14 +185,14 @@ def _nearest(hopeful: _Hopeful, candidates: list[Candidate], t_s: float) -> Cand
     return best
 
 
-def _advance(hopeful: _Hopeful, c: Candidate, t_s: float, worth: float) -> None:
-    """Take a candidate as the newest sight of ``hopeful``."""
-    dt = t_s - hopeful.newest_s
-    u, v = hopeful.place(t_s)
-    gain = 1.0 if hopeful.seen == 1 else _VELOCITY_GAIN
-    du, dv = hopeful.velocity_px_s
-    hopeful.velocity_px_s = (du + gain * (c.u_px - u) / dt, dv + gain * (c.v_px - v) / dt)
-    hopeful.newest, hopeful.newest_s = c, t_s
-    hopeful.seen += 1
-    hopeful.missed = 0
-    hopeful.scores.append(worth)
+def _advance(tentative: _TentativeTarget, c: Candidate, t_s: float, worth: float) -> None:
+    """Take a candidate as the newest sight of ``tentative``."""
+    dt = t_s - tentative.newest_s
+    u, v = tentative.place(t_s)
+    gain = 1.0 if tentative.seen == 1 else _VELOCITY_GAIN
+    du, dv = tentative.velocity_px_s
+    tentative.velocity_px_s = (du + gain * (c.u_px - u) / dt, dv + gain * (c.v_px - v) / dt)
+    tentative.newest, tentative.newest_s = c, t_s
+    tentative.seen += 1
+    tentative.missed = 0
+    tentative.scores.append(worth)

@@ -50,14 +50,14 @@ class StationEkf(FilterCore):
 
         The state is restored exactly at the end and nothing is recorded. An earlier time has no effect.
         """
-        kept = self._bank, self.time_s
+        kept = self._imm, self.time_s
         try:
             if self.time_s is not None and t_s > self.time_s:
-                self._bank = self._bank.copy()
+                self._imm = self._imm.copy()
                 FilterCore._propagate(self, self.time_s, t_s)
             yield
         finally:
-            self._bank, self.time_s = kept
+            self._imm, self.time_s = kept
 
     def update_encoder(
         self, station: str, angles_rad: tuple[float, float], sigma_rad: float, clock_sigma_s: float, ahead_s: float
@@ -78,9 +78,9 @@ class StationEkf(FilterCore):
             # includes this reading, before it is used to estimate the clock errors
             square = model.squares(self.state, self.covariance, angles_rad, ahead_s, *noise)
             self._watch = self._watch.read(station, square / 2.0)
-        read = model.fuse(self._bank, angles_rad, ahead_s, *noise, self._config.encoder_gate_sigma, self._estimated())
+        read = model.fuse(self._imm, angles_rad, ahead_s, *noise, self._config.encoder_gate_sigma, self._estimated())
         if not read.accepted:
-            self._bank.doubt(self.layout.angles[station], read.residual**2)
+            self._imm.inflate(self.layout.angles[station], read.residual**2)
         return read
 
     def set_angles(
@@ -92,8 +92,8 @@ class StationEkf(FilterCore):
         rate_sigma_rad_s: float = INITIAL_RATE_SIGMA_RAD_S,
     ) -> None:
         """Reset the states of one PTU from readings, without correlation to the previous ones."""
-        self._bank.place(self.layout.angles[station], np.array(angles_rad), np.eye(2) * sigma_rad**2)
-        self._bank.place(self.layout.rates[station], np.array(rates_rad_s), np.eye(2) * rate_sigma_rad_s**2)
+        self._imm.set_states(self.layout.angles[station], np.array(angles_rad), np.eye(2) * sigma_rad**2)
+        self._imm.set_states(self.layout.rates[station], np.array(rates_rad_s), np.eye(2) * rate_sigma_rad_s**2)
         self._read |= {station}
 
     def update_pixel(
@@ -152,7 +152,7 @@ class StationEkf(FilterCore):
                 R = R + self._linearisation.speed_noise(station, H, P, self._age_s())
                 if self._learns_clocks:
                     R += self._linearisation.passage_noise(station, H, (x, P), self._age_s(), self._motions[0])
-            self._bank.correct(moved, H, R, self._estimated(), telling=True, share=gain_share)
+            self._imm.correct(moved, H, R, self._estimated(), updates_weights=True, share=gain_share)
             self._note_contribution(station)
         if self._provisional is not None:
             self._judge_provisional(self._provisional.after(accepted=accepted))
@@ -187,8 +187,8 @@ class StationEkf(FilterCore):
         placed = self._second_view.place((held, seen), rays[0].origin_runway_m, meeting[0], (x, P), age_s)
         if placed is None or placed.square > self._width_gate:
             return None
-        self._bank.place(self.layout.target, placed.target, placed.covariance)
-        self._bank.share(self.layout.target, self.layout.constant, placed.sensitivity)
+        self._imm.set_states(self.layout.target, placed.target, placed.covariance)
+        self._imm.correlate(self.layout.target, self.layout.constant, placed.sensitivity)
         R = placed.residual_covariance
         return Innovation(residual=placed.residual, covariance=R, nis=placed.square, dof=1, accepted=True)
 
@@ -223,7 +223,7 @@ class StationEkf(FilterCore):
         if accepted:
             self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
             self._provisional = None
-            self._bank.correct(residual, expected.jacobian, R, self._estimated(), telling=True)
+            self._imm.correct(residual, expected.jacobian, R, self._estimated(), updates_weights=True)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=3, accepted=accepted)
 
     def _replaces(self, nis: float, *, may_replace: bool) -> bool:
@@ -259,7 +259,7 @@ class StationEkf(FilterCore):
     def _reopen_reference_clock(self) -> None:
         """Inflate the error of the reference clock by the prior variance of an unknown clock."""
         place = self.layout.parameters[REFERENCE_CLOCK]
-        self._bank.doubt(slice(place, place + 1), np.array([self._config.reference_clock_sigma_s**2]))
+        self._imm.inflate(slice(place, place + 1), np.array([self._config.reference_clock_sigma_s**2]))
 
     def _rig_is_open(self) -> bool:
         """Return whether the uncertainty of some mount or boresight is still close to that of the rig file."""
@@ -285,8 +285,8 @@ class StationEkf(FilterCore):
         around += self._motions[0].process_noise(math.hypot(away, doubt))[here, here]
         place = np.concatenate([self.state[here] + residual, velocity])
         # the position is propagated with the velocity, so that their errors are correlated
-        self._bank.place(self.layout.target, place, np.block([[around, -away * spread], [-away * spread, spread]]))
-        self._bank.share(self.layout.position, self.layout.constant, -expected.jacobian[:, self.layout.constant])
+        self._imm.set_states(self.layout.target, place, np.block([[around, -away * spread], [-away * spread, spread]]))
+        self._imm.correlate(self.layout.position, self.layout.constant, -expected.jacobian[:, self.layout.constant])
         self._newest_reference_s = self.time_s if self.time_s is not None else -math.inf
         self._references_refused, self._reference_contradicted = 0, False
         self._provisional = None
@@ -310,7 +310,7 @@ class StationEkf(FilterCore):
         accepted = nis <= self._width_gate
         if accepted:
             estimated = self._estimated() if alone else self._span_only
-            self._bank.correct(residual, expected.jacobian, R, estimated, telling=False)
+            self._imm.correct(residual, expected.jacobian, R, estimated, updates_weights=False)
         return Innovation(residual=residual, covariance=S, nis=nis, dof=1, accepted=accepted)
 
     def _inflate_span(self, width_px: float) -> None:
@@ -319,7 +319,7 @@ class StationEkf(FilterCore):
             return
         if self._width_s is not None and self.time_s > self._width_s:
             grown = lasting_variance(width_px, self.time_s - self._width_s)
-            self._bank.doubt(slice(self._span, self._span + 1), np.array([grown]))
+            self._imm.inflate(slice(self._span, self._span + 1), np.array([grown]))
         self._width_s = self.time_s
 
     def update_miss(self, station: str, detection_probability: float) -> None:
@@ -336,4 +336,4 @@ class StationEkf(FilterCore):
         inside = probability_in_view(prediction.pixel, S, size)
         if _HARDLY < inside < 1.0 - _HARDLY:
             mean, covariance = moments_after_miss(prediction.pixel, S, size, detection_probability)
-            self._bank.reshape(prediction.jacobian, mean - prediction.pixel, covariance, self._estimated())
+            self._imm.replace_moments(prediction.jacobian, mean - prediction.pixel, covariance, self._estimated())

@@ -66,8 +66,8 @@ class FilterCore:
             MotionModel(self.layout, psd, noise, prior.walk_psd, config.detection_lasting_s) for psd in psds
         ]
         self._psds = np.array([motion.psd for motion in self._motions])
-        self._bank = ImmFilter(self.layout.size, (config.steady_s, config.manoeuvre_s)[: len(psds)])
-        self._bank.place(self.layout.constant, np.zeros(len(prior.names)), prior.covariance)
+        self._imm = ImmFilter(self.layout.size, (config.steady_s, config.manoeuvre_s)[: len(psds)])
+        self._imm.set_states(self.layout.constant, np.zeros(len(prior.names)), prior.covariance)
         self._gate = float(chi2.ppf(config.gate_probability, 2))
         self._reference_gate = float(chi2.ppf(config.gate_probability, 3))
         self._pixels = {name: PixelModel(self.layout, geometry) for name, geometry in stations.items()}
@@ -111,17 +111,17 @@ class FilterCore:
     @property
     def state(self) -> FloatArray:
         """The state vector (n,), in the order of the layout; read-only."""
-        return self._bank.x
+        return self._imm.x
 
     @property
     def covariance(self) -> FloatArray:
         """The state covariance (n, n); read-only."""
-        return self._bank.P
+        return self._imm.P
 
     @property
     def manoeuvring(self) -> float:
         """Probability of the manoeuvre mode, 0 … 1; 0 with a single mode."""
-        return float(self._bank.weights[1]) if len(self._motions) > 1 else 0.0
+        return float(self._imm.weights[1]) if len(self._motions) > 1 else 0.0
 
     @property
     def learns(self) -> bool:
@@ -169,7 +169,7 @@ class FilterCore:
             self.time_s,
             self._first_s,
             self.has_target,
-            self._bank.snapshot(),
+            self._imm.snapshot(),
             self._read,
             self._newest_reference_s,
             self._references_refused,
@@ -184,7 +184,7 @@ class FilterCore:
     def restore(self, saved: EkfState) -> None:
         """Restore a `snapshot`."""
         self.time_s, self._first_s, self.has_target = saved.time_s, saved.first_s, saved.has_target
-        self._bank.restore(saved.bank)
+        self._imm.restore(saved.imm)
         self._read, self._newest_reference_s = saved.read, saved.newest_reference_s
         self._references_refused = saved.references_refused
         self._reference_contradicted = saved.reference_contradicted
@@ -226,15 +226,15 @@ class FilterCore:
         F = self._motions[-1].transition(age_s)[target, target]
         Q = self._motions[-1].process_noise(age_s)[target, target]
         start = F @ begun.mean
-        self._bank.place(target, start, F @ covariance @ F.T + Q)
+        self._imm.set_states(target, start, F @ covariance @ F.T + Q)
         for part in self.layout.offsets.values():
-            self._bank.place(part, np.zeros(2), np.eye(2))
+            self._imm.set_states(part, np.zeros(2), np.eye(2))
         if self._span is not None:
             # reset to the prior, since another aircraft may have another span
             self._width_s = None
             only = slice(self._span, self._span + 1)
-            self._bank.place(only, np.zeros(1), np.full((1, 1), self._span_variance))
-        self._bank.forget_modes()
+            self._imm.set_states(only, np.zeros(1), np.full((1, 1), self._span_variance))
+        self._imm.reset_modes()
         self.has_target = True
         if begun.triangulated and self.layout.parameters:
             self._correlate_with_rig(start, F @ covariance @ F.T + Q)
@@ -248,9 +248,9 @@ class FilterCore:
             sensitivity = self._linearisation.sensitivity(self.state, self._age_s())
             if sensitivity is None:
                 return
-            self._bank.place(target, start + sensitivity @ self.state[constant], covariance)
+            self._imm.set_states(target, start + sensitivity @ self.state[constant], covariance)
         if sensitivity is not None:
-            self._bank.share(target, constant, sensitivity)
+            self._imm.correlate(target, constant, sensitivity)
 
     def pointing_sigma_rad(self, station: str) -> float:
         """Return one sigma of the pointing of a camera due to the errors of its mount and boresight, rad.
@@ -264,7 +264,7 @@ class FilterCore:
 
     def drop_target(self) -> None:
         """Drop the target; the PTU angles and the estimated errors of the rig stay."""
-        self._bank.place(self.layout.target, np.zeros(6), np.zeros((6, 6)))
+        self._imm.set_states(self.layout.target, np.zeros(6), np.zeros((6, 6)))
         self.has_target = False
         self._provisional = None
         self._newest_reference_s = -math.inf
@@ -279,7 +279,7 @@ class FilterCore:
         dt = t_s - (self.time_s if self.time_s is not None else t_s)
         if dt == 0.0:
             return self.kinematics_of(self.state, self.covariance)
-        F, Q = self.motion_over(dt, self._bank.weights_after(abs(dt)))
+        F, Q = self.motion_over(dt, self._imm.weights_after(abs(dt)))
         return self.kinematics_of(F @ self.state, F @ self.covariance @ F.T + Q)
 
     def motion_over(self, dt_s: float, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -314,7 +314,7 @@ class FilterCore:
         F, noises = self._motions[0].with_noises(self._psds, to_s - from_s)
         if not self.has_target:
             noises[:, self.layout.target, self.layout.target] = 0.0
-        self._bank.predict(F, noises, to_s - from_s)
+        self._imm.predict(F, noises, to_s - from_s)
         self.time_s = to_s
         return F
 

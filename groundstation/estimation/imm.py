@@ -77,12 +77,12 @@ class ImmFilter:
         other.restore(self.snapshot())
         return other
 
-    def forget_modes(self) -> None:
+    def reset_modes(self) -> None:
         """Reset the weights to the stationary mode probabilities, for a new target."""
         self.weights = self._usual.copy()
         self._changed()
 
-    def place(self, part: slice, values: FloatArray, covariance: FloatArray) -> None:
+    def set_states(self, part: slice, values: FloatArray, covariance: FloatArray) -> None:
         """Set some states (k,) and their covariance (k, k), uncorrelated with the rest."""
         self._changed()
         for each in self._filters:
@@ -93,7 +93,7 @@ class ImmFilter:
             each.x[part] = values
             each.P[part, part] = covariance
 
-    def share(self, part: slice, source: slice, sensitivity: FloatArray) -> None:
+    def correlate(self, part: slice, source: slice, sensitivity: FloatArray) -> None:
         """Correlate uncorrelated states (k,) with others (m,) by ``sensitivity`` (k, m)."""
         self._changed()
         for each in self._filters:
@@ -103,7 +103,7 @@ class ImmFilter:
             each.P[part, source] = common
             each.P[source, part] = common.T
 
-    def doubt(self, part: slice, variances: FloatArray) -> None:
+    def inflate(self, part: slice, variances: FloatArray) -> None:
         """Add to the variances (k,) of some states."""
         states, covariances = self.modes()
         covariances = covariances.copy()
@@ -130,10 +130,10 @@ class ImmFilter:
         R: FloatArray,
         estimated: BoolArray,
         *,
-        telling: bool,
+        updates_weights: bool,
         share: float = 1.0,
     ) -> None:
-        """Update with a residual (m,) at the weighted mean; if ``telling``, the mode weights are updated as well.
+        """Update with a residual (m,) at the weighted mean; mode weights only change with ``updates_weights``.
 
         ``share`` scales the gain.
         """
@@ -142,10 +142,10 @@ class ImmFilter:
             self._filters[0].correct(residual, H, R, estimated, share)
             return
         moved = self.room()
-        correct_modes(*self.modes(), self.x, self.weights, residual, H, R, estimated, share, telling, *moved)
+        correct_modes(*self.modes(), self.x, self.weights, residual, H, R, estimated, share, updates_weights, *moved)
         self.take(moved)
 
-    def reshape(self, H: FloatArray, shift: FloatArray, covariance: FloatArray, estimated: BoolArray) -> None:
+    def replace_moments(self, H: FloatArray, shift: FloatArray, covariance: FloatArray, estimated: BoolArray) -> None:
         """Replace the predicted moments of the measured quantity, and update the state accordingly.
 
         With H (m, n): the mean moves by ``shift`` (m,), the covariance becomes ``covariance`` (m, m);
@@ -275,7 +275,7 @@ def correct_modes(
     R: FloatArray,
     estimated: BoolArray,
     share: float,
-    telling: bool,
+    updates_weights: bool,
     X: FloatArray,
     P: FloatArray,
     after: FloatArray,
@@ -292,10 +292,10 @@ def correct_modes(
             for j in range(n):
                 own[a] -= H[a, j] * (states[k, j] - x[j])
         correct_into(states[k], covariances[k], H, R, own, estimated, share, X[k], P[k], Kt, S)
-        if telling:
+        if updates_weights:
             logs[k] = log_likelihood(own, S)
     after[:] = weights
-    if telling:
+    if updates_weights:
         after[:] = np.maximum(weights * np.exp(logs - logs.max()), _LEAST_WEIGHT)
         after /= after.sum()
     _moments(X, P, after, mean, spread)

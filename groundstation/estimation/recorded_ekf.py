@@ -325,6 +325,6 @@ class RecordedEkf(StationEkf):
                 F=F,
                 x_next=self.state,
                 P_next=self.covariance,
-                weights=self._bank.weights,
+                weights=self._imm.weights,
             )
         )

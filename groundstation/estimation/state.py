@@ -56,7 +56,7 @@ class EkfState:
     time_s: float | None
     first_s: float | None
     has_target: bool
-    bank: list[FloatArray]
+    imm: list[FloatArray]
     read: frozenset[str]
     newest_reference_s: float
     references_refused: int

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import ImageArray
+from groundstation.detection.image_conditioning import ImageConditioner
 from groundstation.detection.picture_shift import is_cut, small_copy
 from groundstation.detection.pixel_track import PixelTrack, in_full
-from groundstation.detection.target_search import Found, TargetSearch, overlaps
-from groundstation.detection.working_picture import WorkingPicture
+from groundstation.detection.target_search import ConfirmedTarget, TargetSearch, overlaps
 from groundstation.messages import Detection, Miss, MissReason, Roi, TrackStatus
 from groundstation.single_camera.pixel_identity import TargetAppearance, looks_of
 from groundstation.single_camera.pixel_motion import PixelMotion
@@ -43,7 +43,7 @@ class PixelTracker:
 
     def __init__(self, image_size_px: tuple[int, int], config: PixelTrackerConfig | None = None) -> None:
         self._config = config if config is not None else PixelTrackerConfig()
-        self._picture = WorkingPicture(image_size_px)
+        self._picture = ImageConditioner(image_size_px)
         self._image_size = image_size_px = self._picture.size_px
         self._view = TargetView(self._config, image_size_px)
         self._search = TargetSearch(self._config.search, self._config.acquisition, image_size_px)
@@ -95,14 +95,14 @@ class PixelTracker:
     # ------------------------------------------------------------------------------------ without a target
     def _find(self, image: ImageArray, t_s: float) -> PixelTrack:
         """Search the whole frame; a target that is sure is looked at at once."""
-        track = self._take(image, t_s, self._search.look(image, t_s))
+        track = self._take(image, t_s, self._search.search(image, t_s))
         if track is not None:
             return track
         status = TrackStatus.ACQUIRING if self._search.promising else TrackStatus.SEARCHING
         miss = Miss(reason=MissReason.NOT_ACQUIRED)
         return PixelTrack(t_s=t_s, status=status, result=miss, roi=None, predicted_px=None)
 
-    def _take(self, image: ImageArray, t_s: float, found: Found | None) -> PixelTrack | None:
+    def _take(self, image: ImageArray, t_s: float, found: ConfirmedTarget | None) -> PixelTrack | None:
         """Begin with a confirmed target; None if there is none or the detector does not see it there."""
         if found is None:
             return None
@@ -184,7 +184,7 @@ class PixelTracker:
         target.misses += 1
         target.motion.coast(dt_s)
         if target.misses >= self._config.search_after:
-            found = self._search.look(image, t_s, max(target.size_px))
+            found = self._search.search(image, t_s, max(target.size_px))
             track = self._take(image, t_s, found if found is None or self._likely(target, found, t_s) else None)
             if track is not None:
                 return track
@@ -263,7 +263,7 @@ class PixelTracker:
         target.misses = 0
         target.seen += 1
 
-    def _likely(self, target: PixelTarget, found: Found, t_s: float) -> bool:
+    def _likely(self, target: PixelTarget, found: ConfirmedTarget, t_s: float) -> bool:
         """Return whether what was found may be the target that is missed, or has been missed for long enough."""
         gone_s = t_s - target.seen_s
         c = found.candidate

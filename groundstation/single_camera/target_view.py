@@ -6,7 +6,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.detection.detector import DetectionHint, Detector
-from groundstation.detection.local_search import CLEAR_SCORE, Blob, LocalSearch, alike, best_sight
+from groundstation.detection.local_search import CLEAR_SCORE, Blob, LocalSearch, alike, best_blob
 from groundstation.detection.picture_shift import picture_shift
 from groundstation.detection.roi import place_roi
 from groundstation.detection.target_search import overlaps
@@ -118,14 +118,14 @@ class TargetView:
         reach = known + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX
         # a target that is not where it was expected may be anywhere a moment later
         wider = _WIDER * target.misses * self._image_size[0]
-        sights = self._local.around(image, place, reach + wider)
+        blobs = self._local.around(image, place, reach + wider)
         if isinstance(look[1], Detection):
-            sight = next((s for s in sights if overlaps(s.box, look[1].box)), None)
+            sight = next((s for s in blobs if overlaps(s.box, look[1].box)), None)
             if sight is not None and alike(sight.size_px, known, _SIMILAR_SIZE):
                 return self._whole(target, image, sight, (look[0], look[1]))
         ratio = _SIMILAR_SIZE if target.whole_px is not None else _UNSURE_SIZE
-        similar = [s for s in sights if alike(s.size_px, known, ratio)]
-        best = best_sight(similar, place, reach, sights)
+        similar = [s for s in blobs if alike(s.size_px, known, ratio)]
+        best = best_blob(similar, place, reach, blobs)
         if best is not None:
             again = self.at(image, best)
             if not missed and target.whole_px is None and best.score >= CLEAR_SCORE and not _shows(again, best):
@@ -163,11 +163,11 @@ class TargetView:
         place = target.motion.place()
         wider = min(_WIDER * target.misses, _NEAR + _WIDER) * self._image_size[0]
         reach = target.length_px + 3.0 * target.motion.sigma_px + _LEAST_SURPRISE_PX + wider
-        sights = [
+        blobs = [
             s for s in self._local.around(image, place, reach) if alike(s.size_px, target.length_px, _SIMILAR_SIZE)
         ]
         tried: list[Box] = []
-        for sight in sorted(sights, key=lambda s: float(np.hypot(*(s.centre_px - place)))):
+        for sight in sorted(blobs, key=lambda s: float(np.hypot(*(s.centre_px - place)))):
             # several readings of one thing need not all be looked at
             if len(tried) >= _MOST_SIGHTS or any(overlaps(sight.box, t) for t in tried):
                 continue

@@ -1,7 +1,7 @@
-"""One camera's frame: its angles, the look at it, and what the filter makes of what was seen.
+"""Processing of one camera frame: PTU angles, detection, filter update.
 
-Each camera stands alone: a frame is used at its own time, whether or not its pair's other frame has come, so a lost
-camera is no special case.
+Each camera is independent: a frame is fused at its own time, whether or not the other frames of its epoch have
+arrived, so that a lost camera needs no special case.
 """
 
 import math
@@ -46,13 +46,13 @@ _MISS_STATUS = {
     MissReason.CUT: DetectionStatus.CUT,
     MissReason.OUT_OF_VIEW: DetectionStatus.OUT_OF_VIEW,
 }
-# while two cameras see the target, its width teaches the span this often
+# while two cameras see the target, its width updates the span this often: successive widths are correlated
 _WIDTH_EVERY_S = 0.25
 _NO_TARGET_SEEN = (MissReason.LOW_CONTRAST, MissReason.NO_REGION)
 
 
 def span_prior_sigma(span_m: float | None) -> float:
-    """Return one sigma of the logarithm of the target's span before anything is seen; None is unknown."""
+    """Return the prior sigma of the logarithm of the target's span; None is unknown."""
     return SpanModel(span_m).sigma_ratio
 
 
@@ -66,7 +66,7 @@ class _Angles:
 
 
 class _Outcome(NamedTuple):
-    """What came of a frame before the filter takes it; fields as in `CameraReport`."""
+    """Result of a frame before the filter update; fields as in `CameraReport`."""
 
     status: DetectionStatus
     result: Detection | Miss
@@ -77,20 +77,20 @@ class _Outcome(NamedTuple):
 
 
 def _missed(reason: MissReason, detail: str) -> _Outcome:
-    """Return what came of a frame in which nothing was looked for."""
+    """Return the outcome of a frame without a detection attempt."""
     return _Outcome(_MISS_STATUS.get(reason, DetectionStatus.MISS), Miss(reason=reason, detail=detail))
 
 
 class FrameUpdate:
-    """Takes the frames of all cameras, one by one, and updates the one filter.
+    """Processes the frames of all cameras, one by one, and updates the filter.
 
     Parameters
     ----------
-    cameras : what looks for the target in each camera's images, by station.
-    encoders, ekf, track_manager, epochs, health : the filter and what surrounds it; shared with the pipeline.
-    span : what is known of the target's size.
-    stopwatch : a clock for measuring effort, in s.
-    keep_images : whether reports carry the images.
+    cameras : trackers of the cameras, by station.
+    encoders, ekf, track_manager, epochs, health : shared with the pipeline.
+    span : model of the target's span.
+    stopwatch : returns the elapsed processing time in s.
+    keep_images : whether reports contain the images.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class FrameUpdate:
         self._stopwatch, self._keep_images = stopwatch, keep_images
 
     def process(self, ready: ReadyFrame) -> CameraReport:
-        """Look at one camera's frame and update the filter, which stands at its time, with what was seen."""
+        """Detect the target in a frame and update the filter, which is at the time of the frame."""
         record = ready.record
         if ready.late:
             return self._report(record, None, _missed(MissReason.LATE, "older than what was already used"))
@@ -157,7 +157,7 @@ class FrameUpdate:
         status: DetectionStatus | None = None,
         innovation: Innovation | None = None,
     ) -> CameraReport:
-        """Say what became of a frame; written once, since a report is too large to be copied with changes."""
+        """Return the report of a frame."""
         return CameraReport(
             t_s=record.t_s,
             station=record.station,
@@ -176,7 +176,7 @@ class FrameUpdate:
         )
 
     def _angles(self, ready: ReadyFrame) -> _Angles | None:
-        """Return the angles at the exposure: interpolated, or the filter's if only the reading after it is missing."""
+        """Return the angles at the exposure: interpolated, or the filter's if the next reading is missing or rejected."""
         record, angles = ready.record, ready.angles
         station = self._cameras[record.station].station
         if station.fixed:
@@ -191,7 +191,6 @@ class FrameUpdate:
             if off <= self._config.estimation.encoder_gate_sigma * math.hypot(sigma, doubt):
                 return _Angles(pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad, sigma_rad=sigma)
         if isinstance(angles, AnglesAt):
-            # a reading beside the exposure is one that the filter has refused
             return _Angles(pan_rad=pan, tilt_rad=tilt, sigma_rad=doubt)
         age = self._encoders.age_s(record.station, record.t_s)
         if angles is AngleFault.ENDED and age <= self._config.synchronise.max_gap_s:
@@ -199,7 +198,7 @@ class FrameUpdate:
         return None
 
     def _search(self, record: Frame | PixelMeasurement, angles: _Angles) -> list[CameraCandidate]:
-        """Nothing is known: return the candidates of the whole frame, or the pixel that someone else found."""
+        """Return the acquisition candidates of the whole frame, or the labelled pixel."""
         if isinstance(record, Frame):
             camera = self._cameras[record.station]
             return camera.search(record, angles.pan_rad, angles.tilt_rad, self._pointing_sigma_rad(record, angles))
@@ -218,11 +217,11 @@ class FrameUpdate:
         ]
 
     def _pointing_sigma_rad(self, record: Frame | PixelMeasurement, angles: _Angles) -> float:
-        """Return one sigma of where the camera looks: rays of an uncertain rig may pass each other by so much."""
+        """Return one sigma of the pointing of the camera, from angles and rig."""
         return float(np.hypot(angles.sigma_rad, self._ekf.pointing_sigma_rad(record.station)))
 
     def _detect(self, record: Frame | PixelMeasurement, prediction: PixelPrediction) -> _Outcome:
-        """A target is known: look where it is predicted; the answer is a detection or a named miss."""
+        """Detect the target near its predicted pixel; the result is a detection or a named miss."""
         camera, ekf = self._cameras[record.station], self._ekf
         spread = ekf.pixel_covariance(prediction)
         if isinstance(record, PixelMeasurement):
@@ -253,18 +252,18 @@ class FrameUpdate:
     def _fuse_detection(
         self, record: Frame | PixelMeasurement, found: Detection, seen: _Outcome, angles: _Angles
     ) -> tuple[DetectionStatus, Innovation | None]:
-        """Fuse a found pixel if the gate lets it pass, and keep it for the baseline."""
+        """Fuse a detected pixel if it passes the gate, and store it for the triangulation."""
         camera = self._cameras[record.station]
         pixel = np.array([found.u_px, found.v_px])
         row_dt = ((found.v_px + 0.5) / camera.geometry.image_size_px[1] - 0.5) * camera.station.readout_s
         if found.cut and not self._likely_in_view(record.station, seen):
-            # the border hides the nose: what is seen is another part of the aircraft
+            # the nose is outside the image: the detected point is another part of the aircraft
             return DetectionStatus.CUT, None
         trusted = self._health.uses(record.station)
         innovation, status = None, DetectionStatus.EXCLUDED
         if trusted:
             R = found.covariance_px2 + self._health.monitor.extra_px2(record.station)
-            # someone else's pixels are taken for what they say; our detector's errors last
+            # errors of the own detector are time-correlated; labelled pixels have white noise
             lasting = self._config.estimation.detection_lasting_share if isinstance(record, Frame) else 0.0
             innovation = self._ekf.update_pixel(record.station, pixel, R, row_dt, lasting)
             status = DetectionStatus.GATED
@@ -273,11 +272,10 @@ class FrameUpdate:
         accepted = innovation is not None and innovation.accepted
         if innovation is not None and accepted:
             status = DetectionStatus.CUT if found.cut else DetectionStatus.OK
-            self._track_manager.state_machine.add_pixel(record.t_s)
+            track = self._track_manager.state_machine
+            track.add_pixel(record.t_s)
             if isinstance(record, Frame):
-                self._track_manager.state_machine.existence.hit(
-                    record.station, record.t_s, innovation.residual, innovation.covariance
-                )
+                track.existence.hit(record.station, record.t_s, innovation.residual, innovation.covariance)
                 if not found.cut:
                     camera.update_extent(found)
                     self._fuse_width(camera, found, record.t_s)
@@ -313,23 +311,20 @@ class FrameUpdate:
         return probability_in_view(seen.predicted_px, seen.covariance_px2, size) >= 0.5
 
     def _fuse_miss(self, record: Frame, miss: Miss) -> None:
-        """Take a look that found nothing as evidence; where something was found, but not what, it is none."""
-        if (
-            miss.reason not in _NO_TARGET_SEEN
-            or self._health.monitor.verdict(record.station) is StationVerdict.EXCLUDED
-        ):
+        """Update existence and filter with a missed detection, unless something else was detected."""
+        verdict = self._health.monitor.verdict(record.station)
+        if miss.reason not in _NO_TARGET_SEEN or verdict is StationVerdict.EXCLUDED:
             return
         before = self._ekf.probability_in_view(record.station)
         share = self._track_manager.state_machine.existence.miss(record.station, record.t_s, before)
         self._ekf.update_miss(record.station, share)
 
     def _fuse_width(self, camera: CameraTracker, found: Detection, t_s: float) -> None:
-        """Take the silhouette's width for the range where no other camera sees the target, else for the span."""
+        """Update the range with the silhouette's width if no other camera sees the target, else the span."""
         name, span_m = camera.station.name, self._assumed_span_m
         began_s = self._track_manager.state_machine.started_s
         others = [max(self._contributed.get(station, began_s), began_s) for station in self._cameras if station != name]
         alone = all(t_s - seen > self._config.estimation.alone_after_s for seen in others)
-        # what one picture shows of the span the next shows again
         if alone or t_s - self._width_fused_s.get(name, -math.inf) >= _WIDTH_EVERY_S:
             self._width_fused_s[name] = t_s
             self._ekf.update_width(name, found.box[2], span_m, alone=alone)
@@ -340,7 +335,7 @@ class FrameUpdate:
             self._span.learn(found.box[2], float(camera.station.lens.focal_px[0]) / after.depth_m)
 
     def _roi_centre(self, record: Frame, prediction: PixelPrediction) -> FloatArray:
-        """Project the predictor's point; the default's is the filter's own prediction."""
+        """Project the point of the predictor; by default the filter's own prediction."""
         if self._config.estimation.predictor is Predictor.HERMITE:
             return prediction.pixel
         own = Knot(t_s=record.t_s, position_m=self._ekf.state[self._ekf.layout.position])
@@ -350,7 +345,7 @@ class FrameUpdate:
         return prediction.pixel if projection is None else projection.pixel
 
     def _labelled(self, record: PixelMeasurement) -> Detection:
-        """Return someone else's pixel as a detection with the configured noise and no silhouette."""
+        """Return a labelled pixel as a detection with the configured noise and no silhouette."""
         return Detection(
             u_px=record.u_px,
             v_px=record.v_px,

@@ -81,7 +81,7 @@ def test_a_frame_is_laid_under_a_window_as_pixel_by_pixel(
 
 def seen_after(scene: ImageArray, pictures: list[ImageArray], picture: ImageArray) -> bg.Difference:
     """Return the difference of a whole window after some pictures in which the target moved on."""
-    memory = bg.BackgroundMemory()
+    memory = bg.BackgroundModel()
     h, w = scene.shape[:2]
     for k, earlier in enumerate(pictures):
         hidden = (TARGET[0] - 45 * (len(pictures) - k), TARGET[1], TARGET[2] - 45 * (len(pictures) - k), TARGET[3])
@@ -115,7 +115,7 @@ def test_a_bird_in_one_earlier_frame_is_not_background(rng: np.random.Generator)
 
 def test_what_no_frame_shows_is_not_known_and_is_nothing(rng: np.random.Generator) -> None:
     scene = texture(rng)
-    memory = bg.BackgroundMemory()
+    memory = bg.BackgroundModel()
     hidden = (TARGET[0] - 30, TARGET[1], TARGET[2] - 30, TARGET[3])
     # kept are 48 px more than what is around: columns up to 168
     memory.remember(BgrPicture(scene), (60, 30, 120, 110), hidden, 30.0)
@@ -130,13 +130,13 @@ def test_what_no_frame_shows_is_not_known_and_is_nothing(rng: np.random.Generato
 
 def test_a_sky_without_texture_is_left_to_the_spatial_background() -> None:
     sky = np.full((150, 220, 3), 180, np.uint8)
-    memory = bg.BackgroundMemory()
+    memory = bg.BackgroundModel()
     memory.remember(BgrPicture(sky), (30, 20, 190, 130), TARGET, 30.0)
     assert memory.subtract(BgrPicture(sky), (30, 20), (160, 110), TARGET) is None
 
 
 def test_of_all_frames_kept_in_part_at_most_the_newest_is_held_whole(rng: np.random.Generator) -> None:
-    scene, memory, held = texture(rng), bg.BackgroundMemory(), []
+    scene, memory, held = texture(rng), bg.BackgroundModel(), []
     for k in range(3):
         frame = scene.copy()
         held.append(weakref.ref(frame))
@@ -154,7 +154,7 @@ def test_a_turned_camera_s_scene_is_found_again(rng: np.random.Generator, shift:
     under = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
     flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
     turned = np.asarray(cv2.warpAffine(scene, under, (320, 220), flags=flags), np.uint8)
-    memory = bg.BackgroundMemory()
+    memory = bg.BackgroundModel()
     memory.remember(BgrPicture(scene), (60, 50, 260, 170), TARGET, 30.0)
     target = (190, 110, 220, 126)
     found = memory.subtract(BgrPicture(turned), (100, 60), (120, 90), target)

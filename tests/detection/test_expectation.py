@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from groundstation.detection.look import _LENGTH_PER_SPAN, expectation
+from groundstation.detection.working_image import _LENGTH_PER_SPAN, expectation
 
 
 def box(forward: tuple[float, float] | None) -> tuple[int, int, int, int]:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from groundstation.detection.appearance import features_of_regions
-from groundstation.detection.background_histogram import discount_common_colours
+from groundstation.detection.background_histogram import suppress_background_colours
 from groundstation.detection.flatten import _edges, _keep_edges, planes
 from groundstation.detection.preprocess import _levels, _soften
 from groundstation.detection.regions import soft_silhouette
@@ -67,7 +67,7 @@ def test_a_colour_counts_the_less_the_more_of_it_is_around(rng: np.random.Genera
         factor = np.clip(np.log(np.asarray(share) / 0.02) / np.log(0.002 / 0.02), 0.0, 1.0)
     expected = np.where(contrast > 2.0, contrast * factor[place], contrast)
     assert len(np.unique(factor[place].round(3))) >= 3  # common, rare and between
-    discount_common_colours(residual, sigmas, BOX, contrast)
+    suppress_background_colours(residual, sigmas, BOX, contrast)
     np.testing.assert_allclose(contrast, expected, rtol=1e-4, atol=1e-5)
 
 

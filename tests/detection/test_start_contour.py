@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from groundstation.detection.look import WorkingImage, start_look
 from groundstation.detection.start_contour import PreviousSilhouette, start_contour
+from groundstation.detection.working_image import WorkingImage, crop_working_image
 from tests.detection.painted import look_at, sky, whole
 
 
 def look(point: tuple[float, float], span_px: float | None, sigma_px: float) -> WorkingImage:
     image = sky((220, 120)).astype(np.uint8)
-    return start_look(image, whole(image), look_at(point, span_px, sigma_px), (span_px, 0.1), (2.0, 160.0))
+    return crop_working_image(image, whole(image), look_at(point, span_px, sigma_px), (span_px, 0.1), (2.0, 160.0))
 
 
 def silhouette() -> PreviousSilhouette:

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.detection.point_noise import new_in_each_frame
+from groundstation.detection.point_noise import uncorrelated_covariance
 from groundstation.detection.target_point import NosePoint, find_nose
 
 FINE = 6
@@ -219,6 +219,6 @@ def test_what_is_new_in_each_frame_is_twice_as_much_in_v_as_in_u() -> None:
     """Expected: 2.2 px over the contrast in u, 4.5 in v, no more than is stated; 8 % of a legible attitude added."""
     attitude = np.array([[3.0, 1.0], [1.0, 7.0]])
     pixels = np.diag([(2.2 / 10.0) ** 2, (4.5 / 10.0) ** 2])
-    np.testing.assert_allclose(new_in_each_frame(1.0, attitude, 10.0, 0.0), pixels)
-    np.testing.assert_allclose(new_in_each_frame(1.0, attitude, 10.0, 0.5), pixels + 0.04 * attitude)
-    np.testing.assert_allclose(new_in_each_frame(0.1, attitude, 10.0, 0.0), np.diag([0.0484, 0.1]))
+    np.testing.assert_allclose(uncorrelated_covariance(1.0, attitude, 10.0, 0.0), pixels)
+    np.testing.assert_allclose(uncorrelated_covariance(1.0, attitude, 10.0, 0.5), pixels + 0.04 * attitude)
+    np.testing.assert_allclose(uncorrelated_covariance(0.1, attitude, 10.0, 0.0), np.diag([0.0484, 0.1]))

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from groundstation.detection.target_search import _VELOCITY_GAIN, _advance, _Hopeful
+from groundstation.detection.target_search import _VELOCITY_GAIN, _advance, _TentativeTarget
 from groundstation.single_camera.pixel_tracker import _LEAST_MISSES, PixelTracker
 
 
@@ -22,10 +22,10 @@ def test_the_second_sight_gives_the_velocity_and_later_ones_correct_it() -> None
     def sight(u_px: float) -> SimpleNamespace:
         return SimpleNamespace(u_px=u_px, v_px=0.0)
 
-    hopeful = _Hopeful(newest=sight(0.0), first_s=0.0, newest_s=0.0)
-    _advance(hopeful, sight(10.0), 0.5, 1.0)
-    assert hopeful.velocity_px_s == pytest.approx((20.0, 0.0))
-    _advance(hopeful, sight(25.0), 1.0, 1.0)
+    tentative = _TentativeTarget(newest=sight(0.0), first_s=0.0, newest_s=0.0)
+    _advance(tentative, sight(10.0), 0.5, 1.0)
+    assert tentative.velocity_px_s == pytest.approx((20.0, 0.0))
+    _advance(tentative, sight(25.0), 1.0, 1.0)
     # 5 px farther than where it was led to
-    assert hopeful.velocity_px_s == pytest.approx((20.0 + _VELOCITY_GAIN * 10.0, 0.0))
-    assert (hopeful.seen, hopeful.missed, len(hopeful.scores)) == (3, 0, 2)
+    assert tentative.velocity_px_s == pytest.approx((20.0 + _VELOCITY_GAIN * 10.0, 0.0))
+    assert (tentative.seen, tentative.missed, len(tentative.scores)) == (3, 0, 2)

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from groundstation.detection.background_motion import SceneMemory
+from groundstation.detection.background_motion import SceneModel
 from groundstation.geometry.rotation import rotation_x, rotation_z
 
 
-def memory(*, view: bool = True, rotation: bool = True) -> SceneMemory:
-    made = SceneMemory.__new__(SceneMemory)
+def memory(*, view: bool = True, rotation: bool = True) -> SceneModel:
+    made = SceneModel.__new__(SceneModel)
     made._view = object() if view else None
     made._rotation = rotation_z(0.3) @ rotation_x(0.1) if rotation else None
     return made

@@ -60,7 +60,7 @@ def test_a_fused_reading_is_the_plain_filters_update(rng: np.random.Generator, o
     root = 0.01 * rng.normal(size=(n, n))
     x, P = rng.normal(size=n), root @ root.T + 1e-6 * np.eye(n)
     bank, plain = ImmFilter(n, (5.0,)), CompiledKalmanFilter(dim_x=n, dim_z=2)
-    bank.place(slice(0, n), x, P)
+    bank.set_states(slice(0, n), x, P)
     plain.x, plain.P = x.copy(), P.copy()
     ahead_s, variance, clock_s = 0.02, 1e-6, 1e-3
     expected = model.predict(x, ahead_s)

@@ -18,7 +18,7 @@ def noise(psd: float, dt: float = 0.1) -> np.ndarray:
 
 def started(stay_s: tuple[float, ...]) -> ImmFilter:
     bank = ImmFilter(2, stay_s)
-    bank.place(slice(0, 2), np.zeros(2), np.diag([1.0, 4.0]))
+    bank.set_states(slice(0, 2), np.zeros(2), np.diag([1.0, 4.0]))
     return bank
 
 
@@ -30,7 +30,7 @@ def test_one_mode_is_the_plain_filter(rng: np.random.Generator) -> None:
         plain.F, plain.Q = F, noise(0.3)
         plain.predict()
         residual = rng.normal(size=1)
-        bank.correct(residual, H, R, ALL, telling=True)
+        bank.correct(residual, H, R, ALL, updates_weights=True)
         plain.correct(residual, H, R)
     np.testing.assert_array_equal(bank.x, plain.x)
     np.testing.assert_array_equal(bank.P, plain.P)
@@ -43,7 +43,7 @@ def fly(bank: ImmFilter, modes: list[np.ndarray], acceleration: np.ndarray, rng:
         truth = F @ truth + a
         bank.predict(F, modes, 0.1)
         z = truth[:1] + rng.normal(0, 0.2, 1)
-        bank.correct(z - bank.x[:1], H, R, ALL, telling=True)
+        bank.correct(z - bank.x[:1], H, R, ALL, updates_weights=True)
         e = truth - bank.x
         weight = float(bank.weights[-1]) if len(modes) > 1 else 0.0
         out.append((float(e @ np.linalg.solve(bank.P, e)), float(e[0]), weight))
@@ -122,7 +122,7 @@ def test_doubt_adds_to_variances_and_leaves_a_snapshot_alone(
     bank, modes = started(stay_s), [noise(0.02), noise(20.0)][: len(stay_s)]
     fly(bank, modes, rng.normal(0, 0.1, (10, 2)), rng)
     saved, x, P = bank.snapshot(), bank.x.copy(), bank.P.copy()
-    bank.doubt(slice(1, 2), np.array([3.0]))
+    bank.inflate(slice(1, 2), np.array([3.0]))
     np.testing.assert_allclose(bank.x, x)
     np.testing.assert_allclose(bank.P, P + np.diag([0.0, 3.0]))
     # and it is what the next step starts from
@@ -164,7 +164,7 @@ class Textbook:
         self.P = [F @ P @ F.T + Q for (_, P), Q in zip(begun, noises, strict=True)]
         self.weights = after
 
-    def correct(self, z: np.ndarray, H: np.ndarray, R: np.ndarray, *, telling: bool) -> None:
+    def correct(self, z: np.ndarray, H: np.ndarray, R: np.ndarray, *, updates_weights: bool) -> None:
         likely = []
         for k, (x, P) in enumerate(zip(self.x, self.P, strict=True)):
             S = H @ P @ H.T + R
@@ -172,7 +172,7 @@ class Textbook:
             likely.append(gaussian(z - H @ x, S))
             self.x[k] = x + K @ (z - H @ x)
             self.P[k] = P - K @ S @ K.T
-        if telling:
+        if updates_weights:
             self.weights = self.weights * likely / np.sum(self.weights * likely)
 
 
@@ -208,9 +208,9 @@ def test_it_is_the_textbooks_filter_step_by_step(rng: np.random.Generator, modes
         bank.predict(transition, noises, dt_s)
         wanted.predict(transition, noises, dt_s)
         agree()
-        z, telling = H @ wanted.mixture()[0] + rng.normal(0.0, 0.7, 2), k != 1
-        bank.correct(z - H @ bank.x, H, R, np.ones(n, np.bool_), telling=telling)
-        wanted.correct(z, H, R, telling=telling)
+        z, updates_weights = H @ wanted.mixture()[0] + rng.normal(0.0, 0.7, 2), k != 1
+        bank.correct(z - H @ bank.x, H, R, np.ones(n, np.bool_), updates_weights=updates_weights)
+        wanted.correct(z, H, R, updates_weights=updates_weights)
         agree()
 
 

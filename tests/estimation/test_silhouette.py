@@ -160,7 +160,7 @@ def test_what_a_small_silhouette_shows_of_the_span_does_not_last(kind: type[Stat
             if k == 20:
                 saved = ekf.snapshot()
             ekf._propagate(0.25 * k, 0.25 * (k + 1))
-            ekf._bank.place(ekf.layout.target, np.concatenate([point, velocity]), 0.01 * np.eye(6))
+            ekf._imm.set_states(ekf.layout.target, np.concatenate([point, velocity]), 0.01 * np.eye(6))
             innovation = ekf.update_width("left", width_px, span_m, alone=False)
             assert innovation is not None
         sigmas[width_px] = ekf.covariance[at, at] ** 0.5
@@ -168,7 +168,7 @@ def test_what_a_small_silhouette_shows_of_the_span_does_not_last(kind: type[Stat
         ekf.restore(saved)
         for k in range(20, 40):
             ekf._propagate(0.25 * k, 0.25 * (k + 1))
-            ekf._bank.place(ekf.layout.target, np.concatenate([point, velocity]), 0.01 * np.eye(6))
+            ekf._imm.set_states(ekf.layout.target, np.concatenate([point, velocity]), 0.01 * np.eye(6))
             ekf.update_width("left", width_px, span_m, alone=False)
         assert ekf.covariance[at, at] ** 0.5 == sigmas[width_px]
     assert sigmas[80.0] < 0.05 < 0.06 < sigmas[10.0]

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import ImageArray
+from groundstation.detection.image_conditioning import ImageConditioner, noise_of
 from groundstation.detection.picture_shift import is_cut, picture_shift, small_copy
 from groundstation.detection.pixel_track import PixelTrack
-from groundstation.detection.working_picture import WorkingPicture, noise_of
 from groundstation.messages import Detection, Miss, MissReason, TrackStatus
 from groundstation.single_camera.pixel_motion import PixelMotion
 from groundstation.single_camera.pixel_tracker import PixelTracker
@@ -238,7 +238,7 @@ def test_noise_is_measured(sigma: float, rng: np.random.Generator) -> None:
 
 def test_an_ordinary_picture_is_passed_on_as_it_is(film: Film) -> None:
     image = film.frame(0)
-    assert WorkingPicture(SIZE).prepare(image) is image
+    assert ImageConditioner(SIZE).prepare(image) is image
 
 
 # ------------------------------------------------------------------------------------------------- parts

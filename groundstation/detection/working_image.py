@@ -114,7 +114,7 @@ class WorkingImage:
         return float(min(point[0], point[1], w - 1 - point[0], h - 1 - point[1]))
 
 
-def start_look(
+def crop_working_image(
     image: ImageArray | Picture,
     roi: Roi,
     hint: DetectionHint,
@@ -171,21 +171,23 @@ def _likely(first: int, last: int, low: float, high: float, sigma: float) -> NDA
     return likely
 
 
-def expectation(look: WorkingImage) -> Expectation:
+def expectation(working: WorkingImage) -> Expectation:
     """Return where in the working image the target may be, and how likely each column and row is."""
-    h, w = look.image.shape[:2]
-    span = look.span if look.span is not None else UNKNOWN_SPAN_PX
+    h, w = working.image.shape[:2]
+    span = working.span if working.span is not None else UNKNOWN_SPAN_PX
     first, last, likely = [0, 0], [0, 0], []
     for axis, (size, half) in enumerate(((w, 0.7), (h, 0.35))):
         # the tail trails behind the nose
-        tail = 0.0 if look.forward is None else -_LENGTH_PER_SPAN * span * float(look.forward[axis])
-        middle, sigma = float(look.predicted[axis]), math.sqrt(float(look.covariance[axis, axis])) + 1.0
+        tail = 0.0 if working.forward is None else -_LENGTH_PER_SPAN * span * float(working.forward[axis])
+        middle, sigma = float(working.predicted[axis]), math.sqrt(float(working.covariance[axis, axis])) + 1.0
         low, high = middle + min(tail, 0.0) - half * span, middle + max(tail, 0.0) + half * span
         first[axis] = int(min(max(low - 2.0 * sigma, 0.0), size))
         last[axis] = int(min(max(high + 2.0 * sigma + 1.0, 0.0), size))
         likely.append(_likely(first[axis], last[axis], low, high, sigma))
     box = (first[0], first[1], last[0], last[1])
     # end-on there is a body and a thin wing; from the side or below, or from who knows where, there may be much more
-    length = 1.0 if look.forward is None else min(math.hypot(float(look.forward[0]), float(look.forward[1])), 1.0)
-    thick = None if look.span is None else (_THICK_END_ON + _THICK_PER_LENGTH * length) * look.span
-    return Expectation(box=box, columns=likely[0], rows=likely[1], span_px=look.span, thick_px=thick)
+    length = (
+        1.0 if working.forward is None else min(math.hypot(float(working.forward[0]), float(working.forward[1])), 1.0)
+    )
+    thick = None if working.span is None else (_THICK_END_ON + _THICK_PER_LENGTH * length) * working.span
+    return Expectation(box=box, columns=likely[0], rows=likely[1], span_px=working.span, thick_px=thick)

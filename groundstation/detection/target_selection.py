@@ -9,15 +9,15 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.detection.appearance import Appearance, features_of_regions
 from groundstation.detection.config import DetectionConfig
-from groundstation.detection.look import UNKNOWN_SPAN_PX, WorkingImage
 from groundstation.detection.regions import Group, Regions, groups_around
+from groundstation.detection.working_image import UNKNOWN_SPAN_PX, WorkingImage
 from groundstation.messages import Miss, MissReason
 
 Place = tuple[float, float, float, float, float]  # the predicted u and v, working px, their variances and covariance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Memory:
+class TargetMemory:
     """What confident frames leave: the silhouette's width and mass, averaged, its looks, and the misses since.
 
     ``span_px`` is in full-image px, ``mass`` the contrast in sigmas, summed over as many of them.
@@ -33,37 +33,39 @@ class Memory:
         return self.mass * (span_px / self.span_px) ** 2
 
 
-def choose(regions: Regions, look: WorkingImage, memory: Memory | None, config: DetectionConfig) -> Group | Miss:
+def select_target(
+    regions: Regions, working: WorkingImage, memory: TargetMemory | None, config: DetectionConfig
+) -> Group | Miss:
     """Pick the group that is the target, or say why none is."""
-    (x, y), ((uu, uv), (_, vv)) = look.predicted.tolist(), look.covariance.tolist()
+    (x, y), ((uu, uv), (_, vv)) = working.predicted.tolist(), working.covariance.tolist()
     sigma = math.sqrt(0.5 * (uu + vv) + math.hypot(0.5 * (uu - vv), uv))
-    span = look.span if look.span is not None else UNKNOWN_SPAN_PX
+    span = working.span if working.span is not None else UNKNOWN_SPAN_PX
     groups = groups_around(
         regions,
         (x, y),
         config.gate_sigmas * sigma + 0.5 * span + 2.0,
-        None if look.span is None else look.span * math.exp(min(look.span_sigma, 0.7)),
-        0.4 if look.forward is None else 0.35 + 0.35 * float(np.hypot(*look.forward)),
+        None if working.span is None else working.span * math.exp(min(working.span_sigma, 0.7)),
+        0.4 if working.forward is None else 0.35 + 0.35 * float(np.hypot(*working.forward)),
         config.min_contrast_to_noise,
-        look.open_edges(),
+        working.open_edges(),
     )
     if not groups:
         return Miss(reason=MissReason.NO_REGION, detail="no region of enough contrast near the prediction")
     heaviest = max(g.mass for g in groups)
 
     def unlike(group: Group) -> float:
-        return _unlikeness(group, regions, look, memory)
+        return _unlikeness(group, regions, working, memory)
 
     # what weighs more than the target did is no likelier for that: it may be a bird beside it, or both together
-    most = math.inf if memory is None or look.span is None else memory.mass_at(span)
+    most = math.inf if memory is None or working.span is None else memory.mass_at(span)
     place = (x, y, uu, vv, uv)
-    scored = [(_score(g, place, look, min(g.mass, most) / heaviest, unlike, config), g) for g in groups]
+    scored = [(_score(g, place, working, min(g.mass, most) / heaviest, unlike, config), g) for g in groups]
     scored.sort(key=lambda s: -s[0])
     best_score, best = scored[0]
     if best.contrast < config.min_contrast_to_noise:
         return Miss(reason=MissReason.LOW_CONTRAST, detail=f"contrast {best.contrast:.1f} sigma")
     if best_score == -math.inf:
-        nearest = min(groups, key=lambda g: float(np.hypot(*(g.centre - look.predicted))))
+        nearest = min(groups, key=lambda g: float(np.hypot(*(g.centre - working.predicted))))
         if _distance(nearest, place) > config.gate_sigmas**2:
             return Miss(reason=MissReason.NO_REGION, detail="the nearest region is too far from the prediction")
         if unlike(nearest) > config.appearance_gate:
@@ -76,18 +78,18 @@ def choose(regions: Regions, look: WorkingImage, memory: Memory | None, config: 
     return best
 
 
-def _unlikeness(group: Group, regions: Regions, look: WorkingImage, memory: Memory | None) -> float:
+def _unlikeness(group: Group, regions: Regions, working: WorkingImage, memory: TargetMemory | None) -> float:
     """Return how unlike the learnt target a group looks, in sigmas."""
     if memory is None or group.rim:
         return 0.0
-    seen = features_of(group, regions, look)
-    return memory.appearance.distance(seen, float(group.width * look.scale), memory.misses)
+    seen = features_of(group, regions, working)
+    return memory.appearance.distance(seen, float(group.width * working.scale), memory.misses)
 
 
 def _score(
     group: Group,
     place: Place,
-    look: WorkingImage,
+    working: WorkingImage,
     share: float,
     unlikeness: Callable[[Group], float],
     config: DetectionConfig,
@@ -97,13 +99,13 @@ def _score(
     Its looks are asked for last.
     """
     distance = _distance(group, place)
-    if distance > config.gate_sigmas**2 or group.width * look.scale < config.min_span_px:
+    if distance > config.gate_sigmas**2 or group.width * working.scale < config.min_span_px:
         return -math.inf
     score = -0.5 * distance + math.log(share)
-    if look.span is not None:
+    if working.span is not None:
         # one pixel of blur at each tip besides what the hint allows
-        sigma = math.hypot(look.span_sigma, 2.0 / look.span)
-        deviation = math.log(group.width / look.span) / sigma
+        sigma = math.hypot(working.span_sigma, 2.0 / working.span)
+        deviation = math.log(group.width / working.span) / sigma
         clipped = group.rim
         if abs(deviation) > config.size_gate_sigmas and not (clipped and deviation < 0):
             return -math.inf
@@ -122,10 +124,10 @@ def _distance(group: Group, place: Place) -> float:
     return (b * x * x - 2.0 * c * x * y + a * y * y) / (a * b - c * c)
 
 
-def features_of(group: Group, regions: Regions, look: WorkingImage) -> FloatArray:
+def features_of(group: Group, regions: Regions, working: WorkingImage) -> FloatArray:
     """Return what a group looks like, in full-image px; of each group it is measured once."""
     seen = regions.looks.get(group)
     if seen is None:
-        seen = features_of_regions(look.image, regions.labels, group.members, group.box, group.area)
+        seen = features_of_regions(working.image, regions.labels, group.members, group.box, group.area)
         regions.looks[group] = seen
     return seen

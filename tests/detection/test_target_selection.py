@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from groundstation.detection.appearance import Appearance, first_look
-from groundstation.detection.choice import Memory, choose, features_of
+from groundstation.detection.appearance import Appearance, initial_appearance
 from groundstation.detection.config import DetectionConfig
-from groundstation.detection.look import WorkingImage, start_look
 from groundstation.detection.regions import Group, Regions, find_regions
+from groundstation.detection.target_selection import TargetMemory, features_of, select_target
+from groundstation.detection.working_image import WorkingImage, crop_working_image
 from groundstation.messages import Miss, MissReason
 from tests.detection.painted import look_at, whole
 
@@ -29,7 +29,7 @@ def working(boxes: list[tuple[slice, slice, float]], scale: int) -> tuple[Workin
     image = np.full((SIZE[1] * scale, SIZE[0] * scale, 3), 128, np.uint8)
     middle = 0.5 * (scale - 1)
     hint = look_at((NOSE[0] * scale + middle, NOSE[1] * scale + middle), SPAN * scale, sigma_px=2.0 * scale)
-    look = start_look(image, whole(image), hint, (SPAN * scale, 0.15), (3.0, LARGEST_UNREDUCED))
+    look = crop_working_image(image, whole(image), hint, (SPAN * scale, 0.15), (3.0, LARGEST_UNREDUCED))
     assert look.scale == scale
     assert look.span == SPAN
     return look, find_regions(phi, contrast)
@@ -45,9 +45,9 @@ def scene(bird_height_px: int, scale: int) -> tuple[WorkingImage, Regions]:
     return working(boxes, scale)
 
 
-def remembered(working_mass: float, scale: int = 1) -> Memory:
+def remembered(working_mass: float, scale: int = 1) -> TargetMemory:
     """Return the memory, in px of the full image, of a target of this mass in the working picture."""
-    return Memory(span_px=SPAN * scale, mass=working_mass * scale**2, appearance=first_look(np.zeros(5)))
+    return TargetMemory(span_px=SPAN * scale, mass=working_mass * scale**2, appearance=initial_appearance(np.zeros(5)))
 
 
 @pytest.mark.parametrize("scale", [1, 2])
@@ -56,7 +56,7 @@ def test_a_bird_beside_the_wing_does_not_join_the_aircraft(bird_height_px: int, 
     look, regions = scene(bird_height_px, scale)
     aircraft, bird = sorted(range(1, len(regions.table)), key=lambda k: regions.table[k, 5])
     assert regions.table[bird, 1] > regions.table[aircraft, 1]
-    chosen = choose(regions, look, remembered(float(regions.table[aircraft, 1]), scale), DetectionConfig())
+    chosen = select_target(regions, look, remembered(float(regions.table[aircraft, 1]), scale), DetectionConfig())
     assert isinstance(chosen, Group)
     assert chosen.labels == (aircraft,)
 
@@ -69,7 +69,7 @@ def test_what_weighs_less_than_the_target_did_is_less_likely(scale: int) -> None
     look, regions = working([wing, thread], scale)
     heavy, light = sorted(range(1, len(regions.table)), key=lambda k: -regions.table[k, 1])
     assert regions.table[heavy, 1] == 4.0 * regions.table[light, 1]
-    chosen = choose(regions, look, remembered(float(regions.table[heavy, 1]), scale), DetectionConfig())
+    chosen = select_target(regions, look, remembered(float(regions.table[heavy, 1]), scale), DetectionConfig())
     assert isinstance(chosen, Group)
     assert heavy in chosen.labels
 
@@ -94,7 +94,7 @@ def test_how_high_an_aircraft_may_be_depends_on_where_it_flies(
     look, regions = working([wing, mast, other], 1)
     shift = None if forward is None else np.array(forward) / 30.0
     seen = replace(look, forward=shift, predicted=np.array([100.0, 52.0]))
-    chosen = choose(regions, seen, None, DetectionConfig())
+    chosen = select_target(regions, seen, None, DetectionConfig())
     assert isinstance(chosen, Group)
     assert chosen.box == ((55, 2, 145, 62) if joins else (55, 50, 145, 62))
 
@@ -103,13 +103,13 @@ SLACK = 1.0 + 12.0 / SPAN * 0.5  # a silhouette of 90 px, no miss
 TOLERANCES = (14.0, 6.0, 6.0, 0.25, 0.3)
 
 
-def known(look: WorkingImage, regions: Regions, off: np.ndarray, frames: int = 5, misses: int = 0) -> Memory:
+def known(look: WorkingImage, regions: Regions, off: np.ndarray, frames: int = 5, misses: int = 0) -> TargetMemory:
     """Return the memory of a target whose features (5,) are those of the only group but for an offset."""
-    group = choose(regions, look, None, DetectionConfig())
+    group = select_target(regions, look, None, DetectionConfig())
     assert isinstance(group, Group)
     features = features_of(group, regions, look)
     learnt = Appearance(mean=features + off, variance=np.zeros(5), frames=frames)
-    return Memory(span_px=SPAN, mass=group.mass, appearance=learnt, misses=misses)
+    return TargetMemory(span_px=SPAN, mass=group.mass, appearance=learnt, misses=misses)
 
 
 def alone() -> tuple[WorkingImage, Regions]:
@@ -123,17 +123,21 @@ def test_what_looks_unlike_the_target_is_not_it(feature: int, sign: float) -> No
     look, regions = alone()
     off = np.zeros(5)
     off[feature] = sign * DetectionConfig().appearance_gate * 5.0**0.5 * TOLERANCES[feature] * SLACK
-    assert isinstance(choose(regions, look, known(look, regions, 0.97 * off), DetectionConfig()), Group)
-    refused = choose(regions, look, known(look, regions, 1.03 * off), DetectionConfig())
+    assert isinstance(select_target(regions, look, known(look, regions, 0.97 * off), DetectionConfig()), Group)
+    refused = select_target(regions, look, known(look, regions, 1.03 * off), DetectionConfig())
     assert isinstance(refused, Miss)
     assert (refused.reason, refused.detail) == (MissReason.NO_REGION, "the nearest region looks unlike the target")
     # nothing but its looks is against it
     assert isinstance(
-        choose(regions, look, known(look, regions, 1.03 * off), DetectionConfig(appearance_gate=1.6)), Group
+        select_target(regions, look, known(look, regions, 1.03 * off), DetectionConfig(appearance_gate=1.6)), Group
     )
     # four frames are too few to know it by, and after misses it may have changed
-    assert isinstance(choose(regions, look, known(look, regions, 1.03 * off, frames=4), DetectionConfig()), Group)
-    assert isinstance(choose(regions, look, known(look, regions, 1.03 * off, misses=1), DetectionConfig()), Group)
+    assert isinstance(
+        select_target(regions, look, known(look, regions, 1.03 * off, frames=4), DetectionConfig()), Group
+    )
+    assert isinstance(
+        select_target(regions, look, known(look, regions, 1.03 * off, misses=1), DetectionConfig()), Group
+    )
 
 
 def test_looks_decide_between_two_in_about_the_same_place() -> None:
@@ -145,13 +149,15 @@ def test_looks_decide_between_two_in_about_the_same_place() -> None:
     image = look.image.copy()
     image[50:] = 58
     look = replace(look, image=image)
-    shape = choose(*alone()[::-1], None, DetectionConfig())
+    shape = select_target(*alone()[::-1], None, DetectionConfig())
     assert isinstance(shape, Group)
     for grey, rows in ((128.0, (38, 42)), (58.0, (55, 59))):
         like = np.array([grey, 0.0, 0.0, np.log(4.0 / 90.0), np.log(4.0 / 90.0)])
-        memory = Memory(span_px=SPAN, mass=shape.mass, appearance=Appearance(mean=like, variance=np.zeros(5), frames=9))
+        memory = TargetMemory(
+            span_px=SPAN, mass=shape.mass, appearance=Appearance(mean=like, variance=np.zeros(5), frames=9)
+        )
         config = DetectionConfig(appearance_gate=3.0, gate_sigmas=8.0)
-        chosen = choose(regions, look, memory, config)
+        chosen = select_target(regions, look, memory, config)
         assert isinstance(chosen, Group), chosen
         assert (chosen.box[1], chosen.box[3]) == rows
 
@@ -159,7 +165,7 @@ def test_looks_decide_between_two_in_about_the_same_place() -> None:
 @pytest.mark.parametrize(("width", "reason"), [(90, None), (150, MissReason.WRONG_SIZE), (40, MissReason.WRONG_SIZE)])
 def test_what_is_much_wider_or_narrower_is_not_the_target(width: int, reason: MissReason | None) -> None:
     look, regions = working([(slice(38, 42), slice(100 - width // 2, 100 + width // 2), AIRCRAFT_CONTRAST)], 1)
-    chosen = choose(regions, look, None, DetectionConfig())
+    chosen = select_target(regions, look, None, DetectionConfig())
     assert (chosen.reason if isinstance(chosen, Miss) else None) is reason
 
 
@@ -174,5 +180,5 @@ def test_what_is_far_from_the_prediction_is_not_the_target() -> None:
     for value, axis in zip(values, axes.T, strict=True):
         for factor, found in ((0.97, True), (1.03, False)):
             moved = replace(look, covariance=covariance, predicted=middle + factor * gate * np.sqrt(value) * axis)
-            chosen = choose(regions, moved, None, DetectionConfig())
+            chosen = select_target(regions, moved, None, DetectionConfig())
             assert isinstance(chosen, Group) is found, chosen

@@ -30,7 +30,7 @@ def disc_kernel(steps: int) -> Float32Array:
     return np.asarray(disc / disc.sum(), np.float32)
 
 
-def thickest_place(membership: Float32Array, radius: float) -> FloatArray:
+def disc_maximum(membership: Float32Array, radius: float) -> FloatArray:
     """Return the place (2,) where a disc is filled best and, along the wing, its neighbourhood is not.
 
     A wing that blur has thickened holds a disc, too, but then its neighbours along the wing hold one as well.

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from groundstation.detection.thickest import disc_kernel, filled_share, thickest_place
+from groundstation.detection.disc_response import disc_kernel, disc_maximum, filled_share
 
 
 @pytest.mark.parametrize("steps", [12, 25, 30, 47, 90])
@@ -28,5 +28,5 @@ def test_the_thickest_place_of_a_disc_on_a_wing_is_the_discs_middle(angle: float
     along = (x - 58.0) * np.cos(angle) + (y - 31.0) * np.sin(angle)
     across = (y - 31.0) * np.cos(angle) - (x - 58.0) * np.sin(angle)
     silhouette = (np.hypot(along, across) < 6) | ((abs(along) < 45) & (abs(across) < 1.5))
-    place = thickest_place(silhouette.astype(np.float32), 6.0)
+    place = disc_maximum(silhouette.astype(np.float32), 6.0)
     np.testing.assert_allclose(place, [58.0, 31.0], atol=0.1)

@@ -30,7 +30,7 @@ def noise_of(image: ImageArray) -> float:
     return float(np.percentile(blocks.mean(axis=2), _QUIET_SHARE)) / (np.sqrt(2.0 / np.pi) * np.sqrt(6.0))
 
 
-class WorkingPicture:
+class ImageConditioner:
     """Prepares the pictures of one camera.
 
     Parameters
