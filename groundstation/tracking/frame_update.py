@@ -176,7 +176,7 @@ class FrameUpdate:
         )
 
     def _angles(self, ready: ReadyFrame) -> _Angles | None:
-        """Return the angles at the exposure: interpolated, or the filter's if the next reading is missing or rejected."""
+        """Return the angles at the exposure: interpolated, or the filter's if a reading is missing or rejected."""
         record, angles = ready.record, ready.angles
         station = self._cameras[record.station].station
         if station.fixed:
