@@ -31,7 +31,7 @@ from groundstation.detection.detector import Detector
 from groundstation.detection.local_fitting import evolve_local
 from groundstation.detection.roi import place_roi
 from groundstation.experiments.detection_plots import draw_cost
-from groundstation.experiments.looks import look_once
+from groundstation.experiments.looks import segmentation_input
 from groundstation.experiments.scenes import scenes
 from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.messages import Roi
@@ -136,7 +136,7 @@ def real_starts(session: Session) -> dict[str, Start]:
     for scene in scenes(session, SEED, last_epoch=max(EPOCHS)):
         if scene.frame.station == station and scene.frame.epoch in EPOCHS:
             name = f"{session.name}, {scene.frame.t_s:.1f} s, {scene.background}, {scene.silhouette.width_px} px wide"
-            start = look_once(scene, CONFIG, region(scene.hint.predicted_px, scene.frame.image.whole().shape))
+            start = segmentation_input(scene, CONFIG, region(scene.hint.predicted_px, scene.frame.image.whole().shape))
             if start is None:
                 print(f"{name}: nothing to divide at first sight, left out", file=sys.stderr)
             else:

@@ -44,9 +44,9 @@ def run(setup: ApproachSetup, approach: SimulatedApproach) -> Run:
     navigator = RunwayNavigator(setup.config, setup.mount)
     rows, told, outcomes = [], [], {}
     for k, sample in enumerate(approach.samples):
-        navigator.feel(sample)
+        navigator.process_imu(sample)
         if k in approach.seen:
-            innovation = navigator.see(sample.t_s, approach.seen[k]).innovation
+            innovation = navigator.update(sample.t_s, approach.seen[k]).innovation
             word = "no fit" if innovation is None else innovation.outcome.value
             outcomes[word] = outcomes.get(word, 0) + 1
             if innovation is not None and innovation.outcome is UpdateOutcome.USED:

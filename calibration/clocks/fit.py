@@ -183,7 +183,7 @@ def _solved(
             with_drift=False,
         )
         p = model.solve(p)
-        left = model.left_over(p)
+        left = model.residual(p)
         m = 2 * len(used.from_s)
         taken = model.freedom(p)
         off_reading, off_turn = left[:n] * sigma, left[n : n + m] / model.weight_turn.T.ravel()
@@ -248,7 +248,7 @@ def _answer(name: str, model: MotionSpline, p: FloatArray, kept: MaskArray) -> T
         got = f"an offset beyond {_SEARCH_S:g} s"
         raise TimingFitError(f"station {name}: got {got}; wanted clocks, with what the rig says, closer than that")
     n, m = 2 * len(model.readings), 2 * len(model.motion.from_s)
-    left = model.left_over(p)
+    left = model.residual(p)
     off = (left[n : n + m] / model.weight_turn.T.ravel()).reshape(2, -1).T
     return TimingFit(
         offset_s=float(p[0]),
@@ -274,7 +274,7 @@ def _covariance(model: MotionSpline, p: FloatArray) -> tuple[FloatArray, float]:
     Successive turns share a frame, and a picture's coding lasts: turns of one second count as one observation, if that
     says more than chance would.
     """
-    jacobian, left = model.jacobian(p), model.left_over(p)
+    jacobian, left = model.jacobian(p), model.residual(p)
     information = jacobian.T @ jacobian + np.diag(1.0 / model.prior() ** 2)
     scale = np.sqrt(np.diag(information))
     covariance = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)

@@ -97,7 +97,7 @@ class MotionSpline:
             self._last = _SplineSolution(p.copy(), design, data, factors, coefficients)
         return self._last
 
-    def left_over(self, p: FloatArray) -> FloatArray:
+    def residual(self, p: FloatArray) -> FloatArray:
         """Return the weighted residuals: readings' pan and tilt, turns' pan and tilt, then the rest."""
         at = self._solution(p)
         return np.asarray(at.design @ at.coefficients - at.data)
@@ -123,7 +123,7 @@ class MotionSpline:
 
         # differences from the start: a trust region begins with the size of what it starts from
         found = least_squares(
-            lambda x: np.concatenate([self.left_over(at(x)), at(x)[free] / prior[free]]),
+            lambda x: np.concatenate([self.residual(at(x)), at(x)[free] / prior[free]]),
             np.zeros(int(free.sum())),
             jac=lambda x: np.concatenate(
                 [self.jacobian(at(x))[:, free] * _STEPS[free], np.diag(_STEPS[free] / prior[free])]
@@ -143,7 +143,7 @@ class MotionSpline:
         return np.array([1e3, DRIFT_SIGMA if self.with_drift else 1e-12, SCALE_SIGMA, ROLL_SIGMA_RAD])
 
     def jacobian(self, p: FloatArray) -> FloatArray:
-        """Return the derivatives (n, 4) of `left_over`, without the part that vanishes with the residuals (Kaufman)."""
+        """Return the derivatives (n, 4) of `residual`, without the part that vanishes with the residuals (Kaufman)."""
         at = self._solution(p)
         n, m = len(self.readings), len(self.motion.from_s)
         scale, roll = 1.0 + p[2], p[3]

@@ -38,7 +38,7 @@ def write_timing_page(folder: Path, found: TimingCalibration) -> list[Path]:
     """Write report.html and its pictures as PNG into ``folder``, made if missing; returns what was written."""
     pictures, parts = [], []
     for name, fit in found.by_pictures.items():
-        own = [_motion(name, fit, found.motions[name]), _left_over(name, fit, found.motions[name])]
+        own = [_motion(name, fit, found.motions[name]), _residual(name, fit, found.motions[name])]
         figures = "".join(report_figure(p.title, p.caption, p.png) for p in own)
         parts.append(f"<h2>Station {escape(name)}</h2><div class='pictures'>{figures}</div>")
         pictures += own
@@ -85,7 +85,7 @@ def _motion(name: str, fit: TimingFit, one: StationMotion) -> ReportPicture:
     return ReportPicture(name=f"{name}-motion", title="Pictures against encoder", caption=caption, png=png)
 
 
-def _left_over(name: str, fit: TimingFit, one: StationMotion) -> ReportPicture:
+def _residual(name: str, fit: TimingFit, one: StationMotion) -> ReportPicture:
     motion = one.motion
     gap = motion.to_s - motion.from_s
     # a late clock is off by what the rate has changed between the frames

@@ -67,7 +67,7 @@ _OTHERWISE = "fly a weave that climbs and descends, near and far, and back"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Confusion:
+class CorrelatedParameters:
     """Parameters of which the flight knows a combination only.
 
     Attributes
@@ -93,10 +93,10 @@ class Confusion:
         return f"{names} (may be wrong {together})" if len(self.members) == 2 else names
 
 
-def confusions(fit: FlightFit) -> list[Confusion]:
+def correlated_parameters(fit: FlightFit) -> list[CorrelatedParameters]:
     """Return combinations that the flight cannot take apart, the worst first; each parameter is named once or twice."""
     values, vectors = np.linalg.eigh(fit.correlation)
-    found: list[Confusion] = []
+    found: list[CorrelatedParameters] = []
     named: set[str] = set()
     for value, vector in zip(values, vectors.T, strict=True):
         if value > _CONFUSED:
@@ -107,7 +107,7 @@ def confusions(fit: FlightFit) -> list[Confusion]:
             continue
         named.update(names)
         found.append(
-            Confusion(
+            CorrelatedParameters(
                 members=names,
                 signs=tuple(int(np.sign(vector[k])) for k in order),
                 share=float(max(value, 0.0)),
@@ -117,7 +117,7 @@ def confusions(fit: FlightFit) -> list[Confusion]:
     return found
 
 
-def untaught(fit: FlightFit) -> list[str]:
+def unobservable_parameters(fit: FlightFit) -> list[str]:
     """Return the names of parameters that the flight has hardly taught."""
     prior = fit.problem.prior_sigma
     return [n for n, s, p in zip(fit.problem.names, fit.sigma, prior, strict=True) if s > _TAUGHT * p]

@@ -12,7 +12,7 @@ from calibration.flight.problem import ANTENNA, FlightProblem, left_jacobian
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
 
-LEAST_LOOKS = 20
+MIN_OBSERVATIONS = 20
 _ROBUST_ROUNDS = 4
 _FINAL_ROUNDS = 3
 # soft-L1 bends here, in sigmas
@@ -237,9 +237,9 @@ def _joint(
 def _require_enough(problem: FlightProblem, fits: Mapping[str, StationFit]) -> None:
     for name, fit in fits.items():
         count, all_of_them = int(fit.kept.sum()), len(problem.looks[name])
-        if count < LEAST_LOOKS:
+        if count < MIN_OBSERVATIONS:
             got = f"{count} of {all_of_them} pixels with angle, reference and a fit"
-            raise FlightFitError(f"station {name}: got {got}; wanted at least {LEAST_LOOKS}")
+            raise FlightFitError(f"station {name}: got {got}; wanted at least {MIN_OBSERVATIONS}")
 
 
 def judged(solution: FlightSolution, point_sigma_m: float = 0.0) -> FlightFit:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BSpline
 
-from calibration.flight.problem import SLOW_S, AngleCurve, StationLooks
+from calibration.flight.problem import SLOW_S, AngleCurve, StationObservations
 from calibration.flight.reference_track import ReferenceTrack
 from calibration.flight.smoothing_spline import smoothing_spline
 from groundstation.arrays import FloatArray
@@ -43,7 +43,7 @@ class FlightData:
     ``looks`` by station; ``track`` the antenna's path in the DGPS clock; ``excluded`` what was left out, in words.
     """
 
-    looks: dict[str, StationLooks]
+    looks: dict[str, StationObservations]
     track: ReferenceTrack
     excluded: tuple[str, ...]
 
@@ -169,7 +169,7 @@ def read_angles(session: Session, from_s: float, to_s: float) -> dict[str, Float
     return {name: np.array(values, dtype=np.float64).reshape(-1, 3) for name, values in rows.items()}
 
 
-def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> StationLooks:
+def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> StationObservations:
     if readings is None:
         readings = np.zeros((0, 3))
     elif len(readings) < 2:
@@ -179,7 +179,7 @@ def _looks(station: Station, found: _Pixels, readings: FloatArray | None) -> Sta
     angles = readings[first, 1:]
     if len(angles):
         angles = np.unwrap(angles, axis=0)
-    return StationLooks(
+    return StationObservations(
         t_s=found.rows[:, 0],
         pixel_px=found.rows[:, 1:],
         sigma_px=found.sigma_px,

@@ -45,7 +45,7 @@ class AngleCurve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StationLooks:
+class StationObservations:
     """What one station saw.
 
     Attributes
@@ -75,9 +75,9 @@ class StationLooks:
     def __len__(self) -> int:
         return len(self.t_s)
 
-    def keep(self, mask: MaskArray) -> "StationLooks":
+    def keep(self, mask: MaskArray) -> "StationObservations":
         """Return the looks of ``mask`` (n,) only."""
-        return StationLooks(
+        return StationObservations(
             t_s=self.t_s[mask],
             pixel_px=self.pixel_px[mask],
             sigma_px=self.sigma_px[mask],
@@ -92,7 +92,7 @@ class StationLooks:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AnglesAtLooks:
+class AnglesAtObservations:
     """Pan and tilt (n, 2) rad, their rates (n, 2) rad/s, share (n,) of one reading's variance, ``usable`` (n,).
 
     ``curved`` (n,): they are those of a curve.
@@ -127,13 +127,13 @@ class Predicted:
     reading_s: FloatArray
 
 
-def angles_at(looks: StationLooks, t_s: FloatArray) -> AnglesAtLooks:
+def angles_at(looks: StationObservations, t_s: FloatArray) -> AnglesAtObservations:
     """Return a station's angles at instants (n,), by its curves, else between readings; a fixed one's are zero."""
     n = len(t_s)
     t, angles = looks.readings_s, looks.readings_rad
     if len(t) < 2:
         nothing, there = np.zeros((n, 2)), np.full(n, len(t) == 0)
-        return AnglesAtLooks(
+        return AnglesAtObservations(
             angles_rad=nothing,
             rates_rad_s=nothing,
             variance_share=np.zeros(n),
@@ -151,7 +151,7 @@ def angles_at(looks: StationLooks, t_s: FloatArray) -> AnglesAtLooks:
         curved |= inside
         for axis, spline in enumerate(curve.axes):
             found[inside, axis], rates[inside, axis] = spline(t_s[inside]), spline(t_s[inside], nu=1)
-    return AnglesAtLooks(
+    return AnglesAtObservations(
         angles_rad=found,
         rates_rad_s=rates,
         variance_share=np.clip((1.0 - share) ** 2 + share**2, 0.5, 1.0),
@@ -171,7 +171,7 @@ class FlightProblem:
     """
 
     stations: Mapping[str, Station]
-    looks: Mapping[str, StationLooks]
+    looks: Mapping[str, StationObservations]
     track: ReferenceTrack
     antenna_in_body_m: FloatArray
     names: tuple[str, ...]

@@ -126,7 +126,7 @@ def _fit(evidence: "Evidence", usual: float) -> _Fit:
     weight = np.ones(evidence.differences.shape[0])
     ratio, noise = evidence.best(weight, usual)
     for _ in range(_MOST_BREAKS):
-        odd = np.where(weight < 1.0, 0.0, evidence.oddness(weight, ratio, noise))
+        odd = np.where(weight < 1.0, 0.0, evidence.standardised_differences(weight, ratio, noise))
         worst = int(np.argmax(odd))
         if odd[worst] < _BREAK_SIGMA:
             break
@@ -167,13 +167,13 @@ class Evidence:
             return float(np.exp(found.x))
 
         ratio = most_probable(None)
-        noise = float(np.sqrt(self._left_over(penalty, ratio)[0] / max(self._samples - self.order, 1)))
+        noise = float(np.sqrt(self._residual(penalty, ratio)[0] / max(self._samples - self.order, 1)))
         # what is stated is knowledge: what chance finds above it, too, raises nothing
         freedom = self._samples - self.order
         raised = noise >= stated * float(np.sqrt(chi2.ppf(_CHANCE, freedom) / freedom)) if freedom > 0 else False
         return (ratio, noise) if raised else (most_probable(stated), stated)
 
-    def oddness(self, weight: FloatArray, ratio: float, noise: float) -> FloatArray:
+    def standardised_differences(self, weight: FloatArray, ratio: float, noise: float) -> FloatArray:
         """Return the third differences (K − 3,) of the path found over their sigmas, without their signs."""
         D = self.differences
         penalty = _bands(D.T @ diags(weight) @ D)
@@ -204,14 +204,14 @@ class Evidence:
             shape += float(np.log(stiff))
         return square / noise**2 + shape + 2.0 * (self._samples - max(ORDERS)) * float(np.log(noise))
 
-    def _left_over(self, penalty: FloatArray, ratio: float) -> tuple[float, float]:
+    def _residual(self, penalty: FloatArray, ratio: float) -> tuple[float, float]:
         root = cholesky_banded(self._normal + penalty / ratio**2, lower=True)
         found = cho_solve_banded((root, True), self._right)
         return max(self._square - float(self._right @ found), 1e-300), 2.0 * float(np.sum(np.log(root[0])))
 
     def _minus_two_log(self, penalty: FloatArray, ratio: float, sigma: float | None) -> float:
         """Return −2 log p, but for a constant; without a sigma, at the one that makes it least."""
-        square, determinant = self._left_over(penalty, ratio)
+        square, determinant = self._residual(penalty, ratio)
         shape = determinant + 2.0 * (self._count - self.order) * np.log(ratio)
         if sigma is None:
             return float((self._samples - self.order) * np.log(square) + shape)

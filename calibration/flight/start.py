@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.flight.fit import LEAST_LOOKS, FlightFitError
+from calibration.flight.fit import MIN_OBSERVATIONS, FlightFitError
 from calibration.flight.parameters import DGPS_CLOCK_S
-from calibration.flight.problem import DGPS_OFFSET, FlightProblem, StationLooks, angles_at
+from calibration.flight.problem import DGPS_OFFSET, FlightProblem, StationObservations, angles_at
 from calibration.orientation import PoseGuess, bearings_in_base, find_orientation, find_pose, find_position
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import matrix_from_wxyz, wxyz_from_matrix
@@ -61,11 +61,11 @@ def find_start(problem: FlightProblem) -> StartingPoint:
     return StartingPoint(problem=replace(problem, stations=stations), change=change)
 
 
-def _start(problem: FlightProblem, station: Station, looks: StationLooks) -> _Started:
+def _start(problem: FlightProblem, station: Station, looks: StationObservations) -> _Started:
     """Scan the clock's offset; at each, the pose without a guess."""
     name = station.name
-    if len(looks) < LEAST_LOOKS:
-        raise FlightFitError(f"station {name}: got {len(looks)} pixels; wanted at least {LEAST_LOOKS}")
+    if len(looks) < MIN_OBSERVATIONS:
+        raise FlightFitError(f"station {name}: got {len(looks)} pixels; wanted at least {MIN_OBSERVATIONS}")
     chosen = np.unique(np.linspace(0, len(looks) - 1, _MOST_BEARINGS).astype(np.int64))
     t, pixels = looks.t_s[chosen], looks.pixel_px[chosen]
     # a camera's own clock moves its exposures past the readings, the log's does not
@@ -80,7 +80,7 @@ def _start(problem: FlightProblem, station: Station, looks: StationLooks) -> _St
             bearings = bearings_in_base(station.geometry(), pixels, angles.angles_rad)
         track = problem.track.at(t + offset)
         usable = angles.usable & track.usable & np.isfinite(bearings).all(axis=1)
-        if usable.sum() < LEAST_LOOKS:
+        if usable.sum() < MIN_OBSERVATIONS:
             continue
         points = track.nose_m(problem.antenna_in_body_m)[usable]
         guess = _pose(station, bearings[usable], points)
@@ -88,8 +88,8 @@ def _start(problem: FlightProblem, station: Station, looks: StationLooks) -> _St
             best, best_s = guess, offset
     if best is None:
         raise FlightFitError(
-            f"station {name}: got no pose that fits; wanted at least {LEAST_LOOKS} pixels with reference and angles, "
-            "of a flight that is not all in one line or one place"
+            f"station {name}: got no pose that fits; wanted at least {MIN_OBSERVATIONS} pixels with reference and "
+            "angles, of a flight that is not all in one line or one place"
         )
     if best.median_rad > _MOST_MISS_RAD:
         got = f"bearings that miss the aircraft by {np.degrees(best.median_rad):.1f}° at best"

@@ -4,7 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.flight.confusion import Confusion, advice_for, confusions, untaught
+from calibration.flight.confusion import (
+    CorrelatedParameters,
+    advice_for,
+    correlated_parameters,
+    unobservable_parameters,
+)
 from calibration.flight.fit import FlightFit
 from calibration.flight.problem import SLOW_S
 from calibration.flight.quality import RangeQuality, range_qualities
@@ -33,13 +38,13 @@ class FlightVerdict:
     apart: tuple[str, ...]
     notes: tuple[str, ...]
     next_steps: tuple[str, ...]
-    confusions: tuple[Confusion, ...]
+    correlated_parameters: tuple[CorrelatedParameters, ...]
     ranges: tuple[RangeQuality, ...]
 
 
 def judge_flight(after: Rig, fit: FlightFit) -> FlightVerdict:
     """Judge a fit and the rig that came of it."""
-    mixed, weak, ranges = confusions(fit), untaught(fit), range_qualities(after, fit)
+    mixed, weak, ranges = correlated_parameters(fit), unobservable_parameters(fit), range_qualities(after, fit)
     apart = [f"cannot tell apart: {c.words}" for c in mixed[:_MOST]]
     if len(mixed) > _MOST:
         apart.append(f"and {len(mixed) - _MOST} more such combinations (see the correlations)")
@@ -58,7 +63,7 @@ def judge_flight(after: Rig, fit: FlightFit) -> FlightVerdict:
         apart=tuple(apart),
         notes=(*_notes(fit), *_of_shutters(after, fit), *_of_slow_readings(fit)),
         next_steps=tuple(steps),
-        confusions=tuple(mixed),
+        correlated_parameters=tuple(mixed),
         ranges=tuple(ranges),
     )
 
@@ -78,7 +83,7 @@ def _good_everywhere(ranges: list[RangeQuality]) -> bool:
     return all(q.good for q in ranges)
 
 
-def _summary(fit: FlightFit, mixed: list[Confusion], weak: list[str], ranges: list[RangeQuality]) -> str:
+def _summary(fit: FlightFit, mixed: list[CorrelatedParameters], weak: list[str], ranges: list[RangeQuality]) -> str:
     doubted = {name for c in mixed for name in c.members} | set(weak)
     alone = len(fit.problem.names) - len(doubted)
     known = f"{alone} of {len(fit.problem.names)} parameters are determined by themselves"

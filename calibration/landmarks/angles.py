@@ -14,7 +14,7 @@ _HARMONICS = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LandmarkLooks:
+class LandmarkObservations:
     """One station's n looks at landmarks, of one day.
 
     Attributes
@@ -39,9 +39,9 @@ class LandmarkLooks:
         return len(self.landmark)
 
 
-def gather_looks(
+def gather_observations(
     sightings: Sequence[LandmarkSighting], station: Station, landmarks: Mapping[str, int], *, today: bool = False
-) -> LandmarkLooks:
+) -> LandmarkObservations:
     """Return the looks of one station out of a table's sightings; ``landmarks`` maps a name to its place."""
     own = tuple(s for s in sightings if s.station == station.name)
     angles = np.zeros((len(own), 2))
@@ -51,7 +51,7 @@ def gather_looks(
             angles[k] = axes.angles(s.pan_rad, s.tilt_rad, s.pan_from, s.tilt_from)
     stops = stops_of(own, station)
     pixel = np.array([s.pixel_px for s in own]).reshape(-1, 2)
-    return LandmarkLooks(
+    return LandmarkObservations(
         station=station.name,
         today=today,
         landmark=np.array([landmarks[s.landmark] for s in own], dtype=np.int64),

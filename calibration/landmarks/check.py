@@ -8,12 +8,12 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
-from calibration.landmarks.angles import LandmarkLooks, gather_looks
+from calibration.landmarks.angles import LandmarkObservations, gather_observations
 from calibration.landmarks.check_correction import Turn, corrected_rig
 from calibration.landmarks.fit import LandmarkFit, inverted, solve_landmarks
 from calibration.landmarks.problem import AXES, MOVED_SIGMA_RAD, pose_problem
 from calibration.landmarks.rejection import GROSS_SIGMA, LandmarkFitError
-from calibration.landmarks.survey import kept_landmarks, require_lens, require_most_kept, seen_landmarks
+from calibration.landmarks.survey import inlier_landmarks, require_lens, require_most_kept, seen_landmarks
 from calibration.landmarks.survey_start import ONE_BEARING_RAD
 from calibration.rig_reach import moved_by_m
 from calibration.sightings import Landmark, LandmarkSighting, require_consistent
@@ -108,10 +108,10 @@ def solve_check(
     names = [s.name for s in rig.stations if any(k.station == s.name for k in sightings)]
     stations = {name: rig[name] for name in names}
     require_lens(stations, rig)
-    today = [gather_looks(sightings, stations[name], places, today=True) for name in names]
+    today = [gather_observations(sightings, stations[name], places, today=True) for name in names]
     for looks in today:
         _require_two(looks, seen, stations[looks.station])
-    then = [gather_looks(reference, station, places) for station in stations.values()]
+    then = [gather_observations(reference, station, places) for station in stations.values()]
     then = [looks for looks in then if len(looks)]
     # what the rig says of an orientation may come from these very sightings: it is found anew from them
     free = [f"{looks.station}.runway_from_base.{axis}" for looks in then for axis in AXES]
@@ -172,7 +172,7 @@ def _cost(fit: LandmarkFit) -> float:
     return float((np.minimum(fit.length, GROSS_SIGMA) ** 2).sum() + known @ known)
 
 
-def _require_two(looks: LandmarkLooks, landmarks: Sequence[Landmark], station: Station) -> None:
+def _require_two(looks: LandmarkObservations, landmarks: Sequence[Landmark], station: Station) -> None:
     """Raise `LandmarkFitError` for landmarks in less than two directions."""
     numbers = np.unique(looks.landmark)
     towards = []
@@ -191,7 +191,7 @@ def _require_fit(fit: LandmarkFit, names: Sequence[str]) -> None:
     """Raise `LandmarkFitError` where what was seen contradicts itself."""
     for name in names:
         require_most_kept(fit, name)
-        kept = kept_landmarks(fit, name)
+        kept = inlier_landmarks(fit, name)
         if len(kept) < 2:
             got = f"landmarks that contradict each other, {len(kept)} left"
             wanted = "the landmarks that the table names, and three or more to tell which is wrong"
@@ -234,7 +234,7 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Station
         statistic=float(turned @ by_looks @ turned),
         threshold=threshold,
         detectable_rad=np.sqrt(distance / np.maximum(np.diag(by_looks), 1e-30)),
-        landmarks=tuple(kept_landmarks(fit, station.name)),
+        landmarks=tuple(inlier_landmarks(fit, station.name)),
     )
 
 

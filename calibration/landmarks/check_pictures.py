@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from calibration.landmarks.angles import LandmarkLooks
+from calibration.landmarks.angles import LandmarkObservations
 from calibration.landmarks.check import Check
 from calibration.report.picture import ReportPicture
 from groundstation.arrays import FloatArray, MaskArray
@@ -58,7 +58,7 @@ def expected_px(check: Check) -> FloatArray:
     return problem.evaluate(unknowns).pixel_px
 
 
-def _off_deg(check: Check, looks: LandmarkLooks, expected: FloatArray) -> FloatArray:
+def _off_deg(check: Check, looks: LandmarkObservations, expected: FloatArray) -> FloatArray:
     """Return seen − expected (m, 2) to the right and up, deg."""
     focal = check.rig[looks.station].lens.focal_px
     return np.asarray(np.degrees((looks.pixel_px - expected) / focal) * (1.0, -1.0))

@@ -67,7 +67,7 @@ def find_reference(rig: Path, asked: Path | None) -> ComparisonTable:
     return ComparisonTable(path=None, kept=False, note=f"compared with the rig alone: there is no {kept.name}")
 
 
-def require_seen_anew(
+def require_new_sightings(
     today: Sequence[LandmarkSighting], then: Sequence[LandmarkSighting], path: Path, reference: Path
 ) -> None:
     """Raise `InputError` where today's rows are those of the reference: a table agrees with itself, whatever moved.

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from calibration.landmarks.problem import LandmarkProblem
-from calibration.landmarks.rejection import LandmarkFitError, contradiction, single_sightings
+from calibration.landmarks.rejection import LandmarkFitError, find_outlier, single_sightings
 from calibration.landmarks.solver import Weighted, solve_kept, white_residuals, whitening_of
 from groundstation.arrays import FloatArray, MaskArray
 
@@ -67,7 +67,7 @@ def solve_landmarks(problem: LandmarkProblem, start: FloatArray | None = None) -
             if single.any():
                 kept = kept & ~single
                 continue
-            found = contradiction(problem, unknowns, kept)
+            found = find_outlier(problem, unknowns, kept)
             if found.nothing:
                 break
             rejected.update(found.landmarks)

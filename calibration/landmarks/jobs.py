@@ -13,7 +13,7 @@ from calibration.landmarks.check_reference import (
     other_set_up,
     reference_path,
     refuse_keeping_onto,
-    require_seen_anew,
+    require_new_sightings,
 )
 from calibration.landmarks.check_report import format_check, write_check_report
 from calibration.landmarks.survey import Survey, solve_survey, survey_words
@@ -81,14 +81,14 @@ class CheckRequest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Opinion:
+class ComparisonOutcome:
     """What somebody else says of a rig and today's sightings, in words, and the stations that do not agree with it."""
 
     text: str
     against: tuple[str, ...]
 
 
-Ask = Callable[[Rig, Sequence[LandmarkSighting], Mapping[str, Landmark]], Opinion]
+Ask = Callable[[Rig, Sequence[LandmarkSighting], Mapping[str, Landmark]], ComparisonOutcome]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -152,10 +152,10 @@ def _compared(
     kept = reference_path(request.rig)
     if reference.path is None and kept.is_file():
         # the rig itself comes from that table
-        require_seen_anew(sightings, read_sightings(kept), request.sightings, kept)
+        require_new_sightings(sightings, read_sightings(kept), request.sightings, kept)
     if reference.path is not None:
         then = read_sightings(reference.path)
-        require_seen_anew(sightings, then, request.sightings, reference.path)
+        require_new_sightings(sightings, then, request.sightings, reference.path)
         check = solve_check(rig, sightings, landmarks, then, request.sightings, reference.path)
         otherwise = other_set_up(check) if reference.kept else None
         if otherwise is None:
@@ -165,7 +165,7 @@ def _compared(
     return solve_check(rig, sightings, landmarks, (), request.sightings), reference
 
 
-def _decide(check: Check, request: CheckRequest, opinion: Opinion | None) -> tuple[str, str]:
+def _decide(check: Check, request: CheckRequest, opinion: ComparisonOutcome | None) -> tuple[str, str]:
     """Return the decision in words and as one of accepted, corrected, refused."""
     names = ", ".join(m.station for m in check.moved)
     if check.unseen:

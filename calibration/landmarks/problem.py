@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calibration.flight.problem import left_jacobian
-from calibration.landmarks.angles import LandmarkLooks
+from calibration.landmarks.angles import LandmarkObservations
 from calibration.sightings import Landmark
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, perturbed_packed
@@ -32,7 +32,7 @@ _TURNS = (slice(0, 3), slice(6, 9))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evaluated:
+class LinearisedSightings:
     """Predicted pixels (n, 2) of all looks, ``jacobian`` (n, 2, q) by the unknowns, ``by_angle`` (n, 2, 2)."""
 
     pixel_px: FloatArray
@@ -54,14 +54,14 @@ class LandmarkProblem:
     """
 
     stations: Mapping[str, Station]
-    looks: tuple[LandmarkLooks, ...]
+    looks: tuple[LandmarkObservations, ...]
     landmarks: tuple[Landmark, ...]
     names: tuple[str, ...]
     spread: FloatArray
     known: MaskArray
     slipped: frozenset[str] = frozenset()
     _packed: Mapping[str, FloatArray] = field(init=False, repr=False)
-    _newest: dict[bytes, Evaluated] = field(default_factory=dict, init=False, repr=False)
+    _newest: dict[bytes, LinearisedSightings] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         packed = {name: station.geometry().packed for name, station in self.stations.items()}
@@ -108,7 +108,7 @@ class LandmarkProblem:
         """Return where the rotation that ``moved`` adds to stands among `CALIBRATION_PARAMETERS`."""
         return CALIBRATION_PARAMETERS.index("head_from_camera.x" if station in self.slipped else "runway_from_base.x")
 
-    def evaluate(self, unknowns: FloatArray) -> Evaluated:
+    def evaluate(self, unknowns: FloatArray) -> LinearisedSightings:
         """Predict all looks' pixels at unknowns (q,)."""
         at = unknowns.tobytes()
         # a solver asks for residuals, slopes and noise at one place
@@ -117,16 +117,16 @@ class LandmarkProblem:
             self._newest[at] = self._evaluate(self.spread @ unknowns)
         return self._newest[at]
 
-    def _evaluate(self, change: FloatArray) -> Evaluated:
+    def _evaluate(self, change: FloatArray) -> LinearisedSightings:
         parts = [self._predict(looks, change) for looks in self.looks]
-        return Evaluated(
+        return LinearisedSightings(
             pixel_px=np.concatenate([p.pixel_px for p in parts]),
             jacobian=np.concatenate([p.jacobian for p in parts]),
             by_angle=np.concatenate([p.by_angle for p in parts]),
             usable=np.concatenate([p.usable for p in parts]),
         )
 
-    def _predict(self, looks: LandmarkLooks, change: FloatArray) -> Evaluated:
+    def _predict(self, looks: LandmarkObservations, change: FloatArray) -> LinearisedSightings:
         n = len(looks)
         own = self.station_change(change, looks.station, today=looks.today)
         packed = perturbed_packed(self._packed[looks.station], own)
@@ -157,7 +157,9 @@ class LandmarkProblem:
                 jacobian[seen, :, places[0] : places[0] + 3] = by_place
         usable = depth > MIN_DEPTH_M
         jacobian[~usable] = 0.0
-        return Evaluated(pixel_px=pixel, jacobian=jacobian @ self.spread, by_angle=by_state[:, :, 3:], usable=usable)
+        return LinearisedSightings(
+            pixel_px=pixel, jacobian=jacobian @ self.spread, by_angle=by_state[:, :, 3:], usable=usable
+        )
 
     def _point(self, k: int, change: FloatArray, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return a landmark as a point (3,) and what its components (3, 3) do to it."""
@@ -175,7 +177,7 @@ class LandmarkProblem:
 
 def pose_problem(
     stations: Mapping[str, Station],
-    looks: Sequence[LandmarkLooks],
+    looks: Sequence[LandmarkObservations],
     landmarks: Sequence[Landmark],
     free: Sequence[str],
     before: ParameterCovariance,

@@ -67,7 +67,7 @@ def single_sightings(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskA
     return off
 
 
-def contradiction(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> Rejection:
+def find_outlier(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> Rejection:
     """Return which landmark, or which station's sightings of one, the rest contradicts.
 
     Raises `LandmarkFitError` where leaving out another one would explain it as well.

@@ -15,7 +15,7 @@ from calibration.flight.parameters import (
     KNOWN_ROTATION_RAD,
 )
 from calibration.joint_covariance import with_covariance
-from calibration.landmarks.angles import LandmarkLooks, gather_looks
+from calibration.landmarks.angles import LandmarkObservations, gather_observations
 from calibration.landmarks.fit import LandmarkFit, solve_landmarks
 from calibration.landmarks.problem import AXES, pose_problem
 from calibration.landmarks.rejection import LandmarkFitError
@@ -70,8 +70,8 @@ def solve_survey(
     stations = {name: rig[name] for name in names}
     require_lens(stations, rig)
     places = {landmark.name: k for k, landmark in enumerate(seen)}
-    looks = [gather_looks(sightings, stations[name], places) for name in names]
-    before = known_before(rig, names, words)
+    looks = [gather_observations(sightings, stations[name], places) for name in names]
+    before = prior_covariance(rig, names, words)
     started = found_stations(stations, looks, seen, before)
     free = [
         f"{name}.{group}.{axis}"
@@ -111,7 +111,7 @@ def require_lens(stations: Mapping[str, Station], rig: Rig) -> None:
             raise InputError(f"{rig.path or 'rig'}: station {name}", got="no focal_px", wanted=wanted)
 
 
-def known_before(rig: Rig, names: Sequence[str], words: Sequence[str]) -> ParameterCovariance:
+def prior_covariance(rig: Rig, names: Sequence[str], words: Sequence[str]) -> ParameterCovariance:
     """Return the joint covariance of what the rig knows of stations, and of what is freed though it is known."""
     known = rig.calibration_covariance()
     keep = []
@@ -142,7 +142,7 @@ def known_before(rig: Rig, names: Sequence[str], words: Sequence[str]) -> Parame
     return ParameterCovariance(names=(*found, *more), matrix=joint)
 
 
-def looks_of(fit: LandmarkFit, name: str) -> list[tuple[LandmarkLooks, NDArray[np.int64]]]:
+def looks_of(fit: LandmarkFit, name: str) -> list[tuple[LandmarkObservations, NDArray[np.int64]]]:
     """Return a station's looks with the numbers (n,) of their rows in the fit."""
     start, found = 0, []
     for looks in fit.problem.looks:
@@ -152,7 +152,7 @@ def looks_of(fit: LandmarkFit, name: str) -> list[tuple[LandmarkLooks, NDArray[n
     return found
 
 
-def kept_landmarks(fit: LandmarkFit, name: str) -> list[str]:
+def inlier_landmarks(fit: LandmarkFit, name: str) -> list[str]:
     """Return the names of the landmarks that one station saw and that fit."""
     numbers = {
         int(k)
@@ -166,7 +166,7 @@ def kept_landmarks(fit: LandmarkFit, name: str) -> list[str]:
 def require_most_kept(fit: LandmarkFit, name: str) -> None:
     """Raise `LandmarkFitError` where more landmarks of a station do not fit than mistakes are likely."""
     seen = {s.landmark for looks, _ in looks_of(fit, name) for s in looks.sightings}
-    out = sorted(seen - set(kept_landmarks(fit, name)))
+    out = sorted(seen - set(inlier_landmarks(fit, name)))
     if len(out) > max(1, len(seen) // 4):
         got = f"{len(out)} of {len(seen)} landmarks that contradict each other ({', '.join(out[:8])})"
         wanted = "right coordinates, and a lens, a camera's mount (--free boresight) and angles that are right"
@@ -176,7 +176,7 @@ def require_most_kept(fit: LandmarkFit, name: str) -> None:
 def require_determined(fit: LandmarkFit, stations: Mapping[str, Station]) -> None:
     """Raise `LandmarkFitError` where a pose is not determined, or sightings contradict each other."""
     for name, station in stations.items():
-        kept = kept_landmarks(fit, name)
+        kept = inlier_landmarks(fit, name)
         require_most_kept(fit, name)
         least = 2 if "position" in station.known else 3
         if len(kept) < least:

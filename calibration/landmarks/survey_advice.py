@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.landmarks.fit import information_with, inverted
-from calibration.landmarks.survey import Survey, kept_landmarks
+from calibration.landmarks.survey import Survey, inlier_landmarks
 from calibration.rig_reach import RANGES_M, approach_point, good_to_m, posed, reach_at, reach_gain, relative_sigma_rad
 from groundstation.arrays import FloatArray
 
@@ -72,7 +72,7 @@ def _geometry(survey: Survey) -> list[str]:
     for name in survey.rig.names:
         if not any(looks.station == name for looks in survey.fit.problem.looks):
             continue
-        kept = kept_landmarks(survey.fit, name)
+        kept = inlier_landmarks(survey.fit, name)
         if "position" in survey.before[name].known:
             if len(kept) < 3:
                 steps.append(f"{name}: a third landmark off the line of the two; a wrong one would not be noticed now")

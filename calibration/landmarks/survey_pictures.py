@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from calibration.landmarks.survey import Survey, kept_landmarks, looks_of
+from calibration.landmarks.survey import Survey, inlier_landmarks, looks_of
 from calibration.rig_reach import reach_at
 
 _SIZE_IN = (6.4, 5.4)
@@ -79,7 +79,7 @@ def _map(ax: Axes, survey: Survey) -> None:
     points = [m for m in survey.fit.problem.landmarks if m.kind == "point" and m.place is not None]
     for colour, (name, _) in zip(_cycle(), _seen(survey), strict=False):
         x, y = survey.rig[name].ptu_position_m[:2]
-        kept = kept_landmarks(survey.fit, name)
+        kept = inlier_landmarks(survey.fit, name)
         own = {s.landmark for looks, _ in looks_of(survey.fit, name) for s in looks.sightings}
         for mark in points:
             if mark.name in own and mark.place is not None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.landmarks.fit import LandmarkFit
 from calibration.landmarks.rejection import GROSS_SIGMA
-from calibration.landmarks.survey import Survey, kept_landmarks, looks_of
+from calibration.landmarks.survey import Survey, inlier_landmarks, looks_of
 from calibration.landmarks.survey_advice import TABLE_HEAD, SurveyAdvice, advise_survey
 from calibration.landmarks.survey_pictures import survey_pictures
 from calibration.report.page import report_figure, report_list, report_page, report_table
@@ -76,7 +76,7 @@ def fit_lines(survey: Survey) -> list[str]:
             )
             pixel = float(np.sqrt(np.median(looks.pixel_variance)))
             lines.append(
-                f"{name}: {int(kept.sum())} of {len(looks)} sightings of {len(kept_landmarks(survey.fit, name))} "
+                f"{name}: {int(kept.sum())} of {len(looks)} sightings of {len(inlier_landmarks(survey.fit, name))} "
                 f"landmarks, {rms:.2f} px rms; noise taken: {noise}, pixel {pixel:.2g} px"
             )
     lines.append(

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.landmarks.angles import LandmarkLooks, stops_of
+from calibration.landmarks.angles import LandmarkObservations, stops_of
 from calibration.landmarks.fit import LandmarkFit, solve_landmarks
 from calibration.landmarks.problem import pose_problem
 from calibration.landmarks.rejection import LandmarkFitError
@@ -48,7 +48,7 @@ class _Bearings:
 
 
 def find_station(
-    station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark], before: ParameterCovariance
+    station: Station, looks: LandmarkObservations, landmarks: Sequence[Landmark], before: ParameterCovariance
 ) -> Station:
     """Return the station with an orientation, and a position if it has none, that its looks at landmarks agree with.
 
@@ -73,7 +73,7 @@ def find_station(
     return _refined(moved, looks, landmarks, before)
 
 
-def _require_enough(station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark], known: bool) -> None:
+def _require_enough(station: Station, looks: LandmarkObservations, landmarks: Sequence[Landmark], known: bool) -> None:
     """Raise `LandmarkFitError` where fewer landmarks were seen than there are unknowns."""
     numbers = np.unique(looks.landmark)
     points = [k for k in numbers if landmarks[k].kind == "point"]
@@ -98,7 +98,7 @@ def _count(n: int) -> str:
     return "one landmark" if n == 1 else f"{n or 'no'} landmarks"
 
 
-def _seen(station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark]) -> _Bearings:
+def _seen(station: Station, looks: LandmarkObservations, landmarks: Sequence[Landmark]) -> _Bearings:
     bearings = bearings_in_base(station.geometry(), looks.pixel_px, looks.angles_rad)
     stops = stops_of(looks.sightings, station)
     means, numbers = [], []
@@ -200,7 +200,7 @@ def _moved(station: Station, guess: PoseGuess) -> Station:
 
 
 def _refined(
-    candidates: list[Station], looks: LandmarkLooks, landmarks: Sequence[Landmark], before: ParameterCovariance
+    candidates: list[Station], looks: LandmarkObservations, landmarks: Sequence[Landmark], before: ParameterCovariance
 ) -> Station:
     """Return the candidate that fits its own looks best; raises `LandmarkFitError` where another fits as well."""
     found: list[tuple[float, Station]] = []
@@ -231,7 +231,7 @@ def _same(a: Station, b: Station) -> bool:
 
 
 def _own_fit(
-    station: Station, looks: LandmarkLooks, landmarks: Sequence[Landmark], before: ParameterCovariance
+    station: Station, looks: LandmarkObservations, landmarks: Sequence[Landmark], before: ParameterCovariance
 ) -> LandmarkFit:
     groups = ["runway_from_base", *([] if "position" in station.known else ["ptu_position"])]
     free = [f"{station.name}.{group}.{axis}" for group in groups for axis in "xyz"]
@@ -240,7 +240,7 @@ def _own_fit(
 
 def found_stations(
     stations: Mapping[str, Station],
-    looks: Sequence[LandmarkLooks],
+    looks: Sequence[LandmarkObservations],
     landmarks: Sequence[Landmark],
     before: ParameterCovariance,
 ) -> dict[str, Station]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from calibration.flight.problem import left_jacobian
 from calibration.landmarks.angles import reading_variances
-from calibration.mount.problem import MountProblem, Sought
+from calibration.mount.problem import MountProblem, PredictedSightings
 from calibration.mount.standstills import with_shared_error
 from groundstation.arrays import FloatArray, MaskArray
 
@@ -15,7 +15,7 @@ BORESIGHT = tuple(f"head_from_camera.{axis}" for axis in "xyz")
 BASE = tuple(f"runway_from_base.{axis}" for axis in "xyz")
 
 
-def whitened(problem: MountProblem, sought: Sought, kept: MaskArray) -> tuple[FloatArray, FloatArray]:
+def whitened(problem: MountProblem, sought: PredictedSightings, kept: MaskArray) -> tuple[FloatArray, FloatArray]:
     """Return residuals and Jacobian of what is kept, in sigmas and uncorrelated, and behind them what was known."""
     seen = problem.sightings
     own = np.flatnonzero(kept)

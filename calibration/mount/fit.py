@@ -15,7 +15,7 @@ from calibration.mount.covariance import (
     well_conditioned,
     whitened,
 )
-from calibration.mount.problem import MountProblem, Sought
+from calibration.mount.problem import MountProblem, PredictedSightings
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
 
@@ -163,7 +163,7 @@ def _robust(problem: MountProblem, start: FloatArray) -> tuple[FloatArray, MaskA
     return change, kept, reasons
 
 
-def _lengths(problem: MountProblem, sought: Sought, white: FloatArray) -> FloatArray:
+def _lengths(problem: MountProblem, sought: PredictedSightings, white: FloatArray) -> FloatArray:
     off = sought.pixel_px - problem.sightings.pixel_px
     return np.asarray(np.linalg.norm(np.einsum("nij,nj->ni", white, off), axis=1))
 

@@ -158,7 +158,7 @@ class MountSightings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sought:
+class PredictedSightings:
     """Predicted pixels (n, 2), ``jacobian`` (n, 2, p), ``by_angle`` (n, 2, 2); ``usable`` (n,) which are in front."""
 
     pixel_px: FloatArray
@@ -208,7 +208,7 @@ class MountProblem:
                 full[CALIBRATION_PARAMETERS.index(name)] = change[k]
         return replace(self.station.changed(full), ptu_axes=self.axes(change))
 
-    def predict(self, change: FloatArray) -> Sought:
+    def predict(self, change: FloatArray) -> PredictedSightings:
         """Predict all sightings with a change (p,)."""
         seen, n = self.sightings, len(self.sightings)
         station = self.station_at(change)
@@ -240,7 +240,7 @@ class MountProblem:
                     jacobian[own, :, self.names.index(name)] = moved[:, :, part_number]
         usable = depth > MIN_DEPTH_M
         jacobian[~usable], by_angle[~usable] = 0.0, 0.0
-        return Sought(pixel_px=pixel, jacobian=jacobian, by_angle=by_angle, usable=usable)
+        return PredictedSightings(pixel_px=pixel, jacobian=jacobian, by_angle=by_angle, usable=usable)
 
     def _axis_columns(
         self, by_angle: FloatArray, by_rig: FloatArray, tilt: FloatArray, camera_m: FloatArray

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from groundstation.cli.paths import READ, REPORT_FOLDER, WRITTEN_FILE
 
 if TYPE_CHECKING:
-    from calibration.landmarks.jobs import Opinion
+    from calibration.landmarks.jobs import ComparisonOutcome
     from calibration.sightings import Landmark, LandmarkSighting
     from groundstation.rig.rig import Rig
 
@@ -130,7 +130,7 @@ def run_calibrate_check(options: argparse.Namespace) -> int:
 
     names = None if options.runway is None else [name.strip() for name in options.runway.split(",")]
 
-    def ask(rig: "Rig", seen: "Sequence[LandmarkSighting]", marks: "Mapping[str, Landmark]") -> "Opinion":
+    def ask(rig: "Rig", seen: "Sequence[LandmarkSighting]", marks: "Mapping[str, Landmark]") -> "ComparisonOutcome":
         from groundstation.cli.calibrate_runway import ask_runway
 
         return ask_runway(rig, seen, marks, names or (), options.sightings)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.landmarks.jobs import Opinion
+from calibration.landmarks.jobs import ComparisonOutcome
 from calibration.sightings import STANDING_DEG, Landmark, LandmarkSighting
 from groundstation.errors import InputError
 from groundstation.files.toml_table import quoted
@@ -18,7 +18,7 @@ LEAST_CORNERS = 4
 
 def ask_runway(
     rig: Rig, seen: Sequence[LandmarkSighting], marks: Mapping[str, Landmark], names: Sequence[str], path: Path
-) -> Opinion:
+) -> ComparisonOutcome:
     """Compare each station's pose by the runway's corners with its rig's.
 
     Stations count that saw all of the named landmarks without turning. Raises `InputError` where none did (``path`` is
@@ -36,7 +36,7 @@ def ask_runway(
         wanted = f"a station that sees {', '.join(names)} in one look, without turning, and not all on one line"
         raise InputError(path.name, got="none such", wanted=wanted)
     lines = ["by the runway's corners, each station's camera:", *(_line(check) for check in checks)]
-    return Opinion(text="\n".join(lines), against=tuple(c.station for c in checks if not c.agrees))
+    return ComparisonOutcome(text="\n".join(lines), against=tuple(c.station for c in checks if not c.agrees))
 
 
 def _corner(marks: Mapping[str, Landmark], name: str) -> Landmark:

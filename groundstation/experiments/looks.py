@@ -166,7 +166,7 @@ def _time_segmentation(detector: Detector) -> list[float]:
     return spent
 
 
-def look_once(scene: Scene, config: DetectionConfig, roi: Roi) -> tuple[Float32Array, MaskArray] | None:
+def segmentation_input(scene: Scene, config: DetectionConfig, roi: Roi) -> tuple[Float32Array, MaskArray] | None:
     """Return what a fresh detector gives its segmentation in this ROI: the scalar image and the start's inside.
 
     None where it sees nothing to divide: on the ground a fresh one has not learnt the background yet.

@@ -16,7 +16,13 @@ from groundstation.onboard.approach.config import ApproachConfig, CornerMethod
 from groundstation.onboard.approach.navigator import NoseNavigator, NoseReport
 from groundstation.onboard.edges.pose import Attitude, nose_pose
 from groundstation.onboard.pose.inertial import rotation_vector
-from groundstation.onboard.scenes.nose_flight import CAMERA_PITCH_DEG, NoseFlight, nose_flight, nose_setup, said_poses
+from groundstation.onboard.scenes.nose_flight import (
+    CAMERA_PITCH_DEG,
+    NoseFlight,
+    navigation_poses,
+    nose_flight,
+    nose_setup,
+)
 from groundstation.onboard.scenes.sequences import SEQUENCES
 
 _SEED_STEP = 70_000
@@ -47,15 +53,15 @@ def follow(flight: NoseFlight, pictures: list[ImageArray], config: ApproachConfi
     """Run the chain over a flight whose pictures are rendered, and compare it with the truth."""
     setup, motion = flight.setup, flight.motion
     navigator = NoseNavigator(flight.runway, setup.lens, setup.mount, config)
-    attitude, place = said_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
+    attitude, place = navigation_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
     rows, outcomes, fed = [], dict[str, int](), 0
     for sample, picture in zip(flight.frames, pictures, strict=True):
         while fed <= sample:
-            navigator.feel(motion.samples[fed])
+            navigator.process_imu(motion.samples[fed])
             fed += 1
         roll, pitch, yaw = (float(angle) for angle in attitude[sample])
         said = nose_pose(place[sample], Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw), _MOUNT)
-        report = navigator.see(float(motion.t_s[sample]), picture, said)
+        report = navigator.update(float(motion.t_s[sample]), picture, said)
         outcomes[report.outcome] = outcomes.get(report.outcome, 0) + 1
         if report.fix is not None:
             rows.append(_compared(flight, sample, report))

@@ -163,10 +163,10 @@ def follow(setup: ApproachSetup, approach: SimulatedApproach) -> FlightErrors:
     navigator = RunwayNavigator(setup.config, setup.mount)
     rows, told, steps = [], [], []
     for k, sample in enumerate(approach.samples):
-        navigator.feel(sample)
+        navigator.process_imu(sample)
         if k in approach.seen:
             seen = approach.seen[k]
-            innovation = navigator.see(sample.t_s, seen).innovation
+            innovation = navigator.update(sample.t_s, seen).innovation
             if k % (5 * EVERY) == 0 and (paper := solve_paper(seen, SIX_PAIRS)) is not None:
                 steps.append((sample.t_s, paper.steps))
             if innovation is not None and innovation.outcome is UpdateOutcome.USED:

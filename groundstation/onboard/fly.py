@@ -194,10 +194,10 @@ class _Flight:
         fed = 0
         for frame in self._video.frames():
             while fed < len(samples) and samples[fed].t_s <= frame.t_s:
-                self._navigator.feel(samples[fed])
+                self._navigator.process_imu(samples[fed])
                 fed += 1
             image = self._flat.flat(frame.image)
-            report = self._navigator.see(frame.t_s, image, self._outside(frame.t_s, image))
+            report = self._navigator.update(frame.t_s, image, self._outside(frame.t_s, image))
             yield frame, report
 
     def _outside(self, t_s: float, image: ImageArray) -> NoseCameraPose | None:

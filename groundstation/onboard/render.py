@@ -17,9 +17,9 @@ from groundstation.onboard.scenes.nose_flight import (
     CAMERA_PITCH_DEG,
     NoseFlight,
     attitude_of,
+    navigation_poses,
     nose_flight,
     nose_setup,
-    said_poses,
 )
 from groundstation.onboard.scenes.sequences import SEQUENCES
 
@@ -58,7 +58,7 @@ def render_flight(
     flight = drawn_flight(scene, seed, frames, motion)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        said = said_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
+        said = navigation_poses(flight, np.random.default_rng([flight.sequence.seed, 5]))
         files[1].write_text(camera_file(flight, *said), encoding="utf-8")
         _write(files[2], _LOG_COLUMNS, _log_rows(flight, *said))
         _write(files[3], TRUTH_COLUMNS, _truth_rows(flight))

@@ -29,16 +29,16 @@ class LastingErrors:
     def __init__(self, config: InertialConfig, mount: CameraMount, count: int) -> None:
         self._beside = [InertialFilter(config, mount) for _ in range(count)]
 
-    def feel(self, sample: ImuSample) -> None:
+    def process_imu(self, sample: ImuSample) -> None:
         """Take an inertial sample, as the main filter does."""
         for one in self._beside:
-            one.feel(sample)
+            one.process_imu(sample)
 
-    def see(self, observation: PoseObservation, lasting: FloatArray) -> None:
+    def update(self, observation: PoseObservation, lasting: FloatArray) -> None:
         """Take a pose that the main filter is shown, with what one sigma of each error makes of it, (6, count)."""
         for one, error in zip(self._beside, _SHARE * lasting.T, strict=True):
             turned = rotation_from_vector(error[3:]) @ matrix_from_wxyz(observation.runway_from_camera_wxyz)
-            one.see(
+            one.update(
                 PoseObservation(
                     t_s=observation.t_s,
                     position_m=observation.position_m + error[:3],

@@ -131,7 +131,7 @@ class NoseNavigator:
         self._confirmed = False
         self._scatter = 1.0
         if self._last is not None:
-            self.feel(self._last)
+            self.process_imu(self._last)
 
     @property
     def runway(self) -> Runway:
@@ -143,17 +143,17 @@ class NoseNavigator:
         """Return whether it needs no pose from outside any more."""
         return self._inside
 
-    def feel(self, sample: ImuSample) -> None:
+    def process_imu(self, sample: ImuSample) -> None:
         """Take an inertial sample."""
-        self._filter.feel(sample)
-        self._lasting.feel(sample)
+        self._filter.process_imu(sample)
+        self._lasting.process_imu(sample)
         self._last = sample
 
-    def see(self, t_s: float, image: ImageArray, outside: NoseCameraPose | None) -> NoseReport:
+    def update(self, t_s: float, image: ImageArray, outside: NoseCameraPose | None) -> NoseReport:
         """Take a picture (h, w, 3) uint8 BGR, with a pose from outside as far as there is one."""
         if self._last is not None and t_s > self._last.t_s:
             # the sample before holds until the next: the state is brought to the picture's time
-            self.feel(replace(self._last, t_s=t_s))
+            self.process_imu(replace(self._last, t_s=t_s))
         told = self._told(outside)
         if told is None:
             return self._report(t_s, None, None, None, None, None)
@@ -269,8 +269,8 @@ class NoseNavigator:
             covariance=np.asarray(covariance),
             lasting=lasting @ lasting.T,
         )
-        innovation = self._filter.see(observation)
-        self._lasting.see(observation, lasting)
+        innovation = self._filter.update(observation)
+        self._lasting.update(observation, lasting)
         self._learn_scatter(innovation, observation)
         if innovation.outcome in (UpdateOutcome.USED, UpdateOutcome.STARTED, UpdateOutcome.RESTARTED):
             self._used += 1

@@ -19,9 +19,9 @@ from groundstation.onboard.edges.strip_kernel import (
     displacement_scores,
     edges_agree,
     fill_strip,
+    median_best_score,
     own_places,
     robust_line,
-    usual_best,
     usual_middle,
 )
 
@@ -147,4 +147,4 @@ def _agreement(strip: FloatArray, block: int) -> float:
 
 def _kappa(strip: FloatArray, block: int) -> float:
     """Return half the usual best |u − v|² of a block of places."""
-    return max(0.5 * float(usual_best(strip, block)), 1e-6)
+    return max(0.5 * float(median_best_score(strip, block)), 1e-6)

@@ -160,7 +160,7 @@ def block_score(strip: FloatArray, first: int, block: int, displacement: int) ->
 
 
 @njit(cache=True, nogil=True)
-def usual_best(strip: FloatArray, block: int) -> float:
+def median_best_score(strip: FloatArray, block: int) -> float:
     """Return the median over blocks of their best |u − v|² at any displacement; 0 where there is none."""
     n_t, n_o = strip.shape[:2]
     best, count = np.zeros(n_t // block), 0

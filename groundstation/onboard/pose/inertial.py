@@ -183,7 +183,7 @@ class InertialFilter:
         """Return whether a pose has started it."""
         return bool(np.isfinite(self._seen_s))
 
-    def feel(self, sample: ImuSample) -> None:
+    def process_imu(self, sample: ImuSample) -> None:
         """Take an inertial sample: the state moves to its time under the sample before it.
 
         A sample that is not later than the last is left out.
@@ -194,7 +194,7 @@ class InertialFilter:
         self._last = sample
         self._t_s = sample.t_s
 
-    def see(self, observation: PoseObservation) -> PoseInnovation:
+    def update(self, observation: PoseObservation) -> PoseInnovation:
         """Take a pose: start from it, correct the state, or refuse it; a pose older than the state is late and left."""
         if not self.started:
             return self._start(observation, UpdateOutcome.STARTED)

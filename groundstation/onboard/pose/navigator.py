@@ -38,11 +38,11 @@ class RunwayNavigator:
         """Return the filter's state."""
         return self.filter.navigation
 
-    def feel(self, sample: ImuSample) -> None:
+    def process_imu(self, sample: ImuSample) -> None:
         """Take an inertial sample."""
-        self.filter.feel(sample)
+        self.filter.process_imu(sample)
 
-    def see(self, t_s: float, seen: SeenPoints) -> PictureResult:
+    def update(self, t_s: float, seen: SeenPoints) -> PictureResult:
         """Take a picture's corners; a pose that does not fit them never reaches the filter."""
         pose = solve_pose(seen)
         if pose is None or pose.status is not PoseStatus.OK:
@@ -53,7 +53,7 @@ class RunwayNavigator:
             runway_from_camera_wxyz=pose.runway_from_camera_wxyz,
             covariance=self._covariance(seen, pose),
         )
-        return PictureResult(pose=pose, innovation=self.filter.see(observation))
+        return PictureResult(pose=pose, innovation=self.filter.update(observation))
 
     def _covariance(self, seen: SeenPoints, pose: RunwayPose) -> FloatArray:
         """Return the pose's covariance, where the state knows better at the state's own pose.

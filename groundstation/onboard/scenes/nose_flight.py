@@ -124,7 +124,7 @@ def attitude_of(runway_from_body_wxyz: FloatArray) -> FloatArray:
     return np.array([math.atan2(M[2, 1], M[2, 2]), pitch, math.atan2(M[1, 0], M[0, 0])])
 
 
-def said_poses(flight: NoseFlight, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def navigation_poses(flight: NoseFlight, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Return what a navigation says at each sample: attitude (n, 3) in rad and the camera's place (n, 3) in m."""
     sensors, motion = Sensors(), flight.motion
     attitude = np.array([attitude_of(wxyz_from_matrix(R)) for R in motion.runway_from_body])

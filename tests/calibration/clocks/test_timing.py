@@ -111,7 +111,7 @@ def test_the_splines_derivatives_have_numeric_twins(rng) -> None:
     for k, step in enumerate((1e-4, 1e-5, 1e-4, 1e-4)):
         d = np.zeros(4)
         d[k] = step
-        numeric = (spline.left_over(p + d) - spline.left_over(p - d)) / (2 * step)
+        numeric = (spline.residual(p + d) - spline.residual(p - d)) / (2 * step)
         size = float(np.abs(numeric).max())
         np.testing.assert_allclose(jacobian[:, k] / size, numeric / size, atol=0.02)
 

@@ -134,7 +134,7 @@ def test_gross_pixels_and_glitches_are_left_out_and_listed(tmp_path: Path) -> No
 
 # ------------------------------------------------------------------------------------------------- Jacobian
 def test_the_jacobian_is_the_numeric_one(rng: np.random.Generator) -> None:
-    from calibration.flight.problem import ANTENNA, DGPS_OFFSET, StationLooks
+    from calibration.flight.problem import ANTENNA, DGPS_OFFSET, StationObservations
     from groundstation.simulation import standard_rig
 
     t = np.arange(0.0, 12.0, 0.1)
@@ -145,7 +145,7 @@ def test_the_jacobian_is_the_numeric_one(rng: np.random.Generator) -> None:
     seen = np.arange(1.013, 10.0, 0.5)
     stamps = np.arange(0.0, 12.0, 0.25)
     readings = np.column_stack([0.02 * np.sin(stamps), 0.05 + 0.01 * stamps])
-    looks = StationLooks(
+    looks = StationObservations(
         t_s=seen,
         pixel_px=np.zeros((len(seen), 2)),
         sigma_px=np.ones((len(seen), 2)),

@@ -8,7 +8,7 @@ import pytest
 from calibration.clocks.calibrate import TimingCalibration
 from calibration.flight import start as flight_start
 from calibration.flight import verdict as flight_verdict
-from calibration.flight.confusion import _TAUGHT, untaught
+from calibration.flight.confusion import _TAUGHT, unobservable_parameters
 from calibration.flight.start import find_start
 from calibration.flight.verdict import _summary
 
@@ -19,7 +19,7 @@ def test_what_is_hardly_better_known_than_before_is_named() -> None:
     prior = np.array([1.0, 2.0, 3.0])
     sigma = np.array([0.99 * _TAUGHT, 1.01 * _TAUGHT, 0.1]) * prior
     fit = SimpleNamespace(problem=SimpleNamespace(names=NAMES, prior_sigma=prior), sigma=sigma)
-    assert untaught(fit) == [NAMES[1]]
+    assert unobservable_parameters(fit) == [NAMES[1]]
 
 
 def test_a_unit_is_later_than_its_camera_by_the_difference_of_their_clocks() -> None:

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from calibration.landmarks.check import solve_check
 from calibration.landmarks.check_pictures import expected_px
-from calibration.landmarks.check_reference import require_seen_anew
+from calibration.landmarks.check_reference import require_new_sightings
 from calibration.landmarks.check_report import station_line
 from calibration.landmarks.survey import solve_survey
 from calibration.rig_reach import approach_point
@@ -323,10 +323,10 @@ def test_a_table_is_the_same_however_it_is_written(tmp_path: Path, rng: np.rando
         return read_sightings(path)
 
     then = read_sightings(survey)
-    message = complaint(InputError, lambda: require_seen_anew(rewritten(survey), then, path, survey))
+    message = complaint(InputError, lambda: require_new_sightings(rewritten(survey), then, path, survey))
     assert "today.csv: got 72 of 72 rows that stand in rig.sightings.csv, too" in message
     write_sightings(tmp_path / "new.csv", look(day.true, day.stands, rng, 6))
-    require_seen_anew(rewritten(tmp_path / "new.csv"), then, path, survey)
+    require_new_sightings(rewritten(tmp_path / "new.csv"), then, path, survey)
 
 
 def test_sightings_of_another_set_up_are_no_reference(

@@ -9,7 +9,7 @@ from landmark_study.simulated import PLACES_M, Morning, look, morning, turned_ra
 from scipy.stats import chi2
 
 from calibration.joint_covariance import with_covariance
-from calibration.landmarks.angles import gather_looks, lasting_variance, stops_of
+from calibration.landmarks.angles import gather_observations, lasting_variance, stops_of
 from calibration.landmarks.check import solve_check
 from calibration.landmarks.problem import pose_problem, root_of
 from calibration.landmarks.survey import Survey, solve_survey
@@ -68,7 +68,7 @@ def test_a_jacobian_is_the_slope_of_its_pixels(rng: np.random.Generator) -> None
     places = {m.name: k for k, m in enumerate(marks)}
     seen = look(day.true, {m.name: m for m in marks}, rng, 1)
     stations = {s.name: s for s in day.true.stations}
-    looks = [gather_looks(seen, s, places, today=t) for s in stations.values() for t in (True, False)]
+    looks = [gather_observations(seen, s, places, today=t) for s in stations.values() for t in (True, False)]
     free = [f"{n}.{g}.{a}" for n in stations for g in ("runway_from_base", "ptu_position") for a in "xyz"]
     problem = pose_problem(stations, looks, marks, free, day.believed.calibration_covariance(), moved=list(stations))
     at = rng.normal(0.0, 1.0, len(problem.known))
@@ -285,8 +285,8 @@ def test_the_same_picture_counts_once(rng: np.random.Generator) -> None:
     once = look(day.true, day.stands, rng, 1)
     station = replace(day.true["left"], ptu_sigma_rad=0.0)
     places = {n: k for k, n in enumerate(day.table)}
-    single = gather_looks(once, station, places)
-    many = gather_looks([s for s in once for _ in range(7)], station, places)
+    single = gather_observations(once, station, places)
+    many = gather_observations([s for s in once for _ in range(7)], station, places)
     assert many.pixel_variance == pytest.approx(7 * np.repeat(single.pixel_variance, 7))
     assert many.angle_variance == pytest.approx(7 * np.repeat(single.angle_variance, 7))
     assert stops_of(many.sightings, station).max() == len(single) - 1

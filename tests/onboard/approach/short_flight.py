@@ -9,7 +9,13 @@ from groundstation.onboard.approach.navigator import NoseNavigator
 from groundstation.onboard.edges.pose import Attitude, nose_pose
 from groundstation.onboard.fly import series_of
 from groundstation.onboard.pose.agreement import PositionTrack
-from groundstation.onboard.scenes.nose_flight import CAMERA_PITCH_DEG, NoseFlight, nose_flight, nose_setup, said_poses
+from groundstation.onboard.scenes.nose_flight import (
+    CAMERA_PITCH_DEG,
+    NoseFlight,
+    navigation_poses,
+    nose_flight,
+    nose_setup,
+)
 from groundstation.onboard.scenes.sequences import SEQUENCES
 
 FRAMES = 24
@@ -32,16 +38,16 @@ def short_flight() -> tuple[NoseFlight, list[ImageArray]]:
 def ground_series(flight: NoseFlight, pictures: list[ImageArray]) -> PositionTrack:
     """Return the aircraft's own positions of the flight."""
     navigator = NoseNavigator(flight.runway, flight.setup.lens, flight.setup.mount)
-    attitude, place = said_poses(flight, np.random.default_rng(5))
+    attitude, place = navigation_poses(flight, np.random.default_rng(5))
     mount = Attitude(pitch_rad=float(np.radians(CAMERA_PITCH_DEG)))
     fixes, fed = [], 0
     for sample, picture in zip(flight.frames, pictures, strict=True):
         while fed <= sample:
-            navigator.feel(flight.motion.samples[fed])
+            navigator.process_imu(flight.motion.samples[fed])
             fed += 1
         roll, pitch, yaw = (float(a) for a in attitude[sample])
         said = nose_pose(place[sample], Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw), mount)
-        fix = navigator.see(float(flight.motion.t_s[sample]), picture, said).fix
+        fix = navigator.update(float(flight.motion.t_s[sample]), picture, said).fix
         if fix is not None:
             fixes.append(fix)
     return series_of(fixes)

@@ -21,7 +21,7 @@ class Felt:
 
     times_s: list[float] = field(default_factory=list)
 
-    def feel(self, sample: Sample) -> None:
+    def process_imu(self, sample: Sample) -> None:
         self.times_s.append(sample.t_s)
 
 
@@ -33,6 +33,6 @@ def test_the_state_is_brought_to_the_time_of_a_later_picture(
     navigator._filter, navigator._lasting, navigator._last = Felt(), Felt(), None
     monkeypatch.setattr(NoseNavigator, "_told", lambda self, outside: None)
     monkeypatch.setattr(NoseNavigator, "_report", lambda self, t_s, *rest: t_s)
-    navigator.feel(Sample(t_s=1.0))
-    assert navigator.see(picture_s, np.zeros((2, 2, 3), np.uint8), None) == picture_s
+    navigator.process_imu(Sample(t_s=1.0))
+    assert navigator.update(picture_s, np.zeros((2, 2, 3), np.uint8), None) == picture_s
     assert navigator._filter.times_s == navigator._lasting.times_s == held

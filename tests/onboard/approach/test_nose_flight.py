@@ -122,16 +122,16 @@ def test_a_lasting_error_goes_through_the_filter_as_its_sensitivity_says(rng: np
     for k in range(200):
         sample = ImuSample(t_s=0.01 * k, force_m_s2=np.array([0.1, 0.0, 9.8]), rate_rad_s=np.zeros(3))
         for one in (main, told_wrong, beside):
-            one.feel(sample)
+            one.process_imu(sample)
         if k % 10 == 0:
             place = np.array([0.0, 100.0 - 0.2 * k, 10.0]) + 0.1 * rng.standard_normal(3)
             observation = PoseObservation(
                 t_s=sample.t_s, position_m=place, runway_from_camera_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
                 covariance=np.diag([0.1, 1.0, 0.1, 1e-4, 1e-4, 1e-4]),
             )  # fmt: skip
-            main.see(observation)
-            beside.see(observation, modes)
-            told_wrong.see(
+            main.update(observation)
+            beside.update(observation, modes)
+            told_wrong.update(
                 replace(
                     observation,
                     position_m=place + modes[:3, 0],

@@ -71,7 +71,7 @@ def test_the_transition_has_a_numeric_twin(rng: np.random.Generator) -> None:
 def test_the_innovations_jacobian_has_a_numeric_twin(rng: np.random.Generator) -> None:
     approach = fly(replace(SHORT, duration_s=2.0), rng)
     navigator = RunwayNavigator(SHORT.config, SHORT.mount)
-    navigator.see(0.0, approach.seen[0])
+    navigator.update(0.0, approach.seen[0])
     ours = navigator.filter
     position, wxyz = ours.camera_pose()
     observation = PoseObservation(t_s=0.0, position_m=position, runway_from_camera_wxyz=wxyz, covariance=np.eye(6))
@@ -125,9 +125,9 @@ def test_it_is_consistent_through_a_loss_of_the_runway() -> None:
         approach = fly(SHORT, np.random.default_rng([41, seed]))
         navigator = RunwayNavigator(SHORT.config, SHORT.mount)
         for k, sample in enumerate(approach.samples):
-            navigator.feel(sample)
+            navigator.process_imu(sample)
             if k in approach.seen:
-                innovation = navigator.see(sample.t_s, approach.seen[k]).innovation
+                innovation = navigator.update(sample.t_s, approach.seen[k]).innovation
                 assert innovation is not None
                 if innovation.outcome is UpdateOutcome.USED:
                     nis.append(innovation.nis)
@@ -149,9 +149,9 @@ def flying(rng: np.random.Generator) -> tuple[InertialFilter, SimulatedApproach]
     approach = fly(replace(SHORT, duration_s=10.0), rng)
     navigator = RunwayNavigator(SHORT.config, SHORT.mount)
     for k, sample in enumerate(approach.samples[:800]):
-        navigator.feel(sample)
+        navigator.process_imu(sample)
         if k in approach.seen:
-            navigator.see(sample.t_s, approach.seen[k])
+            navigator.update(sample.t_s, approach.seen[k])
     return navigator.filter, approach
 
 
@@ -169,14 +169,14 @@ def observation_at(approach: SimulatedApproach, k: int, off_m: float) -> PoseObs
 def test_a_pose_that_cannot_be_is_gated(flying: tuple[InertialFilter, SimulatedApproach]) -> None:
     ours, approach = flying
     before = ours.navigation
-    assert ours.see(observation_at(approach, 799, 200.0)).outcome is UpdateOutcome.GATED
+    assert ours.update(observation_at(approach, 799, 200.0)).outcome is UpdateOutcome.GATED
     np.testing.assert_array_equal(ours.navigation.P, before.P)
-    assert ours.see(observation_at(approach, 799, 0.0)).outcome is UpdateOutcome.USED
+    assert ours.update(observation_at(approach, 799, 0.0)).outcome is UpdateOutcome.USED
 
 
 def test_poses_that_keep_saying_so_start_it_again(flying: tuple[InertialFilter, SimulatedApproach]) -> None:
     ours, approach = flying
-    outcomes = [ours.see(observation_at(approach, 799, 200.0)).outcome for _ in range(SHORT.config.restart_after)]
+    outcomes = [ours.update(observation_at(approach, 799, 200.0)).outcome for _ in range(SHORT.config.restart_after)]
     assert outcomes == [UpdateOutcome.GATED] * (SHORT.config.restart_after - 1) + [UpdateOutcome.RESTARTED]
     assert abs(ours.navigation.position_m[0] - approach.position_m[799][0]) > 190.0
 
@@ -184,7 +184,7 @@ def test_poses_that_keep_saying_so_start_it_again(flying: tuple[InertialFilter, 
 def test_a_late_pose_is_left(flying: tuple[InertialFilter, SimulatedApproach]) -> None:
     ours, approach = flying
     before = ours.navigation
-    assert ours.see(observation_at(approach, 700, 0.0)).outcome is UpdateOutcome.LATE
+    assert ours.update(observation_at(approach, 700, 0.0)).outcome is UpdateOutcome.LATE
     np.testing.assert_array_equal(ours.navigation.position_m, before.position_m)
 
 
