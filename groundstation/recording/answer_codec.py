@@ -1,4 +1,4 @@
-"""What the pipeline answered as lines of JSON, exact to the last bit, without what only a stopwatch said."""
+"""Outputs of the pipeline as lines of JSON, bit-exact, without processing times."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from groundstation.messages import CameraReport, Detection, TrackEstimate, Track
 
 
 def estimate_values(estimate: TrackEstimate) -> dict[str, Any]:
-    """Return an answer as plain values; the same answer gives the same values, however long it took."""
+    """Return an estimate as plain values, which do not depend on the processing time."""
     k, t = estimate.kinematics, estimate.triangulation
     return {
         "epoch": int(estimate.epoch),
@@ -30,7 +30,7 @@ def estimate_values(estimate: TrackEstimate) -> dict[str, Any]:
 
 
 def state_values(state: TrackState) -> dict[str, Any]:
-    """Return the answer to a heartbeat as plain values."""
+    """Return the output of a heartbeat as plain values."""
     k = state.kinematics
     return {
         "t_s": float(state.t_s),

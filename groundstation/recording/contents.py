@@ -1,4 +1,4 @@
-"""What a recording says before its first event: the session's own files, and how the run was set up."""
+"""Header and closing record of a recording: attached files, configuration, number of events."""
 
 import json
 import platform
@@ -19,7 +19,7 @@ FORMAT = "groundstation-recording/1"
 ABOUT = "groundstation"
 END = "groundstation.end"
 SESSION, RIG, CONFIG = "session.toml", "rig.toml", "config.toml"
-# tables that a session may have, for scoring and for teaching
+# tables that a session may have, for evaluation and for calibration states
 REFERENCES = ("dgps.csv", "truth.csv")
 EVENTS_TOPIC, TRACK_TOPIC, CAMERAS_TOPIC = "/groundstation/events", "/groundstation/track", "/groundstation/cameras"
 STATES_TOPIC = "/groundstation/states"
@@ -27,7 +27,7 @@ STATES_TOPIC = "/groundstation/states"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecordingHeader:
-    """How a recorded run was set up.
+    """Configuration of a recorded run.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class RecordingHeader:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingEnd:
-    """What the writer knew when it closed: how many events and epochs, and the stamps of the first and last epoch."""
+    """The closing record: number of events and epochs, and the stamps of the first and last epoch."""
 
     events: int
     epochs: int
@@ -58,7 +58,7 @@ class RecordingEnd:
 
 
 def header_values(header: RecordingHeader) -> dict[str, str]:
-    """Return the header's note, all values text; versions are for people."""
+    """Return the header as text values; the versions are informative only."""
     values = {
         "format": FORMAT,
         "name": header.name,
@@ -74,7 +74,7 @@ def header_values(header: RecordingHeader) -> dict[str, str]:
 
 
 def parse_header(contents: Contents, where: str) -> RecordingHeader:
-    """Return the header of a file; raises `RecordingError` if it is none of ours."""
+    """Return the header of a file; raises `RecordingError` for a file of another format."""
     about = contents.metadata.get(ABOUT)
     if about is None or about.get("format") != FORMAT:
         got = "another program's file" if about is None else f"format {quoted(about.get('format'))}"
@@ -96,7 +96,7 @@ def parse_header(contents: Contents, where: str) -> RecordingHeader:
 
 
 def end_values(end: RecordingEnd) -> dict[str, str]:
-    """Return the closing note."""
+    """Return the closing record as text values."""
     return {
         "events": str(end.events),
         "epochs": str(end.epochs),
@@ -106,7 +106,7 @@ def end_values(end: RecordingEnd) -> dict[str, str]:
 
 
 def parse_end(contents: Contents) -> RecordingEnd | None:
-    """Return the closing note; None where there is none that makes sense, and one has to count."""
+    """Return the closing record; None if it is missing or invalid."""
     values = contents.metadata.get(END)
     if contents.fault is not None or values is None:
         return None

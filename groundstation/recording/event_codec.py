@@ -1,4 +1,4 @@
-"""What the pipeline consumed as lines of JSON, exact to the last bit of every number, and back.
+"""Input events of the pipeline as lines of JSON, bit-exact, and their parser.
 
 Besides the events there are notes: what was kept of a frame's pixels (known only once it has been looked at), what was
 dropped, what was lost.
@@ -56,7 +56,7 @@ class PartNote:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PixelsNote:
-    """What was kept of frame number ``of``; its parts' pictures follow, in this order. No part: nobody looked."""
+    """The recorded parts of frame number ``of``; their pictures follow in this order. Without parts, no window was read."""
 
     of: int
     parts: tuple[PartNote, ...]
@@ -91,7 +91,7 @@ class Numbered:
 
 
 def line(values: Mapping[str, Any]) -> bytes:
-    """Return one line of JSON; floats are written so that they come back bit for bit."""
+    """Return one line of JSON; floats are written with all digits, so that they read back bit for bit."""
     return json.dumps(values, separators=(",", ":"), ensure_ascii=False).encode()
 
 
@@ -156,7 +156,7 @@ _KINDS: Mapping[type, str] = {
 
 
 class _EventFields:
-    """One line's values, each checked as it is asked for."""
+    """The values of one line, each checked on access."""
 
     def __init__(self, values: Mapping[str, Any], sizes_px: Mapping[str, tuple[int, int]], where: str) -> None:
         self._values = values
@@ -164,7 +164,7 @@ class _EventFields:
         self._where = where
 
     def parsed(self) -> Numbered | Note:
-        """Return what the line says."""
+        """Return the event or note of the line."""
         kind = self._values.get("kind")
         if kind == "pixels":
             return self._pixels()
@@ -267,7 +267,7 @@ class _EventFields:
 
 
 def part_inside(part: PartNote, size_px: tuple[int, int]) -> bool:
-    """Return whether a part is one: some pixels, all of them inside the picture (w, h)."""
+    """Return whether a part is not empty and inside the picture (w, h)."""
     window = (part.x, part.y, part.x + part.w, part.y + part.h)
     return part.w > 0 and part.h > 0 and clip(window, size_px) == window
 

@@ -1,4 +1,4 @@
-"""Pixels in a recording, without loss: PNG, or as they are where there is no time for more."""
+"""Lossless pixels of a recording: PNG, or uncompressed if compression is too slow."""
 
 from typing import Any
 
@@ -62,7 +62,7 @@ def decoded(message: bytes, *, png: bool, size_px: tuple[int, int], colour: bool
 
 
 def _unpacked(data: bytes, size_px: tuple[int, int]) -> Any:
-    """Return a PNG's pixels, or None where it is none or of another size."""
+    """Return a PNG's pixels, or None if it is invalid or of another size."""
     if png_size_px(data) != size_px or data[24:26] not in _PNG_KINDS:
         return None
     try:
@@ -72,7 +72,7 @@ def _unpacked(data: bytes, size_px: tuple[int, int]) -> Any:
 
 
 def _plain(record: Any, size_px: tuple[int, int], colour: bool) -> Any:
-    """Return the pixels as they stand there, or None where they are not as many as they should be."""
+    """Return uncompressed pixels, or None if their number is wrong."""
     w, h = size_px
     if (record.width, record.height) != size_px or len(record.data) != w * h * (3 if colour else 1):
         return None

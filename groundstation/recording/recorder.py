@@ -1,9 +1,9 @@
-"""The recorder: exactly what the pipeline consumed, in its order, and what it answered, in a crash-safe file.
+"""The recorder: the pipeline's input events, in order, and its outputs, in a crash-safe file.
 
-A thread of its own writes; whoever hands over events and reports never waits. Where the disk cannot follow, recording
-degrades: pictures are first no longer packed, then dropped, the oldest first, each noted in the file; everything else
-only when the disk takes nothing for minutes. What is in the file is at the operating system within a quarter of a
-second (a killed process loses no more), and on the disk itself within another half (a power cut).
+A separate thread writes the file; adding events and reports does not block. If the disk is too slow, pictures are first
+written uncompressed, then dropped, the oldest first, with a note in the file; other records are dropped only if the
+disk accepts nothing for minutes. Data reach the operating system within 0.25 s (the most that a killed process loses)
+and the disk within another 0.5 s (the most that a power cut loses).
 """
 
 import os
@@ -43,15 +43,15 @@ __all__ = ["PATIENT", "Recorder", "RecorderConfig", "RecorderState", "RecorderSt
 
 
 class Recorder:
-    """A sink of events and of reports. Give it each event before the pipeline takes it, and each report after.
+    """A sink of events and reports: each event is added before the pipeline step, each report after it.
 
     Parameters
     ----------
     path : a file that does not exist yet, .mcap.
-    whole_frames : keep all of every picture at once, whatever is read of it: for converting.
-    output, free_bytes, clock : stand-ins for the file, the disk's free space and the time, for tests.
+    whole_frames : record every picture in full, whichever parts of it are read; for conversion.
+    output, free_bytes, clock : replacements of the file, the disk's free space and the time, for tests.
 
-    Raises `InputError` where the file cannot be made. Later faults are in `status`, never raised.
+    Raises `InputError` if the file cannot be created. Later faults are reported in `status`, not raised.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Recorder:
         try:
             self._messages = RecordingMessages(self._output, rig, header, config.chunk_bytes)
         except InputError:
-            # nothing has been recorded: an empty file would only be in the way of the next attempt
+            # nothing has been recorded: an empty file would block the next attempt
             raw.close()
             path.unlink(missing_ok=True)
             raise
@@ -102,7 +102,7 @@ class Recorder:
     # ------------------------------------------------------------------------------ the pipeline's side
     @property
     def status(self) -> RecorderStatus:
-        """How recording goes."""
+        """State of the recording."""
         pictures, records, events = self._queue.counts()
         return RecorderStatus(
             state=self._state,
@@ -117,9 +117,9 @@ class Recorder:
         )
 
     def take(self, event: Event) -> None:
-        """Record an event; of a frame the pixels follow once its report says that it has been looked at.
+        """Record an event; the pixels of a frame are recorded when the report on it arrives.
 
-        Raises `InputError` only if it is patient and the disk takes nothing.
+        Raises `InputError` only with ``patient``, if the disk accepts no data.
         """
         if self._config.patient:
             self._wait()
@@ -127,7 +127,7 @@ class Recorder:
         self._number += 1
         self._queue.put(EventLine(n=number, t_s=float(event.t_s), values=event_values(number, event)))
         if isinstance(event, FilterReset):
-            # who held frames until now will not report on them
+            # no report on the frames held until now will follow
             self._put_unseen()
         if not isinstance(event, Frame):
             return
@@ -137,13 +137,13 @@ class Recorder:
             self._unseen.setdefault((event.station, event.epoch), deque()).append((number, event))
 
     def taken(self, events: Iterable[Event]) -> Iterator[Event]:
-        """Pass events on, each recorded before."""
+        """Yield the events, each one recorded first."""
         for event in events:
             self.take(event)
             yield event
 
     def write(self, report: StepReport) -> None:
-        """Record what one step answered, and of the frames that it looked at what was read."""
+        """Record the output of one step, and the parts of its frames that were read."""
         for camera in report.cameras:
             waiting = self._unseen.get((camera.station, camera.epoch))
             if waiting:
@@ -160,11 +160,11 @@ class Recorder:
             self._queue.put(QueueAnswer(content=event))
 
     def attach(self, name: str, data: bytes) -> None:
-        """Add a file that is known only now, as the DGPS log of a flight."""
+        """Attach a file after the start, such as the DGPS log of a flight."""
         self._queue.put(QueueAnswer(content=(name, data)))
 
     def close(self) -> None:
-        """Write everything that waits, close the file; closing twice is allowed."""
+        """Write all queued records and close the file; may be called twice."""
         if self._closed:
             return
         self._closed = True
@@ -176,21 +176,21 @@ class Recorder:
             self._reason = "the disk did not answer at the end" + left_to_recover(self._output.written_bytes)
 
     def _wait(self) -> None:
-        """Wait while much is to be written; raises `InputError` if that will not be."""
+        """Wait while the queue is nearly full; raises `InputError` if the recording has failed."""
         while self._state is RecorderState.RECORDING and self._queue.fill() > _PATIENT_FILL:
             time.sleep(_PATIENT_S)
         if self._state is not RecorderState.RECORDING:
             raise InputError(str(self._path), got=self.status.line(), wanted="a disk with space for the recording")
 
     def _put_unseen(self) -> None:
-        """Hand over what was read of the frames that no report is to be expected of."""
+        """Queue the parts read of the frames for which no report will follow."""
         for waiting in self._unseen.values():
             for number, frame in waiting:
                 self._put_pixels(number, frame, whole=frame.image.whole_read)
         self._unseen.clear()
 
     def _put_pixels(self, number: int, frame: Frame, *, whole: bool) -> None:
-        """Hand over what is to be kept of a frame; windows are copied, so that the picture's memory is free again."""
+        """Queue the recorded parts of a frame; windows are copied, which releases the picture's memory."""
         image = frame.image
         item = FramePixels(of=number, station=frame.station, t_s=frame.t_s, pattern=image.pattern, source=None)
         if self._queue.refuse_pictures and (whole or image.read):
@@ -224,7 +224,7 @@ class Recorder:
             self._output.close()
 
     def _measure_free_space(self) -> int:
-        """Return how much is free on the disk, and remember it for the status."""
+        """Return the free space of the disk in bytes, and store it for the status."""
         try:
             self._free = self._free_bytes()
         except OSError:
@@ -237,6 +237,6 @@ class Recorder:
 
 
 def _free_bytes(folder: Path) -> int:
-    """Return what is free for us on a folder's disk."""
+    """Return the space in bytes that is free for this user on a folder's disk."""
     space = os.statvfs(folder)
     return space.f_bavail * space.f_frsize

@@ -1,4 +1,4 @@
-"""What goes into a recording, message by message: events and notes, pictures, answers, and the same for viewers."""
+"""The messages of a recording: events, notes, pictures, outputs, and standard messages for viewers."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -55,7 +55,7 @@ class RecordingMessages:
 
     Parameters
     ----------
-    chunk_bytes : a chunk is closed when it has so much; `flush` closes it earlier.
+    chunk_bytes : size at which a chunk is closed; `flush` closes it earlier.
     """
 
     def __init__(self, output: RetriedOutput, rig: Rig, header: RecordingHeader, chunk_bytes: int) -> None:
@@ -73,7 +73,7 @@ class RecordingMessages:
         self._uncalibrated = list(rig.stations)
 
     def attach(self, name: str, data: bytes) -> None:
-        """Add a file of the session's; raises `InputError` if it is too large to be one."""
+        """Attach a file of the session; raises `InputError` if it is too large."""
         if len(data) > _MAX_FILE_BYTES:
             wanted = f"at most {_MAX_FILE_BYTES >> 20} MiB to go into a recording"
             raise InputError(name, got=f"{len(data)} bytes", wanted=wanted)
@@ -81,7 +81,7 @@ class RecordingMessages:
         self._writer.add_attachment(0, self._now_ns, name, media, data)
 
     def put(self, item: Item, *, png: bool) -> None:
-        """Write one item; pictures as PNG, or unpacked where there is no time."""
+        """Write one item; pictures as PNG, or uncompressed without ``png``."""
         if isinstance(item, EventLine):
             self._now_ns = stamp_ns(item.t_s)
             while self._uncalibrated:
@@ -94,21 +94,21 @@ class RecordingMessages:
             self._answer(item)
 
     def note_lost(self, first: int, last: int) -> None:
-        """Note a run of events that are not in the file."""
+        """Write a note on a range of events that are missing from the file."""
         self._note(LostNote(first=first, last=last), self._now_ns)
 
     def flush(self) -> None:
-        """Close the chunk that is being filled."""
+        """Close the current chunk."""
         self._writer.flush()
 
     def finish(self) -> None:
-        """Write the closing note and the index."""
+        """Write the closing record and the index."""
         self._writer.add_metadata(END, end_values(self._end.result()))
         self._writer.finish()
 
     # -------------------------------------------------------------------------------------------- pictures
     def _pixels(self, item: FramePixels, png: bool) -> None:
-        """Note what was kept of a frame, then its pictures."""
+        """Write a note on the recorded parts of a frame, then their pictures."""
         stamp = stamp_ns(item.t_s)
         if item.source is None:
             self._note(DroppedNote(of=item.of, why=item.dropped), stamp)
@@ -157,7 +157,7 @@ class RecordingMessages:
         self._standard("/track/pose", "PoseInFrame", stamp, frame_id="runway", pose=pose)
 
     def _transform(self, camera: CameraReport, stamp: int) -> None:
-        """Say where a camera stood and looked, for the viewers' 3-D scenes."""
+        """Write the pose of a camera, for the 3-D scenes of viewers."""
         fixed = camera.station in self._fixed
         if not fixed and (camera.pan_rad is None or camera.tilt_rad is None):
             return
@@ -205,7 +205,7 @@ class RecordingMessages:
         self._message(topic, schemas.schema_name(kind), "protobuf", data, stamp, number)
 
     def _message(self, topic: str, schema: str, encoding: str, data: bytes, stamp: int, number: int) -> None:
-        """Write a message; what it needs is announced before the first."""
+        """Write a message; its schema and channel are registered before the first one."""
         channel = self._channels.get(topic)
         if channel is None:
             json = encoding == "jsonschema"
@@ -220,7 +220,7 @@ class RecordingMessages:
 
 
 def _kept(source: Sequence[Kept] | Picture) -> Iterator[Kept]:
-    """Return the parts to write: those that were copied already, or the whole picture."""
+    """Return the parts to write: the copied windows, or the whole picture."""
     if isinstance(source, Picture):
         yield source.kept((0, 0, *source.size_px))
     else:

@@ -1,4 +1,4 @@
-"""The recorder's file: what cannot be written now is kept and tried again, so that a full disk leaves no hole."""
+"""The recorder's file: data that cannot be written are kept and retried, so a full disk leaves no gap."""
 
 import os
 from pathlib import Path
@@ -8,16 +8,16 @@ from groundstation.errors import InputError
 
 
 class RawOutput(Protocol):
-    """Where bytes go: an unbuffered file, or a test's stand-in."""
+    """The raw output: an unbuffered file, or a test's replacement."""
 
     def write(self, data: memoryview, /) -> int | None:
-        """Write some of the data; returns how much."""
+        """Write some of the data; returns the number of bytes written."""
 
     def fileno(self) -> int:
         """Return the file's descriptor."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the file."""
 
 
 def new_file(path: Path) -> RawOutput:
@@ -33,7 +33,7 @@ def new_file(path: Path) -> RawOutput:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Bring the file's name onto the disk; its content alone would not survive a power cut."""
+    """Sync the folder entry to the disk; without it the file does not survive a power cut."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -55,12 +55,12 @@ class RetriedOutput:
 
     @property
     def waiting_bytes(self) -> int:
-        """How much is not in the file yet."""
+        """Number of bytes not yet in the file."""
         return len(self._waiting)
 
     @property
     def written_bytes(self) -> int:
-        """How much is in the file."""
+        """Number of bytes in the file."""
         return self._written
 
     def write(self, data: bytes | bytearray | memoryview) -> int:
@@ -69,14 +69,14 @@ class RetriedOutput:
         return len(data)
 
     def tell(self) -> int:
-        """Return where the next byte will stand."""
+        """Return the position of the next byte."""
         return self._written + len(self._waiting)
 
     def flush(self) -> None:
-        """Nothing: `commit` brings bytes to the file."""
+        """Do nothing: `commit` writes to the file."""
 
     def commit(self) -> None:
-        """Bring everything to the file; raises `OSError` where that fails, and can be tried again."""
+        """Write all pending bytes to the file; raises `OSError` on failure, after which it may be retried."""
         done = 0
         try:
             with memoryview(self._waiting) as data:
@@ -90,7 +90,7 @@ class RetriedOutput:
             del self._waiting[:done]
 
     def sync(self) -> None:
-        """Bring what is in the file onto the disk itself, through all caches; raises `OSError`."""
+        """Sync the file to the disk (fsync); raises `OSError`."""
         if self._synced < self._written:
             written = self._written
             os.fdatasync(self._raw.fileno())

@@ -1,6 +1,6 @@
-"""What waits for the recorder's writer: bounded, never blocking, and what is too much is dropped by a stated rule.
+"""The queue of the recorder's writer: bounded and non-blocking.
 
-Pictures go first, the oldest of them; everything else only when so much waits that the disk must be gone.
+On overflow the oldest pictures are dropped first; other records only at ``max_items``, when the disk is unavailable.
 """
 
 import threading
@@ -36,7 +36,7 @@ class EventLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QueueAnswer:
-    """Something that the pipeline answered: a report's part, or a file to attach."""
+    """An output of the pipeline (part of a report), or a file to attach."""
 
     content: Any
 
@@ -46,7 +46,7 @@ Item = EventLine | FramePixels | QueueAnswer
 
 @dataclass(slots=True)
 class QueueCounts:
-    """What was dropped: pictures, other records, and the numbers of the events among these, as ranges."""
+    """Number of dropped pictures and other records, and the ranges of the events among the latter."""
 
     pictures: int = 0
     records: int = 0
@@ -55,12 +55,12 @@ class QueueCounts:
 
 
 class RecorderQueue:
-    """Takes items from one thread and gives them to another, in order.
+    """First-in, first-out queue between two threads.
 
     Parameters
     ----------
-    max_picture_bytes : so much of pictures may wait; beyond it the oldest are dropped.
-    max_items : so many items may wait at all.
+    max_picture_bytes : limit of the queued pictures' size; beyond it the oldest are dropped.
+    max_items : limit of the number of queued items.
     """
 
     def __init__(self, *, max_picture_bytes: int, max_items: int) -> None:
@@ -72,11 +72,11 @@ class RecorderQueue:
         self._bytes = 0
         self._closed = False
         self._counts = QueueCounts()
-        # why pictures are not taken now; empty where they are
+        # the reason for refusing pictures; empty while they are accepted
         self.refuse_pictures = ""
 
     def put(self, item: Item) -> None:
-        """Add an item; never waits."""
+        """Add an item; does not block."""
         with self._changed:
             self._items.append(item)
             if isinstance(item, FramePixels) and item.source is not None:
@@ -86,7 +86,7 @@ class RecorderQueue:
             self._changed.notify()
 
     def take(self, timeout_s: float) -> Item | None:
-        """Return the oldest item; None where none comes in time."""
+        """Return the oldest item; None if none arrives within the timeout."""
         with self._changed:
             if not self._items and not self._closed:
                 self._changed.wait(timeout_s)
@@ -98,29 +98,29 @@ class RecorderQueue:
             return item
 
     def close(self) -> None:
-        """Say that nothing more will come: `take` no longer waits."""
+        """Mark the end of the input: `take` no longer blocks."""
         with self._changed:
             self._closed = True
             self._changed.notify()
 
     @property
     def closed(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether the input has ended."""
         return self._closed
 
     @property
     def drained(self) -> bool:
-        """Whether nothing waits and nothing more will come; `closed` may become true with much still to be taken."""
+        """Whether the input has ended and the queue is empty; `closed` alone does not imply the latter."""
         with self._changed:
             return self._closed and not self._items
 
     def fill(self) -> float:
-        """Return how full it is, 0 to 1, of pictures or of items, whichever is more."""
+        """Return the fill level, 0 to 1: of pictures or of items, whichever is higher."""
         with self._changed:
             return max(self._bytes / self._max_bytes, len(self._items) / self._max_items)
 
     def take_lost(self) -> list[tuple[int, int]]:
-        """Return the numbers of the events that were lost since last asked, first and last of each run of them."""
+        """Return the ranges (first, last) of event numbers lost since the previous call."""
         with self._changed:
             lost, self._counts.lost = self._counts.lost, []
         return [(first, last) for first, last in lost]
@@ -150,13 +150,13 @@ class RecorderQueue:
         self._counts.pictures += 1
 
     def _forget(self, item: FramePixels) -> None:
-        """Take a picture out of what is counted as waiting."""
+        """Subtract a picture from the queued size."""
         if self._pictures and self._pictures[0] is item:
             self._pictures.popleft()
             self._bytes -= item.size_bytes
 
     def _lose(self, item: Item) -> None:
-        """Count an item that is gone."""
+        """Count a dropped item."""
         self._counts.records += 1
         if isinstance(item, FramePixels):
             if item.source is not None:

@@ -1,4 +1,4 @@
-"""How much a second a recording takes: while searching, which keeps whole pictures, and while tracking."""
+"""Data rates of a recording: while searching, which records whole pictures, and while tracking."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class RecordingRates:
     searching_s: float = 0.0
 
     def line(self) -> str:
-        """Return it as one line for a person; "" before there is anything to say."""
+        """Return the rates as one line of text; "" before the first figures."""
         parts = (
             ("tracking", self.tracking_bytes, self.tracking_s),
             ("searching", self.searching_bytes, self.searching_s),

@@ -1,4 +1,4 @@
-"""The recorder's tuning, and what it says of itself."""
+"""Configuration and status of the recorder."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -8,19 +8,19 @@ from groundstation.recording.recorder_rates import RecordingRates
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderConfig:
-    """Tuning of the recorder.
+    """Configuration of the recorder.
 
     Attributes
     ----------
-    chunk_bytes, chunk_s : a chunk is closed when it has so much, or is so old; what a killed process loses at most.
-    sync_s : so often what is written is brought onto the disk itself.
-    queue_picture_bytes, queue_items : so much may wait for the disk.
-    png_fill : from this share of a full queue on pictures are no longer packed as PNG.
-    keep_free_bytes : with less free space pictures are no longer recorded.
-    stop_free_bytes : with less free space nothing is, until there is more again.
-    retry_s : a disk that took nothing is tried again after so long.
-    close_s : closing waits so long for the disk.
-    patient : whoever hands over waits for the disk, and a fault of the disk is raised: for work that is not live.
+    chunk_bytes, chunk_s : size and age at which a chunk is closed; the most that a killed process loses.
+    sync_s : interval between syncs of the file to the disk.
+    queue_picture_bytes, queue_items : limits of the queue.
+    png_fill : fill level of the queue from which pictures are written uncompressed instead of as PNG.
+    keep_free_bytes : free space below which pictures are not recorded.
+    stop_free_bytes : free space below which nothing is recorded.
+    retry_s : interval between attempts to write after a failure.
+    close_s : time limit for the disk on closing.
+    patient : adding an event blocks until the disk accepts it, and a fault of the disk is raised; for offline use.
     """
 
     chunk_bytes: int = 2**20
@@ -37,7 +37,7 @@ class RecorderConfig:
 
 
 class RecorderState(StrEnum):
-    """How recording goes."""
+    """State of the recording."""
 
     RECORDING = "recording"
     NO_PICTURES = "recording without pictures"
@@ -48,11 +48,11 @@ class RecorderState(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderStatus:
-    """How recording goes, why, and what it has cost so far.
+    """State of the recording, its reason, and the losses so far.
 
-    ``events_lost`` are among ``records_lost``; both are lost for good, not merely late. ``free_bytes`` of the disk were
-    free when last looked, a second ago at most; None before the first look, or where the disk is gone. ``rates`` says
-    what was written while tracking and while searching.
+    ``records_lost`` includes ``events_lost``; both are lost permanently. ``free_bytes`` is the free space of the disk,
+    at most a second old; None before the first measurement or if the disk is unavailable. ``rates`` are the data rates
+    while tracking and while searching.
     """
 
     state: RecorderState
@@ -67,12 +67,12 @@ class RecorderStatus:
 
     @property
     def trouble(self) -> bool:
-        """Whether the recording lacks something, or soon will."""
+        """Whether the recording is incomplete or about to become so."""
         well = self.state in (RecorderState.RECORDING, RecorderState.CLOSED)
         return not well or bool(self.pictures_dropped or self.records_lost)
 
     def line(self) -> str:
-        """Return it as one line for a person."""
+        """Return the status as one line of text."""
         text = f"{self.state.value}: {self.reason}" if self.reason else self.state.value
         text += f", {self.written_bytes / 1e6:.1f} MB"
         if self.pictures_dropped:
@@ -83,7 +83,7 @@ class RecorderStatus:
 
 
 def left_to_recover(written_bytes: int) -> str:
-    """Return what is to be done about a recording that the disk ended."""
+    """Return advice on a recording that a disk fault ended."""
     return "; see `recover`" if written_bytes else "; nothing could be recorded"
 
 

@@ -1,4 +1,4 @@
-"""The recorder's own thread: from the queue into the file, and what to do when the disk does not take it."""
+"""The recorder's thread: writes the queue to the file and retries after disk faults."""
 
 import time
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from groundstation.recording.recorder_status import RecorderConfig, RecorderStat
 
 
 class RecorderWriter:
-    """Runs in the recorder's thread; ``say`` is told how it goes."""
+    """Runs in the recorder's thread; ``set_state`` is called with each new state and its reason."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class RecorderWriter:
         self._refused = ""
 
     def run(self) -> None:
-        """Write until the queue is closed and empty, then the index."""
+        """Write until the queue is drained, then write the index."""
         while True:
             if not self._may_write():
                 if self._out_of_time():
@@ -66,12 +66,12 @@ class RecorderWriter:
         self._set_state(RecorderState.CLOSED, "")
 
     def _fail(self) -> None:
-        """Say why nothing more was taken, and what is left to do."""
+        """Set the failed state with its reason and advice on recovery."""
         why = f"the disk took nothing at the end ({self._refused})"
         self._set_state(RecorderState.FAILED, why + left_to_recover(self._output.written_bytes))
 
     def _out_of_time(self) -> bool:
-        """Return whether closing has waited long enough for a disk that takes nothing."""
+        """Return whether the time limit for the disk on closing has passed."""
         if not self._queue.closed:
             return False
         if self._give_up_s is None:
@@ -79,18 +79,18 @@ class RecorderWriter:
         return self._clock() > self._give_up_s
 
     def _flush(self) -> None:
-        """Close the chunk when it is old, and bring full ones to the file."""
+        """Close the chunk at its maximum age, and write complete chunks to the file."""
         now_s = self._clock()
         if now_s - self._flushed_s >= self._config.chunk_s:
             self._flushed_s = now_s
             self._messages.flush()
-        # where nothing more comes, what came last is to reach the disk all the same
+        # without further input the last data are synced as well
         sync = now_s - self._synced_s >= self._config.sync_s
         if (self._output.waiting_bytes or sync) and self._commit(sync=sync) and sync:
             self._synced_s = now_s
 
     def _may_write(self) -> bool:
-        """Return whether the disk takes something; looks at its free space once a second."""
+        """Return whether the disk accepts data; measures its free space once a second."""
         now_s = self._clock()
         if now_s - self._looked_s >= 1.0 or self._output.waiting_bytes:
             self._looked_s = now_s
@@ -115,7 +115,7 @@ class RecorderWriter:
         return False
 
     def _commit(self, *, sync: bool) -> bool:
-        """Bring everything to the file; where that fails, say so: it is tried again."""
+        """Write all pending data to the file; on failure set the waiting state and retry later."""
         try:
             self._output.commit()
             if sync:

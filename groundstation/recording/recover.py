@@ -1,4 +1,4 @@
-"""After a crash: everything that is whole in a recording, as a recording that was closed."""
+"""Recovery after a crash: copies the intact part of a recording to a new, closed file."""
 
 import os
 from collections import Counter
@@ -17,16 +17,16 @@ _CHUNK_BYTES = 2**20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recovered:
-    """What came of it.
+    """Result of a recovery.
 
     Attributes
     ----------
-    out : the file written, None where the recording is whole.
+    out : the file written; None if the recording is intact.
     messages : how many messages of each topic it holds, as counted by reading it again.
     chunks : how many chunks were read.
-    skipped : how many chunks were damaged inside, and left out.
-    lost_bytes : what stands in the old file after the last whole record.
-    fault : what ended the old file, in words.
+    skipped : how many damaged chunks were left out.
+    lost_bytes : size of the data after the last intact record of the old file.
+    fault : description of the fault that ended the old file.
     """
 
     out: Path | None
@@ -38,10 +38,10 @@ class Recovered:
 
 
 def recover(path: Path, out: Path | None = None) -> Recovered:
-    """Copy all complete chunks of ``path`` into a new recording; the old one is never touched.
+    """Copy all complete chunks of ``path`` into a new recording; the old one is not modified.
 
-    ``out`` is a file that does not exist yet, by default NAME-recovered.mcap beside the old one. Raises `InputError`
-    where nothing can be recovered, or if the new file does not read as it was written.
+    ``out`` is a file that does not exist yet, by default NAME-recovered.mcap in the same folder. Raises `InputError`
+    if nothing can be recovered, or if the new file does not read back as written.
     """
     with ContainerReader(path) as reader:
         out = path.with_name(f"{path.stem}-recovered.mcap") if out is None else out
@@ -86,7 +86,7 @@ def _counted(reader: ContainerReader, skipped: list[RecordingError]) -> Counter[
 
 
 def _copy(reader: ContainerReader, contents: Contents, out: Path, skipped: list[RecordingError]) -> Counter[str]:
-    """Write everything that is whole into a new file; returns the messages written by topic."""
+    """Copy all intact messages to a new file; returns the number of messages by topic."""
     counts: Counter[str] = Counter()
     end = EventCounter()
     with out.open("xb") as file:
@@ -107,7 +107,7 @@ def _copy(reader: ContainerReader, contents: Contents, out: Path, skipped: list[
                 if message.topic == EVENTS_TOPIC:
                     end.add_line(message.data)
         except RecordingError:
-            # the end of what is whole; `contents` has said where
+            # end of the intact data; its place is in `contents`
             pass
         if ABOUT in contents.metadata:
             writer.add_metadata(END, end_values(end.result()))
@@ -118,7 +118,7 @@ def _copy(reader: ContainerReader, contents: Contents, out: Path, skipped: list[
 
 
 def _announce(writer: Writer, message: TopicMessage) -> int:
-    """Announce a message's channel in the new file."""
+    """Register a message's schema and channel in the new file."""
     channel, schema = message.channel, message.schema
     number = 0 if schema is None else writer.register_schema(schema.name, schema.encoding, schema.data)
     return writer.register_channel(channel.topic, channel.message_encoding, number, channel.metadata)

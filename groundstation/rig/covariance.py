@@ -1,8 +1,8 @@
-"""How well a rig is calibrated: the covariance tables of ``rig.toml``, of one station and of the whole rig.
+"""Covariance of a rig's calibration: the tables of ``rig.toml``, of one station and of the whole rig.
 
 The names are those of `groundstation.geometry.calibration.CALIBRATION_PARAMETERS`; in the table of the whole rig
-they follow the station's name and a dot, so that errors which stations share can be told. There, the stations' clocks
-and shutters and what is known of the DGPS stand beside them (`CLOCK_NAMES`, `READOUT`, `REFERENCE_NAMES`).
+they follow the station's name and a dot, which expresses errors that stations share. That table may also contain the
+stations' clocks and shutters and parameters of the DGPS (`CLOCK_NAMES`, `READOUT`, `REFERENCE_NAMES`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,10 +15,10 @@ from groundstation.errors import RigError
 from groundstation.files.toml_table import TomlTable, quoted
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 
-# what printing a matrix with six digits may do to its correlations
+# error of the correlations of a matrix printed with six digits
 _ROUNDING = 1e-5
 _MAX_PARAMETERS = 2000
-# a variance that stands twice may differ by so much, for its digits
+# tolerance for a variance in both tables, printed with few digits
 _SAME = 1e-3
 CLOCK_NAMES = ("camera_clock.offset", "ptu_clock.offset")
 # the rolling shutter's time, first row to last
@@ -28,7 +28,7 @@ REFERENCE_NAMES = ("dgps_clock.offset", *(f"dgps_antenna.{axis}" for axis in "xy
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ParameterCovariance:
-    """Names and their covariance (n, n), in rad², m², px² and products; empty where nothing is uncertain."""
+    """Names and their covariance (n, n), in rad², m², px² and products; empty without uncertain parameters."""
 
     names: tuple[str, ...]
     matrix: FloatArray
@@ -48,7 +48,7 @@ def read_covariance(table: TomlTable, stations: Sequence[str] = ()) -> Parameter
 
     Raises
     ------
-    RigError : the names or the matrix are none.
+    RigError : a name is unknown or repeated, or the matrix is no covariance.
     """
     if not table.values:
         return ParameterCovariance.nothing()
@@ -88,7 +88,7 @@ def _names(table: TomlTable, stations: Sequence[str]) -> tuple[str, ...]:
 
 
 def _fault(matrix: FloatArray) -> str:
-    """Say why a matrix is no covariance; nothing where it is one."""
+    """Return why a matrix is no covariance; "" for a valid one."""
     variances = np.diag(matrix)
     if np.any(variances < 0):
         return "a negative variance"
@@ -106,7 +106,7 @@ def _fault(matrix: FloatArray) -> str:
 
 
 def joined(own: ParameterCovariance, shared: ParameterCovariance) -> ParameterCovariance:
-    """Return all parameters of both; of one that stands in both, the shared table's variance and correlations."""
+    """Return the parameters of both; for one in both, the variance and correlations of the shared table."""
     keep = [k for k, name in enumerate(own.names) if name not in shared.names]
     n, m = len(keep), len(shared.names)
     matrix = np.zeros((n + m, n + m))
@@ -116,7 +116,7 @@ def joined(own: ParameterCovariance, shared: ParameterCovariance) -> ParameterCo
 
 
 def require_agreement(table: TomlTable, shared: ParameterCovariance, own: Mapping[str, float]) -> None:
-    """Raise `RigError` where the shared table gives another variance than ``own``, the stations' by full name."""
+    """Raise `RigError` if a variance of the shared table differs from ``own``, the stations' by full name."""
     for k, name in enumerate(shared.names):
         stated, given = float(shared.matrix[k, k]), own.get(name)
         if given is not None and abs(stated - given) > _SAME * max(stated, given):

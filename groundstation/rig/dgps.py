@@ -1,6 +1,6 @@
-"""What a rig file knows of the DGPS: how its clock stands to the session's, and where its antenna is.
+"""The DGPS in a rig file: its clock offset to the session, and the position of its antenna.
 
-A flight that calibrates a rig finds both, and a recording is never edited: the rig file carries them.
+Both are results of a flight calibration; recordings are not edited, so the rig file contains them.
 """
 
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ class RigReference:
     Attributes
     ----------
     session : name of the recording that the clock belongs to; empty, it holds for all.
-    offset_s, offset_sigma_s : t_dgps = t_session + offset, and one sigma; None where nothing is said.
-    antenna_in_body_m, antenna_sigma_m : (3,) from the nose: x forward, y right, z down; None where nothing is said.
+    offset_s, offset_sigma_s : t_dgps = t_session + offset, and one sigma; None if not given.
+    antenna_in_body_m, antenna_sigma_m : (3,) from the nose: x forward, y right, z down; None if not given.
     """
 
     session: str = ""

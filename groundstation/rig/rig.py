@@ -1,4 +1,4 @@
-"""The calibrated rig: what is known of each station, read from and written to ``rig.toml``."""
+"""The calibrated rig: the calibration of each station, read from ``rig.toml``."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ UNIT_QUATERNION_TOLERANCE = 1e-4
 MAX_STATIONS = 64
 # a station's name is part of file names
 MAX_NAME_CHARACTERS = 64
-# the worst quartz is a hundredth of this; beyond it, someone meant another unit
+# a hundred times the drift of a poor quartz; a larger value indicates a wrong unit
 MAX_DRIFT_PPM = 10_000.0
 
 _STATION_KEYS = frozenset(
@@ -43,7 +43,7 @@ PARTS = ("position", "orientation", "lens")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockModel:
-    """How a device's clock maps to the session's: t_session = t_device + offset + drift · t_device.
+    """Mapping of a device's clock to the session's: t_session = t_device + offset + drift · t_device.
 
     ``offset_s`` in s, ``drift_ppm`` in parts per million of the device's own time, ``sigma_s`` one sigma of
     the offset.
@@ -68,12 +68,12 @@ class Station:
     runway_from_base_wxyz, head_from_camera_wxyz : (4,) unit Hamilton quaternions.
     camera_in_head_m : (3,) lever arm of the camera's centre, head frame.
     ptu_resolution_rad, ptu_sigma_rad : encoder step, and 1 sigma of a reading besides the step.
-    ptu_clock, camera_clock : device clocks; ``camera_clock`` None where nobody gives one.
+    ptu_clock, camera_clock : device clocks; ``camera_clock`` None if not given.
     readout_s, readout_sigma_s : rolling shutter, first row to last, and one sigma of it.
     known : which of position, orientation and lens are calibrated.
     covariance_parameters, covariance : names and matrix of the calibration's covariance (may be empty).
     ptu_clock_given : whether the rig file itself gives ``ptu_clock``, be it zero.
-    ptu_axes : how readings differ from the angles of an ideal head.
+    ptu_axes : errors of the axes, which map readings to angles.
     """
 
     name: str
@@ -133,8 +133,8 @@ class Rig:
     ----------
     path : where they were read.
     shared_covariance : the calibration's covariance over stations, its names ``station.parameter``; may be empty.
-        A parameter that its station states, too, has the same variance in both.
-    reference : what a flight has found of the DGPS; None where the file has no such table.
+        A parameter that is also in its station's covariance has the same variance in both.
+    reference : clock and antenna of the DGPS, from a flight calibration; None without such a table.
     """
 
     stations: tuple[Station, ...]
@@ -156,8 +156,8 @@ class Rig:
     def calibration_covariance(self) -> ParameterCovariance:
         """Return the covariance of everything uncertain, names ``station.parameter``.
 
-        Each station's own block and the shared one, which holds where both name a parameter; with the shared one may
-        come clocks, shutters and what is known of the DGPS.
+        Each station's own block and the shared one, which holds where both name a parameter; the shared one may
+        include clocks, shutters and parameters of the DGPS.
         """
         blocks = [(tuple(f"{s.name}.{p}" for p in s.covariance_parameters), s.covariance) for s in self.stations]
         names = tuple(name for block, _ in blocks for name in block)
@@ -207,7 +207,7 @@ def load_rig(path: TextFile) -> Rig:
 
 
 def _own_variances(stations: Sequence[Station]) -> dict[str, float]:
-    """Return the variances that stations state of their parameters, clocks, shutters, by ``station.parameter``."""
+    """Return the variances of the stations' parameters, clocks and shutters, by ``station.parameter``."""
     variances: dict[str, float] = {}
     for s in stations:
         pairs = zip(s.covariance_parameters, np.diag(s.covariance), strict=True)
@@ -270,7 +270,7 @@ def _station(row: dict[str, Any], number: int, path: str) -> Station:
 
 
 def _known(table: TomlTable) -> tuple[str, ...]:
-    """Return which parts are calibrated; all of them where the file does not say."""
+    """Return the calibrated parts; all of them without the key ``known``."""
     value = table.values.get("known", list(PARTS))
     if not isinstance(value, list) or any(v not in PARTS for v in value):
         raise table.fail("known", quoted(value), "a list of " + ", ".join(PARTS))

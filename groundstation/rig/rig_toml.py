@@ -1,4 +1,4 @@
-"""A rig as the text of rig.toml: what `groundstation.rig.rig.load_rig` reads back."""
+"""Writing a rig as the text of rig.toml, which `groundstation.rig.rig.load_rig` reads."""
 
 import json
 from collections.abc import Iterable
@@ -22,7 +22,7 @@ def rig_to_toml(rig: Rig) -> str:
 
 
 def _reference(reference: RigReference) -> list[str]:
-    """Return the table of what is known of the DGPS."""
+    """Return the table [reference] of the DGPS."""
     lines = ["[reference]"]
     if reference.session:
         lines.append(f"session = {json.dumps(reference.session)}")
@@ -37,7 +37,7 @@ def _reference(reference: RigReference) -> list[str]:
 
 
 def _station(station: Station) -> str:
-    """Return one [[station]] table; what a station does not know is left out."""
+    """Return one [[station]] table; uncalibrated parts are left out."""
     lines = ["[[station]]", f'name = "{station.name}"', f"fixed = {str(station.fixed).lower()}"]
     if set(station.known) != set(PARTS):
         lines.append("known = [" + ", ".join(f'"{part}"' for part in station.known) + "]")
@@ -55,7 +55,7 @@ def _station(station: Station) -> str:
             f"principal_point_px = {_list(station.lens.principal_point_px)}",
             f"distortion = {_list(station.lens.distortion)}",
         ]
-    # fifteen digits hide what the conversion to radians and back leaves, and lose nothing else
+    # fifteen digits hide the rounding error of the conversion to radians and back
     lines.append(f"ptu_resolution_deg = {np.degrees(station.ptu_resolution_rad):.15g}")
     lines.append(f"ptu_sigma_deg = {np.degrees(station.ptu_sigma_rad):.15g}")
     if station.ptu_axes != IDEAL_AXES:
