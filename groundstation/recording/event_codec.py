@@ -56,7 +56,7 @@ class PartNote:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PixelsNote:
-    """The recorded parts of frame number ``of``; their pictures follow in this order. Without parts, no window was read."""
+    """The recorded parts of frame number ``of``, whose pictures follow in this order; none if no window was read."""
 
     of: int
     parts: tuple[PartNote, ...]
