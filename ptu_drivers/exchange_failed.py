@@ -1,10 +1,10 @@
-"""The named reason, inside a driver, for which an answer is not believed."""
+"""Internal exception of the drivers: an exchange failed, with its named reason."""
 
 from ptu_drivers.health import FailureReason
 
 
 class ExchangeFailed(Exception):  # noqa: N818 - not an error: a named reason, which never leaves the driver
-    """Inside a driver: an answer that cannot be believed, or none."""
+    """No reply, or a reply that is rejected; never leaves the driver."""
 
     def __init__(self, reason: FailureReason, got: str = "") -> None:
         self.reason = reason

@@ -1,4 +1,4 @@
-"""What every pan-tilt unit promises, whatever protocol it speaks."""
+"""Interface of all pan-tilt units, independent of the protocol."""
 
 from abc import ABC, abstractmethod
 from types import TracebackType
@@ -12,8 +12,8 @@ class PanTiltUnit(ABC):
     """An opened and probed pan-tilt unit; use it as a context manager, which halts it on the way out.
 
     Methods may be called from several threads; one exchange is on the line at a time. No method waits longer than
-    `describe().reply_timeout_s` for the line, except `halt`, `home` and `close`, which say what they take; that is the
-    time of the whole call, however slowly an answer comes in.
+    `describe().reply_timeout_s` for the line, except `halt`, `home` and `close`, whose docstrings state their time. The
+    bound is that of the whole call, however slowly an answer arrives.
     """
 
     @abstractmethod
@@ -92,7 +92,7 @@ class PanTiltUnit(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Halt and let go of the line, within the time of three exchanges; never raises; twice does no harm.
+        """Halt and close the line, within the time of three exchanges; never raises; twice does no harm.
 
         `health().halt_owed` says afterwards whether the halt was left without an acknowledgement.
         """

@@ -1,4 +1,4 @@
-"""A process that halts units when the one that drives them stops vouching for them.
+"""A process that halts units when the process that drives them stops renewing their leases.
 
 A driver's own watchdog dies with its process. This one lives in another: the driving process renews a lease for each
 unit while it is well, in memory that both have; a lease that has run out, or a request, and the unit is halted over a
@@ -56,20 +56,20 @@ class MotionLeases:
 
     @property
     def guard_heartbeat_s(self) -> float:
-        """When the guard last said that it is alive; 0 before it has."""
+        """Time of the guard's last heartbeat; 0 before the first."""
         return float(self._values[0])
 
     @property
     def driver_heartbeat_s(self) -> float:
-        """When the driving process last said that it is alive; 0 before it has."""
+        """Time of the driving process's last heartbeat; 0 before the first."""
         return float(self._values[1])
 
     def set_guard_heartbeat(self, now_s: float) -> None:
-        """Say that the guard is alive."""
+        """Write the guard's heartbeat."""
         self._values[0] = now_s
 
     def set_driver_heartbeat(self, now_s: float) -> None:
-        """Say that the driving process is alive."""
+        """Write the driving process's heartbeat."""
         self._values[1] = now_s
 
     def until_s(self, name: str) -> float:
@@ -77,11 +77,11 @@ class MotionLeases:
         return float(self._values[_BEATS + self.names.index(name)])
 
     def renew(self, name: str, until_s: float) -> None:
-        """Vouch for a unit until then."""
+        """Renew a unit's lease until then."""
         self._values[_BEATS + self.names.index(name)] = until_s
 
     def release(self, name: str) -> None:
-        """A unit was halted by who drove it, and needs no guard."""
+        """Release a unit's lease after its driver has halted it."""
         self._values[_BEATS + self.names.index(name)] = 0.0
 
 
@@ -211,9 +211,9 @@ class Expiry:
 
 
 def serve_guard(lines: Mapping[str, HaltLine], leases: MotionLeases, pipe: Connection) -> None:
-    """Guard units until told to stop; after the other side is gone, until each is halted or released.
+    """Guard units until a stop message; after the pipe has closed, until each unit is halted or released.
 
-    Words that come in: "halt" for all units, "stop". `GuardReport` go out.
+    Messages in: "halt" for all units, "stop". Messages out: `GuardReport`.
     """
     # it sleeps nearly always, and must not wait for a core when it is needed; only some users may ask for that
     with contextlib.suppress(OSError):

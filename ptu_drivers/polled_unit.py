@@ -1,4 +1,4 @@
-"""What the drivers of units that only answer questions have in common.
+"""Common base of the drivers of units that are polled.
 
 Lock, limits, counts, watchdog, halt and reconnection are here. A
 protocol adds how to ask, move, halt and set up. Its angles are the unit's own, before the settings' sign and zero.
@@ -272,7 +272,7 @@ class PolledUnit(PanTiltUnit):
             return
 
     def _note_failure(self, fault: ExchangeFailed | LineError) -> NoReading:
-        """Count it, and decide what comes next."""
+        """Count a failed exchange and choose the recovery step."""
         if isinstance(fault, LineError):
             reason = FailureReason.LINE_LOST
             self._lose()
@@ -311,7 +311,7 @@ class PolledUnit(PanTiltUnit):
         self._health.state = UnitState.RESYNCHRONISING
 
     def _check_watchdog(self) -> None:
-        """Halt motion by rate that nobody renewed."""
+        """Halt motion by rate that was not renewed in time."""
         if self._turning.is_overdue(self._line.now(), self._settings.watchdog_s):
             self._health.watchdog_stops += 1
             self._try_halt()
@@ -323,7 +323,7 @@ class PolledUnit(PanTiltUnit):
             self._try_halt()
 
     def _watch(self) -> None:
-        """Look after motion by rate: that commands come, that limits are kept."""
+        """Supervise motion by rate: the command timeout and the limits."""
         with self._lock:
             if self._closed:
                 return

@@ -1,4 +1,4 @@
-"""Options that only one protocol has, as a user gives them: their names and kinds."""
+"""Protocol-specific options: names and types are checked."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Bytes over a line: whatever pyserial opens by URL, behind four methods and a clock."""
+"""Byte transport over any line that pyserial opens by URL, with a clock."""
 
 import contextlib
 import math
@@ -73,7 +73,7 @@ class Transport(Protocol):
         """Close and open again, at the speed that is set. Raises LineError."""
 
     def close(self) -> None:
-        """Let go of the line; never raises, twice does no harm."""
+        """Close the line; never raises; idempotent."""
 
 
 class SerialTransport:

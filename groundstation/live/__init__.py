@@ -1,1 +1,1 @@
-"""The station in operation: devices in threads, one pipeline, what is said to heads, disk and operator."""
+"""The station in operation: devices in threads, one pipeline, and the outputs to heads, disk and operator."""

@@ -1,4 +1,4 @@
-"""Processes of a station in operation: what a terminal tells the whole group, only the first is to hear."""
+"""Child processes of a live station, shielded from the terminal's signals to the process group."""
 
 import multiprocessing as mp
 import os
@@ -21,7 +21,7 @@ _KILLED_S = 0.3
 
 @contextmanager
 def terminal_signals_blocked() -> Iterator[None]:
-    """What is begun inside never hears the terminal's signals, not even while it starts; whoever began it ends it."""
+    """Start processes with the terminal's signals blocked from the start; the parent ends them."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _OF_THE_GROUP)
     try:
         # the library's own process outlives all others; starting it opens this one's ears again

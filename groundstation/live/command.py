@@ -1,4 +1,4 @@
-"""What `groundstation live` does: open everything, operate until told to stop, and say how it went."""
+"""Implementation of `groundstation live`: open all devices, operate until a stop is requested, return a summary."""
 
 import math
 import time
@@ -39,7 +39,7 @@ _RECORDING = "flight.mcap"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveRequest:
-    """What the user asked for.
+    """Options of one run of `groundstation live`.
 
     ``station`` None only with a simulator. ``out`` None is a folder of its own below the station file's [record]
     folder. ``seconds`` None goes on until ``stop`` says so. ``screen`` is "desktop", "browser" or "none".
@@ -54,7 +54,7 @@ class LiveRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveResult:
-    """How it went: the operation's figures, and what was written.
+    """Result of a run: the operation's figures and the files written.
 
     ``files`` are those with something in them. ``incomplete`` says in a line each what the disk did not take,
     ``recorded`` how much it took, and how much a second; ``lost`` is that a recording was wanted and nothing of it is
@@ -79,7 +79,7 @@ def live(
     simulator: StationSimulator | None = None,
     force_exit: Callable[[str], None] | None = None,
 ) -> LiveResult:
-    """Operate a station. ``tell`` gets the status twice a second, ``say`` a line while things are being opened.
+    """Operate a station. ``tell`` receives the status twice a second, ``say`` progress lines during start-up.
 
     ``simulator`` stands in for the devices. ``force_exit`` ends the program
     at once where its end hangs beyond the time for it (`Shutdown`); it gets a line that says so.
@@ -102,7 +102,7 @@ def _live(
     simulator: StationSimulator | None,
     force_exit: Callable[[str], None] | None,
 ) -> LiveResult:
-    """Operate into ``out``; ``begun`` is told once everything is open."""
+    """Operate into ``out``; ``begun`` is called once everything is open."""
     configure_allocator()
     file = _file(request) if simulator is None else simulator.station_file(request.station, out)
     rig = load_rig(file.rig)
@@ -186,18 +186,18 @@ def _live(
 
 
 def _step(stop: Callable[[], bool], say: Callable[[str], None], text: str) -> None:
-    """Say what is done next, unless nobody wants it any more."""
+    """Report the next step; raises KeyboardInterrupt if a stop was requested."""
     if stop():
         raise KeyboardInterrupt
     say(text)
 
 
 class GuardedSink:
-    """A sink whose disk may fail: it is left alone then, and the operator hears of it; tracking goes on."""
+    """A sink that is disabled after a disk error, which is reported to the operator; tracking continues."""
 
     def __init__(self, sink: Sink, faults: list[str]) -> None:
         self._sink = sink
-        # others tell the same list of theirs
+        # shared with other sinks
         self._faults = faults
         self._failed = False
 
@@ -211,7 +211,7 @@ class GuardedSink:
                 self._faults.append(f"track files end here: {fault.strerror or fault}")
 
     def close(self) -> None:
-        """Close it; a disk that is full then is noted, too."""
+        """Close the sink; an error on closing is recorded as well."""
         try:
             self._sink.close()
         except OSError as fault:

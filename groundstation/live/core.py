@@ -1,4 +1,4 @@
-"""What a live station does with what its devices deliver: pairs, steps, points. No thread, no clock, no device.
+"""Core of a live station: pairs frames, steps the pipeline, commands the heads. No thread, no clock, no device.
 
 Items come in the order in which they arrived, and with them the time; out come the events that the pipeline consumed
 (for the recorder: nothing else is consumed), its reports, and the commands to the heads. So a day in the field can be
@@ -33,15 +33,15 @@ from groundstation.tracking.config import Config
 from groundstation.tracking.log_throttle import LogThrottle
 from groundstation.tracking.pipeline import Pipeline
 
-# heads are told as often, in s
+# period of the pointing commands, s
 COMMAND_EVERY_S = 0.03
 # with no pair answered and no heartbeat for so long there is one
 HEARTBEAT_EVERY_S = 0.1
 # without a pair for so many periods the track coasts, if that is longer than the tuning says: one pair may be missing
 _COAST_PERIODS = 2.5
-# what comes of numbers that no filter can work with
+# numerical failures of the filter
 _FAILED = (ArithmeticError, np.linalg.LinAlgError)
-# a head that has not been heard for so long is not known to be anywhere
+# the angles of a head that has been silent for longer are unknown
 _SILENT_S = 1.0
 # how far ahead a target is extrapolated for a head
 _FURTHEST_AHEAD_S = 1.0
@@ -61,7 +61,7 @@ def live_config(config: Config, rate_hz: float) -> Config:
 
 @dataclass(slots=True)
 class LiveStep:
-    """What came of one item or of time going by."""
+    """Output of one step: events consumed, reports and pointing commands."""
 
     consumed: list[Event] = field(default_factory=list)
     reports: list[StepReport] = field(default_factory=list)
@@ -153,7 +153,7 @@ class LiveCore:
             self._heads[name].latency_s = max(delay_s, 0.0) + latency_s
 
     def park(self, angles_rad: Mapping[str, tuple[float, float]]) -> None:
-        """From now on bring each head to its parking angles (pan, tilt), and look for nothing."""
+        """Drive each head to its parking angles (pan, tilt), rad, from now on; no search, no tracking."""
         self._parking = angles_rad
 
     def not_parked(self, now_s: float, within_rad: float, *, heard: bool = False) -> list[str]:
@@ -168,7 +168,7 @@ class LiveCore:
             if not math.isfinite(age_s):
                 words = "" if heard else "has told no angles, and may not be parked"
             elif age_s > _SILENT_S and not heard:
-                # what it was told is no proof that it went there
+                # a command sent does not prove a motion
                 words = f"has not answered for {age_s:.1f} s, and may not be parked"
             elif off_rad > within_rad:
                 words = f"has not parked, it is {math.degrees(off_rad):.1f}° off"
@@ -177,7 +177,7 @@ class LiveCore:
         return lines
 
     def finish(self) -> LiveStep:
-        """Let go of what still waits."""
+        """Flush the pairs that are still open and finish the pipeline."""
         step = LiveStep()
         for epoch in self._pairing.flush():
             self._step(epoch, step)
@@ -192,13 +192,13 @@ class LiveCore:
         try:
             report = self.pipeline.step(event)
         except _FAILED as fault:
-            # numbers that no filter can work with: a fresh one may
+            # numerical failure: reset the filter
             self._reset_filter(fault, event.t_s, step, in_vain=True)
         else:
             self._note_report(report, step)
 
     def _reset_filter(self, fault: Exception, t_s: float, step: LiveStep, *, in_vain: bool) -> None:
-        """Have the pipeline forget everything; it is told so by an event, for a replay to do the same."""
+        """Reset the pipeline by a `FilterReset` event, which is recorded so that a replay resets it too."""
         self.status = TrackStatus.SEARCHING
         reset = FilterReset(t_s=t_s, why=f"{type(fault).__name__}: {fault}", in_vain=in_vain)
         step.consumed.append(reset)

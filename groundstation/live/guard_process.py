@@ -1,4 +1,4 @@
-"""The motion guard's process as the heads' supervisor has it: begun, asked to halt, begun again when it is lost."""
+"""Handle of the motion guard's process: start, halt requests, supervision, restart."""
 
 from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
@@ -26,11 +26,11 @@ def halt_lines(heads: Mapping[str, HeadDevice]) -> dict[str, HaltLine]:
 
 
 class GuardProcess:
-    """The process that halts heads whose own process is lost.
+    """Supervised process that halts heads whose own process is lost.
 
     Parameters
     ----------
-    lose : is told why, whenever this process itself is lost.
+    lose : called with the reason whenever this process is lost.
     report : gets what came of a halt that was not requested, but due because a lease ran out.
     make : begins a process; a stand-in for tests.
     """
@@ -55,7 +55,7 @@ class GuardProcess:
 
     def begin(self) -> None:
         """Start the process."""
-        # what the one before it said of itself counts no more
+        # discard the previous process's heartbeat
         self._leases.set_guard_heartbeat(0.0)
         self._begun_s = self._clock()
         self._child = self._make("ptu-guard", serve_guard, self._lines, self._leases)
@@ -74,7 +74,7 @@ class GuardProcess:
         return 0 if self._child is None else self._child.pid
 
     def ready(self) -> bool:
-        """Return whether it has said of itself lately that it is alive."""
+        """Return whether the guard's heartbeat is current."""
         return self._child is not None and self._clock() - self._leases.guard_heartbeat_s <= LEASE_S
 
     def poll(self, since_s: float) -> None:
@@ -107,7 +107,7 @@ class GuardProcess:
             self._lose(why)
 
     def request_halt(self) -> None:
-        """Have all heads halted; what comes of it is in `results`."""
+        """Request a halt of all heads; see `results` for the outcome."""
         self._requested_s = self._clock()
         if self._child is not None:
             self._child.send("halt")

@@ -1,4 +1,4 @@
-"""Whether a process that says nothing hangs, or waits for its turn on a busy machine.
+"""Distinguish a process that hangs from one that waits for processor time on a busy machine.
 
 Heads are halted when a lease has run out, whatever the reason. Killing is for what does not come back by itself, and
 the system says which that is: a process that is stopped never does, one that sleeps on has no reason to, and one that

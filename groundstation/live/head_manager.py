@@ -1,8 +1,8 @@
-"""The PTUs' process under supervision: what it reads and is told, and what is done when it is lost.
+"""Manager of the PTU process: passes readings and commands, supervises the process and restarts it.
 
 It is lost when it ends, or hangs (`HangDetector`): then it is killed, the motion guard halts every head over lines
 of its own, and it is begun again (`RestartDelay`). The guard's process is supervised in the same way; without it the
-PTUs' process holds all heads still by itself. What is known of a head is said, and what is not, too.
+PTUs' process holds all heads still by itself. Each head's state is reported, including when it is unknown.
 """
 
 import math
@@ -29,7 +29,7 @@ from ptu_drivers.motion_guard import HALTING_S, LEASE_S, GuardReport, MotionLeas
 # opening raises bauds and may wait for a unit that homes
 _OPEN_S = 90.0
 _LOOK_S = 0.05
-# a supervisor that did not come round for so long knows nothing of the others: they get their whole time again
+# after a pause of the supervisor this long, all timeouts restart
 _ABSENT_S = 0.2
 # a guard's report may come so much later than its last try begins: one that connects hangs for seconds
 _REPORT_S = 1.0
@@ -41,7 +41,7 @@ _GRACE_S = 0.5
 
 
 class ProcessPhase(StrEnum):
-    """What the PTUs' process is about."""
+    """Life-cycle phase of the PTU process."""
 
     OPENING = "opening"
     RUNNING = "running"
@@ -51,7 +51,7 @@ class ProcessPhase(StrEnum):
 
 
 class HeadManager:
-    """The PTUs as the pipeline's process meets them; a context manager that halts them on the way out.
+    """Interface to the PTUs in the pipeline's process; a context manager that halts them on exit.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class HeadManager:
         self._thread.start()
 
     def send_command(self, command: PointingCommand) -> None:
-        """Hand a command on; never waits: to a process that has not been heard of, nothing is sent."""
+        """Send a command; does not block. Commands are dropped while the process has no current heartbeat."""
         if self._phase is ProcessPhase.RUNNING and self._clock() - self._leases.driver_heartbeat_s < LEASE_S:
             self._send(command)
 
@@ -187,7 +187,7 @@ class HeadManager:
         """End the process; returns whether it had to be killed."""
         beat_s = self._leases.driver_heartbeat_s
         if beat_s and self._hang_detector.hangs(child.pid, self._clock() - beat_s):
-            # one that hangs hears no request
+            # a process that hangs handles no request
             child.kill()
             return True
         return not child.end("stop", _ASK_SHARE * within_s, _TERMINATE_SHARE * within_s)
@@ -207,7 +207,7 @@ class HeadManager:
                 self._stopping.wait(_ABSENT_S)
 
     def poll(self) -> None:
-        """Take what has come, and do what is due; called over and over by the supervisor's thread."""
+        """Receive pending messages and advance the phases; called periodically by the supervisor thread."""
         now_s = self._clock()
         if now_s - self._polled_s > _ABSENT_S:
             self._since_s = now_s
@@ -249,7 +249,7 @@ class HeadManager:
                 self.log.input_queue.put(item)
 
     def _check_process(self, child: ChildProcess, now_s: float, ended: bool) -> None:
-        """Notice that the process has ended, hangs, or does not get its heads opened."""
+        """Detect that the process has ended, hangs, or cannot open its heads."""
         beat_s = self._leases.driver_heartbeat_s
         silent_s = now_s - max(beat_s, self._since_s, self._begun_s)
         if beat_s > now_s + _LOOK_S and not self._leaving:
@@ -273,7 +273,7 @@ class HeadManager:
             self._on_process_lost(f"said nothing for {silent_s:.1f} s and was killed", now_s)
 
     def _on_process_lost(self, why: str, now_s: float) -> None:
-        """Have every head halted whose process is gone."""
+        """Request a halt of every head after the process is lost."""
         self._child = None
         self._phase, self._lost_s = ProcessPhase.HALTING, now_s
         for name in self._heads:
@@ -284,7 +284,7 @@ class HeadManager:
         self.log.set_states(dict.fromkeys(self._heads, "process lost, being halted"))
 
     def _check_halts(self, now_s: float) -> None:
-        """Say what the guard could do, and plan the restart."""
+        """Report the guard's halts and schedule the restart."""
         results = self._guard.results()
         if len(results) < len(self._heads) and now_s < self._lost_s + HALTING_S + _REPORT_S:
             return
@@ -299,7 +299,7 @@ class HeadManager:
             self.log.set_states(dict.fromkeys(self._heads, "held still: no motion guard"))
 
     def _on_guard_halt(self, report: GuardReport) -> None:
-        """A lease ran out: the head's thread, or all of its process, did not come round."""
+        """A lease expired: the head's thread, or its whole process, did not renew it."""
         if self._phase is not ProcessPhase.CLOSED:
             self.log.report_lease_expired(report)
 
@@ -311,7 +311,7 @@ class HeadManager:
         self._phase = ProcessPhase.OPENING
 
     def _on_opened(self, found: dict[str, tuple[UnitDescription, HeadLimits]]) -> None:
-        """Note what the heads are, and that their process does its work."""
+        """Record the opened heads and enter the running phase."""
         self.log.note_opened(found, "" if self.log.input_queue is None else "process restarted")
         self._unknown = frozenset()
         self._begun_s = self._clock()
@@ -319,7 +319,7 @@ class HeadManager:
         self._phase = ProcessPhase.RUNNING
 
     def _await_halts(self, until_s: float) -> None:
-        """Wait for the guard's answers at the end, and keep what is not known to stand."""
+        """Wait for the guard's final reports; record each head without an acknowledged halt."""
         while len(self._guard.results()) < len(self._heads) and self._clock() < until_s:
             wait(self._guard.handles, _LOOK_S)
             self._guard.poll(self._since_s)

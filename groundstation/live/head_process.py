@@ -2,8 +2,8 @@
 
 In the pipeline's process a serial reply may lie for tens of milliseconds until the interpreter is free. Here nothing
 else runs. Commands go in and readings come out through a pipe; if the pipeline's process ends, however it ends, the
-pipe closes and every unit is halted. If this process ends, or hangs, the motion guard halts them: it is told twenty
-times a second that all is well (`ptu_drivers.motion_guard`), and says the same of itself.
+pipe closes and every unit is halted. If this process ends, or hangs, the motion guard halts them: this
+process renews its leases twenty times a second (`ptu_drivers.motion_guard`), and the guard sends a heartbeat too.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ _HANGS_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class HeadReport:
-    """How a head does, from its process now and then."""
+    """Periodic status of one head, sent by its process."""
 
     station: str
     state: str
@@ -50,7 +50,7 @@ class _PipeSink:
         self._lock = threading.Lock()
 
     def put(self, item: Item | HeadReport | str) -> None:
-        """Send it; that nobody is there any more is no error here, the main loop notices."""
+        """Send an item; a closed pipe is ignored here and detected by the main loop."""
         with self._lock, contextlib.suppress(OSError):
             self._pipe.send(item)
 
@@ -73,7 +73,7 @@ def serve_heads(heads: Mapping[str, HeadDevice], start_s: float, leases: MotionL
         try:
             pipe.send({name: (unit.describe(), head_limits(unit)) for name, unit in units.items()})
         except OSError:
-            # nobody waits for it any more
+            # the parent process has gone
             return
         pipe_sink = _PipeSink(pipe)
         workers = {
@@ -149,14 +149,14 @@ def unresponsive_heads(workers: Mapping[str, HeadWorker], now_s: float) -> list[
 
 
 def state_text(worker: HeadWorker, now_s: float) -> str:
-    """Return the unit's state as its thread knows it; of a thread that ended or is late, that it is not known."""
+    """Return the unit's state as text; a fixed text for a thread that has ended or is late."""
     if worker.ended:
         return "thread ended"
     return worker.health.state.value if _is_responsive(worker, now_s) else "driver does not return"
 
 
 def renew_leases(workers: Mapping[str, HeadWorker], leases: MotionLeases, now_s: float) -> None:
-    """Renew the leases of the units whose threads come round, and hold all units still while there is no guard.
+    """Renew the leases of units whose threads respond; hold all units still while the guard has no heartbeat.
 
     A thread may wait as long as its unit may take to answer, and a lease's length on top.
     """

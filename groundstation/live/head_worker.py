@@ -1,4 +1,4 @@
-"""One station's PTU in a thread of its own: asked as often as the line allows, told what the pipeline wants.
+"""Worker thread of one station's PTU: polls the angles and executes the newest pointing command.
 
 This is the only place that moves hardware. The newest command counts, older ones are forgotten; a unit that no command
 comes for is halted by its driver's watchdog. Whatever ends the thread, the unit is halted. While it is held (there is
@@ -31,7 +31,7 @@ _HEALTH_EVERY_S = 0.2
 
 
 def head_limits(unit: PanTiltUnit) -> HeadLimits:
-    """Return what a unit said that it can do."""
+    """Return a unit's limits as described by its driver."""
     about = unit.describe()
     own_s = about.lease.renewed_s
     lease_s = max(LEASE_S, own_s) if math.isfinite(own_s) else LEASE_S
@@ -82,14 +82,14 @@ def _between(before: AngleSample, after: AngleSample, t_s: float) -> float:
 
 
 class ItemSink(Protocol):
-    """Whoever takes readings and what is to be said; an `InputQueue`, here or in another process."""
+    """Receiver of readings and log lines; an `InputQueue`, here or in another process."""
 
     def put(self, item: Item) -> None:
         """Take it; never waits."""
 
 
 class HeadWorker:
-    """Asks and moves one unit.
+    """Polls and moves one unit.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class HeadWorker:
         if isinstance(unit, KeepOutUnit):
             unit.report = lambda text: self._log("warning", f"PTU: {text}")
         self.last_cycle_s = math.inf
-        """When the thread last came round, on the unit's clock; infinite before it has begun."""
+        """Start of the thread's last cycle, on the unit's clock; infinite before the first."""
         self.health = unit.health()
         """As it was a moment ago: asking the unit itself may wait for its line."""
         self._health_s = -math.inf
@@ -144,12 +144,12 @@ class HeadWorker:
         self._thread.start()
 
     def set_command(self, command: PointingCommand) -> None:
-        """Hand over the newest command; never waits."""
+        """Set the newest command, replacing an older one; does not block."""
         with self._lock:
             self._command = command
 
     def set_hold(self, held: bool) -> None:
-        """From now on hold the unit still, whatever is commanded, or let it go on; never waits."""
+        """Hold the unit still regardless of commands, or release it; does not block."""
         self._held = held
 
     @property
@@ -158,11 +158,11 @@ class HeadWorker:
         return self._thread.ident is not None and not self._thread.is_alive()
 
     def request_stop(self) -> None:
-        """Have the thread halt the unit, let go of it and end; never waits."""
+        """Request that the thread halts the unit, closes it and ends; does not block."""
         self._stop.set()
 
     def stop(self) -> bool:
-        """Halt the unit and let go of it; returns whether it has acknowledged that halt."""
+        """Halt and close the unit; returns whether it acknowledged the halt."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
@@ -215,7 +215,7 @@ class HeadWorker:
         return True
 
     def _execute(self) -> None:
-        """Do what was told last, once."""
+        """Execute the newest command once."""
         with self._lock:
             command, self._command = self._command, None
         if command is None or self._same(command):
@@ -258,7 +258,7 @@ class HeadWorker:
                 self._log("warning", f"PTU: {fault}")
 
     def _same(self, command: PointingCommand) -> bool:
-        """Return whether the head does already what is wanted."""
+        """Return whether the command repeats the last one sent."""
         last = self._sent
         if last is None or command.t_s - last.t_s > _REPEAT_S or command.purpose is not last.purpose:
             return False

@@ -1,4 +1,4 @@
-"""What devices have delivered and the pipeline has not taken yet: bounded, in order of arrival, the oldest frame goes.
+"""Bounded queue from the device threads to the pipeline, in order of arrival; the oldest frame is dropped first.
 
 A picture that waits is worth less than the next one: where a camera's frames pile up, the oldest is dropped and
 counted. Readings are small and are dropped only if the pipeline stands still for minutes.
@@ -25,7 +25,7 @@ class TimedPicture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceLogLine:
-    """Something that a device's thread has to say to the operator."""
+    """A log line of a device thread for the operator."""
 
     t_s: float
     level: str

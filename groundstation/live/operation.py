@@ -1,4 +1,4 @@
-"""A station in operation: devices in, one pipeline, heads and records and operator out; ends softly whatever happens.
+"""A station in operation: device input, one pipeline, output to heads, recorders and operator; orderly shutdown.
 
 One thread steps the pipeline; each device has its own. The session's clock is the host's monotonic clock from the start
 of the operation on: a wall clock that is set, or jumps, moves nothing.
@@ -41,14 +41,14 @@ _NEVER = 1e9
 
 
 class EventSink(Protocol):
-    """Takes what the pipeline consumes, each event before the reports that it leads to."""
+    """Receives every event that the pipeline consumes, each before the reports that result from it."""
 
     def take(self, event: Event) -> None:
         """Take one event; never waits."""
 
 
 class StatusSink(Protocol):
-    """Takes what the operator is told, twice a second."""
+    """Receives the operator's status twice a second."""
 
     def update(self, status: LiveStatus) -> None:
         """Take it; never waits long."""
@@ -56,7 +56,7 @@ class StatusSink(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperationResult:
-    """How an operation went.
+    """Statistics of an operation.
 
     ``epochs`` pairs were answered, ``dropped`` counts what was not step, ``latency_*`` from a pair's first frame at
     the host to its answer, ``tracking_*`` while tracking, 0 where there is none; ``counts`` are the pipeline's;
@@ -127,7 +127,7 @@ class Operation:
         return self._clock() - self.start_s
 
     def log(self, level: str, text: str) -> None:
-        """Put a line into the log; from any thread."""
+        """Add a line to the log; thread-safe."""
         self.input_queue.put(DeviceLogLine(t_s=self.now_s, level=level, text=text))
 
     def run(
@@ -142,7 +142,7 @@ class Operation:
 
         Heads are parked as long as ``shutdown`` allows, and not at all once their process is lost.
 
-        The devices are opened already, and closed by whoever opened them; ``reference`` opens its line itself.
+        The devices are already open, and the caller closes them; ``reference`` opens its line itself.
         """
         warm_up()
         workers = [CameraWorker(n, c, self.input_queue, -self.start_s) for n, c in cameras.items()]

@@ -1,4 +1,4 @@
-"""Which frames of free-running or triggered cameras belong together, as they arrive.
+"""Online pairing of frames of free-running or triggered cameras by exposure time.
 
 A frame joins the pair that is open if its station is not in it yet and it is no further than half a period from it;
 else it opens the next. A pair is closed when every camera that delivers is in it, or once a newer pair is open.

@@ -1,4 +1,4 @@
-"""The time that a station may take to end once it is asked to, and what is done when it does not.
+"""Time budget of a station's shutdown, and forced exit once it is exceeded.
 
 Parking is part of it. Each step takes its share of what is left; a step that hangs all the same is ended with the whole
 program: the PTUs' process and the motion guard see that, and halt every head. Only a recorder that still writes is
@@ -23,11 +23,11 @@ _STALLED_S = 1.0
 
 
 class Shutdown:
-    """When the end was asked for, and what is left of the time for it.
+    """Deadline of the shutdown, counted from the first stop request.
 
     Parameters
     ----------
-    stop : whether somebody wants the end.
+    stop : whether a stop is requested.
     park_s : what the station file gives parking, on top of `END_S`; None takes `PARK_S` out of it.
     force_exit : ends the program at once, with the line that it gets; None lets it hang.
     clock : monotonic, s.
@@ -51,7 +51,7 @@ class Shutdown:
         self._done = threading.Event()
 
     def requested(self) -> bool:
-        """Return whether the end is asked for; the time runs from the first such answer."""
+        """Return whether a stop is requested; the time budget starts with the first such call."""
         if self._begun_s is None and self._stop():
             self.begin()
         return self._begun_s is not None
@@ -77,15 +77,15 @@ class Shutdown:
         self._written = written
 
     def watch(self) -> None:
-        """Look after it in a thread of its own, until `done`."""
+        """Monitor the deadline in a thread until `done`."""
         threading.Thread(target=self._watch, name="ending", daemon=True).start()
 
     def done(self) -> None:
-        """It has ended in time."""
+        """Stop monitoring: the shutdown is complete."""
         self._done.set()
 
     def overdue(self) -> bool:
-        """Return whether its time is over and nothing is written any more."""
+        """Return whether the deadline has passed and the recorder has stopped writing."""
         now_s, written = self._clock(), self._written()
         if written != self._newest:
             self._newest, self._moved_s = written, now_s

@@ -1,4 +1,4 @@
-"""What the operator is told, in plain words: the track, each device, the delay, what was dropped."""
+"""The operator's status as text: track, devices, delay, dropped items."""
 
 import math
 import re

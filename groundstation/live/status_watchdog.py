@@ -1,4 +1,4 @@
-"""A second look at the operator's status: the thread that tells it may hang, and what stands there is then old."""
+"""Watchdog of the operator's status: detects that the thread that updates it hangs."""
 
 import threading
 import time
@@ -35,7 +35,7 @@ class StatusWatchdog:
         self._thread.join(_LOOK_EVERY_S)
 
     def notify(self) -> None:
-        """Note that a status was told; from any thread."""
+        """Record that a status was shown; thread-safe."""
         self._newest_s = self._clock()
 
     def check(self) -> None:

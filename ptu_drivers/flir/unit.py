@@ -296,7 +296,7 @@ class FlirUnit(PanTiltUnit):
                 self._transport.close()
 
     def _watch(self) -> None:
-        """Look after motion by rate: that commands come, that limits are kept."""
+        """Supervise motion by rate: the command timeout and the limits."""
         with self._lock:
             if self._counter.state is UnitState.CLOSED or not any(self._turning.values()):
                 return
@@ -326,7 +326,7 @@ class FlirUnit(PanTiltUnit):
 
     @contextmanager
     def _answered(self, what: str) -> Iterator[None]:
-        """Commands of the user's: no answer to one of them is an error. Raises NoAnswerError."""
+        """Convert a failed exchange of a user's command into NoAnswerError."""
         began = self._transport.now()
         try:
             yield
