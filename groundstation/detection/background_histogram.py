@@ -1,4 +1,4 @@
-"""The palette of the surroundings: a colour that is common around the target is not the target's.
+"""Colour histogram of the surroundings: colours that are common around the target belong to the background.
 
 White paint stands out against a runway as an aircraft does, but there is more of it elsewhere in the window.
 """

@@ -48,21 +48,21 @@ class Detector:
         self.segment = make_segmenter(config)
 
     def reset(self) -> None:
-        """Forget the contour, size and appearance of the target."""
+        """Discard contour, size and appearance of the target."""
         self._memory = None
         self._last = None
         self._background.reset()
 
     @contextmanager
     def state_preserved(self) -> Iterator[None]:
-        """Inside, look without learning: what is remembered afterwards is what was before."""
+        """Detect without learning inside the block: the state is restored at its end."""
         memory, last, background = self._memory, self._last, self._background
         self._background = background.copy()
         yield
         self._memory, self._last, self._background = memory, last, background
 
     def detect(self, image: ImageArray | Picture, roi: Roi, hint: DetectionHint) -> Detection | Miss:
-        """Look for the target inside ``roi`` of a picture, or a full image (h, w, 3) BGR; neither may change later."""
+        """Detect the target inside ``roi`` of a picture or full image (h, w, 3) BGR, which must not change later."""
         picture = as_picture(image)
         limits = (self._config.min_span_px, self._config.max_working_span_px)
         working = crop_working_image(picture, roi, hint, self._expected_size(hint), limits)
@@ -78,7 +78,7 @@ class Detector:
         start = start_contour(working, self._last)
         regions, choice = self._divide(prepared, start, working)
         if isinstance(choice, Miss) and choice.reason is MissReason.WRONG_SIZE:
-            # half of the strongest part's contrast may be more than a pale wing has
+            # a pale wing may have less than half of the contrast of the strongest part
             prepared = prepared.fainter(_FAINTER)
             regions, choice = self._divide(prepared, start, working)
         if isinstance(choice, Miss):
@@ -91,12 +91,12 @@ class Detector:
         return detection
 
     def _divide(self, prepared: Prepared, start: MaskArray, working: WorkingImage) -> tuple[Regions, Group | Miss]:
-        """Run the level set and return its regions and the one that is the target, or why none is."""
+        """Run the level set; return its regions and the target among them, or a miss."""
         regions = find_regions(self.segment(prepared.u, start), prepared.contrast)
         return regions, select_target(regions, working, self._memory, self._config)
 
     def _missed(self, miss: Miss) -> Miss:
-        """Count a miss; after several, the background may hold what it should not."""
+        """Count a miss; after several, the background model may contain the target and is reset."""
         self._last = None
         if self._memory is not None:
             self._memory = replace(self._memory, misses=self._memory.misses + 1)
@@ -107,7 +107,7 @@ class Detector:
         return miss
 
     def _learn(self, picture: Picture, roi: Roi, detection: Detection, mass: float, seen: FloatArray) -> None:
-        """Take over what a detection shows of the target's size, mass and looks, and of its background."""
+        """Update size, mass, appearance and background from a detection."""
         width, appearance = max(detection.box[2], 1.0), initial_appearance(seen)
         if self._memory is not None:
             old = self._memory.span_px
@@ -124,7 +124,7 @@ class Detector:
     def _learnt_difference(
         self, picture: Picture, working: WorkingImage, box: tuple[int, int, int, int]
     ) -> Difference | None:
-        """Return the image less the learnt background; large targets, seen reduced, go without."""
+        """Return the difference from the learnt background; None for large targets in a reduced image."""
         if working.scale > 1 or not self._config.learn_background:
             return None
         x, y = working.roi.x, working.roi.y
@@ -135,7 +135,7 @@ class Detector:
         """Return the span to expect in px and the sigma of its logarithm: the better of hint and memory."""
         span, sigma = hint.expected_span_px, hint.span_sigma_ratio
         if self._memory is not None:
-            # what was seen ages: after misses the size may have been wrong
+            # the uncertainty grows with misses, since the size may have been wrong
             remembered = _MEMORY_SPAN_SIGMA + _MEMORY_SIGMA_PER_MISS * self._memory.misses
             if span is None or sigma > remembered:
                 return self._memory.span_px, remembered
@@ -160,7 +160,7 @@ class Detector:
         up = None if working.up is None else working.up * width
         expected = None if working.span is None else (working.span, working.span_sigma)
         nose = find_nose(soft, width, group.contrast, forward, up, expected, working.height_per_span, working.scale)
-        # five places in one array: to map one costs as much as to map them all
+        # one array of five points, since mapping one costs as much as mapping all
         upper_left = (group.box[0] - 0.5, group.box[1] - 0.5)
         places = np.array((nose.point + corner, corner, group.centre, working.predicted, upper_left))
         point, origin, centroid, predicted, (left, top) = working.full(places)
@@ -175,7 +175,7 @@ class Detector:
         doubt = math.sqrt(float(covariance[0, 0] + covariance[1, 1]))
         if doubt > _MOST_DOUBT_PER_SPAN * width * working.scale + _MOST_DOUBT_PX:
             return Miss(reason=MissReason.NO_REGION, detail=f"the target point is uncertain by {doubt:.0f} px")
-        # a bird over the aircraft makes one silhouette with it, in about the right place, but not its nose
+        # a bird in front of the aircraft merges with its silhouette and displaces the nose
         spread = covariance + working.covariance * working.scale**2
         if _squared_sigmas(point - predicted, spread) > self._config.gate_sigmas**2:
             return Miss(reason=MissReason.NO_REGION, detail="the target point is too far from the prediction")

@@ -1,7 +1,7 @@
-"""The picture that one camera's tracker works on: small ones enlarged, noisy ones smoothed.
+"""Conditioning of the images of a single-camera tracker: small images are enlarged, noisy ones smoothed.
 
-A target of three pixels has hardly an inside, and one in strong noise no pixel that stands out; the sum of a few
-pixels still does. Ordinary pictures are passed on as they are.
+A target of three pixels has hardly an interior, and in strong noise no single pixel has enough contrast, while the sum
+of several has. Other images are passed unchanged.
 """
 
 import cv2

@@ -1,7 +1,7 @@
-"""A second look around one place of a picture, without any memory: what stands out there, and how large is it?
+"""Candidate search in a window of an image, without prior information on the target.
 
-It is slower than the detector and knows nothing of the target, so it neither loses a target that has jumped nor
-takes a part for the whole because it did so before.
+It is slower than the detector but independent of the previous frames, so that it finds a target that has jumped, and
+corrects a silhouette that only covers a part of the aircraft.
 """
 
 import math
@@ -27,7 +27,7 @@ _ALONE = 2.0  # how much more conspicuous than all else a target far from its pl
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Blob:
-    """Something that stands out: ``centre_px`` (2,), ``box`` x, y, w, h in px, and its score in sigmas."""
+    """A region of high contrast: ``centre_px`` (2,), ``box`` x, y, w, h in px, and its score in sigmas."""
 
     centre_px: FloatArray
     box: Box
@@ -40,27 +40,27 @@ class Blob:
 
 
 class LocalSearch:
-    """Looks at a window of a picture with the whole-frame finder."""
+    """Applies the whole-frame finder to a window of an image."""
 
     def __init__(self, config: AcquisitionConfig) -> None:
-        # here it is known where to look: what stands before the ground counts as much as what hangs in the sky
+        # the position is known: candidates in front of ground get the same weight as those in the sky
         self._config = replace(config, ground_weight=1.0)
 
     def inside(self, image: ImageArray, box: Box) -> Blob | None:
-        """Return what stands out most inside a loose box; None if nothing does."""
+        """Return the most conspicuous blob inside a loose box, or None."""
         x, y, w, h = box
         middle = np.array([x + 0.5 * w, y + 0.5 * h])
 
         def worth(blob: Blob) -> float:
             off = (blob.centre_px - middle) / (_CENTRED * np.array([w, h]))
-            # of several the larger, unless it is much fainter: a part of an aircraft is no aircraft
+            # prefers the larger of several, unless it is much fainter: the smaller may be a part of the aircraft
             return blob.score * math.sqrt(blob.size_px) * math.exp(-0.5 * float(off @ off))
 
         found = [s for s in self.around(image, middle, max(w, h)) if _within(s.box, box)]
         return max(found, key=worth, default=None)
 
     def around(self, image: ImageArray, place_px: FloatArray, reach_px: float) -> list[Blob]:
-        """Return what stands out within about ``reach_px`` of a place (2,), most conspicuous first."""
+        """Return the blobs within about ``reach_px`` of a place (2,), most conspicuous first."""
         h, w = image.shape[:2]
         half = math.ceil((max(_LEAST_HALF_PX, reach_px + 24.0)) / _STEP_PX) * _STEP_PX
         x0, x1 = _span(float(place_px[0]), half, w)
@@ -78,7 +78,7 @@ def _span(centre: float, half: int, limit: int) -> tuple[int, int]:
 
 
 def _within(box: Box, given: Box) -> bool:
-    """Return whether a box lies in another one, but for a little."""
+    """Return whether a box lies inside another one, within a tolerance."""
     beyond_x, beyond_y = _BEYOND * given[2] + _BEYOND_PX, _BEYOND * given[3] + _BEYOND_PX
     across = given[0] - beyond_x <= box[0] and box[0] + box[2] <= given[0] + given[2] + beyond_x
     return across and given[1] - beyond_y <= box[1] and box[1] + box[3] <= given[1] + given[3] + beyond_y

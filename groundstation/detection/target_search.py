@@ -1,7 +1,7 @@
-"""Finding one target by looking at whole frames, and making sure of it over several of them.
+"""Acquisition of one target from whole frames, with track confirmation over several of them.
 
-The finder proposes what stands out in each frame. What is there in most of a few frames running, moves smoothly,
-keeps its size and stands out more than anything else is a target; one frame alone never is.
+The finder detects candidates in each frame. A tentative target is confirmed when it appears in most of several
+successive frames, moves smoothly, keeps its size and has more contrast than all others; never from a single frame.
 """
 
 import math
@@ -27,12 +27,12 @@ class ConfirmationConfig:
 
     Attributes
     ----------
-    frames : a target has been seen in so many frames ...
+    frames : minimum number of frames with the target ...
     span_s : ... over at least this time.
-    seen_share : in at least this share of the frames since it was first seen.
-    least_score : what stands out less, in sigmas of its surroundings, is noise.
-    clear_lead : its weight is at least so many times that of anything else ...
-    undecided_s : ... until so much time has passed; then the best one is taken.
+    seen_share : minimum share of these in the frames since the first one.
+    least_score : minimum score of a candidate, in sigmas of its surroundings.
+    clear_lead : minimum ratio of the target's weight to that of any other ...
+    undecided_s : ... until this time has passed; then the best one is confirmed.
     """
 
     frames: int = 4
@@ -57,7 +57,7 @@ class ConfirmedTarget:
 
 @dataclass(slots=True, kw_only=True)
 class _TentativeTarget:
-    """Something seen in several frames."""
+    """A tentative target: linked candidates of several frames."""
 
     newest: Candidate
     first_s: float
@@ -100,19 +100,19 @@ class TargetSearch:
 
     @property
     def promising(self) -> bool:
-        """Whether something has been seen more than once."""
+        """Whether a tentative target has been detected more than once."""
         return any(h.seen >= 2 for h in self._tentative_targets)
 
     def reset(self) -> None:
-        """Forget all that has been seen."""
+        """Discard all tentative targets."""
         self._finder.reset()
         self._tentative_targets.clear()
         self._newest_s = None
 
     def search(self, image: ImageArray, t_s: float, known_size_px: float | None = None) -> ConfirmedTarget | None:
-        """Look at one frame, (h, w, 3) BGR; return the target once it is sure.
+        """Process one frame, (h, w, 3) BGR; return the target once it is confirmed.
 
-        ``known_size_px`` is the longer side of a target that was lost: what has that size counts more.
+        ``known_size_px`` is the longer side of a lost target: candidates of that size get a higher weight.
         """
         if self._newest_s is not None and t_s <= self._newest_s:
             self.reset()
@@ -122,11 +122,11 @@ class TargetSearch:
         return self._decide(t_s)
 
     def drop(self, box: tuple[float, float, float, float]) -> None:
-        """Forget what lies at ``box``: it has turned out not to be a target."""
+        """Discard the tentative targets at ``box``, after a false confirmation."""
         self._tentative_targets = [h for h in self._tentative_targets if not overlaps(h.newest.box, box)]
 
     def _follow(self, candidates: list[Candidate], t_s: float, known_size_px: float | None) -> None:
-        """Join candidates to what was seen before; what is left begins anew."""
+        """Associate candidates with the tentative targets; the others start new ones."""
         rest = list(candidates)
         for tentative in sorted(self._tentative_targets, key=lambda h: (-h.seen, -h.weight())):
             tentative.frames += 1
@@ -143,7 +143,7 @@ class TargetSearch:
             )
 
     def _decide(self, t_s: float) -> ConfirmedTarget | None:
-        """Return the best one if it is sure and no other comes near it."""
+        """Return the best tentative target if it is confirmed and has no rival."""
         c = self._config
         ranked = sorted(self._tentative_targets, key=lambda h: -h.weight() * min(h.seen, c.frames))
         if not ranked:

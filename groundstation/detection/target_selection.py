@@ -1,4 +1,4 @@
-"""Which of the regions is the target: size, place, contrast and looks, or a named reason why none is."""
+"""Selection of the target among the regions by size, position, contrast and appearance, or a named miss."""
 
 import math
 from collections.abc import Callable
@@ -18,9 +18,9 @@ Place = tuple[float, float, float, float, float]  # the predicted u and v, worki
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TargetMemory:
-    """What confident frames leave: the silhouette's width and mass, averaged, its looks, and the misses since.
+    """Model of the target from confident frames: mean width and mass, appearance, and the misses since.
 
-    ``span_px`` is in full-image px, ``mass`` the contrast in sigmas, summed over as many of them.
+    ``span_px`` is in full-image px, ``mass`` the sum of the contrast in sigmas over the silhouette.
     """
 
     span_px: float
@@ -29,14 +29,14 @@ class TargetMemory:
     misses: int = 0
 
     def mass_at(self, span_px: float) -> float:
-        """Return the mass to expect at a span, in px as large as that span's, reduced or not."""
+        """Return the expected mass at a span, in pixels of the same scale as that span."""
         return self.mass * (span_px / self.span_px) ** 2
 
 
 def select_target(
     regions: Regions, working: WorkingImage, memory: TargetMemory | None, config: DetectionConfig
 ) -> Group | Miss:
-    """Pick the group that is the target, or say why none is."""
+    """Return the group that is the target, or a miss with its reason."""
     (x, y), ((uu, uv), (_, vv)) = working.predicted.tolist(), working.covariance.tolist()
     sigma = math.sqrt(0.5 * (uu + vv) + math.hypot(0.5 * (uu - vv), uv))
     span = working.span if working.span is not None else UNKNOWN_SPAN_PX
@@ -56,7 +56,7 @@ def select_target(
     def unlike(group: Group) -> float:
         return _unlikeness(group, regions, working, memory)
 
-    # what weighs more than the target did is no likelier for that: it may be a bird beside it, or both together
+    # mass beyond that of the target does not raise the score: it may be a bird, or a bird merged with the target
     most = math.inf if memory is None or working.span is None else memory.mass_at(span)
     place = (x, y, uu, vv, uv)
     scored = [(_score(g, place, working, min(g.mass, most) / heaviest, unlike, config), g) for g in groups]
@@ -79,7 +79,7 @@ def select_target(
 
 
 def _unlikeness(group: Group, regions: Regions, working: WorkingImage, memory: TargetMemory | None) -> float:
-    """Return how unlike the learnt target a group looks, in sigmas."""
+    """Return the distance of a group's appearance from the target's, in sigmas."""
     if memory is None or group.rim:
         return 0.0
     seen = features_of(group, regions, working)
@@ -94,16 +94,16 @@ def _score(
     unlikeness: Callable[[Group], float],
     config: DetectionConfig,
 ) -> float:
-    """Return the log-likelihood of a group that weighs a ``share`` of the heaviest, −inf where a gate excludes it.
+    """Return the log-likelihood of a group with a ``share`` of the largest mass, −inf if a gate excludes it.
 
-    Its looks are asked for last.
+    The appearance is evaluated last, since it is the most expensive.
     """
     distance = _distance(group, place)
     if distance > config.gate_sigmas**2 or group.width * working.scale < config.min_span_px:
         return -math.inf
     score = -0.5 * distance + math.log(share)
     if working.span is not None:
-        # one pixel of blur at each tip besides what the hint allows
+        # one pixel of blur at each wing tip, in addition to the sigma of the hint
         sigma = math.hypot(working.span_sigma, 2.0 / working.span)
         deviation = math.log(group.width / working.span) / sigma
         clipped = group.rim
@@ -125,7 +125,7 @@ def _distance(group: Group, place: Place) -> float:
 
 
 def features_of(group: Group, regions: Regions, working: WorkingImage) -> FloatArray:
-    """Return what a group looks like, in full-image px; of each group it is measured once."""
+    """Return the appearance features of a group, in full-image px, cached per group."""
     seen = regions.looks.get(group)
     if seen is None:
         seen = features_of_regions(working.image, regions.labels, group.members, group.box, group.area)

@@ -1,4 +1,4 @@
-"""What one look starts from: the hint, the working image cut out for it, and where in it the target may be."""
+"""Input of one detection: the hint, the working image of the region of interest, and the expected target in it."""
 
 import math
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ _THICK_END_ON, _THICK_PER_LENGTH = 0.6, 0.6
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DetectionHint:
-    """What the filter knows before looking.
+    """Prediction of the filter for the detector.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class WorkingImage:
         return np.asarray(point * self.scale + self.offset, np.float64)
 
     def open_edges(self) -> tuple[bool, bool, bool, bool]:
-        """Return for left, top, right, bottom whether the image goes on beyond the region of interest."""
+        """Return for left, top, right, bottom whether the image extends beyond the region of interest."""
         roi, (w, h) = self.roi, self.image_size_px
         return (roi.x > 0, roi.y > 0, roi.x + roi.w + self.scale <= w, roi.y + roi.h + self.scale <= h)
 
@@ -85,10 +85,10 @@ class WorkingImage:
         return (left and x0 <= 0) or (top and y0 <= 0) or (right and x1 >= w) or (bottom and y1 >= h)
 
     def cut_covariance(self, box: tuple[int, int, int, int]) -> FloatArray:
-        """Return what a cut adds to the target point's covariance (2, 2), full-image px².
+        """Return the covariance (2, 2) to add to the target point of a silhouette cut by the border, full-image px².
 
-        What is missing may have been the wider part, which is an error in every direction; and the point moves with
-        the middle of what is left, across the border that cuts, by a share of what is missing.
+        The missing part may be the wider one, which gives an error in every direction; and the point is displaced
+        with the centre of the visible part, across the border, by a share of the missing part.
         """
         x0, y0, x1, y1 = box
         left, top, right, bottom = (not edge for edge in self.open_edges())
@@ -109,7 +109,7 @@ class WorkingImage:
         return (left and x0 <= 0 and x1 < 0.5 * self.span) or (right and x1 >= w and w - x0 < 0.5 * self.span)
 
     def border_distance(self, point: FloatArray) -> float:
-        """Return how far inside the image a full-image pixel lies; negative outside."""
+        """Return the distance of a full-image pixel to the image border; negative outside."""
         w, h = self.image_size_px
         return float(min(point[0], point[1], w - 1 - point[0], h - 1 - point[1]))
 
@@ -121,10 +121,10 @@ def crop_working_image(
     size: tuple[float | None, float],
     limits: tuple[float, float],
 ) -> WorkingImage:
-    """Cut the region of interest out and reduce it where the target is large.
+    """Crop the region of interest and reduce its resolution for large targets.
 
     ``size`` is the expected span in px and the sigma of its logarithm, ``limits`` the smallest span in px and
-    the largest to be seen unreduced.
+    the largest one without reduction.
     """
     span, sigma = size
     picture = as_picture(image)
@@ -163,7 +163,7 @@ def _in_spans(shift_px_per_m: FloatArray | None, px_per_m: float | None) -> Floa
 
 @njit(cache=True, nogil=True)
 def _likely(first: int, last: int, low: float, high: float, sigma: float) -> NDArray[np.float32]:
-    """Return how likely the target reaches each place from ``first`` to before ``last``: surely from low to high."""
+    """Return the probability that the target covers each place in [first, last): 1 from ``low`` to ``high``."""
     likely = np.empty(max(last - first, 0), np.float32)
     for k in range(likely.size):
         beyond = max(low - (first + k), first + k - high, 0.0) / sigma
@@ -172,7 +172,7 @@ def _likely(first: int, last: int, low: float, high: float, sigma: float) -> NDA
 
 
 def expectation(working: WorkingImage) -> Expectation:
-    """Return where in the working image the target may be, and how likely each column and row is."""
+    """Return the box of the expected target in the working image, with the probability of each column and row."""
     h, w = working.image.shape[:2]
     span = working.span if working.span is not None else UNKNOWN_SPAN_PX
     first, last, likely = [0, 0], [0, 0], []
@@ -185,7 +185,7 @@ def expectation(working: WorkingImage) -> Expectation:
         last[axis] = int(min(max(high + 2.0 * sigma + 1.0, 0.0), size))
         likely.append(_likely(first[axis], last[axis], low, high, sigma))
     box = (first[0], first[1], last[0], last[1])
-    # end-on there is a body and a thin wing; from the side or below, or from who knows where, there may be much more
+    # end-on the silhouette is a body and a thin wing; from other or unknown directions it may be thicker
     length = (
         1.0 if working.forward is None else min(math.hypot(float(working.forward[0]), float(working.forward[1])), 1.0)
     )

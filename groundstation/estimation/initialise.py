@@ -1,9 +1,9 @@
-"""From candidates in single images to a confirmed 3-D track.
+"""Track initiation: from candidates in single images to a confirmed 3-D track.
 
-Candidates of two cameras belong together if their rays meet, ahead and above ground, and if what they show
-has the size of an aircraft there. Such fixes are linked over time by small constant-velocity filters; one
-that keeps being hit and whose velocity is significantly not zero becomes the target. Trees, runway paint and
-chance pairings of them stand still or jump, and never do.
+Candidates of two cameras are associated if their rays intersect within their noise, in front of the cameras and above
+ground, and if their widths correspond to an aircraft at that distance. These fixes are linked over time by
+constant-velocity filters; a tentative track with enough hits and a significant velocity is confirmed. Trees, runway
+markings and false associations of them are stationary or jump.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,9 +29,8 @@ _MAX_TRACKS = 40
 class CameraCandidate:
     """One candidate of one camera: pixel (2,) at ``t_s``, width in px (None if unknown), score, and the angles then.
 
-    ``moving`` marks a candidate that was found by its motion: it may be a part of the aircraft only, so its
-    place and width are coarse. ``labelled`` marks a pixel that someone else vouches for: it need not move to be
-    believed.
+    ``moving`` marks a candidate detected by its motion: it may cover only a part of the aircraft, so that position and
+    width are coarse. ``labelled`` marks an external label, which is confirmed without the motion test.
     """
 
     t_s: float
@@ -48,7 +47,7 @@ class CameraCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fix:
-    """A believable crossing of two sightings: position (3,) in m with covariance (3, 3)."""
+    """A plausible intersection of the rays of two candidates: position (3,) in m with covariance (3, 3)."""
 
     position_m: FloatArray
     covariance_m2: FloatArray
@@ -58,7 +57,7 @@ class Fix:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Tentative:
-    """A track not yet believed: state (6,) with covariance (6, 6)."""
+    """A tentative track: state (6,) with covariance (6, 6)."""
 
     t_s: float
     born_s: float
@@ -73,7 +72,7 @@ class _Tentative:
 
 
 class TrackInitiator:
-    """Collects the sightings of each epoch and says when a target has been found."""
+    """Links the candidates of successive epochs and confirms a target."""
 
     def __init__(self, stations: Mapping[str, StationGeometry], config: InitiationConfig, span_m: float | None) -> None:
         self._stations = stations
@@ -83,15 +82,15 @@ class TrackInitiator:
 
     @property
     def promising(self) -> bool:
-        """Whether some tentative track has been seen more than once lately."""
+        """Whether a tentative track has at least three hits and at most one recent miss."""
         return any(t.hits >= 3 and t.misses <= 1 for t in self._tracks)
 
     def reset(self) -> None:
-        """Forget all tentative tracks."""
+        """Discard all tentative tracks."""
         self._tracks.clear()
 
     def step(self, t_s: float, sightings: Sequence[CameraCandidate]) -> Kinematics | None:
-        """Take one epoch's sightings; return the target at ``t_s`` once one is confirmed."""
+        """Process the candidates of one epoch; return the target at ``t_s`` once one is confirmed."""
         fixes = self.fixes(sightings)
         self._predict(t_s)
         self._link(fixes, t_s)
@@ -101,8 +100,8 @@ class TrackInitiator:
         if not confirmed:
             return None
         best = max(confirmed, key=lambda t: t.score / t.hits)
-        # what candidates get wrong is the same from frame to frame: their average is no better than one of them,
-        # and position and velocity are not wrong together in the way that their filter believes
+        # errors of candidates are correlated from frame to frame: their mean is no better than one of them, and the
+        # correlation of position and velocity in the tentative filter is not used
         share = self._config.start_share
         P = np.zeros((6, 6))
         P[:3, :3] = best.P[:3, :3] + share * best.newest_covariance_m2
@@ -111,7 +110,7 @@ class TrackInitiator:
         return Kinematics(position_runway_m=best.x[:3].copy(), velocity_runway_m_s=best.x[3:].copy(), covariance=P)
 
     def fixes(self, sightings: Sequence[CameraCandidate]) -> list[Fix]:
-        """Return the believable crossings among sightings of different stations, best first."""
+        """Return the plausible fixes among candidates of different stations, best first."""
         by_station: dict[str, list[CameraCandidate]] = {}
         for s in sightings:
             by_station.setdefault(s.station, []).append(s)
@@ -127,7 +126,7 @@ class TrackInitiator:
     def _nearly_meeting(
         self, first: list[CameraCandidate], second: list[CameraCandidate]
     ) -> list[tuple[CameraCandidate, CameraCandidate, float]]:
-        """Return pairs whose rays pass close to each other, and how far ahead: a cheap test before the exact one."""
+        """Return pairs whose rays nearly intersect, and their distance: a fast test before the triangulation."""
         first, one = self._rays(first)
         second, two = self._rays(second)
         if not first or not second:
@@ -150,7 +149,7 @@ class TrackInitiator:
         return pairs
 
     def _rays(self, sightings: list[CameraCandidate]) -> tuple[list[CameraCandidate], FloatArray]:
-        """Return the sightings whose pixel has a ray, and origin and direction of each, (n, 2, 3)."""
+        """Return the candidates whose pixel has a ray, and origin and direction of each, (n, 2, 3)."""
         seen, rays = [], []
         for s in sightings:
             try:
@@ -166,7 +165,7 @@ class TrackInitiator:
         return float(np.hypot(self._sigma_px(s, distance_m) / focal, s.angle_sigma_rad))
 
     def _sigma_px(self, s: CameraCandidate, distance_m: float) -> float:
-        """Return the noise of a candidate's centre; what was found by motion may be any part of the aircraft."""
+        """Return the noise of a candidate's centre; moving candidates may be any part of the aircraft."""
         if s.moving:
             span_m = self._config.usual_span_m if self._span_m is None else self._span_m
             whole_px = span_m * float(self._stations[s.station].lens.focal_px[0]) / distance_m
@@ -175,7 +174,7 @@ class TrackInitiator:
         return float(np.hypot(self._config.candidate_sigma_px, share))
 
     def _fix(self, first: CameraCandidate, second: CameraCandidate, distance_m: float) -> Fix | None:
-        """Return the crossing of two sightings if an aircraft could be there."""
+        """Return the fix of two candidates if it is plausible for an aircraft."""
         views = [
             TriangulationView(
                 station=self._stations[s.station],
@@ -204,7 +203,7 @@ class TrackInitiator:
         )
 
     def _sizes_possible(self, first: CameraCandidate, second: CameraCandidate, distance_m: float) -> bool:
-        """Return whether `_sizes_fit` may say yes at about this distance: nobody triangulates clouds with trees."""
+        """Return whether `_sizes_fit` is possible at about this distance, to avoid needless triangulations."""
         if first.width_px is None or second.width_px is None:
             return True
         widths = [
@@ -215,7 +214,7 @@ class TrackInitiator:
         return self._width_believable(widths, first.moving or second.moving, _SIZE_SLACK)
 
     def _sizes_fit(self, first: CameraCandidate, second: CameraCandidate, point: FloatArray) -> bool:
-        """Return whether both silhouettes have the same, believable width in metres."""
+        """Return whether both silhouettes have equal and plausible widths in metres."""
         widths = []
         for s in (first, second):
             if s.width_px is None:
@@ -227,7 +226,7 @@ class TrackInitiator:
         return self._width_believable(widths, first.moving or second.moving, 1.0)
 
     def _width_believable(self, widths_m: list[float], partial: bool, slack: float) -> bool:
-        """Return whether two widths in m agree and are an aircraft's, each to a factor of ``slack``."""
+        """Return whether two widths in m agree and are plausible for an aircraft, to a factor of ``slack``."""
         if not partial and max(widths_m) > slack * self._config.size_agreement * min(widths_m):
             return False
         if self._span_m is not None:
@@ -238,7 +237,7 @@ class TrackInitiator:
 
     # ------------------------------------------------------------------------------------------ time
     def _predict(self, t_s: float) -> None:
-        """Carry all tracks to ``t_s``; they stand at the same time, but for one that has been begun ahead of it."""
+        """Predict all tentative tracks to ``t_s``; tracks started later are left unchanged."""
         motions: dict[float, tuple[FloatArray, FloatArray]] = {}
         for track in self._tracks:
             dt = t_s - track.t_s
@@ -259,7 +258,7 @@ class TrackInitiator:
         return F, np.kron(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), np.eye(3)) * q
 
     def _link(self, fixes: list[Fix], t_s: float) -> None:
-        """Give each track its nearest fix, oldest tracks first; what is left begins new tracks."""
+        """Associate each track with its nearest fix, most hits first; the other fixes start new tracks."""
         free = list(fixes)
         for track in sorted(self._tracks, key=lambda t: -t.hits):
             distances = [self._distance(track, f) for f in free]
@@ -304,7 +303,7 @@ class TrackInitiator:
         track.labelled = track.labelled and fix.labelled
 
     def _believed(self, track: _Tentative, brightest: float) -> bool:
-        """Return whether a track has been seen often, steadily, as clearly as others, and moving."""
+        """Return whether a track is confirmed: enough hits, low residuals, high scores and a significant velocity."""
         c = self._config
         if track.hits < c.hits or track.misses > 0 or track.t_s - track.born_s < c.min_age_s:
             return False
@@ -316,7 +315,7 @@ class TrackInitiator:
         mean_square = track.squares / (track.hits - 1)
         if mean_square > c.max_link_square or track.score / track.hits < c.min_relative_score * brightest:
             return False
-        # the steps themselves show how noisy the fixes are, whatever was assumed of the candidates
+        # the noise of the fixes is estimated from their residuals
         noise_scale = max(mean_square / 3.0, c.min_noise_scale if track.hits >= c.scale_hits else 1.0)
         significance = float(np.sqrt(track.x[3:] @ np.linalg.solve(track.P[3:, 3:], track.x[3:]) / noise_scale))
         return speed >= c.min_speed_m_s and significance >= c.motion_sigma

@@ -1,7 +1,7 @@
-"""One camera's part of the pipeline: where to look, looking, and what was seen.
+"""Detection of the target in the frames of one camera: region of interest, detector and whole-frame finder.
 
-It knows the target's last size in its own image, its detector and its whole-frame finder. It does not touch
-the filter: the pipeline asks it to look and decides what becomes of the answer.
+The tracker keeps the last silhouette size in its own image. It has no access to the filter, which is updated by the
+caller.
 """
 
 import math
@@ -24,18 +24,18 @@ from groundstation.rig.rig import Station
 from groundstation.tracking.config import Config
 from groundstation.tracking.flight_direction import FlightDirection
 
-# how well the span is known: given by the session (a bank or a crab shortens it), learnt on the way, or not at all
+# sigma of the logarithm of the span: given by the session (bank and crab angles shorten it), and unknown
 _GIVEN_SPAN_SIGMA = 0.15
 _UNKNOWN_SPAN_SIGMA = 0.7
 _LEARNT_AFTER = 10
 _LEARNING_RATE = 0.1
-# contrast on all channels is measured in one of so many detections: it is for the report, not for the detector
+# contrast on all channels is measured in one of this many detections, for the report only
 _CONTRAST_EVERY = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchResult:
-    """What a camera expected, where it looked, and what it found."""
+    """Result of a detection attempt: region of interest, detection or miss, contrast of the channels."""
 
     roi: Roi | None
     result: Detection | Miss
@@ -44,14 +44,14 @@ class SearchResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Extent:
-    """A silhouette's width and height, where its box's middle lay from the target point, and the scale then, px/m."""
+    """A silhouette's width and height, offset of the box centre from the target point, and scale, px/m."""
 
     size_px: tuple[float, float]
     middle_px: tuple[float, float]
     px_per_m: float | None
 
     def at(self, px_per_m: float | None) -> "_Extent":
-        """Return what it has grown to at another scale."""
+        """Return the extent at another scale."""
         if self.px_per_m is None or px_per_m is None:
             return self
         growth = px_per_m / self.px_per_m
@@ -78,7 +78,7 @@ class SpanModel:
         return 2.0 * _GIVEN_SPAN_SIGMA if self._seen >= _LEARNT_AFTER else _UNKNOWN_SPAN_SIGMA
 
     def learn(self, width_px: float, px_per_m: float) -> None:
-        """Take the width of an accepted, uncut silhouette."""
+        """Update the span with the width of an accepted, uncut silhouette."""
         if self._given or width_px <= 0 or px_per_m <= 0:
             return
         seen = width_px / px_per_m
@@ -89,7 +89,7 @@ class SpanModel:
 
 
 class CameraTracker:
-    """Looks for the target in one camera's frames."""
+    """Detects the target in the frames of one camera."""
 
     def __init__(self, station: Station, config: Config) -> None:
         self.station = station
@@ -103,7 +103,7 @@ class CameraTracker:
         self._detections = 0
 
     def reset(self) -> None:
-        """Forget the target: after a loss nothing of it is trusted."""
+        """Discard the state of the target, after its loss."""
         self._detector.reset()
         self._finder.reset()
         self._extent = _NO_EXTENT
@@ -111,14 +111,14 @@ class CameraTracker:
 
     @contextmanager
     def state_preserved(self) -> Iterator[None]:
-        """Inside, look at an older frame: its target's size, looks and background are not those of the next one."""
+        """Process an older frame inside the block: size, appearance and background are restored at its end."""
         extent, scale, detections = self._extent, self._px_per_m, self._detections
         with self._detector.state_preserved():
             yield
         self._extent, self._px_per_m, self._detections = extent, scale, detections
 
     def search(self, frame: Frame, pan_rad: float, tilt_rad: float, angle_sigma_rad: float) -> list[CameraCandidate]:
-        """Look at the whole frame and return the candidates in it: none where a recording kept only a part of it."""
+        """Return the candidates of the whole frame; none if a recording kept only a part of it."""
         if not as_picture(frame.image).has_all:
             return []
         pose = self.geometry.camera_pose(pan_rad, tilt_rad)
@@ -145,7 +145,7 @@ class CameraTracker:
         covariance_px2: FloatArray,
         hint: DetectionHint,
     ) -> SearchResult | None:
-        """Place the region of interest and look there; None if nothing of it is inside the image."""
+        """Detect the target in the region of interest; None if the region is outside the image."""
         self._px_per_m = hint.px_per_m
         extent, size_px = self._extent.at(hint.px_per_m), self.station.lens.image_size_px
         roi = place_roi(centre_px, covariance_px2, extent.size_px, self._config.detection, size_px, extent.middle_px)
@@ -167,7 +167,7 @@ class CameraTracker:
         return SearchResult(roi=roi, result=result, channel_contrast=contrast)
 
     def update_extent(self, detection: Detection) -> None:
-        """Remember the extent of the silhouette, seen in the last look, that the filter believed."""
+        """Store the extent of the last silhouette, after the filter has accepted it."""
         x, y, w, h = detection.box
         middle = (x + 0.5 * w - detection.u_px, y + 0.5 * h - detection.v_px)
         self._extent = _Extent(size_px=(w, h), middle_px=middle, px_per_m=self._px_per_m)
@@ -183,7 +183,7 @@ class CameraTracker:
         span: SpanModel,
         height_m: float | None = None,
     ) -> DetectionHint:
-        """Say what the filter knows of the target's looks at a frame's time.
+        """Return the prediction of the filter as a hint for the detector.
 
         ``jacobian_px_per_m`` (2, 3) is ∂(u, v)/∂(x, y, z), ``velocity`` is (3,) in m/s, runway frame, and its
         covariance (3, 3).
@@ -204,9 +204,9 @@ class CameraTracker:
 
 
 def _recorded(picture: Picture, roi: Roi, centre_px: FloatArray) -> Roi | None:
-    """Return the region of interest as far as a picture has it; None where the target is expected beside that.
+    """Return the available part of the region of interest; None if the target is expected outside it.
 
-    Only a recording that is replayed otherwise than it was flown asks for what it has not.
+    Only recordings of partial images that are replayed with another configuration lack a part.
     """
     window = picture.available((roi.x, roi.y, roi.x + roi.w, roi.y + roi.h))
     if window is None:

@@ -1,16 +1,16 @@
-"""Putting readings in order, and the PTU's angles at the instant of each exposure.
+"""Time ordering of all records, and interpolation of the PTU angles at each exposure.
 
 Rules, all in the session clock:
 
-- Records are passed on in order of their stamps. One is passed on when every stream (each camera, each PTU) has
-  come as far, or when the newest stamp seen is ``hold_s`` ahead of it: a stream that lags is waited for so long
-  and no longer. Within that, order of arrival does not matter.
-- So a frame also waits for its station's next PTU reading, and the exposure is bracketed; one with a reading at its own
-  stamp takes no other.
-- A stamp older than what has already been passed on is late. It is passed on as late: the filter can go back for it,
-  inside a horizon (`groundstation.estimation.late_measurements`); beyond it is counted and not used.
-- Where no record comes at all, what waits is passed on once the session's clock is `IN_FLIGHT_S` and ``hold_s`` past
-  it: until then one may still be on its way.
+- Records are released in order of their stamps. A record is released when every stream (each camera, each PTU) has
+  reached its stamp, or when the newest stamp is ``hold_s`` ahead of it, which limits the wait for a delayed stream.
+  Within this time the order of arrival has no effect.
+- A frame therefore also waits for the next PTU reading of its station, so that readings bracket the exposure; with a
+  reading at its own stamp it needs no other.
+- A record older than the last released one is late and is released as such: inside a horizon the filter is rewound for
+  it (`groundstation.estimation.late_measurements`); beyond the horizon it is counted and not used.
+- Without new records, waiting ones are released once the session clock is `IN_FLIGHT_S` and ``hold_s`` past them:
+  until then others may still be in transit.
 - Angles are interpolated linearly between two readings no further apart than ``max_gap_s``; before the
   first, after the last, or inside a longer gap there is no angle.
 """
@@ -28,14 +28,14 @@ from groundstation.messages import Arrival, Epoch, Frame, PixelMeasurement, PtuS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SynchroniseConfig:
-    """Tuning of the waiting and interpolating.
+    """Tuning of ordering and interpolation.
 
     Attributes
     ----------
-    hold_s : how long a record waits for streams that lag.
+    hold_s : maximum time that a record waits for delayed streams.
     max_gap_s : readings further apart than this do not bracket an exposure.
-    camera_gap_s : a camera's next frame comes no sooner than this after its last, so it is not waited for that long;
-        one that does is late. In operation half a period; 0 supposes nothing.
+    camera_gap_s : minimum time between frames of a camera, during which its next frame is not waited for; an earlier
+        frame is late. In operation half a period; 0 makes no assumption.
     """
 
     hold_s: float = 0.15
@@ -72,11 +72,11 @@ class AnglesAt:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReadyFrame:
-    """A camera's record whose time has come.
+    """A released record of a camera.
 
-    ``following`` is the station's PTU reading after it, not to be sent again on its own; None if it has not
-    come, or if the station is fixed. ``late`` marks a stamp behind what has been passed on already, ``revisited``
-    one for which the filter has gone back.
+    ``following`` is the station's next PTU reading, which is not released again on its own; None if it has not arrived,
+    or if the station is fixed. ``late`` marks a stamp before the last released one, ``revisited`` a frame for which the
+    filter was rewound.
     """
 
     record: Frame | PixelMeasurement
@@ -88,14 +88,14 @@ class ReadyFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LateReading:
-    """A PTU reading behind what has been passed on already."""
+    """A PTU reading with a stamp before the last released one."""
 
     sample: PtuSample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LateReference:
-    """A reference position behind what has been passed on already."""
+    """A reference position with a stamp before the last released one."""
 
     fix: ReferenceFix
 
@@ -105,7 +105,7 @@ Ready = PtuSample | LateReading | LateReference | ReadyFrame | ReferenceFix | Ep
 
 @dataclass(slots=True)
 class LateCounts:
-    """How many records came behind what had been passed on, by kind."""
+    """Numbers of late records, by kind."""
 
     ptu: int = 0
     frames: int = 0
@@ -113,7 +113,7 @@ class LateCounts:
 
 
 class _Queued(NamedTuple):
-    """Ordered by time, then by arrival; no two have the same number, so that events are never compared."""
+    """A queue entry, ordered by time, then by arrival; unique numbers avoid a comparison of events."""
 
     t_s: float
     number: int
@@ -121,7 +121,7 @@ class _Queued(NamedTuple):
 
 
 class Synchroniser:
-    """Orders events by time and answers each frame with its angles.
+    """Orders events by time and adds the interpolated angles to each frame.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class Synchroniser:
         return self._newest_s
 
     def push(self, event: Arrival) -> Iterable[Ready]:
-        """Take one event and return, in time order, all whose time has come."""
+        """Add one event and return all records that are due, in time order."""
         if not isinstance(event, ReferenceFix):
             # a receiver has a clock of its own: that it is ahead does not make the cameras late
             self._newest_s = max(self._newest_s, event.t_s)
@@ -165,12 +165,12 @@ class Synchroniser:
         return self._drain(final=False) if self._may_pass(self._queue[0].t_s) else ()
 
     def pass_time(self, t_s: float) -> Iterable[Ready]:
-        """Take note that the session's clock shows ``t_s``, and return, in time order, what has waited long enough."""
+        """Advance the session clock to ``t_s``, and return all records that are due, in time order."""
         self._newest_s = max(self._newest_s, t_s - IN_FLIGHT_S)
         return self._drain(final=False)
 
     def finish(self) -> Iterable[Ready]:
-        """Return everything still waiting: nothing more will come."""
+        """Return all waiting records, at the end of the input."""
         return self._drain(final=True)
 
     def angles_at(self, station: str, t_s: float) -> AnglesAt | AngleFault | None:
@@ -194,7 +194,7 @@ class Synchroniser:
         bisect.insort(self._queue, _Queued(t, self._number, event))
 
     def _remember(self, sample: PtuSample) -> None:
-        """Keep a reading for the exposures beside it."""
+        """Store a reading for the interpolation."""
         history = self._history.get(sample.station)
         if history is None:
             return
@@ -204,7 +204,7 @@ class Synchroniser:
             ordered = sorted([*history, sample], key=lambda s: s.t_s)
             history.clear()
             history.extend(ordered)
-        # whatever still waits is newer than what has been passed on
+        # waiting records are newer than the last released one
         while history and history[0].t_s < self._passed_s - _KEPT_S:
             history.popleft()
 
@@ -238,7 +238,7 @@ class Synchroniser:
                 yield self._ready_frame(event)
 
     def _may_pass(self, t_s: float) -> bool:
-        """Return whether nothing earlier than ``t_s`` is to be expected, or has been waited for long enough."""
+        """Return whether no earlier record than ``t_s`` is expected, or the hold time has passed."""
         return self._newest_s >= t_s + self._config.hold_s or self._all_reached_s >= t_s
 
     def _ready_frame(self, frame: Frame | PixelMeasurement) -> ReadyFrame:
@@ -246,15 +246,15 @@ class Synchroniser:
         return ReadyFrame(record=frame, angles=self.angles_at(frame.station, frame.t_s), following=following)
 
     def release(self, sample: PtuSample) -> bool:
-        """Return whether a reading that was claimed still waits; if so it is passed on at its own time after all."""
+        """Return whether a claimed reading is still waiting; if so it is released at its own time."""
         waits = id(sample) in self._used
         self._used.discard(id(sample))
         return waits
 
     def claim_following(self, frame: Frame | PixelMeasurement) -> PtuSample | None:
-        """Return the station's next waiting reading after a frame, which will not be passed on again.
+        """Return the station's next waiting reading after a frame, which is then not released on its own.
 
-        A frame with a reading at its very stamp needs no other.
+        A frame with a reading at its own stamp needs no other.
         """
         for known in reversed(self._history.get(frame.station, ())):
             if known.t_s == frame.t_s:

@@ -1,4 +1,4 @@
-"""Compiling everything before the first frame, so that no frame waits for a compiler."""
+"""Compilation of all kernels before the first frame, so that no frame is delayed by it."""
 
 import numpy as np
 
