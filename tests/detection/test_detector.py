@@ -54,6 +54,12 @@ def test_covariance_holds_the_errors_of_many_looks(rng: np.random.Generator) -> 
         error = np.array([result.u_px - nose[0], result.v_px - nose[1]])
         nis.append(error @ np.linalg.solve(result.covariance_px2, error))
     assert np.sum(nis) < chi2.ppf(0.999, 2 * len(nis))
+    # The covariance is known to be too wide here: it allows for a nose that is off the fuselage's centre, as crab and
+    # incidence leave it, and these pictures have neither. So chi-square's own lower bound cannot hold. Measured with
+    # this seed the squares come to 0.19 of what they would be (22.4 of 120); chi-square's bounds about that share fail
+    # where the covariance becomes wider still, or narrower unnoticed.
+    low, high = 0.19 * chi2.ppf([0.001, 0.999], 2 * len(nis))
+    assert low < np.sum(nis) < high
 
 
 def test_fainter_target_has_a_larger_covariance(rng: np.random.Generator) -> None:

@@ -57,6 +57,10 @@ def test_a_stall_is_believed_at_the_next_reading() -> None:
     read(ekf, encoders, 1.0, stop)
     sigma = math.degrees(encoders.sigma_rad("left"))
     assert abs(math.degrees(ekf.angles("left")[0]) - stop) < 2 * sigma, "the doubt covers the error"
+    # the filter has gone on by 16 °/s for the 0.02 s between two readings, and doubts itself by that and no more
+    jump = 16.0 * 0.02
+    assert math.degrees(ekf.angles("left")[0]) - stop == pytest.approx(jump, abs=0.02)
+    assert sigma == pytest.approx(jump, rel=0.1)
     said = read(ekf, encoders, 1.02, stop)
     assert said is not None
     assert "confirmed" in said

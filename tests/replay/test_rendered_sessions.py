@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from calibrated_replays import Split, by_pixels, replayed_as, splits, spoilt_rig, truth_rmse
@@ -74,7 +75,8 @@ def takeoff(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Repl
 def test_landing_accuracy(landing: Replayed) -> None:
     """y 100–250 m: at most 0.035/0.45/0.04 m, and every one of its frames covered."""
     errors = landing.errors(100, 250)
-    assert len(errors) == 133
+    y_m = landing.truth["y_m"]
+    assert len(errors) == ((y_m >= 100) & (y_m < 250)).sum() > 100
     assert np.all(landing.rmse(100, 250) <= [0.035, 0.45, 0.04])
 
 
@@ -99,7 +101,7 @@ def test_landing_filter_beats_triangulation_beyond_100_m(landing: Replayed) -> N
 def test_landing_is_acquired_by_itself(landing: Replayed) -> None:
     """Within 3 s of the first frame, at 500 m, without a start."""
     first = next(r for r in landing.track if r["status"] == "tracking")
-    assert float(first["t_s"]) < 3.5
+    assert float(first["t_s"]) < landing.truth["t_s"][0] + 3.0
     assert abs(float(first["y_m"]) - 500.0) < 30.0
 
 
@@ -113,6 +115,7 @@ def test_landing_consistency_is_reported(landing: Replayed) -> None:
     total = landing.summary["accuracy"]["truth"]["total"]
     assert 0.7 < total["anees"] < 1.4
     assert all(r > 0.3 for r in total["bound"]["ekf_over_track"])
+    assert all(r < 1.3 for r in total["bound"]["ekf_over_track"])
 
 
 @dataclass(frozen=True)
@@ -177,8 +180,51 @@ def test_the_region_of_interest_holds_an_aircraft_overhead(takeoff: Replayed, sh
     """Climbing over the cameras it hangs below its nose, 350 px wide; a wing tip and the tail stayed outside."""
     seen = sights(takeoff, shared_data / "takeoff-1")
     assert sum(s.width_px > 200 for s in seen) > 70
+    # of the pictures in which it is as wide and has its nose, nearly all were looked at
+    truth = takeoff.truth
+    with np.load(shared_data / "takeoff-1" / "masks.npz") as masks:
+        wide = [
+            name
+            for side in ("left", "right")
+            for k in np.flatnonzero(np.isfinite(truth[f"{side}_u_px"]))
+            if np.ptp(np.flatnonzero(masks[name := f"{side}_{k:04d}"].any(axis=0))) + 1 > 200
+        ]
+    assert sum(s.width_px > 200 for s in seen) > 0.9 * len(wide)
     assert np.mean([s.nose_inside for s in seen]) >= 0.999
     assert np.mean([s.silhouette_inside for s in seen]) >= 0.999
+
+
+@dataclass(frozen=True)
+class Bird:
+    """Where the bird is against the aircraft in one camera's picture of each epoch, as picture and silhouette show."""
+
+    covered: np.ndarray
+    """Share (n,) of the silhouette that is as dark as nothing but the bird."""
+    away_spans: np.ndarray
+    """Distance (n,) between the nose and what is so dark, in widths of the silhouette; NaN without a nose or a bird."""
+
+
+def bird_in(session: Path, station: str) -> Bird:
+    """Look for the bird, the darkest thing in these pictures: below the shade of the trees and of the aircraft."""
+    truth = np.genfromtxt(session / "truth.csv", delimiter=",", names=True)
+    covered, away = np.zeros(len(truth)), np.full(len(truth), np.nan)
+    film = cv2.VideoCapture(str(session / f"{station}.mp4"))
+    with np.load(session / "masks.npz") as masks:
+        for k in range(len(truth)):
+            read_one, picture = film.read()
+            assert read_one, k
+            nose = np.array([truth[f"{station}_{c}_px"][k] for c in "uv"])
+            if not np.isfinite(nose).all():
+                continue
+            mask, (x, y) = (masks[f"{station}_{k:04d}{end}"] for end in ("", "_xy"))
+            dark = cv2.morphologyEx((picture.max(axis=2) < 72).astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5)))
+            under = dark[y : y + mask.shape[0], x : x + mask.shape[1]]
+            covered[k] = under[mask[: under.shape[0], : under.shape[1]] > 0].mean()
+            v, u = np.nonzero(dark)
+            if len(u):
+                away[k] = np.hypot(u - nose[0], v - nose[1]).min() / (np.ptp(np.flatnonzero(mask.any(axis=0))) + 1)
+    film.release()
+    return Bird(covered=covered, away_spans=away)
 
 
 def test_takeoff_accuracy(takeoff: Replayed) -> None:
@@ -190,26 +236,41 @@ def test_takeoff_accuracy(takeoff: Replayed) -> None:
     true = np.column_stack([np.interp(t, takeoff.truth["t_s"], takeoff.truth[k]) for k in ("x_m", "y_m", "z_m")])
     near = true[:, 1] < 100
     assert near.sum() > 40
+    # of the epochs below 100 m in which both cameras have the nose, nearly all
+    seen = np.isfinite(takeoff.truth["left_u_px"]) & np.isfinite(takeoff.truth["right_u_px"])
+    assert near.sum() > 0.9 * (seen & (takeoff.truth["y_m"] < 100)).sum()
     assert np.all(np.sqrt(((x - true)[near] ** 2).mean(axis=0)) <= [0.06, 0.2, 0.06])
 
 
-def test_takeoff_status_says_where_there_is_no_fix(takeoff: Replayed) -> None:
-    """Out of view, and with the bird over the right nose (frame 112, 6.10 s): no tracking.
+def test_takeoff_status_says_where_there_is_no_fix(takeoff: Replayed, shared_data: Path) -> None:
+    """Out of view, and with the bird over the right nose: no tracking.
 
-    In the frames around it (109–115) the nose is in plain sight, as the pictures show, the bird over a wing or past
-    it: where a pixel is claimed there, it is the nose's, to a twentieth of the span. It is claimed, and the track is a
-    tracking one, in all of them but perhaps 111, in which the bird hides a wing up to the fuselage.
+    In the frames around it the nose is in plain sight, as the pictures show, the bird over a wing or past it: where a
+    pixel is claimed there, it is the nose's, to a twentieth of the span. It is claimed, and the track is a tracking
+    one, in all of them but perhaps the one before, in which the bird hides a wing up to the fuselage.
     """
+    bird = bird_in(shared_data / "takeoff-1", "right")
+    # it covers a quarter of the silhouette over the nose, and 0.07 at most elsewhere
+    (over,) = np.flatnonzero(bird.covered > 0.15)
+    assert bird.away_spans[over] < 0.02
     hidden = ~np.isfinite(takeoff.truth["left_u_px"]) | ~np.isfinite(takeoff.truth["right_u_px"])
-    hidden[112] = True
+    hidden[over] = True
     gone = takeoff.truth["t_s"][hidden]
     for row in takeoff.track:
         if np.abs(gone - float(row["t_s"])).min() < 1e-3:
             assert row["status"] != "tracking", row["t_s"]
-    beside = [k for k in range(109, 116) if k != 112]
+    # it passes by 0.3 spans a frame: those in which it is within 1.2 spans, on both sides of the one over the nose
+    around = []
+    for way in (-1, 1):
+        k = over + way
+        while bird.away_spans[k] < 1.2:
+            around.append(k)
+            k += way
+    assert len(around) >= 6
     found = [r for r in read(takeoff.folder / "detections.csv") if r["station"] == "right"]
-    claims = [(k, found[k]) for k in beside if found[k]["status"] == "ok"]
-    clear = {109, 110, 113, 114, 115}
+    claims = [(k, found[k]) for k in around if found[k]["status"] == "ok"]
+    clear = {k for k in around if bird.covered[k] < 0.03}
+    assert len(around) - len(clear) <= 1
     assert clear <= {k for k, _ in claims}
     tracking = [abs(float(r["t_s"])) for r in takeoff.track if r["status"] == "tracking"]
     assert all(np.abs(np.array(tracking) - takeoff.truth["t_s"][k]).min() < 1e-3 for k in clear)
@@ -222,6 +283,15 @@ def test_takeoff_dgps_clock(takeoff: Replayed) -> None:
     """Late by 0.15 s."""
     offset = takeoff.summary["reference"]["time_offset"]
     assert offset["offset_s"] == pytest.approx(0.15, abs=0.04)
+    # measured: 3.4 ms off and 3.7 ms stated
+    assert 0.001 < offset["sigma_s"] < 0.01
+
+
+def test_takeoff_consistency_is_reported(takeoff: Replayed) -> None:
+    """Measured: ANEES 0.69; errors of 0.41, 0.57 and 0.61 of what the bound says along x, y and z."""
+    total = takeoff.summary["accuracy"]["truth"]["total"]
+    assert 0.4 < total["anees"] < 1.4
+    assert all(0.3 < r < 1.3 for r in total["bound"]["ekf_over_track"])
 
 
 def edited(session: Path, to: Path, edits: dict[str, Callable[[list[str]], list[str]]]) -> Path:

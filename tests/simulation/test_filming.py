@@ -213,5 +213,6 @@ def test_what_cannot_be_is_one_line_and_1(rig_file: Path, tmp_path: Path, capsys
         assert main(["simulate", *arguments]) == 1
         error = capsys.readouterr().err.splitlines()
         assert said in error[-1]
+        # refused before anything is begun: not even the folder is made
+        assert not (tmp_path / "s").exists(), arguments
     assert (full / "notes.txt").read_text(encoding="utf-8") == "mine"
-    assert not (tmp_path / "s").exists() or not list((tmp_path / "s").iterdir())

@@ -1,5 +1,6 @@
 """Pictures in, lens out; and what is said where the pictures do not give one."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -44,6 +45,13 @@ def shots() -> list[GreyPicture]:
     return [*taken, GreyPicture(name="twice.png", grey=taken[2].grey)]
 
 
+def held_to(error: np.ndarray, sigma: np.ndarray, usual: Sequence[float]) -> None:
+    """Hold errors and sigmas of PARAMETERS to sigmas written down here, measured on the same pictures."""
+    assert np.all(np.abs(error) < 4.0 * np.array(usual))
+    assert np.all(sigma < 1.5 * np.array(usual))
+    assert np.all(sigma > np.array(usual) / 1.5)
+
+
 def _folder(path: Path, shots: list[GreyPicture]) -> Path:
     path.mkdir(exist_ok=True)
     for shot in shots:
@@ -57,6 +65,8 @@ def test_rendered_pictures_give_the_lens(shots: list[GreyPicture]) -> None:
     # a rendered corner's error is not quite white, so the sigmas are a little small
     assert np.all(np.abs(error) < 4.0 * found.fit.sigma)
     assert np.all(np.abs(error[:2]) < 0.005 * LENS.focal_px)
+    # the errors were 0.9 of these at most; each k by itself is hardly known, for the others make up for it
+    held_to(error, found.fit.sigma, (0.86, 0.78, 1.16, 0.86, 0.015, 0.176, 3.8e-4, 4.0e-4, 0.61))
     assert found.fit.rms_px < found.held_out.rms_px < 0.25
     said = {v.name: v.choice for v in found.verdicts}
     assert said["soft.png"] is Choice.BLURRED
@@ -80,6 +90,8 @@ def test_plain_opencv_finds_the_same_in_the_same_pictures(shots: list[GreyPictur
     _, matrix, distortion, _, _ = cv2.calibrateCamera(points, pixels, LENS.image_size_px, np.eye(3), np.zeros(5))
     plain = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *distortion.reshape(-1)])
     assert np.all(np.abs(parameters(found.fit.lens) - plain) < found.fit.sigma)
+    # measured: 3e-5 px and 3e-5 of the k apart at most, as two minimisers of the same squares end
+    assert np.abs(parameters(found.fit.lens) - plain).max() < 1e-3
 
 
 def test_a_chessboard_gives_the_lens(rng: np.random.Generator) -> None:
@@ -89,6 +101,8 @@ def test_a_chessboard_gives_the_lens(rng: np.random.Generator) -> None:
     found = calibrate_intrinsics(taken, board, held=frozenset({"k3"}))
     error = parameters(found.fit.lens) - parameters(CHESS_LENS)
     assert np.all(np.abs(error[:4]) < 4.0 * found.fit.sigma[:4])
+    # the errors were 2.1 of these at most; k3 is held
+    held_to(error[:8], found.fit.sigma[:8], (0.35, 0.33, 0.26, 0.21, 7.8e-4, 3.3e-3, 6.7e-5, 7.4e-5))
     message = complaint(IntrinsicsError, lambda: calibrate_intrinsics(taken[:1], parse_board("chessboard:8x6:0.04")))
     assert "chessboard:7x5" in message
 

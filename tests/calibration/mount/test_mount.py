@@ -25,6 +25,9 @@ from groundstation.rig.rig import Rig, Station, load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 from tests.calibration.mount.mounts import (
     GRID_ROWS,
+    NOISE_DEG,
+    NOISE_PX,
+    STEP_DEG,
     Noise,
     head_on_the_grid,
     look,
@@ -106,6 +109,30 @@ def errors_and_covariance(one: StationMount, true: Station) -> tuple[np.ndarray,
     return np.array(list(off.values())), one.fit.covariance[np.ix_(places, places)]
 
 
+def held_to(off: float, sigma: float, usual: float, what: str) -> None:
+    """Hold an error and its sigma against a sigma that is not the fit's own, so that an inflated one does not pass."""
+    assert abs(off) < 4.0 * usual, what
+    assert usual / 1.5 < sigma < 1.5 * usual, what
+
+
+def backlash_bound(standstills: int, px: float) -> float:
+    """Return the Cramér-Rao bound of a backlash, rad: the difference of two means over half of the standstills each.
+
+    One standstill's angle is uncertain by the encoder's noise, its step and the mark's pixel. The bound is reached as
+    far as everything else is known from other sightings and both senses are as frequent.
+    """
+    focal_px = float(plain_station().lens.focal_px[0])
+    one = np.hypot(np.radians(np.hypot(NOISE_DEG, STEP_DEG / np.sqrt(12.0))), px / focal_px)
+    return float(2.0 * one / np.sqrt(standstills))
+
+
+def squares_are_chi_square(one: StationMount, true: Station) -> None:
+    """Hold eᵀC⁻¹e of all that is free between two bounds of chi-square, 99.8 %: C is neither too small nor too wide."""
+    off, covariance = errors_and_covariance(one, true)
+    low, high = chi2.ppf([0.001, 0.999], len(off))
+    assert low < float(off @ np.linalg.solve(covariance, off)) < high
+
+
 def test_what_a_step_hides_lasts_as_long_as_the_head_stands() -> None:
     """Encoders whose step is all their noise, 8 rows at each of 48 standstills, each row with a time of its own.
 
@@ -147,7 +174,7 @@ def test_shared_errors_are_whitened(rng: np.random.Generator) -> None:
 
 def test_the_boresight_by_itself_on_the_grid_of_the_manual() -> None:
     """48 standstills of 40 rows: 0.003° about each axis of the head, claimed and come true (two heads)."""
-    errors = []
+    errors, squares = [], 0.0
     for seed in range(2):
         head = head_on_the_grid(np.random.default_rng([44, seed]), GRID_ROWS)
         one = calibrate_station(head.station, head.seen, head.marks, USUAL_WORDS)
@@ -157,6 +184,12 @@ def test_the_boresight_by_itself_on_the_grid_of_the_manual() -> None:
         off = off_by(one.after, head.true)
         errors += [off[name] for name in names]
         assert float(np.sum((np.array(errors[-3:]) / sigma) ** 2)) < 3 * chi2.ppf(0.999, 1)
+        squares += float(np.sum((np.array(errors[-3:]) / sigma) ** 2))
+        for name, claimed, usual_deg in zip(names, sigma, (0.0008, 0.0021, 0.0029), strict=True):
+            # measured on these two heads, which agree to 5 %
+            held_to(off[name], claimed, np.radians(usual_deg), name)
+    low, high = chi2.ppf([0.001, 0.999], len(errors))
+    assert low < squares < high
     assert float(np.degrees(np.sqrt(np.mean(np.square(errors))))) < 0.003
 
 
@@ -176,6 +209,10 @@ def test_the_camera_looks_where_the_rig_says(made, rng) -> None:
                 rays.append(found.geometry().ray(u, v, *angles).direction_runway)
             off.append(np.degrees(np.linalg.norm(rays[0] - rays[1])))
     assert max(off) < 4.0 * np.hypot(at.pan_deg, at.tilt_deg)
+    # four drawn heads claimed 0.0015° to 0.0017° in pan and 0.0013° to 0.0014° in tilt, and were off by 0.0038° at most
+    assert max(off) < 4.0 * np.hypot(0.0016, 0.0013)
+    assert 0.0016 / 1.5 < at.pan_deg < 1.5 * 0.0016
+    assert 0.0013 / 1.5 < at.tilt_deg < 1.5 * 0.0013
 
 
 def test_held_out_residuals_are_noise(made, rng) -> None:
@@ -209,6 +246,14 @@ def test_no_guess_is_needed(rng, quarter: int) -> None:
     off = off_by(one.after, turned)
     for name in ("head_from_camera.x", "head_from_camera.y", "runway_from_base.x"):
         assert abs(off[name]) < 5.0 * one.fit.sigma(name)
+    # over sixteen draws, four of each quarter, the sigmas were 0.0043°–0.0053°, 0.025°–0.034° and 0.0026°–0.0032°
+    for name, usual_deg in (
+        ("head_from_camera.x", 0.0048),
+        ("head_from_camera.y", 0.029),
+        ("runway_from_base.x", 0.0028),
+    ):
+        held_to(off[name], one.fit.sigma(name), np.radians(usual_deg), name)
+    squares_are_chi_square(one, turned)
     assert "orientation" in one.after.known
 
 
@@ -221,6 +266,11 @@ def test_marks_of_unknown_place_leave_the_base_alone(made, rng) -> None:
     off = off_by(one.after, true)
     for name in ("pan_backlash", "tilt_backlash", "head_from_camera.y"):
         assert abs(off[name]) < 4.5 * one.fit.sigma(name), name
+    for name in ("pan_backlash", "tilt_backlash"):
+        held_to(off[name], one.fit.sigma(name), backlash_bound(200, NOISE_PX), name)
+    # four drawn heads: 0.018° to 0.021°
+    held_to(off["head_from_camera.y"], one.fit.sigma("head_from_camera.y"), np.radians(0.02), "head_from_camera.y")
+    squares_are_chi_square(one, true)
     text = format_mount(one)
     assert "no mark of known place" in text
 
@@ -257,10 +307,12 @@ def test_a_lone_mark_high_up_tells_where_the_camera_looks(made, rng) -> None:
     lamp = lone_mark(true, 50.0)
     one = calibrate_station(station, look(true, (lamp,), rng, 60), (unknown_place(lamp),), USUAL_WORDS)
     off = off_by(one.after, true)
-    for axis in "xz":
+    for axis, usual_deg in (("x", 0.079), ("z", 0.14)):
         name = f"head_from_camera.{axis}"
         place = one.after.covariance_parameters.index(name)
         assert abs(off[name]) < 4.0 * np.sqrt(one.after.covariance[place, place]) < np.radians(0.8), name
+        # four drawn heads: 0.076° to 0.084° and 0.139° to 0.143°
+        held_to(off[name], float(np.sqrt(one.after.covariance[place, place])), np.radians(usual_deg), name)
 
 
 def test_a_boresight_before_a_board_is_off_by_what_its_sigma_says() -> None:
@@ -289,6 +341,12 @@ def test_a_board_gives_backlash_and_lever_arm(made, rng) -> None:
     for name in ("pan_backlash", "tilt_backlash", "camera_in_head.x", "camera_in_head.y", "camera_in_head.z"):
         assert abs(off[name]) < 4.5 * one.fit.sigma(name), name
     assert one.fit.sigma("camera_in_head.x") < 0.005
+    for name in ("pan_backlash", "tilt_backlash"):
+        held_to(off[name], one.fit.sigma(name), backlash_bound(40, 0.1), name)
+    # four drawn heads: 3.0 to 3.8, 5.3 to 5.7 and 3.7 to 4.2 mm, of the 10 mm that the rig leaves open
+    for axis, usual_m in (("x", 0.0034), ("y", 0.0055), ("z", 0.0040)):
+        held_to(off[f"camera_in_head.{axis}"], one.fit.sigma(f"camera_in_head.{axis}"), usual_m, axis)
+    squares_are_chi_square(one, true)
     # one board says nothing of the scale over the whole range: held, and said
     assert {"pan_scale", "lean"} <= set(one.fit.held)
     assert "pan_scale is not determined" in format_mount(one)
@@ -325,6 +383,9 @@ def test_sightings_that_do_not_fit_are_left_out_and_named(made, rng) -> None:
     assert all("px off" in r.reason for r in one.fit.rejected)
     off = off_by(one.after, true)
     assert abs(off["head_from_camera.x"]) < 4.5 * one.fit.sigma("head_from_camera.x")
+    # four drawn heads: 0.0029° to 0.0032°, as without the four wrong ones
+    held_to(off["head_from_camera.x"], one.fit.sigma("head_from_camera.x"), np.radians(0.003), "head_from_camera.x")
+    squares_are_chi_square(one, true)
 
 
 def test_zeros_take_the_place_of_what_turns_the_same_way(made, rng) -> None:
