@@ -1,4 +1,4 @@
-"""Errors of calibration: each is one line that says what was got and what was wanted."""
+"""Errors of calibration: each message is one line with what was got and what was wanted."""
 
 from groundstation.errors import InputError
 

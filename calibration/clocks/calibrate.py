@@ -82,7 +82,7 @@ class TimingCalibration:
 
 
 def calibrate_timing(request: TimingRequest, progress: Callable[[int], None] = lambda _: None) -> TimingCalibration:
-    """Find the clocks and write the rig file; raises `GroundstationError`, one line, where they cannot be told."""
+    """Find the clocks and write the rig file; raises `GroundstationError` where the clocks are not observable."""
     if request.out.is_dir() or request.out.suffix != ".toml":
         raise InputError(str(request.out), got="no name of a TOML file", wanted="--out rig.toml")
     session = load_session(request.session, request.rig)

@@ -33,7 +33,7 @@ _NOISES = 10.0
 
 
 class TimingFitError(GroundstationError):
-    """Pictures and readings do not tell the offset of their clocks."""
+    """The offset between the clocks is not observable from pictures and readings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,7 +44,7 @@ class TimingFit:
     ----------
     offset_s, sigma_s : to be added to the PTU clock's offset: its readings are truly so much later than they say,
         by the camera's clock, at ``middle_s``.
-    drift, drift_sigma : of that, s/s; 0 and None where the data do not tell one.
+    drift, drift_sigma : of that, s/s; 0 and None where the data do not determine it.
     scale, roll_rad : of the camera, found on the way.
     reading_sigma_rad, turn_sigma_rad : scatter of readings and of the pictures' turns about the fit.
     spacing_s : of the splines' knots. ``kept`` (n,): pairs used. ``lasting_factor``: by how much errors that last have

@@ -138,7 +138,7 @@ def _doubted(
 ) -> tuple[FlightSolution, list[str]]:
     """Return a solution with surveyed positions, shutters … free where that explains the pixels far better, and why.
 
-    A station that nobody has calibrated yet has a position off a map or a tape: it is known, but not to a pixel. The
+    A station without an earlier calibration has a position from a map or a tape: it is known, but not to a pixel. The
     start is the first one's: what is freed here moves no pose's first guess.
     """
     more = choose_parameters(session.rig, words, dgps_clock_open=not session.has_clocks)

@@ -1,4 +1,4 @@
-"""What a flight cannot tell apart, and what to fly so that it can: eigenvectors of the correlation matrix."""
+"""Observability of a flight: parameters that it determines only in combination, and what to fly to separate them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from calibration.flight.fit import FlightFit
 # a combination whose variance is so small a share of what its members' would be is all that is known of them
 _CONFUSED = 0.05
 _MEMBER = 0.3
-# a sigma that is hardly below what was known before has been taught nothing
+# a parameter whose sigma is above this share of its prior's counts as unobservable
 _TAUGHT = 0.7
 # the first rule whose groups are all among the members
 _ADVICE: tuple[tuple[frozenset[str], str], ...] = (
@@ -68,7 +68,7 @@ _OTHERWISE = "fly a weave that climbs and descends, near and far, and back"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrelatedParameters:
-    """Parameters of which the flight knows a combination only.
+    """Parameters that the flight determines only in combination: an eigenvector of the correlation matrix.
 
     Attributes
     ----------
@@ -118,13 +118,13 @@ def correlated_parameters(fit: FlightFit) -> list[CorrelatedParameters]:
 
 
 def unobservable_parameters(fit: FlightFit) -> list[str]:
-    """Return the names of parameters that the flight has hardly taught."""
+    """Return the names of parameters whose sigma is hardly below its prior's."""
     prior = fit.problem.prior_sigma
     return [n for n, s, p in zip(fit.problem.names, fit.sigma, prior, strict=True) if s > _TAUGHT * p]
 
 
 def advice_for(names: Sequence[str]) -> str:
-    """Return what would tell parameters apart, or teach one."""
+    """Return the manoeuvre that makes parameters observable."""
     groups = set()
     for name in names:
         station, _, short = name.partition(".")

@@ -1,6 +1,6 @@
 """A flight as a least-squares problem: what each parameter does to each pixel (docs/derivation.md, section 16).
 
-Parameters are differences from what the rig says, in rad, m, s, s/s. Names are ``station.parameter``: those of
+Parameters are differences from the rig's values, in rad, m, s, s/s. Names are ``station.parameter``: those of
 `groundstation.geometry.calibration`, and
 
 - ``camera_clock.offset``: exposures were so much later than the rig's clock says; ``camera_clock.drift`` about the
@@ -52,7 +52,7 @@ class StationObservations:
     ----------
     t_s : (n,) the frames' stamps, session clock as the rig has it.
     pixel_px, sigma_px : (n, 2) u and v and one sigma of each.
-    sigma_given : whether the sigmas come from whoever found the pixels; else they are in proportion only.
+    sigma_given : whether the sigmas come with the pixels; else they are relative only.
     row_share : (n,) the pixel's row from the middle row, in picture heights.
     readings_s, readings_rad : (m,), (m, 2) the PTU's stamps and pan and tilt, pan without jumps; none where fixed.
     max_gap_s : readings further apart than this do not bracket an exposure.

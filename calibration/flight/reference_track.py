@@ -31,7 +31,7 @@ class TrackPoints:
     position_m, velocity_m_s, sigma_m : (n, 3) runway frame.
     runway_from_body : (n, 3, 3), body x forward, y right, z down, by the direction of motion with zero roll; where
         the track was `ReferenceTrack.pointed`, the derivative of the arm from nose to antenna by its place in the body.
-    beside_m : (n, 3) what that arm is beside runway_from_body @ antenna_in_body.
+    beside_m : (n, 3) the arm minus runway_from_body @ antenna_in_body.
     turning_per_s, beside_m_s : (n, 3, 3), (n, 3) the rates of both.
     usable : (n,) False in gaps and beyond the ends; the numbers mean nothing there.
     """

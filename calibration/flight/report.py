@@ -1,4 +1,4 @@
-"""What a flight has taught, in words: a table of parameters, how well pixels fit, and what it is good for."""
+"""The text report of a flight's calibration: a table of parameters, the residuals and the accuracy to expect."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -15,7 +15,7 @@ leaves the same paths free, parabolas (restricted likelihood, Harville 1974); lo
 
 A craft that rounds out, a head that is sent elsewhere: for an instant a path is less smooth than it is elsewhere. Where
 the difference found is more than 4.5 of its own sigmas, √(s² − (D N⁻¹ Dᵀ)_kk) with N the normal matrix, it and its
-neighbours are set free, and s is sought anew (de Jong and Penzer 1998).
+neighbours are set free, and s is estimated again (de Jong and Penzer 1998).
 """
 
 from dataclasses import dataclass, replace

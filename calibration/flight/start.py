@@ -1,4 +1,4 @@
-"""Where the solver starts: poses that nobody has given, and clocks within what is known of them."""
+"""Initial values of the solver: poses that the rig does not give, and clock offsets within their priors."""
 
 from dataclasses import dataclass, replace
 

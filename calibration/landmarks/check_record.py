@@ -1,4 +1,4 @@
-"""The record of checks: one line of JSON for each, beside the rig, also for those that ended in an error."""
+"""The record of checks: one line of JSON for each, in the rig's folder, also for those that ended in an error."""
 
 import hashlib
 import json
@@ -17,7 +17,7 @@ _AXES = (("pan", 2), ("tilt", 0), ("roll", 1))
 
 
 def record_path(rig: Path) -> Path:
-    """Return where the record of a rig stands if nobody says: rig.toml has rig.checks.jsonl beside it."""
+    """Return the default path of a rig's record: rig.checks.jsonl in the folder of rig.toml."""
     return rig.with_suffix(".checks.jsonl")
 
 

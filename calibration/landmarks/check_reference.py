@@ -1,4 +1,4 @@
-"""The table that a check compares with: kept beside the rig by a survey, found there by each check."""
+"""The reference table of a check: a survey stores it in the rig's folder, each check reads it from there."""
 
 import shutil
 from collections.abc import Sequence

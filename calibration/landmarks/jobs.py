@@ -82,7 +82,7 @@ class CheckRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparisonOutcome:
-    """What somebody else says of a rig and today's sightings, in words, and the stations that do not agree with it."""
+    """The text of an independent comparison of a rig with today's sightings, and the stations that fail it."""
 
     text: str
     against: tuple[str, ...]

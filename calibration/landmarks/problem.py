@@ -196,7 +196,7 @@ def pose_problem(
         blocks.append(((name,), np.array([[scale]]), False))
     for name in moved:
         blocks += [((f"{name}.moved.{axis}",), np.array([[MOVED_SIGMA_RAD]]), True) for axis in AXES]
-    # landmarks stand still: what a rig knows of its clocks is no part of it
+    # landmarks stand still: the covariance of the clocks takes no part
     told = {f"{station}.{short}" for station in stations for short in CALIBRATION_PARAMETERS}.difference(free)
     rest = [k for k, name in enumerate(before.names) if name in told]
     if rest:

@@ -1,4 +1,4 @@
-"""What does not fit: single sightings beside their own stop, landmarks that contradict the others.
+"""Outlier rejection: single sightings against the rest of their standstill, landmarks against the other landmarks.
 
 A far landmark with a wrong coordinate can pull a free position so that others look wrong, and no convex loss helps. So
 each landmark, and each station's sightings of it, is left out in turn, and the one goes without which the rest fits.

@@ -96,7 +96,7 @@ def mount_sightings(rows: Sequence[LandmarkSighting], names: Sequence[str], path
 def calibrate_station(
     station: Station, seen: MountSightings, marks: Sequence[Mark], words: Sequence[str]
 ) -> StationMount:
-    """Find how one camera sits on its head; raises `MountFitError` where the sightings cannot tell."""
+    """Find how one camera sits on its head; raises `MountFitError` where the sightings do not determine it."""
     _require_ready(station, marks)
     used = sorted(set(seen.mark.tolist()))
     number = {old: new for new, old in enumerate(used)}

@@ -42,7 +42,7 @@ def whitened(problem: MountProblem, sought: PredictedSightings, kept: MaskArray)
 
 
 def information(problem: MountProblem, change: FloatArray, kept: MaskArray) -> FloatArray:
-    """Return what the kept sightings say of the free parameters (p, p), without what was known before."""
+    """Return the information (p, p) of the kept sightings about the free parameters, without the prior's."""
     _, jacobian = whitened(problem, problem.predict(change), kept)
     return np.asarray(jacobian.T @ jacobian)
 

@@ -1,4 +1,4 @@
-"""Solving a mount: robustly, then without what is grossly off; what the sightings do not determine is held and said."""
+"""Solving a mount: a robust fit, then one without outliers; unobservable parameters are held and reported."""
 
 from dataclasses import dataclass
 
