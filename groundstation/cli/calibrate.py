@@ -1,4 +1,4 @@
-"""The part of the command line that calibrates: `groundstation calibrate WHAT …`."""
+"""Calibration on the command line: `groundstation calibrate WHAT …`."""
 
 import argparse
 import sys
@@ -56,7 +56,7 @@ _HOLDABLE = ("k2", "k3", "p")
 
 
 def add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add `calibrate` and what can be calibrated."""
+    """Add `calibrate` and its subcommands."""
     calibrate = commands.add_parser(
         "calibrate",
         help="find what a rig file holds",

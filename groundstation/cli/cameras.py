@@ -1,4 +1,4 @@
-"""The part of the command line about live cameras: `groundstation cameras list` and `show`."""
+"""Live cameras on the command line: `groundstation cameras list` and `show`."""
 
 import argparse
 import os
@@ -38,7 +38,7 @@ setting; 2 wrong usage; 130 interrupted"""
 
 
 def add_cameras(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add `cameras` and what can be asked of them."""
+    """Add `cameras` and its subcommands."""
     cameras = commands.add_parser("cameras", help="which live cameras there are, and what one delivers")
     kinds = cameras.add_subparsers(dest="cameras", metavar="WHAT", required=True)
     listing = kinds.add_parser(
@@ -95,7 +95,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace) -> int:
-    """Open a camera, look for a while, print what was found."""
+    """Open a camera, measure for a while, print settings and rate."""
     from groundstation.sources.cameras.camera import CameraEvent, CameraSettings, CameraTiming, StampPoint
     from groundstation.sources.cameras.open_camera import open_camera
     from groundstation.sources.cameras.rate_report import (

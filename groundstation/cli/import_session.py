@@ -1,4 +1,4 @@
-"""The part of the command line that makes a session of videos and a log: `groundstation import`."""
+"""Import of videos and a log as a session: `groundstation import`."""
 
 import argparse
 import datetime
@@ -86,7 +86,7 @@ def _add_log(add: argparse.ArgumentParser) -> None:
 
 
 def run_import(options: argparse.Namespace) -> int:
-    """Make the folder, say what is in it; returns the exit code."""
+    """Create the folder and print its contents; returns the exit code."""
     from groundstation.conversion.import_session import import_session
     from groundstation.conversion.request import ImportRequest
     from groundstation.rig.rig import load_rig

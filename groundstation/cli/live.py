@@ -1,4 +1,4 @@
-"""The part of the command line that operates a station: `groundstation live` and `groundstation check`."""
+"""Operation of a station from the command line: `groundstation live` and `groundstation check`."""
 
 import argparse
 import math
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from groundstation.simulation.simulated_landings import DayScore
 
 _RATE_HZ = 30.0
-# where nobody watches: a line so often, and sooner where the track's status is another
+# without a terminal: interval of the lines, and the shorter one at a change of the track's status
 _LINE_EVERY_S, _CHANGE_EVERY_S = 5.0, 0.5
 _LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, live; heads
 follow it, everything is recorded. Ctrl-C parks the heads and ends it within 3 s,
@@ -117,7 +117,7 @@ def _seconds(text: str) -> float:
 
 
 def run_live(options: argparse.Namespace) -> int:
-    """Operate until the time is over or somebody says so."""
+    """Operate until the time is over or a stop is requested; returns the exit code."""
     from groundstation.live.command import LiveRequest, live
     from groundstation.live.status_watchdog import StatusWatchdog
     from groundstation.simulation.fault_timetable import range_faults
@@ -177,13 +177,13 @@ def run_live(options: argparse.Namespace) -> int:
 
 
 def end_by_force(line: str) -> None:
-    """End this process at once: its end hangs in a thread that nothing can be done about."""
+    """End this process at once, if its regular end is blocked by a hanging thread."""
     print_line(f"groundstation: {line}", sys.stderr)
     os._exit(1)
 
 
 def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
-    """Return what is wrong with options that each by itself are right; "" for nothing."""
+    """Return the conflict between options that are valid separately; "" for none."""
     if not options.simulate:
         if options.station is None:
             return "got no STATION; wanted a station file, or --simulate"
@@ -208,10 +208,10 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
 
 
 class StatusBlock:
-    """The status on a terminal: a line for each device, over and over in the same place.
+    """The status on a terminal: one line for each device, updated in place.
 
-    Where nobody watches, in one line every five seconds, and where the track's status is another, at most one in half a
-    second. Two threads may show something.
+    If the stream is no terminal: one line every five seconds, and at a change of the track's status, at most one in
+    half a second. May be called from two threads.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -224,7 +224,7 @@ class StatusBlock:
         self._silent_s = 0.0
 
     def show(self, status: "LiveStatus") -> None:
-        """Show it."""
+        """Show a status."""
         with self._shown:
             self._silent_s = 0.0
             if self._stream.isatty():
@@ -238,7 +238,7 @@ class StatusBlock:
                 print_line(f"{status.t_s:7.1f} s  {status.one_line()}", self._stream)
 
     def silent(self, age_s: float) -> None:
-        """Show that no status has come for so long: what is shown is old."""
+        """Show a warning that no status has arrived for some seconds."""
         with self._shown:
             text = f"NO STATUS for {age_s:.0f} s: the last one is old, the aircraft may be anywhere"
             if self._stream.isatty():
@@ -254,7 +254,7 @@ class StatusBlock:
 
 
 def _result_text(result: "LiveResult", score: "DayScore | None" = None) -> str:
-    """Return how it went, for a person."""
+    """Return the summary of a live run."""
     from groundstation.live.status_board import dropped_text
     from groundstation.simulation.simulated_landings import format_score
     from groundstation.tracking.count_descriptions import describe_counts

@@ -55,7 +55,7 @@ DIR gets plan.csv, and the picture plan.png and plan.svg
 exit code: 0 done; 1 the site's file is at fault; 2 wrong usage; 130 interrupted"""
 _CONFIG = """Print the whole tuning as TOML, with every default that FILE does not change: a file to start from for
 replay's --config."""
-# FFmpeg and OpenCV write straight to the terminal; our own line says what is wrong
+# FFmpeg and OpenCV write directly to the terminal; the program prints its own message
 _QUIET = {"OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_LOG_LEVEL": "ERROR"}
 
 
@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print_line(f"groundstation: {error}", sys.stderr)
         return 2 if isinstance(error, UsageError) else 1
     except OSError as error:
-        # a full disk, a cable pulled: nothing that a stack of calls would explain
+        # a full disk or a pulled cable: a traceback would not help
         print_line(f"groundstation: {error}", sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -87,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _silence(environment: MutableMapping[str, str], defaults: Mapping[str, str]) -> None:
-    """Set what the user has not set; the libraries read it when they are first used."""
+    """Set the libraries' log levels unless the user has set them; they are read at first use."""
     for name, value in defaults.items():
         environment.setdefault(name, value)
 
@@ -270,7 +270,7 @@ def _config(options: argparse.Namespace) -> int:
 
 def _replay(options: argparse.Namespace) -> int:
     """Replay, print the table and the paths; 1 if the recording was cut short by a fault."""
-    # imported here: --help and a wrong option answer at once
+    # imported here, so that --help and usage errors respond without delay
     from groundstation.evaluation.table import format_accuracy_table
     from groundstation.replay.replay import ReplayRequest, replay
     from groundstation.viewer.viewer import open_viewer, video_notice

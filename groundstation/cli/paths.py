@@ -1,7 +1,7 @@
-"""What an argument's path is for: each command declares here what it reads and what it writes.
+"""Types of path arguments: each declares whether a command reads or writes the path.
 
-An argument that takes a path has one of these as its type. Before a command begins, `check_paths` holds what is written
-against what is read; so no command has a check of its own, and none can be without.
+Before a command starts, `check_paths` compares the outputs with the inputs, so that no command needs a check of its
+own.
 """
 
 import argparse
@@ -16,7 +16,7 @@ _FILE_ADDRESS = "file:"
 
 @dataclass(frozen=True, slots=True)
 class ReadPath:
-    """A file or a folder that is read."""
+    """An input file or folder."""
 
     def __call__(self, text: str) -> Path:
         """Return the path."""
@@ -25,7 +25,7 @@ class ReadPath:
 
 @dataclass(frozen=True, slots=True)
 class ReadText:
-    """A text that may name a file or a folder: the name of a run, or an address ``file:PATH``."""
+    """A text that may be an input path: the name of a run, or an address ``file:PATH``."""
 
     def __call__(self, text: str) -> str:
         """Return the text."""
@@ -34,7 +34,7 @@ class ReadText:
 
 @dataclass(frozen=True, slots=True)
 class WrittenFile:
-    """A file that is written, or added to."""
+    """An output file, written or extended."""
 
     def __call__(self, text: str) -> Path:
         """Return the path."""
@@ -43,9 +43,9 @@ class WrittenFile:
 
 @dataclass(frozen=True, slots=True)
 class WrittenFolder:
-    """A folder in which files of these names are written; patterns as a shell has them.
+    """An output folder for files of these names (shell patterns).
 
-    Without a name it is one for folders that the command names itself, and checks itself.
+    Without names the command itself chooses and checks the folders inside.
     """
 
     names: tuple[str, ...] = ()
@@ -65,7 +65,7 @@ PATH_TYPES = (ReadPath, ReadText, WrittenFile, WrittenFolder)
 
 
 def check_paths(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Raise `InputError` where the command that was asked for would write onto what it reads."""
+    """Raise `InputError` if the selected command would overwrite one of its inputs."""
     read: list[Path] = []
     written: list[Output] = []
     for action in _actions(parser, options):
@@ -81,7 +81,7 @@ def check_paths(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
 
 
 def _actions(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Iterator[argparse.Action]:
-    """Yield the arguments of the command that was asked for, and of the kinds below it."""
+    """Yield the arguments of the selected command and of its subcommands."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             chosen = action.choices.get(str(getattr(options, action.dest, "")))

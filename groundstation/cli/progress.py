@@ -1,4 +1,4 @@
-"""One line on the terminal that says how far a run is."""
+"""The progress of a run as one line on the terminal."""
 
 from types import TracebackType
 from typing import Never, TextIO
@@ -7,7 +7,7 @@ from tqdm import tqdm
 
 
 class ProgressLine:
-    """A progress bar while a run lasts; where the stream is no terminal, it writes only now and then."""
+    """A progress bar; if the stream is no terminal, lines at a low rate."""
 
     def __init__(self, stream: TextIO, label: str, unit: str = "pair") -> None:
         self._stream = stream
@@ -29,7 +29,7 @@ class ProgressLine:
             self._bar.close()
 
     def update(self, done: int, total: int | None) -> None:
-        """Say that ``done`` of ``total`` are answered; None where nobody knows how many there are."""
+        """Show ``done`` of ``total``; None if the total is unknown."""
         self._wipe()
         bar = self._bar
         if bar is None:
@@ -44,7 +44,7 @@ class ProgressLine:
         bar.update(done - bar.n)
 
     def _wipe(self) -> None:
-        """Take back what stood there while waiting."""
+        """Clear the line shown before the first update."""
         if self._waiting:
             self._stream.write("\r" + " " * len(self._waiting) + "\r")
             self._waiting = ""

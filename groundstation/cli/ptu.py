@@ -1,4 +1,4 @@
-"""The part of the command line that talks to pan-tilt units: `groundstation ptu WHAT …`."""
+"""Pan-tilt units on the command line: `groundstation ptu WHAT …`."""
 
 import argparse
 import math
@@ -36,7 +36,7 @@ move missed its target; 2 wrong usage; 130 interrupted"""
 
 
 def add_ptu(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add `ptu` and what can be done with a unit."""
+    """Add `ptu` and its subcommands."""
     ptu = commands.add_parser("ptu", help="pan-tilt units: what is it, how does it do, move it, pretend to be one")
     kinds = ptu.add_subparsers(dest="ptu", metavar="WHAT", required=True)
     probe = _kind(kinds, "probe", "what is it, and how fast does it answer", _PROBE)
@@ -137,7 +137,7 @@ def run_ptu(options: argparse.Namespace) -> int:
 
 
 def _probe(options: argparse.Namespace) -> int:
-    """Print what it is, and how it answers."""
+    """Print the identity and the response times of a unit."""
     from ptu_drivers.monitor import format_description, format_watched, watch
 
     with open_unit(options) as unit:
@@ -172,7 +172,7 @@ def _monitor(options: argparse.Namespace) -> int:
 
 
 def _jog(options: argparse.Namespace) -> int:
-    """Turn it, and print how that went; 1 if it missed its target."""
+    """Turn a unit and print the result; returns 1 if it missed its target."""
     from ptu_drivers import Axis, Capability
     from ptu_drivers.monitor import MoveResult, first_reading, format_moved, halted, move
 

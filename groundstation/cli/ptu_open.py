@@ -1,4 +1,4 @@
-"""Opening a unit for `groundstation ptu`: by its URL, or as the head of a station file, kept out of what is closed."""
+"""Opening a unit for `groundstation ptu`: by its URL, or as the head of a station file, with its keep-out zones."""
 
 import argparse
 import math
@@ -57,7 +57,7 @@ def _open_of_station(options: argparse.Namespace):  # type: ignore[no-untyped-de
 
 
 def warn_unguarded(options: argparse.Namespace) -> None:
-    """Say before a move that of a unit by its URL nothing closed is known."""
+    """Warn before a move that a unit opened by its URL has no keep-out zones."""
     if options.station is None:
         text = "nothing keeps the lens from the Sun or closed sectors; --station FILE NAME does"
         print(f"groundstation: {options.url}: {text}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""The part of a session that a command takes: `--from S` and `--to S`."""
+"""The time span of a session for a command: `--from S` and `--to S`."""
 
 import argparse
 
@@ -13,7 +13,7 @@ def add_span(parser: argparse.ArgumentParser) -> None:
 
 
 def require_span(options: argparse.Namespace) -> None:
-    """Raise `UsageError` where the end is not after the beginning."""
+    """Raise `UsageError` unless the end is after the start."""
     if options.from_s is not None and options.to_s is not None and options.from_s >= options.to_s:
         got = f"--from {options.from_s:g} and --to {options.to_s:g}"
         raise UsageError("--from, --to", got=got, wanted="an end after the beginning")

@@ -1,1 +1,1 @@
-"""Sessions made of something else: of videos with a log (`import`), of a recording or of a folder (`convert`)."""
+"""Conversion to sessions: from videos and a log (`import`), between a folder and a recording (`convert`)."""

@@ -1,4 +1,4 @@
-"""A table of pan and tilt, in the session's clock: as ptu.csv, whatever clock its times are in."""
+"""Conversion of a table of pan and tilt to ptu.csv, in the session's clock."""
 
 from pathlib import Path
 

@@ -21,7 +21,7 @@ Source = ReplaySource | RecordingSource
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Converted:
-    """What was written, and in words what the new form does not have."""
+    """The output, and notes on data that the new form lacks."""
 
     out: Path
     events: int
@@ -78,7 +78,7 @@ def _unpacked(session: Session, stream: Source, out: Path, progress: Callable[[i
 def _pass_on(
     stream: Source, take: Callable[[Event], None], progress: Callable[[int, int], None]
 ) -> tuple[int, InputError | None]:
-    """Hand over all events; returns how many, and the fault that ended them."""
+    """Pass on all events; returns their number and the fault that ended them."""
     events = epochs = 0
     try:
         for event in stream:
@@ -93,14 +93,14 @@ def _pass_on(
 
 
 def _partial(done: Unpacked) -> tuple[str, ...]:
-    """Say that pictures are not whole, if any is not."""
+    """Return a note if any picture is incomplete."""
     if not done.partial:
         return ()
     return (f"{done.partial} of {done.frames} pictures hold only what detection read; the rest is black",)
 
 
 def _notes(done: Unpacked, stream: Source) -> list[str]:
-    """Say what the folder does not have."""
+    """Return notes on data that the folder lacks."""
     notes = []
     if isinstance(stream, RecordingSource) and stream.missing:
         missing = stream.missing

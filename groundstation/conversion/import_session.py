@@ -1,4 +1,4 @@
-"""Videos, a log and tables made into a session folder that replays, or refused in one line with nothing written."""
+"""Import of videos, a log and tables as a session folder; on invalid input nothing is written."""
 
 import shutil
 from collections.abc import Callable
@@ -33,7 +33,7 @@ _MAX_TABLE_BYTES = 2_000_000_000
 
 @dataclass(slots=True)
 class _Parts:
-    """What goes into the folder, checked but not yet written."""
+    """Contents of the folder, checked but not yet written."""
 
     texts: dict[str, str]
     copies: dict[str, Path]
@@ -179,7 +179,7 @@ def _positions(
 
 
 def _behind(fixes: list[DgpsFix], rig: Rig, azimuth_deg: float, name: str) -> list[str]:
-    """Say where most positions lie behind the stations, which look along +y, and which azimuth puts them before."""
+    """Return a note if most positions lie behind the stations (+y is ahead), with the azimuth that corrects it."""
     stations_m = min(float(s.ptu_position_m[1]) for s in rig.stations)
     behind = sum(float(fix.position_runway_m[1]) < stations_m for fix in fixes)
     if 2 * behind <= len(fixes):
@@ -219,7 +219,7 @@ def _session(request: ImportRequest, clock: SessionClock) -> dict[str, Any]:
 
 
 def _write(request: ImportRequest, parts: _Parts) -> tuple[Path, ...]:
-    """Write all beside the folder, load it as a replay would, and only then give it its name."""
+    """Write to a temporary folder, load it as a replay does, then rename it."""
     draft = request.out.with_name(request.out.name + ".partial")
     if draft.exists():
         raise InputError(str(draft), got="what an interrupted import has left", wanted="it removed")

@@ -1,4 +1,4 @@
-"""Which frames of free-running cameras make a pair: those nearest in time, each once, none left out."""
+"""Pairing of the frames of free-running cameras: nearest in time, each frame used once."""
 
 import csv
 import io

@@ -1,4 +1,4 @@
-"""What `groundstation import` is asked for."""
+"""Request and result of `groundstation import`."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,18 +8,18 @@ from groundstation.session.logs.fixes import LogOptions
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportRequest:
-    """What to make a session of.
+    """Inputs of an import.
 
     Attributes
     ----------
     videos : by the name of their station, in the rig's order.
     rig, out : the rig file, and the folder to make.
-    dgps, ptu, frames : a log of positions, a table of angles, a table of frame times; None where there is none.
+    dgps, ptu, frames : a log of positions, a table of angles, a table of frame times; None if absent.
     origin_deg_m, azimuth_deg : latitude, longitude, ellipsoid height of the session's origin; where +y points.
-    starts : by station, when its first frame was taken: UTC as text, or s since the epoch.
-    ptu_start : what zero of the table's t_s is, likewise; None for the epoch.
+    starts : by station, the time of its first frame: UTC as text, or s since the epoch.
+    ptu_start : zero of the table's t_s, likewise; None for the epoch.
     epoch : zero of the session's clock, UTC as text; None to choose it.
-    reading : what the log leaves open.
+    reading : options for the log.
     link : make links to the videos instead of copies.
     span_m, antenna_in_body_m : of the aircraft, where known.
     """
@@ -44,7 +44,7 @@ class ImportRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imported:
-    """What was made: the folder's files, and lines that say what is in them and what was left out."""
+    """The files written, and notes on their contents and on omitted data."""
 
     folder: Path
     files: tuple[Path, ...]

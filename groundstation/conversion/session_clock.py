@@ -1,4 +1,4 @@
-"""The clock of an imported session: which moment is zero, and when each video began in it."""
+"""The clock of an imported session: its epoch, and the start of each video in it."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ _MAX_S = 1e8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionClock:
-    """``epoch_gps_s`` is the GPS time of zero, None where nothing is told of it; ``starts_s`` by station."""
+    """``epoch_gps_s`` is the GPS time of zero, None if unknown; ``starts_s`` by station."""
 
     epoch_gps_s: float | None
     starts_s: dict[str, float]
@@ -28,7 +28,7 @@ class SessionClock:
 def session_clock(request: ImportRequest, log: GnssLog | None) -> SessionClock:
     """Settle the clock: the epoch asked for, else the whole second before the first video, else before the log.
 
-    Raises `InputError` where a start is missing or is no time, or where UTC has nothing to be counted from.
+    Raises `InputError` if a start is missing or no time, or if a UTC time has no epoch to refer to.
     """
     moments = {name: _moment(f"--{name}-start", text) for name, text in request.starts.items()}
     ptu = None if request.ptu_start is None else _moment("--ptu-start", request.ptu_start)

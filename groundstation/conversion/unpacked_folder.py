@@ -27,7 +27,7 @@ _NEIGHBOURS = 64
 
 @dataclass(slots=True, kw_only=True)
 class Unpacked:
-    """What went into the folder, and what a folder cannot say."""
+    """Contents of the folder, and counts of data that a folder cannot represent."""
 
     frames: int = 0
     partial: int = 0
@@ -61,7 +61,7 @@ class UnpackedFolder:
                     below(folder, name).mkdir()
 
     def take(self, event: Event) -> None:
-        """Take one event; pictures are written at once."""
+        """Add one event; pictures are written at once."""
         if isinstance(event, PtuSample):
             t_s = _device_time(self._session.ptu_clock(self._stations[event.station]), event.t_s)
             self._readings[event.station].extend([t_s, _degrees(event.pan_rad), _degrees(event.tilt_rad)])
@@ -151,7 +151,7 @@ class UnpackedFolder:
 
 
 class _writing:  # noqa: N801 - reads as what it is: with _writing(folder)
-    """Turns what the system says of a folder into our error."""
+    """Converts an `OSError` of the folder to `InputError`."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -1,4 +1,4 @@
-"""When each frame of a video was taken, by the stamps of its container; frames need not be evenly spaced."""
+"""Time of each frame of a video from its container's stamps, which need not be evenly spaced."""
 
 import math
 from collections.abc import Callable

@@ -12,7 +12,7 @@ from groundstation.files.image_header import IMAGE_SUFFIXES, MAX_PICTURE_PX, is_
 from groundstation.files.matroska_tables import repeats_tables
 from groundstation.rig.rig import Rig
 
-# two of these for one station are a doubt that only the user can settle
+# two of these for one station are ambiguous, which is an error
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".webm", ".wmv")
 # files of a station's name that FFmpeg might take for pictures, and that are none
 _OTHER_SUFFIXES = (".csv", ".toml", ".txt", ".json", ".npz", ".md", ".srt", ".xml", ".html", ".log")
@@ -21,7 +21,7 @@ _MAX_FILES = 10_000_000
 
 
 class MediumKind(StrEnum):
-    """What a station's pixels come from."""
+    """Kind of a station's source of pictures."""
 
     VIDEO = "video"
     IMAGES = "images"
@@ -37,7 +37,7 @@ class Medium:
 
 
 def find_media(folder: Path, rig: Rig) -> dict[str, Medium]:
-    """Return each station's pictures; none where the session has only detections.
+    """Return each station's pictures; empty for a session of detections only.
 
     Raises `SessionError` if a station has no pictures, or two videos.
     """
@@ -73,7 +73,7 @@ def _medium(folder: Path, name: str) -> Medium | None:
 
 
 def open_video(path: Path) -> cv2.VideoCapture:
-    """Open a video for decoding in one thread; ask `isOpened` whether that went well."""
+    """Open a video for decoding in one thread; `isOpened` tells success."""
     if repeats_tables(path):
         return cv2.VideoCapture()
     # FFmpeg alone: OpenCV's other readers would take a name with digits for a series of images. The cameras
@@ -93,9 +93,9 @@ def open_packets(path: Path) -> cv2.VideoCapture:
 
 
 def image_files(folder: Path) -> dict[int, Path]:
-    """Return the folder's pictures by their number; files with other names are left alone.
+    """Return the folder's pictures by their number; files with other names are ignored.
 
-    Raises `SessionError` where two files have the same number.
+    Raises `SessionError` if two files have the same number.
     """
     files: dict[int, Path] = {}
     for count, path in enumerate(folder.iterdir()):
@@ -111,7 +111,7 @@ def image_files(folder: Path) -> dict[int, Path]:
 
 
 def read_image(path: Path) -> object:
-    """Return a picture (h, w, 3) uint8 BGR, or None if it cannot be read or is not whole."""
+    """Return a picture (h, w, 3) uint8 BGR, or None if it cannot be read or is truncated."""
     try:
         encoded = path.read_bytes()
     except OSError:

@@ -42,7 +42,7 @@ def _raise(fault: SessionError) -> NoReturn:
 
 
 def _pass_over(_: str) -> None:
-    """Take a note that nobody asked for."""
+    """Discard a note."""
 
 
 def load_dgps(
@@ -52,9 +52,9 @@ def load_dgps(
 ) -> tuple[DgpsFix, ...]:
     """Read dgps.csv or a log (dgps.nmea, dgps.pos, …), in the DGPS clock; empty if the session has no reference.
 
-    A fault is given to ``on_fault``, which raises it by default; where it does not, the rows before count. What a log
-    has that cannot be used, and what was taken for granted, is given to ``on_note``, one line for each reason.
-    Raises `MissingExtraError` where a log needs a library that is not installed.
+    ``on_fault`` is called with a fault and raises it by default; otherwise the rows before it are returned. ``on_note``
+    is called with one line for each kind of unusable entry and each assumption. Raises `MissingExtraError` if a log
+    needs a library that is not installed.
     """
     fixes: list[DgpsFix] = []
     try:

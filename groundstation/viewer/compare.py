@@ -1,4 +1,4 @@
-"""Several runs on one screen: one runway, every run's pictures beside the others', errors and consistency overlaid."""
+"""Several runs in one view: a common runway, pictures of each run, errors and consistency overlaid."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -36,7 +36,7 @@ _COLOUR_NAMES = ("cyan", "orange", "pink", "light green", "violet", "red")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShownRun:
-    """One run on the screen: name, recording, its track, and by how much its times are moved, s."""
+    """One run of a view: name, recording, track, and the shift of its times in s."""
 
     name: str
     path: Path
@@ -45,9 +45,9 @@ class ShownRun:
 
 
 def read_runs(recordings: Mapping[str, Path], align: Align) -> list[ShownRun]:
-    """Read the tracks and put the event at one time in all (`event_at`); with `Align.NONE` nothing is moved.
+    """Read the tracks and shift them to a common event time (`event_at`); `Align.NONE` shifts nothing.
 
-    A run without an estimate is put by its first picture. Raises `InputError` where a recording is none of ours.
+    A run without an estimate is aligned by its first picture. Raises `InputError` for a recording of another format.
     """
     tracks = {name: read_track(path) for name, path in recordings.items()}
     # Rerun draws no JPEG picture at a time below 0: the event is as many whole seconds on as the longest run-up takes
@@ -64,12 +64,12 @@ def read_runs(recordings: Mapping[str, Path], align: Align) -> list[ShownRun]:
 
 
 def event_at(runs: Sequence[ShownRun], align: Align) -> float | None:
-    """Return the time, s, at which the event is in all runs; None where each keeps its own time."""
+    """Return the common time of the event in s; None without alignment."""
     return None if align is Align.NONE else runs[0].track.event_s(align) + runs[0].shift_s
 
 
 def event_text(runs: Sequence[ShownRun], align: Align) -> str:
-    """Return in words what the runs are put by; not every track has a touchdown, and not every run a track."""
+    """Return the description of the event; a track may lack a touchdown, and a run may lack a track."""
     if align is Align.TOUCHDOWN:
         rest = [run.name for run in runs if not run.track.touches_down]
         if rest and len(rest) == len(runs):
@@ -80,12 +80,12 @@ def event_text(runs: Sequence[ShownRun], align: Align) -> str:
 
 
 def overlap_in_time(runs: Sequence[ShownRun]) -> bool:
-    """Return whether the tracks, unmoved, all have a time in common."""
+    """Return whether the tracks overlap in time without a shift."""
     return max(r.track.start_s for r in runs) <= min(r.track.end_s for r in runs)
 
 
 def write_comparison(path: Path, runs: Sequence[ShownRun], align: Align) -> None:
-    """Write one recording with all runs, each below its name; raises `InputError` if it cannot be written."""
+    """Write one recording with all runs, each under its name; raises `InputError` if it cannot be written."""
     stream = rr.RecordingStream(APPLICATION, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
@@ -109,7 +109,7 @@ def write_comparison(path: Path, runs: Sequence[ShownRun], align: Align) -> None
 
 
 def _log_event(stream: rr.RecordingStream, at_s: float, name: str) -> None:
-    """Mark the time that all runs are put by: a line in the log, and an upright one in the plot of the NIS."""
+    """Mark the event of the alignment: an entry in the log, and a vertical line in the NIS plot."""
     stream.set_time(tree.TIMELINE, duration=at_s)
     stream.log(EVENT_LOG, rr.TextLog(name, level=rr.TextLogLevel.INFO))
     style = rr.SeriesLines(colors=tree.BOUND_COLOUR, names=name, widths=1.5)
@@ -121,7 +121,7 @@ def _log_event(stream: rr.RecordingStream, at_s: float, name: str) -> None:
 
 
 def _log_run_styles(stream: rr.RecordingStream, run: ShownRun, colour: tree.Colour) -> None:
-    """Give a run its colour and its name where the run's own style would look like every other's."""
+    """Log the colour and name of a run, which replace the style that all runs share."""
     styles: dict[str, rr.AsComponents] = {
         tree.EKF: rr.Points3D.from_fields(
             colors=colour, radii=rr.Radius.ui_points(6.0), labels=[run.name], show_labels=True
@@ -146,7 +146,7 @@ def _log_run_styles(stream: rr.RecordingStream, run: ShownRun, colour: tree.Colo
 
 
 def _description(runs: Sequence[ShownRun], align: Align) -> str:
-    """Say which run has which colour, and how their times were moved."""
+    """Return the legend: the colour of each run and the shift of its times."""
     rows = [
         f"| **{run.name}** | {_COLOUR_NAMES[k % len(_COLOUR_NAMES)]} | "
         f"{f'{run.track.start_s:.2f}' if len(run.track) else 'none'} | {run.shift_s:+.2f} |"
@@ -164,7 +164,7 @@ def _colour(number: int) -> tree.Colour:
 
 
 def comparison_blueprint(runs: Sequence[ShownRun]) -> rrb.Blueprint:
-    """Return the layout: the runway with all tracks, what is overlaid, and a column of pictures for each run."""
+    """Return the layout: the runway with all tracks, the overlaid plots, and a column of pictures for each run."""
     points = np.concatenate([r.track.position_runway_m for r in runs])
     # without any track, the strip up to where one is to be expected
     shown = points if len(points) else np.array([[0.0, 0.0, 0.0], [0.0, EXPECTED_RANGE_M, 0.0]])
@@ -199,7 +199,7 @@ def comparison_blueprint(runs: Sequence[ShownRun]) -> rrb.Blueprint:
 
 
 def _scene(runs: Sequence[ShownRun], low_m: FloatArray, high_m: FloatArray) -> rrb.Spatial3DView:
-    """The runway with every track; paths in the run's colour, and without what only one run can show clearly."""
+    """The runway with every track in the run's colour; entities that would overlap are hidden."""
     middle, length = (low_m + high_m) / 2, float(np.linalg.norm(high_m - low_m))
     so_far = rrb.VisibleTimeRanges(
         timeline=tree.TIMELINE,
@@ -241,7 +241,7 @@ def _pictures(run: ShownRun) -> rrb.Container:
 
 
 def _plots(runs: Sequence[ShownRun]) -> rrb.Container:
-    """Errors of each axis, and consistency with delay, every run's in the same picture."""
+    """Errors of each axis, consistency and delay, all runs in the same plot."""
     errors = [
         _plot([f"{run.name}/{tree.ERROR}/{axis}" for run in runs], f"{axis}: error, ±2σ [m]") for axis in tree.AXES
     ]

@@ -1,4 +1,4 @@
-"""Several Rerun recordings in one, each below a name of its own: to be looked at together, in space and in time."""
+"""Merging of several Rerun recordings into one, each under its own entity path."""
 
 import warnings
 from collections.abc import Callable, Iterator
@@ -33,7 +33,7 @@ _ENTITY_COLUMNS = ("VideoFrameReference:video_reference",)
 
 
 class Align(StrEnum):
-    """What is to be at the same time in all runs; or nothing, and each keeps its own time."""
+    """The event that the runs are aligned by; NONE keeps each run's own time."""
 
     NONE = "none"
     START = "start"
@@ -87,7 +87,7 @@ class RecordedTrack:
 
 
 def read_track(path: Path) -> RecordedTrack:
-    """Read the track from a recording; raises `InputError` if it is damaged or none of ours."""
+    """Read the track from a recording; raises `InputError` if it is damaged or of another format."""
     t_ns: list[np.ndarray] = []
     points: list[np.ndarray] = []
     spans_ns: list[tuple[int, int]] = []
@@ -126,7 +126,7 @@ def read_track(path: Path) -> RecordedTrack:
 
 
 def _span_ns(chunk: Chunk) -> list[tuple[int, int]]:
-    """Return a chunk's first and last session time in a list, which is empty for what has none."""
+    """Return a list with a chunk's first and last session time; empty for a chunk without times."""
     if chunk.is_static:
         return []
     rows = chunk.to_record_batch()
@@ -137,7 +137,7 @@ def _span_ns(chunk: Chunk) -> list[tuple[int, int]]:
 
 
 def send_run(stream: rr.RecordingStream, path: Path, name: str, shift_s: float, *, runway: bool) -> None:
-    """Send all of a recording below ``/name``, its times moved by ``shift_s``; the strip only if ``runway``."""
+    """Send all of a recording under ``/name``, its times shifted by ``shift_s``; the runway only if ``runway``."""
     shift_ns = round(shift_s * 1e9)
     for chunk in chunks(path):
         if runway or not chunk.entity_path.startswith(f"/{tree.RUNWAY}"):
@@ -145,7 +145,7 @@ def send_run(stream: rr.RecordingStream, path: Path, name: str, shift_s: float, 
 
 
 def _moved(chunk: Chunk, name: str, shift_ns: int) -> list[Chunk]:
-    """Return rows below another path, at other times, with frames of their own names."""
+    """Return rows under another path, with shifted times and renamed frames."""
     entity = f"/{name}{chunk.entity_path}".rstrip("/")
     rows = chunk.to_record_batch()
     named = [c for c in (*_FRAME_COLUMNS, *_ENTITY_COLUMNS) if c in rows.schema.names]

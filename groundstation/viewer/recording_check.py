@@ -1,6 +1,6 @@
-"""Whether a Rerun recording can be read to its end, tried in a process of its own.
+"""Check that a Rerun recording can be read to its end, in a separate process.
 
-Rerun's reader ends its process on some damaged files (a panic where it was built to abort), which no caller can catch.
+Rerun's reader aborts its process on some damaged files, which a caller cannot catch.
 """
 
 import subprocess
@@ -16,7 +16,7 @@ _WANTED = "a Rerun recording (.rrd)"
 
 
 def check_recording(path: Path) -> None:
-    """Read a file to its end in another process; raises `InputError` where there is no recording, or a damaged one."""
+    """Read a file to its end in another process; raises `InputError` if it is missing or damaged."""
     command = [sys.executable, "-m", "groundstation.viewer.recording_check", str(path.resolve())]
     try:
         done = subprocess.run(

@@ -1,4 +1,4 @@
-"""What is known only after a run: reference lines in the session's clock, and the error against one of them."""
+"""References, available after a run: reference lines in the session's clock, and the errors against one."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from groundstation.viewer.columns import Batch, scalars
 
 COLOURS = {"dgps": tree.DGPS_COLOUR, "truth": tree.TRUTH_COLOUR, "smoothed": tree.SMOOTHED_COLOUR}
 BOUND_SIGMAS = 2.0
-# a reference that is silent for longer is not joined by a line
+# a longer gap in a reference interrupts its line
 GAP_S = 1.0
 _BLOCK_ROWS = 4000
 
@@ -21,7 +21,7 @@ class ReferenceLine:
     """A track to compare with: ``name`` ("dgps", "truth" or "smoothed").
 
     ``t_s`` (n,) session time, ``position_runway_m`` (n, 3). A DGPS line is in the session's clock, by the
-    offset that was found.
+    estimated offset.
     """
 
     name: str
@@ -44,7 +44,7 @@ class AxisErrors:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReferenceTracks:
-    """All that the evaluation has to show: reference lines, and the errors if a reference could be compared."""
+    """Reference lines of the evaluation, and the errors if a reference was compared."""
 
     lines: tuple[ReferenceLine, ...] = ()
     errors: AxisErrors | None = None

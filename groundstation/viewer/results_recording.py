@@ -1,4 +1,4 @@
-"""A Rerun recording made of a replay's tables, where the replay wrote none: track, triangulation, smoothed track."""
+"""A Rerun recording from a replay's tables, if the replay wrote none: track, triangulation, smoothed track."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,9 +19,9 @@ _NOTE = "made of track.csv: pictures, stations and references are in the session
 
 
 def write_results_recording(folder: Path, path: Path, name: str) -> None:
-    """Write a recording of what the tables in ``folder`` hold; a track without an estimate leaves its statuses.
+    """Write a recording of the tables in ``folder``; a track without an estimate gives its statuses only.
 
-    Raises `InputError` where there is no track.csv, or one that cannot be read.
+    Raises `InputError` if track.csv is missing or unreadable.
     """
     stream = rr.RecordingStream("groundstation", send_properties=False)
     stream.set_log_time_enabled(False)

@@ -1,4 +1,4 @@
-"""What stands still in a Rerun recording: runway, stations, and how each moving thing is drawn."""
+"""Static entities of a Rerun recording: runway, stations, and the styles of the moving entities."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -154,7 +154,7 @@ def log_station(stream: rr.RecordingStream, station: Station, number: int, middl
 
 
 def log_world(stream: rr.RecordingStream) -> None:
-    """Say how the scene's axes lie, and that they are those of the runway's frame."""
+    """Log the axes of the scene, which are those of the runway frame."""
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     stream.log(
         tree.WORLD,
@@ -164,7 +164,7 @@ def log_world(stream: rr.RecordingStream) -> None:
 
 
 def _log_frames(stream: rr.RecordingStream, station: Station) -> None:
-    """Log the two of a station's frames that stand still: its base in the runway's, its camera in the head's."""
+    """Log a station's two static frames: its base in the runway frame, its camera in the head frame."""
     name = station.name
     stream.log(
         tree.base(name),
@@ -199,7 +199,7 @@ def fit_frustum(stream: rr.RecordingStream, station: Station, lower_m: FloatArra
 
 
 def log_styles(stream: rr.RecordingStream) -> None:
-    """Say once how each moving thing of the 3-D view looks."""
+    """Log the styles of the moving entities of the 3-D view."""
     thin = rr.Radius.ui_points(1.0)
     styles: dict[str, rr.AsComponents] = {
         tree.EKF: rr.Points3D.from_fields(colors=tree.EKF_COLOUR, radii=rr.Radius.ui_points(6.0)),
@@ -222,7 +222,7 @@ def log_styles(stream: rr.RecordingStream) -> None:
 
 
 def log_camera_styles(stream: rr.RecordingStream, rigged: Station, number: int) -> None:
-    """Say once how a camera's overlay and plots look, and draw the border of its picture."""
+    """Log the styles of a camera's overlay and plots, and the border of its picture."""
     station, (width, height) = rigged.name, rigged.lens.image_size_px
     base = tree.image(station)
     colour = tree.station_colour(number)
