@@ -42,3 +42,17 @@ def test_pictures_are_small_and_used() -> None:
     for picture in (ROOT / "docs" / "images").iterdir():
         assert picture.stat().st_size <= 300_000, picture.name
         assert picture.name in shown
+
+
+def test_modules_and_functions_that_pages_name_exist() -> None:
+    """Expected: each `module.py`, and each `module.py:function`, of a page is a file of the repository."""
+    folders = ("groundstation", "calibration", "ptu_drivers", "tests", "benchmarks", "docs")
+    modules = [path.relative_to(ROOT) for folder in folders for path in (ROOT / folder).rglob("*.py")]
+    wrong = []
+    for page in PAGES:
+        for name, function in re.findall(r"`((?:\w+/)*\w+\.py)(?::(\w+))?`", text_of(page)):
+            named = [path for path in modules if f"/{path}".endswith(f"/{name}")]
+            defined = rf"(?:def |^){function}\b"
+            if not any(not function or re.search(defined, text_of(ROOT / path), re.MULTILINE) for path in named):
+                wrong.append(f"{page.name}: {name}:{function}")
+    assert wrong == []
