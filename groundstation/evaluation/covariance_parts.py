@@ -1,8 +1,8 @@
-"""Whether a stated covariance holds in each of its two parts: what lasts for a flight, and what each frame draws anew.
+"""Consistency of a stated covariance in its two parts: an error constant over a flight, and white noise per frame.
 
-A lasting error is drawn once by a flight, for each axis of the picture, however many frames show it; only the noise is
-drawn by every frame. So the whole is judged by flights, the noise by second differences of neighbouring frames, which
-take out what lasts and what changes evenly. Bounds are quantiles of many seeded draws from the stated model itself.
+A constant error is drawn once for a flight and each axis of the picture; only the noise is drawn for every frame. So
+the whole covariance is tested over flights, the noise by second differences of neighbouring frames, which remove
+constant and linear errors. Bounds are quantiles of many seeded draws from the stated model itself.
 """
 
 from collections.abc import Sequence
@@ -21,9 +21,9 @@ _DIFFERENCE = np.array([1.0, -2.0, 1.0])
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ErrorsWithCovariance:
-    """One camera's errors (n, 2) in frames in a row, and what was stated of them, px and px².
+    """One camera's errors (n, 2) in consecutive frames and their stated covariances, px and px².
 
-    ``covariances`` (n, 2, 2) of the whole, ``noises`` (n, 2, 2) the part of it that is new in each frame.
+    ``covariances`` (n, 2, 2) of the whole, ``noises`` (n, 2, 2) the white-noise part of it.
     """
 
     errors: FloatArray
@@ -33,7 +33,7 @@ class ErrorsWithCovariance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseChiSquare:
-    """What `noise_chi_square` saw: the mean, and the share of differences that are jumps, of ``mean.count``."""
+    """Result of `noise_chi_square`: the mean, and the share of differences that are jumps, of ``mean.count``."""
 
     mean: ChiSquareMean
     jump_share: float

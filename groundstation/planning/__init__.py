@@ -1,1 +1,1 @@
-"""What a site will reach, before anyone drives out: accuracy over range from lens, baseline and calibration."""
+"""Site planning: expected accuracy over range from lens, baseline and calibration."""

@@ -1,4 +1,4 @@
-"""What can be constantly wrong at a site, by name: calibration parameters and clocks, and how uncertain they are."""
+"""Constant error sources of a site, by name: calibration parameters and clocks with their covariance."""
 
 from dataclasses import dataclass
 
@@ -63,7 +63,7 @@ def error_sources(site: Site) -> ErrorSources:
 
 
 def _group(name: str) -> str:
-    """Return the words for ``station.parameter``."""
+    """Return the description of ``station.parameter``."""
     parameter = name.partition(".")[2]
     if parameter in _CLOCK_WORDS:
         return _CLOCK_WORDS[parameter]

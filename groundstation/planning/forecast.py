@@ -1,4 +1,4 @@
-"""The accuracy to expect over range, and what it is made of (docs/derivation.md, section 11)."""
+"""Expected accuracy over range, and its error budget (docs/derivation.md, section 11)."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ _PRIOR_POSITION_M, _PRIOR_VELOCITY_M_S = 10.0, 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Forecast:
-    """What a site reaches at each of n ranges; rows of ``fix_…`` hold where ``fix_known``, of ``track_…`` likewise.
+    """Expected accuracy at each of n ranges; rows of ``fix_…`` hold where ``fix_known``, of ``track_…`` likewise.
 
     Attributes
     ----------

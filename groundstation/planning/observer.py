@@ -1,4 +1,4 @@
-"""What the stations of a site see of the aircraft at one place, and how each error source moves it in the picture."""
+"""Observations of the aircraft by a site's stations, and the sensitivity of the pixels to each error source."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

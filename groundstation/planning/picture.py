@@ -1,4 +1,4 @@
-"""The picture of a plan: sigma over range, axis by axis, and the site from above. Made to be read on a telephone."""
+"""The picture of a plan: sigma over range, axis by axis, and the site from above. Legible on a small screen."""
 
 import io
 from typing import Any

@@ -1,4 +1,4 @@
-"""A planned site: its rig with what is expected of the calibration, the aircraft, and the accuracy that is wanted."""
+"""A planned site: rig with the expected calibration covariance, aircraft, and required accuracy."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The forecast in words: the printed table, and what it is good enough for."""
+"""The forecast as a printed table, and which requirements it meets."""
 
 import csv
 import io
@@ -58,7 +58,7 @@ def _triple(sigma_m: np.ndarray) -> str:
 
 
 def _notes(site: Site, f: Forecast) -> list[str]:
-    """Say what the table cannot: where it is not seen, and what has been taken as exact."""
+    """Return notes on ranges without observation and on parameters assumed exact."""
     notes = []
     small = (f.stations > 0) & (f.silhouette_px < site.min_silhouette_px)
     if small.any():

@@ -1,8 +1,8 @@
-"""Whether what one camera sees is still its target: looks and path, kept from before anything was in doubt.
+"""Identity of one camera's target: its appearance and motion, with a history of some frames.
 
-A bird that crosses the target makes one silhouette with it and then flies on. Whoever learns from that silhouette
-follows the bird. So the target's looks are learnt slowly; a silhouette that suddenly has others is neither learnt
-from nor does it bend the path, and what looks and path were is taken from some frames before it.
+A bird that crosses the target merges with its silhouette and then flies on; a tracker that adapts to the merged
+silhouette follows the bird. So the appearance model adapts slowly; a silhouette that suddenly differs updates neither
+the appearance nor the motion, and both are restored from some frames earlier.
 """
 
 import copy
@@ -49,7 +49,7 @@ def _colour(image: ImageArray, seen: Detection) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AppearanceSample:
-    """What is known of the target after a frame that nothing throws doubt on.
+    """Appearance and motion of the target after an unambiguous frame.
 
     Attributes
     ----------
@@ -69,14 +69,14 @@ class AppearanceSample:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class TargetAppearance:
-    """Learns what a target looks like, and remembers what was known of it some frames ago.
+    """Appearance model of a target, with a history of some frames.
 
     Attributes
     ----------
-    frames : how many frames it has learnt from.
-    doubt_s : since when what is seen looks like something else; None if it does not.
-    calm : frames running that have looked as before, since then.
-    other, other_s : what is seen instead, and since when it has looked the same.
+    frames : number of frames in the model.
+    doubt_s : time since which the detections differ from the model; None if they agree.
+    calm : number of consecutive frames since then that agree again.
+    other, other_s : model of the differing detections, and the time since which they agree with it.
     """
 
     frames: int = 0
@@ -87,7 +87,7 @@ class TargetAppearance:
     _known: deque[AppearanceSample] = field(default_factory=lambda: deque(maxlen=_BEFORE))
 
     def unlikeness(self, looks: FloatArray) -> float:
-        """Return how unlike the target a silhouette is, in sigmas; 0 until enough has been learnt."""
+        """Return the distance of a silhouette from the model in sigmas; 0 until enough frames are in the model."""
         if self.frames < _KNOWN_AFTER:
             return 0.0
         known = self._known[0 if self.doubt_s is not None else -1]
@@ -103,7 +103,7 @@ class TargetAppearance:
         whole_px: float | None,
         t_s: float,
     ) -> None:
-        """Take over a frame without doubt."""
+        """Update the model with an unambiguous frame."""
         self.frames += 1
         mean, variance = looks, np.zeros_like(looks)
         if self._known:
@@ -118,14 +118,14 @@ class TargetAppearance:
         )
 
     def doubt(self, t_s: float) -> AppearanceSample:
-        """Begin to doubt; return what was known before the change may have begun."""
+        """Mark the start of a disagreement; return the sample from before the change."""
         self.doubt_s, self.calm, self.other = t_s, 0, None
         return self._known[0]
 
     def other_duration_s(self, looks: FloatArray, motion: PixelMotion, most: float, t_s: float) -> float:
-        """Take note of a frame that looks otherwise; return for how long in s it has looked the same.
+        """Add a differing frame; return the time in s since which such frames agree with each other.
 
-        A bird flaps, comes and goes; a target that has turned or flown before another background stays as it is.
+        A bird changes its shape; a target after a turn or before another background keeps its new appearance.
         """
         if self.other is None or self.other.unlikeness(looks) > most:
             self.other, self.other_s = TargetAppearance(), t_s
@@ -133,7 +133,7 @@ class TargetAppearance:
         return t_s - self.other_s
 
     def confirm(self, motion: PixelMotion, t_s: float) -> None:
-        """Take note of a frame that looks as before; a few running end the doubt."""
+        """Add a frame that agrees with the model; a few consecutive ones end the disagreement."""
         self.calm += 1
         if self.calm >= _CALM_FRAMES:
             self.doubt_s = None

@@ -1,4 +1,4 @@
-"""What the tracker of one camera sees, drawn into its pictures, and these written as a video."""
+"""Overlay of one camera's tracker on its pictures, written as a video."""
 
 from pathlib import Path
 from types import TracebackType
@@ -53,7 +53,7 @@ def draw_track(image: ImageArray, index: int, track: PixelTrack) -> ImageArray:
 
 
 def _mark(picture: ImageArray, u: int, v: int) -> None:
-    """Draw a cross about a pixel, open in its middle: an aircraft of a few pixels stays in sight."""
+    """Draw a cross with an open centre, so that an aircraft of a few pixels stays visible."""
     for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         inner, outer = (u + _CROSS_OPEN_PX * x, v + _CROSS_OPEN_PX * y), (u + _CROSS_PX * x, v + _CROSS_PX * y)
         cv2.line(picture, inner, outer, _TARGET, 1)

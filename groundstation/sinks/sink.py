@@ -1,4 +1,4 @@
-"""What every sink can do."""
+"""The interface of all sinks."""
 
 from typing import Protocol
 
@@ -6,10 +6,10 @@ from groundstation.messages import StepReport
 
 
 class Sink(Protocol):
-    """Takes step reports as they come and closes once."""
+    """Receives step reports and is closed once."""
 
     def write(self, report: StepReport) -> None:
-        """Take one report."""
+        """Add one report."""
 
     def close(self) -> None:
-        """Write what is still held and let go of all files."""
+        """Write all buffered data and close the files."""

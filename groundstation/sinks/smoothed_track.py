@@ -1,6 +1,6 @@
-"""The smoothed track: the filter's rows, each with what is known of its time once the flight is over.
+"""The smoothed track: the smoother's estimate at each time of the filter's track.
 
-It takes some 600 bytes a pair until the end: a session of one hour at 30 Hz stays below 70 MB.
+It needs about 600 bytes of memory for each pair until the end: a session of one hour at 30 Hz stays below 70 MB.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,9 +13,9 @@ from groundstation.sinks.track_files import write_track
 
 
 class SmoothedTrackSink:
-    """Ask for every time at which the filter had an estimate; pairs without one stay without.
+    """Requests the smoothed state at every time with an estimate; pairs without one have none.
 
-    ``want`` is told these times, and `found` the answers.
+    ``want`` is called with these times, `found` with the smoothed states.
     """
 
     def __init__(self) -> None:
@@ -35,10 +35,10 @@ class SmoothedTrackSink:
             )
 
     def close(self) -> None:
-        """Do nothing; the answers come last."""
+        """Do nothing; the smoothed states arrive after this."""
 
     def found(self, t_s: float, kinematics: Kinematics) -> None:
-        """Take one answer."""
+        """Add one smoothed state."""
         self._found[t_s] = kinematics
 
     def save(self, path: Path) -> None:

@@ -1,7 +1,7 @@
-"""The result files of a replay: track.csv, triangulation.csv, detections.csv and track.tum, written as they come.
+"""The result files of a replay: track.csv, triangulation.csv, detections.csv and track.tum, written incrementally.
 
-Every step is flushed as whole lines, so that what a killed run leaves behind is readable to its last epoch, and
-nothing is kept in memory. A value that does not exist is an empty cell.
+Only complete lines are flushed, so that the files of a killed run are readable to their last epoch; no rows are kept
+in memory. A missing value is an empty cell.
 """
 
 import math
@@ -32,7 +32,7 @@ _FLUSH_EVERY_S = 0.5
 
 
 class TrackFilesSink:
-    """Write the tables of one run into ``folder``, which is created; other files in it are left alone.
+    """Write the tables of one run into ``folder``, which is created; other files in it are not modified.
 
     Raises `InputError` if the folder cannot be made or a file in it cannot be written.
     """
@@ -80,14 +80,14 @@ class TrackFilesSink:
             self._flush(state.t_s)
 
     def _flush(self, t_s: float) -> None:
-        """Hand the rows to the operating system every half second of the session: a crash costs no more."""
+        """Flush the rows every 0.5 s of session time, the most that a crash loses."""
         if abs(t_s - self._flushed_s) >= _FLUSH_EVERY_S:
             self._flushed_s = t_s
             for file in (self._detections, self._track, self._triangulation, self._tum):
                 file.flush()
 
     def close(self) -> None:
-        """Close the files; closing twice is allowed."""
+        """Close the files; may be called twice."""
         self._files.close()
 
 
@@ -112,7 +112,7 @@ def _line(cells: Iterable[str]) -> str:
 
 
 def _number(value: float, form: str) -> str:
-    """Format one number; a value that is not finite is no value: an empty cell."""
+    """Format one number; a value that is not finite gives an empty cell."""
     return format(value, form) if math.isfinite(value) else ""
 
 
@@ -143,7 +143,7 @@ def _track_cells(estimate: TrackEstimate) -> list[str]:
 
 
 def _triangulation_cells(estimate: TrackEstimate) -> list[str]:
-    """Return one row of triangulation.csv; rays that do not meet give a status and no point."""
+    """Return one row of triangulation.csv; rays that do not intersect give a status without a point."""
     good = estimate.triangulation is not None and estimate.triangulation_status is TriangulationStatus.OK
     point = estimate.triangulation.point_runway_m if good and estimate.triangulation is not None else None
     return [_number(estimate.t_s, ".6f"), *_point(point), estimate.triangulation_status.value]

@@ -1,4 +1,4 @@
-"""frames.csv: which frame of each camera belongs to which pair, and when it was exposed."""
+"""frames.csv: the frame of each camera in each pair, and its exposure time."""
 
 from array import array
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ _MISSING = float("nan")
 class FrameTable:
     """frames.csv: ``index`` (n,), ``line`` (n,), and per station session times (n,), NaN inside where missing.
 
-    ``numbers`` (n,) are the frames' numbers in each station's own video, −1 where it has none. ``fault`` is what
-    ended the reading early, if anything did; the rows before it are usable.
+    ``numbers`` (n,) are the frames' numbers in each station's own video, −1 where it has none. ``fault`` is the
+    fault that ended the reading early, if any; the rows before it are usable.
     """
 
     index: NDArray[np.int64]

@@ -1,4 +1,4 @@
-"""detections.csv: pixels that someone else has found, as events."""
+"""detections.csv: pixels of an external detector, as events."""
 
 import heapq
 from array import array
@@ -43,7 +43,7 @@ def read_labels(session: Session) -> tuple[dict[str, FloatArray], SessionError |
 def label_events(labels: dict[str, FloatArray], leader: str) -> Iterator[tuple[float, Event]]:
     """Yield the pixels in order of time, each with that time, and an epoch at each stamp of station ``leader``.
 
-    An epoch comes after every pixel of its own instant, whichever station saw it.
+    An epoch follows all pixels with its own time, of every station.
     """
     epochs = labels[leader][:, 0]
     streams = [_station_labels(name, rows, epochs) for name, rows in labels.items()]

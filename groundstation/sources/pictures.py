@@ -1,4 +1,4 @@
-"""Decoding one station's pictures in a thread of its own, a few frames ahead and no more."""
+"""Decoding of one station's pictures in a separate thread, a bounded number of frames ahead."""
 
 import queue
 import threading
@@ -40,8 +40,8 @@ class PictureReader:
     Parameters
     ----------
     indices : (n,) increasing frame numbers.
-    lines : (n,) the line of frames.csv that asks for each, for error messages.
-    size_px : (w, h) that the rig says.
+    lines : (n,) the line of frames.csv of each, for error messages.
+    size_px : (w, h) from the rig.
     listed : how many frames the medium holds by frames.csv; as many as are asked for where it is not given.
     whole : more frames than that are a fault.
 
@@ -82,7 +82,7 @@ class PictureReader:
                 self._thread.join(timeout=0.02)
 
     def next(self) -> DecodedFrame | None:
-        """Return the next picture, None after the last; raises `SessionError` where the medium is at fault."""
+        """Return the next picture, None after the last; raises `SessionError` for a fault of the medium."""
         item = self._queue.get()
         if isinstance(item, SessionError):
             raise item

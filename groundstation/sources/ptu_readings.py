@@ -1,4 +1,4 @@
-"""ptu.csv as a stream of readings in session time, corrected by what the rig says of each head's axes."""
+"""ptu.csv as a stream of readings in session time, corrected by ``ptu_axes`` of the rig."""
 
 import heapq
 import math
@@ -17,9 +17,9 @@ from groundstation.session.folder import ptu_table
 class PtuReadings:
     """Streams ptu.csv in order of session time; a rig of fixed stations has no readings and needs no file.
 
-    What it streams are angles: this is the one place where a replay applies ``ptu_axes`` of rig.toml.
+    The readings are converted to angles: the only place where a replay applies ``ptu_axes`` of rig.toml.
 
-    ``fault`` is what ended the stream early, if anything did; ``newest_s`` the last reading handed out.
+    ``fault`` is the fault that ended the stream early, if any; ``newest_s`` the time of the last reading yielded.
     Raises `SessionError` on opening if the file or a column is missing.
     """
 

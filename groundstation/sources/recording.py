@@ -1,7 +1,7 @@
-"""A recording as the events that the pipeline consumed, in the same order, with the pixels that were kept.
+"""A recording as a source: the recorded events in the same order, with the recorded pixels.
 
-A frame's pixels stand after its head in the file, since only detection tells which of them matter; so events wait
-here until the frames before them are whole. A frame whose pixels were not recorded is not sent, and counted.
+A frame's pixels follow its head in the file, since they depend on the detection; so events are held here until the
+frames before them are complete. A frame without recorded pixels is counted and not yielded.
 """
 
 from collections import deque
@@ -42,7 +42,7 @@ _MAX_WAITING_BYTES = 128 * 2**20
 
 @dataclass(slots=True, kw_only=True)
 class Missing:
-    """What the recording does not have: frames without pixels, events, and the first epoch that this touches."""
+    """Missing data of a recording: number of frames without pixels, of events, and the first epoch affected."""
 
     frames: int = 0
     events: int = 0
@@ -54,7 +54,7 @@ class Missing:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Waiting:
-    """An event that waits for its turn; a frame also for its pixels."""
+    """An event that is held back; a frame until its pixels are complete."""
 
     number: int
     event: Event | FrameHead
@@ -74,12 +74,12 @@ class RecordingSource:
     """Events of one recording, or of the part of it between two session times.
 
     A context manager; iterate it once. ``epoch_count`` and ``span_s`` (first and last epoch) are known on entry,
-    ``missing`` in the end. A fault of the file is raised after all that is whole before it.
+    ``missing`` at the end. A fault of the file is raised after all intact events before it.
 
     Parameters
     ----------
     session : with ``recorded``.
-    on_answer : is told each recorded answer to an epoch or a heartbeat, a line of JSON.
+    on_answer : called with each recorded output of an epoch or a heartbeat, a line of JSON.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class RecordingSource:
         self._open.close()
 
     def __iter__(self) -> Iterator[Event]:
-        """Yield all events in the order in which they were recorded, then raise what fault was met."""
+        """Yield all events in the order in which they were recorded, then raise the fault of the file, if any."""
         budget = self._budget()
         queue = _EventLine(self._sizes, self.missing, budget)
         fault: RecordingError | None = None
@@ -136,14 +136,14 @@ class RecordingSource:
             raise fault
 
     def _asked(self, events: Iterator[Event]) -> Iterator[Event]:
-        """Pass on what lies in the part asked for."""
+        """Yield the events in the requested time span."""
         for event in events:
             lead = 0.0 if isinstance(event, Frame | PixelMeasurement | Epoch) else LEAD_S
             if self._from - lead <= event.t_s <= self._to + lead:
                 yield event
 
     def _count_epochs(self) -> None:
-        """Find how many epochs there are, and the first and last; counts where the file does not tell."""
+        """Set the number of epochs, the first and the last; counts them if the file has no closing record."""
         known = self._recorded
         if known.epochs and known.span_s is not None and self._from == -np.inf and self._to == np.inf:
             self.epoch_count, self.span_s = known.epochs, known.span_s
@@ -288,7 +288,7 @@ class _EventLine:
 
 
 def _picture_of(head: FrameHead, note: PixelsNote, pictures: list[bytes], where: str) -> PartialPicture:
-    """Return the picture that the kept parts make."""
+    """Return the picture composed of the recorded parts."""
     parts = []
     for part, data in zip(note.parts, pictures, strict=True):
         png = not part.topic.endswith("/raw")

@@ -1,6 +1,6 @@
 """A recorded session as time-ordered events.
 
-Stamps are mapped to session time here, by the rig's and the session's clocks; everything after this knows one
+Stamps are mapped to session time here, by the rig's and the session's clocks; all later stages use this one
 clock. A fault of the recording is raised after all usable events before it have been yielded.
 """
 
@@ -30,7 +30,7 @@ class ReplaySource:
     """Events of one session, or of the part of it between two session times.
 
     A context manager; iterate it once. ``epoch_count`` and ``span_s`` (first and last epoch) are known on entry.
-    Entering raises `SessionError` where nothing can be replayed at all.
+    Entering raises `SessionError` if nothing can be replayed.
     """
 
     def __init__(self, session: Session, from_s: float | None = None, to_s: float | None = None) -> None:
@@ -69,7 +69,7 @@ class ReplaySource:
         self._open.close()
 
     def __iter__(self) -> Iterator[Event]:
-        """Yield all events in order of session time, then raise what fault was met."""
+        """Yield all events in order of session time, then raise the fault of the recording, if any."""
         last = self._looks_s[0]
         for t_s, event in self._looks():
             yield from self._readings.until(t_s)
@@ -92,7 +92,7 @@ class ReplaySource:
 
     # ---------------------------------------------------------------------------------------- frames
     def _enter_frames(self) -> None:
-        """Read frames.csv and choose the rows asked for."""
+        """Read frames.csv and select the requested rows."""
         table = read_frames(self._session)
         times = table.epoch_times()
         # rows without any stamp only count their frames
@@ -112,7 +112,7 @@ class ReplaySource:
         self._looks_s = (float(np.nanmin(stamps)), float(np.nanmax(stamps)))
 
     def _check_range(self, name: str, times: FloatArray) -> None:
-        """Raise if nothing is in the part asked for."""
+        """Raise if the requested time span is empty."""
         if not np.any((times >= self._from) & (times <= self._to)):
             if self._fault is not None:
                 raise self._fault
@@ -121,7 +121,7 @@ class ReplaySource:
             raise SessionError(f"{self._session.name}: {name}", got=there, wanted=wanted)
 
     def _asked(self) -> str:
-        """Say which part was asked for."""
+        """Return the description of the requested time span."""
         if self._to == np.inf:
             return f"from {self._from:.13g} s on"
         return f"up to {self._to:.13g} s" if self._from == -np.inf else f"from {self._from:.13g} to {self._to:.13g} s"
@@ -167,7 +167,7 @@ class ReplaySource:
         self._check_ends()
 
     def _check_ends(self) -> None:
-        """Ask each decoder for one picture more: a medium that is longer than its table is a fault."""
+        """Request one more picture of each decoder: a medium longer than its table is a fault."""
         for reader in self._readers.values():
             try:
                 reader.next()
@@ -181,7 +181,7 @@ class ReplaySource:
         return next(n for n in self._session.rig.names if n in self._labels)
 
     def _enter_labels(self) -> None:
-        """Read detections.csv and choose the rows asked for."""
+        """Read detections.csv and select the requested rows."""
         labels, self._fault = read_labels(self._session)
         self._check_range("detections.csv", np.concatenate([a[:, 0] for a in labels.values()]))
         within = {n: a[(a[:, 0] >= self._from) & (a[:, 0] <= self._to)] for n, a in labels.items()}

@@ -1,4 +1,4 @@
-"""Any video file as a stream of frames with their times; nothing else has to be known of it."""
+"""A video file as a stream of frames with their times."""
 
 import math
 from collections.abc import Iterator
@@ -30,16 +30,16 @@ class VideoFrame:
 
 
 class VideoFile:
-    """A video file and what its header tells.
+    """A video file and its header.
 
-    Raises `InputError` where there is no such file or it is no video.
+    Raises `InputError` if the file is missing or no video.
 
     Attributes
     ----------
     size_px : (w, h) of every frame.
-    rate_hz : frames per second; 30 where the header does not tell.
+    rate_hz : frames per second; 30 if the header has none.
     count : how many frames the header announces, None if it does not.
-    lost : the numbers of the damaged frames that `frames` has passed over.
+    lost : the numbers of the damaged frames that `frames` has skipped.
     """
 
     def __init__(self, path: Path) -> None:
@@ -133,7 +133,7 @@ class VideoFile:
 
 
 class _FrameNumbers:
-    """Which number a decoded frame has where others of the file cannot be decoded.
+    """Numbers of the decoded frames of a file with damaged ones.
 
     A damaged frame fails once, more or less: when it is its turn in the order of coding, which is not that of showing.
     Even stamps tell exactly which are missing; without them the frames that failed are taken to be those just before.
@@ -152,7 +152,7 @@ class _FrameNumbers:
         self._last_ms: float | None = None
 
     def fail(self) -> bool:
-        """Note that no frame came; False where none is left that could come."""
+        """Count a frame that failed to decode; returns False at the end of the file."""
         if not self._damaged:
             self.held = _coded_frames(self._path)
             self._damaged = True
@@ -161,7 +161,7 @@ class _FrameNumbers:
         return self.next + self._failed <= self.held
 
     def take(self, stamp_ms: float) -> int:
-        """Return the number of the frame that came."""
+        """Return the number of the decoded frame."""
         grown = self._last_ms is not None and math.isfinite(stamp_ms) and stamp_ms > self._last_ms
         steps = round((stamp_ms - (self._last_ms or 0.0)) * 1e-3 * self._rate) if grown else 0
         by_stamp = self._damaged and self._even and steps > 0

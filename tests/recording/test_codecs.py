@@ -1,4 +1,4 @@
-"""Lines, windows and pixels of a recording: what goes in comes out, and what is none of ours is refused."""
+"""Lines, windows and pixels of a recording: they read back as written, and invalid input is refused."""
 
 import struct
 from contextlib import suppress

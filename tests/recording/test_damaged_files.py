@@ -1,4 +1,4 @@
-"""A recording that was cut, garbled or made up: what is whole is given, then one clear error; nothing explodes."""
+"""A recording that was cut, garbled or made up: intact records are read, then one clear error is raised."""
 
 import struct
 from pathlib import Path

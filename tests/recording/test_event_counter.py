@@ -1,4 +1,4 @@
-"""What the closing note of a recording counts."""
+"""The closing record of a recording counts events, epochs and their time span."""
 
 import json
 

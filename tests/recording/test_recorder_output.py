@@ -1,4 +1,4 @@
-"""What a recorder's file brings onto the disk, and when."""
+"""The recorder's file: which data are synced to the disk, and when."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Windows of a picture that are kept: those that cost no more together are one."""
+"""Recorded windows of a picture: windows are merged if this adds no pixels."""
 
 from groundstation.recording.window_union import _joined
 

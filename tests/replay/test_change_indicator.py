@@ -1,4 +1,4 @@
-"""The bundled landing gives the committed figures; `make figures` is the one way to change them."""
+"""The bundled landing gives the committed figures; only `make figures` updates them."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Replaying a recording gives the track that was recorded, bit for bit; and what a recording lacks is told."""
+"""Replaying a recording gives the track that was recorded, bit for bit; and missing data are reported."""
 
 import json
 import subprocess
