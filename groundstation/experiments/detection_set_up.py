@@ -1,4 +1,4 @@
-"""What the paper's detection experiments compare, and what the paper's text says of each."""
+"""What the paper's detection experiments compare, and the paper's statement on each."""
 
 from dataclasses import replace
 

@@ -82,7 +82,7 @@ ROI_COLUMNS = (
 
 
 def roi_table(sweep: Mapping[str, Sequence[DetectorOutcome]], full: str, paper: Mapping[str, str]) -> ResultTable:
-    """Return the ROI sweep; ``full`` names the sweep's full frame, ``paper`` what the paper says by row."""
+    """Return the ROI sweep; ``full`` names the sweep's full frame, ``paper`` the paper's values by row."""
     rows: list[list[Cell]] = []
     for name, outcomes in sweep.items():
         pairs = [(o, f) for o, f in zip(outcomes, sweep[full], strict=True) if o.found and f.found]

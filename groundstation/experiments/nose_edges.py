@@ -132,13 +132,13 @@ def _tracker(config: TrackerConfig) -> Step:
 
 
 def rows_said(frame: NoseFrame) -> FloatArray | None:
-    """Return the rows (2,) of the search band by what the sensors say, None where they say that there are none."""
+    """Return the rows (2,) of the search band by the sensors' pose; None where no edge is expected."""
     rows = band_rows(frame.said, KAPPA, NOSE_LENS.image_size_px, GUESS)
     return None if isinstance(rows, NoBand) else rows
 
 
 def hough(frame: NoseFrame) -> Found:
-    """Return Hough's lines on Canny's edges in the rows that the sensors' pose says."""
+    """Return Hough's lines on Canny's edges in the rows that the sensors' pose predicts."""
     rows = rows_said(frame)
     found = None if rows is None else hough_edges(frame.image, rows)
     return None if found is None or rows is None else (found, rows)

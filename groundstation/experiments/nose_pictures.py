@@ -58,7 +58,7 @@ def _cut(image: ImageArray, wanted: FloatArray, rows: FloatArray) -> tuple[tuple
 
 
 def sheet(rows: Sequence[Sequence[ImageArray]], legend: Sequence[tuple[Colour, str]]) -> ImageArray:
-    """Return panels side by side, row by row, under a line that says what the colours mean; missing ones are black."""
+    """Return panels side by side, row by row, under a legend of the colours; missing ones are black."""
     w, h = PANEL_PX
     across = max(len(row) for row in rows)
     nothing = np.zeros((h, w, 3), np.uint8)

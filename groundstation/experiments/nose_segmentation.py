@@ -101,7 +101,7 @@ def _look(sequence: Sequence, count: int) -> _LightResult:
 
 
 def _widths(sequence: Sequence, frame: NoseFrame, guess_px: FloatArray, rows_px: FloatArray) -> FloatArray:
-    """Return the bands' widths (2, 2) about a guess, px, by the pose that the sensors say."""
+    """Return the bands' widths (2, 2) about a guess, px, by the sensors' pose."""
     half = 0.5 * sequence.airfield.width_m
     lines, e = np.array([1.0, 0.0, -half, half]), line_map(frame.said, KAPPA)
     inner = project_lines(lines, e, rows_px)[0]

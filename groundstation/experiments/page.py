@@ -1,4 +1,4 @@
-"""reproduce.html: all experiments on one self-contained page, ours beside the paper's."""
+"""reproduce.html: all experiments on one self-contained page, our figures next to the paper's."""
 
 import base64
 from collections.abc import Sequence

@@ -45,7 +45,7 @@ class Reproduced:
 
 
 def reproduce(request: ReproduceRequest, say: Callable[[str], None] = lambda words: None) -> Reproduced:
-    """Do the experiments and write page, tables and figures; ``say`` is told what is being done.
+    """Do the experiments and write page, tables and figures; ``say`` receives the progress messages.
 
     Raises `InputError` where the session cannot be used, or a file cannot be written.
     """

@@ -159,7 +159,7 @@ def scenes(
 
 
 def background_at(session: Session, t_s: float) -> str:
-    """Return what the session says lies behind the aircraft at this time."""
+    """Return the background behind the aircraft at this time, from the session."""
     masks = phase_masks(np.array([t_s]), session.phases)
     return next((name for name, inside in masks.items() if inside[0]), _UNKNOWN_PHASE)
 

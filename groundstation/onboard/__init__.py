@@ -1,1 +1,1 @@
-"""Systems that run on the aircraft's own camera; nothing in the ground chain knows them."""
+"""Systems that run on the aircraft's own camera; nothing in the ground chain imports them."""

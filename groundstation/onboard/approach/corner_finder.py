@@ -1,4 +1,4 @@
-"""Corners of the runway from its tracked edges: the edges say where to look, the thresholds are measured there.
+"""Corners of the runway from its tracked edges: the edges give the search region, in which the thresholds are measured.
 
 All pixels are those of a picture without distortion.
 """

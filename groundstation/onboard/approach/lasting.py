@@ -24,7 +24,7 @@ _SHARE = 0.01
 
 
 class LastingErrors:
-    """Filters beside the main one, one for each of ``count`` lasting errors."""
+    """Filters that run parallel to the main one, one for each of ``count`` lasting errors."""
 
     def __init__(self, config: InertialConfig, mount: CameraMount, count: int) -> None:
         self._beside = [InertialFilter(config, mount) for _ in range(count)]

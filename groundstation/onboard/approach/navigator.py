@@ -211,7 +211,7 @@ class NoseNavigator:
         return LineState(mean=np.array([1.0, 0.0, -half, half, 0.0, 0.0, 0.0]), covariance=covariance)
 
     def _row_sigmas(self, told: NoseCameraPose) -> FloatArray | None:
-        """Return how well the filter knows the thresholds' rows, (2,) px; None while it is not trusted."""
+        """Return sigmas (2,) px of the predicted rows of the thresholds; None while the filter is not trusted."""
         fix = self._fix(self._filter.navigation, 0.0) if self._inside else None
         H = None
         if fix is not None:
@@ -303,7 +303,7 @@ class NoseNavigator:
         self._scatter = float(np.clip(self._scatter * (1.0 + step), 1.0, self._config.most_scatter))
 
     def _sensitivity(self, pose: RunwayPose, corners: FoundCorners) -> FloatArray | None:
-        """Return how the pose moves with its pixels; where the filter knows better, at the filter's pose."""
+        """Return how the pose moves with its pixels; at the filter's pose where that has the smaller covariance."""
         weights = corners.whole_covariance_px2
         position, wxyz = pose.position_m, pose.runway_from_camera_wxyz
         if self._filter.started:

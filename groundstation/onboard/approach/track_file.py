@@ -89,7 +89,7 @@ class NoseFiles:
 
 
 def write_agreement(path: Path, both: Agreement) -> None:
-    """Write the differences from the ground's track, and where the aircraft is if both are believed."""
+    """Write the differences from the ground's track, and the fused position of both."""
     with path.open("w", encoding="utf-8", newline="") as stream:
         out = csv.writer(stream, lineterminator="\n")
         out.writerow(AGREEMENT_COLUMNS)

@@ -1,4 +1,4 @@
-"""The inertial unit's log, and what the camera file's [imu] says of the unit (docs/onboard-fly.md)."""
+"""The inertial unit's log, and the camera file's [imu] section (docs/onboard-fly.md)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +34,7 @@ class UnitLogError(InputError):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InertialUnit:
-    """What is known of the unit: how the camera sits beside it, and its noise."""
+    """Parameters of the unit: the camera's mounting relative to it, and its noise."""
 
     mount: CameraMount
     config: InertialConfig

@@ -28,7 +28,7 @@ class CameraFileError(InputError):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NoseCamera:
-    """What a camera file says.
+    """Content of a camera file.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ def load_nose_camera(path: Path) -> NoseCamera:
 
 
 def is_camera_file(path: Path) -> bool:
-    """Return whether a file is TOML that says more than a lens; raises `CameraFileError` where it is damaged TOML."""
+    """Return whether a file is TOML with more than a lens; raises `CameraFileError` where it is damaged TOML."""
     if path.suffix.lower() != ".toml" or not path.is_file():
         return False
     return not {"mount_deg", "runway", "start", "imu"}.isdisjoint(load_toml(path, CameraFileError))

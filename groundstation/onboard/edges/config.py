@@ -12,7 +12,7 @@ from groundstation.onboard.edges.strip import StripConfig
 
 
 class Measurement(Enum):
-    """What the filter is told of a picture: the paper's six numbers, or crossings with their own covariance."""
+    """The measurement of a picture: the paper's six numbers, or crossings with their own covariance."""
 
     LINES = "lines"
     CROSSINGS = "crossings"

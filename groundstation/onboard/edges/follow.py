@@ -179,7 +179,7 @@ def process_noise(config: TrackerConfig, state: LineState) -> FloatArray:
 
 
 def plain_edges(crossings_px: FloatArray) -> FoundEdges:
-    """Return crossings with a covariance of 1 px², where nothing says better."""
+    """Return crossings with a covariance of 1 px², where no other is given."""
     return FoundEdges(crossings_px=crossings_px, covariance_px2=np.eye(4), contrast=np.ones(2), agreement=1.0)
 
 
@@ -247,7 +247,7 @@ def _in_picture(
 
 
 def _lasting(config: TrackerConfig, look: FrameGeometry, predicted: LineState, found: FoundEdges | None) -> FloatArray:
-    """Return what more pictures do not average out, (4, 4) px²; the paper's measurement knows of none."""
+    """Return what more pictures do not average out, (4, 4) px²; the paper's measurement has none."""
     if config.measurement is Measurement.LINES and found is not None:
         return np.zeros((4, 4))
     return edge_noise(config, look.predicted, look.rows, predicted.mean, found)

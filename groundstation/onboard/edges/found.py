@@ -1,4 +1,4 @@
-"""What a look at a picture says of two edges, by whichever way they were sought."""
+"""Result of the search for two edges in one picture, the same for all search methods."""
 
 from dataclasses import dataclass
 

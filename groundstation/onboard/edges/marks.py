@@ -1,4 +1,4 @@
-"""What is beside the edges, remembered over pictures: where paint and lamps are, and how bright.
+"""Marks next to the edges, accumulated over pictures: where paint and lamps are, and how bright.
 
 Paint half a metre inside one place of the edge may be lamps a metre outside another, in one picture, and a bright bar
 fits something anywhere. So the places of a side line and of lamps (a layout) are hypotheses: by turns others are fitted

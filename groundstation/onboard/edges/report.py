@@ -1,4 +1,4 @@
-"""What the edge tracker says of a frame."""
+"""The edge tracker's report of a frame."""
 
 from dataclasses import dataclass
 from enum import Enum

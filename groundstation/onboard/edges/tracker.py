@@ -98,7 +98,7 @@ class EdgeTracker:
         return EdgeReport(status=status, miss=step.miss, edges=step.edges)
 
     def _doubted(self, runway: Hypothesis, image: ImageArray, pose: NoseCameraPose) -> bool:
-        """Return whether Algorithm 1 has brought a better pair; all are compared anew if so."""
+        """Return whether Algorithm 1 has found a better pair; if so, all are compared again."""
         config, search = self._config, self._search
         if search is None:
             if not self._due(runway, self._unchecked):

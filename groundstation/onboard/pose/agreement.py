@@ -1,4 +1,4 @@
-"""The ground's track and the aircraft's own pose side by side: do they agree, and where is it if both are believed."""
+"""The ground's track and the aircraft's own pose compared: whether they agree, and the fused position of both."""
 
 from dataclasses import dataclass
 

@@ -113,7 +113,7 @@ class NavigationStatus(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoseInnovation:
-    """What an observation said: ``value`` (6,) position (m) and rotation (rad), its covariance (6, 6), NIS."""
+    """Innovation of an observation: ``value`` (6,) position (m) and rotation (rad), its covariance (6, 6), NIS."""
 
     outcome: UpdateOutcome
     value: FloatArray
@@ -258,7 +258,7 @@ class InertialFilter:
         self._rate_bias = self._rate_bias + change[RATE_BIAS]
 
     def _start(self, observation: PoseObservation, outcome: UpdateOutcome) -> PoseInnovation:
-        """Start from a pose; velocity and biases are as unknown as the configuration says."""
+        """Start from a pose; velocity and biases start with the configuration's sigmas."""
         config = self._config
         R = matrix_from_wxyz(observation.runway_from_camera_wxyz) @ self._mount.body_from_camera.T
         arm = R @ self._mount.camera_in_body_m

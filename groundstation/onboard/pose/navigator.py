@@ -56,7 +56,7 @@ class RunwayNavigator:
         return PictureResult(pose=pose, innovation=self.filter.update(observation))
 
     def _covariance(self, seen: SeenPoints, pose: RunwayPose) -> FloatArray:
-        """Return the pose's covariance, where the state knows better at the state's own pose.
+        """Return the pose's covariance, taken at the state's pose where that has the smaller covariance.
 
         A pose that came out too near would think itself too good: weighted by that, the mean would lean that way.
         """

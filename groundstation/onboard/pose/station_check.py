@@ -38,7 +38,7 @@ class StationCheck:
 
     @property
     def agrees(self) -> bool:
-        """Return whether the corners are where the rig says that they are seen."""
+        """Return whether the corners are where the rig predicts them."""
         return self.pose is not None and self.pose.status is PoseStatus.OK and self.statistic <= self.threshold
 
 

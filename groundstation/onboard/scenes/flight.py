@@ -1,4 +1,4 @@
-"""An approach through turbulence: exact poses of the nose camera, and what its sensors would have said."""
+"""An approach through turbulence: exact poses of the nose camera, and its sensors' measurements."""
 
 import math
 from dataclasses import dataclass
@@ -93,7 +93,7 @@ def fly(approach: StraightApproach, generator: np.random.Generator) -> PoseSerie
 
 
 def measured(flown: PoseSeries, sensors: Sensors, generator: np.random.Generator) -> PoseSeries:
-    """Return what the sensors say at the same times."""
+    """Return the sensors' measurements at the same times."""
     count = flown.t_s.size
     attitude = flown.attitude_rad + generator.normal(0.0, sensors.attitude_bias_rad, 3)
     attitude = attitude + generator.normal(0.0, sensors.attitude_noise_rad, (count, 3))

@@ -125,7 +125,7 @@ def attitude_of(runway_from_body_wxyz: FloatArray) -> FloatArray:
 
 
 def navigation_poses(flight: NoseFlight, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Return what a navigation says at each sample: attitude (n, 3) in rad and the camera's place (n, 3) in m."""
+    """Return a navigation's pose at each sample: attitude (n, 3) in rad and the camera's place (n, 3) in m."""
     sensors, motion = Sensors(), flight.motion
     attitude = np.array([attitude_of(wxyz_from_matrix(R)) for R in motion.runway_from_body])
     attitude += rng.normal(0.0, sensors.attitude_bias_rad, 3)

@@ -42,7 +42,7 @@ class Sequence:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NoseFrame:
-    """A picture (h, w, 3) uint8 BGR with its number, time, exact pose and what the sensors said of it."""
+    """A picture (h, w, 3) uint8 BGR with its number, time, exact pose and the sensors' measurement of it."""
 
     index: int
     t_s: float
@@ -121,7 +121,7 @@ SEQUENCES: tuple[Sequence, ...] = (
 def varied(
     sequence: Sequence, seed: int, stripe_inset_m: float | None = 0.5, lamps_out_m: float | None = 1.0
 ) -> Sequence:
-    """Return another approach in the same light: airfield, roads, flight path and everything random drawn anew.
+    """Return another approach in the same light: airfield, roads, flight path and everything random drawn again.
 
     Painted side lines lie ``stripe_inset_m`` inside the edges; None: on the edge, half a metre inside, or anywhere to
     one metre, drawn too. Lamps stand ``lamps_out_m`` outside them; None: 0.8 to 3 m, drawn too.
