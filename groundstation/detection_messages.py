@@ -1,4 +1,4 @@
-"""What one camera's look at one frame gives: a target found, or none and why.
+"""Results of the detection in one frame: a detection, or a miss with its reason.
 
 Part of `groundstation.messages`, which has them all, with the same units.
 """

@@ -1,4 +1,4 @@
-"""Every record that crosses a border between parts: events in, reports out.
+"""Records exchanged between packages: input events and output reports.
 
 All times are seconds in the session clock unless a name says otherwise, all lengths metres in the
 ``runway`` frame, all angles radians, all pixels OpenCV pixels (0, 0 = centre of the upper-left pixel).

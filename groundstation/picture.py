@@ -1,4 +1,4 @@
-"""A camera's picture as those see it who look at parts of it: windows, in colour, and a note of what was read.
+"""Access to a camera image by windows in colour, with a record of the windows that were read.
 
 A station's cameras deliver more than anyone looks at. Whoever wants pixels asks for a window; what was asked for is
 noted, so that a recorder can keep exactly that, and a picture of which only that was kept can be looked at again.

@@ -1,4 +1,4 @@
-"""Where in a whole frame might the aircraft be, when nothing is known of it.
+"""Acquisition: candidates for the aircraft in a whole frame, without a prediction.
 
 One finder per camera. It returns a short list of candidates, best first; which of them is the aircraft is
 decided by what the two cameras agree on over time.

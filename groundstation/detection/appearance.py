@@ -1,4 +1,4 @@
-"""What the target looks like, learnt from confident frames, so that a bird in front is not taken for it."""
+"""Appearance model of the target, learnt from confident frames, to distinguish it from birds and other objects."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What lies behind the target, learnt from earlier frames: a few of their surroundings of it, shifted into place.
+"""Background model of the target's surroundings: parts of earlier frames, registered to the newest one.
 
 The camera turns about a point close to its centre, so over the region of interest the scene moves as a whole:
 one shift, found on the scene's own texture with the target left out, brings an old frame under the new one.

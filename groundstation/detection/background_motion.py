@@ -1,4 +1,4 @@
-"""What moves against the static scene, seen by a camera that itself turns.
+"""Detection of motion against the static scene for a turning camera.
 
 Older frames are laid under the newest one. What differs from all of them in the same sense, by more than noise
 and a fraction of a pixel of misplacement explain, has moved: with two old frames of different age only the

@@ -1,4 +1,4 @@
-"""What the level set is measured against: its plain full-grid form, scikit-image's, and the snakes.
+"""Segmentation methods for comparison: the full-grid level set, those of scikit-image, and the snakes.
 
 Each takes the scalar image and the region inside the start contour, stops by the same rule (at most so many of
 the pixels inside change side, so many times running) and returns a φ, positive on the target.

@@ -1,4 +1,4 @@
-"""Things that stand out from their surroundings, over a whole frame, by contrast alone.
+"""Candidate regions of a whole frame by their contrast to the surroundings.
 
 The image is looked at in a few scales. In each one a coarse median is the background, so that shaded skies and
 large clouds vanish, and what remains is measured in units of the spread around it: a speck in an even sky

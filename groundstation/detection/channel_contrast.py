@@ -1,4 +1,4 @@
-"""How clearly each channel shows a silhouette: for the report, and for whoever compares channels."""
+"""Contrast of a silhouette in each channel, for the report and the comparison of channels."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Where the contour's last pixels end: the side that each of them takes when the flow is left alone for ever.
+"""Steady state of the contour's remaining pixels: the side that each of them takes in the limit of the flow.
 
 Without a limit φ grows as the cube root of time wherever something drives it, since δ_ε falls as 1/φ². What stays
 alike is its shape, φ_t ∝ φ · 1/t, so that in the end (Chan & Vese's flow, see chan_vese.py)::

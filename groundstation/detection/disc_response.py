@@ -1,4 +1,4 @@
-"""Where a silhouette is thickest: the place that a disc of the fuselage's radius fills best."""
+"""Thickest point of a silhouette: the maximum of the response to a disc of the fuselage's radius."""
 
 import math
 from functools import lru_cache

@@ -1,4 +1,4 @@
-"""Laying one picture of a turning camera over another.
+"""Registration of two frames of a turning camera.
 
 A camera that turns about its own centre moves the far scene by a homography. It is known from the pan-tilt
 angles, or found on the pictures' corners; either way the rest of a pixel is measured on the scene's texture.

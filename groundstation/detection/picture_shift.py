@@ -1,4 +1,4 @@
-"""What the whole picture has done since the last frame: a pan, tilt or shake of the camera, or a cut.
+"""Global image motion since the last frame (pan, tilt or shake of the camera), and detection of cuts.
 
 The shift is measured on small grey copies by the motion of corners, those of the target left out. An even sky
 shows nothing; then there is no answer.

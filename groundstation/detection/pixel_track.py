@@ -1,4 +1,4 @@
-"""What the tracker of one camera knows after a frame."""
+"""Result of the single-camera tracker for one frame."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""Where to look: the region of interest around a predicted target point."""
+"""Region of interest around a predicted target point."""
 
 import math
 

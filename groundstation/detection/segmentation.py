@@ -1,4 +1,4 @@
-"""The methods that divide the scalar image into target and background, behind one interface.
+"""Segmentation of the scalar image into target and background: all methods behind one interface.
 
 A method takes ``u`` (h, w) float32 in [0, 1] and ``inside`` (h, w), the region that the start contour
 encloses, and returns a level set φ (h, w) float32, positive on the target. What follows (regions, choice,

@@ -1,4 +1,4 @@
-"""Which part of a picture is sky: smooth cells joined to the upper border, above the horizon where it is known."""
+"""Sky segmentation: smooth cells connected to the upper border, above the horizon if it is known."""
 
 import math
 from collections.abc import Callable

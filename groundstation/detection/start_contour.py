@@ -1,4 +1,4 @@
-"""Where the level set starts: the last silhouette moved to the prediction, or an ellipse of the expected size."""
+"""Initial contour of the level set: the last silhouette moved to the prediction, or an ellipse of the expected size."""
 
 import math
 from dataclasses import dataclass

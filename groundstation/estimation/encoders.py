@@ -1,8 +1,8 @@
-"""Feeding PTU readings to the filter, and telling a jerk of the PTU from a wrong reading.
+"""Fusion of PTU readings, with a distinction between jerks of the PTU and outliers of the encoder.
 
-A reading far from its prediction is held back: the filter's angles only get less certain. If the next
-reading bears it out (no faster than the PTU can turn), the axis is started anew from the two; if not, the
-first was a spike and is dropped.
+A reading far from its prediction is not fused at once: it only inflates the covariance of the angles. If the next
+reading confirms it (at a rate that the PTU can reach), the axis is re-initialised from the two; if not, the first one
+was a spike and is dropped.
 """
 
 import math
@@ -15,15 +15,15 @@ from groundstation.geometry.angles import wrap_rad
 from groundstation.messages import PtuSample
 from groundstation.rig.rig import Station
 
-# with noise of half a step or more, so many equal readings of both axes do not happen by chance (< 1e-6)
+# with noise of half a step or more, this many equal readings of both axes exclude chance (< 1e-6)
 _FROZEN_READINGS = 15
 
 
 class _Known(NamedTuple):
-    """What is remembered of one station's readings: a new one for each, since the window for late data keeps the old.
+    """State of one station's readings; immutable, since snapshots of the late buffer refer to it.
 
-    ``newest_s`` is that of the newest that was believed, ``last`` the newest of all and ``same`` how often it has come
-    in a row before; ``suspect`` is held back; a ``frozen`` encoder repeats itself.
+    ``newest_s`` is the time of the newest accepted reading, ``last`` the newest of all and ``same`` the number of equal
+    readings before it; ``suspect`` is a reading not yet confirmed; a ``frozen`` encoder repeats one value.
     """
 
     newest_s: float = -math.inf
@@ -37,14 +37,14 @@ _NOTHING = _Known()
 
 
 class EncoderState(NamedTuple):
-    """Everything that the feed remembers of the readings so far, to go back to."""
+    """Snapshot of the feed."""
 
     spikes: int
     known: Mapping[str, _Known]
 
 
 class EncoderFeed:
-    """The readings of all turning stations on their way into one filter; counts what it refuses."""
+    """Fuses the readings of all turning stations into the filter; counts rejected ones."""
 
     def __init__(self, ekf: StationEkf, stations: Mapping[str, Station], config: EstimationConfig) -> None:
         self.spikes = 0
@@ -57,7 +57,7 @@ class EncoderFeed:
         self._axis_restarted = False
 
     def read(self, sample: PtuSample) -> str | None:
-        """Fuse one reading, at or after the filter's time; return a line for the log if something was odd."""
+        """Fuse one reading, at or after the filter time; return a log line for irregular readings."""
         station = self._stations.get(sample.station)
         if station is None or station.fixed:
             return None
@@ -69,7 +69,7 @@ class EncoderFeed:
         return note
 
     def _judge(self, sample: PtuSample, station: Station, known: _Known) -> tuple[str | None, _Known]:
-        """Fuse a reading of an encoder that is alive, once it is settled what the one before was."""
+        """Fuse a reading after resolving a suspect one before it."""
         note = None
         now_s = self._ekf.time_s
         ahead = 0.0 if now_s is None else max(sample.t_s - now_s, 0.0)
@@ -77,7 +77,7 @@ class EncoderFeed:
             note = self._settle(known.suspect, sample, ahead)
             known = known._replace(suspect=None)
             if self._axis_restarted:
-                # the axis stands on this very reading now: it must not count twice
+                # the axis was re-initialised with this reading, which must not be fused twice
                 return note, known._replace(newest_s=sample.t_s)
         innovation = self._ekf.update_encoder(
             sample.station,
@@ -91,25 +91,25 @@ class EncoderFeed:
         return note, known._replace(suspect=sample)
 
     def snapshot(self) -> EncoderState:
-        """Return all that is remembered of the readings: it belongs to the filter's time as its state does."""
+        """Return the state of the feed, which belongs to the filter state of the same time."""
         return EncoderState(self.spikes, self._known)
 
     def restore(self, saved: EncoderState) -> None:
-        """Remember again what was remembered at a `snapshot`."""
+        """Restore a `snapshot`."""
         self.spikes, self._known = saved
 
     def is_doubtful(self, station: str) -> bool:
-        """Return whether the newest reading is held back, not yet known to be a jerk or a spike."""
+        """Return whether the newest reading is suspect: either a jerk or a spike."""
         return self._known.get(station, _NOTHING).suspect is not None
 
     def is_frozen(self, station: str) -> bool:
-        """Return whether a noisy encoder has been repeating one value: its angles are not to be used."""
+        """Return whether a noisy encoder repeats one value, so that its angles are not used."""
         return self._known.get(station, _NOTHING).frozen
 
     def _watch_for_standstill(self, sample: PtuSample, station: Station, known: _Known) -> tuple[str | None, _Known]:
-        """Notice an encoder that repeats itself to the last digit although its readings are noisy.
+        """Detect a noisy encoder that repeats one value exactly.
 
-        A noiseless encoder at rest does that rightly, so it is left alone.
+        Noiseless encoders at rest do so in normal operation and are not tested.
         """
         last = known.last
         repeats = last is not None and last.pan_rad == sample.pan_rad and last.tilt_rad == sample.tilt_rad
@@ -126,7 +126,7 @@ class EncoderFeed:
         return note, _Known(newest_s, sample, same, known.suspect, frozen)
 
     def age_s(self, station: str, t_s: float) -> float:
-        """Return how long ago the last believed reading was."""
+        """Return the age of the last accepted reading."""
         return t_s - self._known.get(station, _NOTHING).newest_s
 
     def noise_rad(self, station: str) -> float:
@@ -139,8 +139,8 @@ class EncoderFeed:
         return math.sqrt(max(P[pan, pan], P[pan + 1, pan + 1]))
 
     def _off(self, sample: PtuSample, ahead_s: float) -> float:
-        """Return how far a reading is from where the head was expected at its time, ``ahead_s`` after the filter's."""
-        # a head that turns at 45°/s is elsewhere by half a degree from one reading to the next
+        """Return the distance of a reading from its prediction, ``ahead_s`` after the filter time."""
+        # includes the rate: a PTU at 45°/s turns by half a degree between two readings
         pan_rate, tilt_rate = self._ekf.state[self._ekf.layout.rates[sample.station]]
         pan, tilt = self._ekf.angles(sample.station)
         pan_off = wrap_rad(sample.pan_rad - pan - ahead_s * pan_rate)
@@ -148,7 +148,7 @@ class EncoderFeed:
         return float(max(abs(pan_off), abs(tilt_off)))
 
     def _settle(self, suspect: PtuSample, sample: PtuSample, ahead_s: float) -> str | None:
-        """Decide what the reading before was, now that another is here, ``ahead_s`` after the filter's time."""
+        """Resolve a suspect reading with the next one, ``ahead_s`` after the filter time."""
         self._axis_restarted = False
         dt = sample.t_s - suspect.t_s
         if dt <= 0.0:

@@ -1,4 +1,4 @@
-"""How likely it is that the target is inside the image.
+"""Probability that the target is inside the image.
 
 The consistent weight is the predicted probability mass inside the image; the paper's is 1 inside and falls
 with the prediction's distance beyond the border.

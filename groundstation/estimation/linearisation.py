@@ -1,5 +1,5 @@
-"""Where a pixel's model bends: looks from where the update leads, noise of what a linear filter leaves out, and what a
-triangulated start has of the rig's errors in it.
+"""Non-linearity of the pixel model: iterated updates, second-order noise terms, and the sensitivity of a triangulated
+initial state to the errors of the rig.
 """
 
 import math
@@ -25,7 +25,7 @@ from groundstation.estimation.motion import MotionModel
 from groundstation.estimation.parameters import CLOCKS, clock_places
 from groundstation.estimation.state import StateLayout
 
-# a pixel is linearised anew until that changes it by less than so many sigmas of its noise, or so many times
+# the update is iterated until it changes by less than this many sigmas of the pixel noise, or this many times
 _LINEAR_SIGMA = 0.1
 _MAX_LINEARISATIONS = 5
 _BEHIND = 1e6  # residual of a trial state that is behind the camera, sigmas
@@ -35,21 +35,21 @@ _UNDETERMINED = 1e12  # condition of the normal equations
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Linearised:
-    """A pixel as the filter takes it: Jacobian H (2, n) and residual (2,) at the state as it is."""
+    """A linearised pixel: Jacobian H (2, n) and residual (2,) at the prior state."""
 
     jacobian: FloatArray
     residual: FloatArray
 
 
 class _Clock(NamedTuple):
-    """Where the errors of one clock stand in the state, (m,), and which of them are offsets; the others are drifts."""
+    """Indices of the errors of one clock in the state, (m,), and which are offsets; the others are drifts."""
 
     places: NDArray[np.int64]
     is_offset: BoolArray
 
 
 class PixelLinearisation:
-    """The pixel models of all stations, and how far they are straight."""
+    """Linearisation of the pixel models of all stations."""
 
     def __init__(self, layout: StateLayout, pixels: Mapping[str, PixelModel]) -> None:
         self._layout = layout
@@ -72,15 +72,15 @@ class PixelLinearisation:
         R: FloatArray,
         times: tuple[float, float],
     ) -> Linearised:
-        """Return a pixel (2,) as seen from where its update leads (iterated EKF).
+        """Return a pixel (2,) linearised at its updated state (iterated EKF).
 
-        A target that is known to 10 m only at 600 m makes the plain update wrong by pixels, which it then takes
-        for knowledge of the velocity. Once the track has settled the first look is good enough.
+        With a position uncertain by 10 m at 600 m, the plain update is wrong by several pixels, which it attributes to
+        the velocity. Once the track has converged, the first linearisation is sufficient.
 
         Parameters
         ----------
-        pixel : less what is linear anyhow, the station's lasting error.
-        first : the look from the state itself; columns of offsets stay as they are.
+        pixel : without the time-correlated error of the station, which is linear.
+        first : the linearisation at the prior state; its columns of offsets are kept.
         state : x (n,), P (n, n) and which states are estimated (n,).
         times : how long after the stamp the row is exposed, and how long clocks have drifted, s.
         """
@@ -93,7 +93,7 @@ class PixelLinearisation:
             if seen is None:
                 break
             again, there_H = self._from(seen, pixel, there - x, H, own)
-            # what the new look makes of the state as it is, and of all that the state may be
+            # change of the residual at the prior mean, and of the Jacobian over the prior covariance
             change = again - residual
             turned = innovation_covariance(P, there_H - H, np.zeros((2, 2)))
             off = float(squared_sigmas(change, R))
@@ -110,7 +110,7 @@ class PixelLinearisation:
     def _from(
         seen: PixelPrediction, pixel: FloatArray, away: FloatArray, first: FloatArray, own: slice
     ) -> tuple[FloatArray, FloatArray]:
-        """Return residual and Jacobian at the state, of a look from ``away`` (n,) of it."""
+        """Return residual and Jacobian at the prior state, linearised ``away`` (n,) from it."""
         H = seen.jacobian
         residual = pixel - seen.pixel + H @ away
         H[:, own] = first[:, own]
@@ -125,9 +125,9 @@ class PixelLinearisation:
         R: FloatArray,
         times: tuple[float, float],
     ) -> FloatArray:
-        """Return the state (n,) whose target is the likeliest after a pixel, where plain steps jump about.
+        """Return the state (n,) with the maximum a posteriori target, where the iteration does not converge.
 
-        What the pixel says of anything but the target counts as its noise, by the first look's Jacobian ``H``.
+        The contribution of all other states to the pixel is treated as noise, by the Jacobian ``H``.
         """
         x, P = prior
         target = self._layout.target
@@ -157,10 +157,10 @@ class PixelLinearisation:
         return bool(self._clocks[station])
 
     def speed_noise(self, station: str, H: FloatArray, P: FloatArray, age_s: float) -> FloatArray:
-        """Return what a pixel with Jacobian ``H`` gets (2, 2) because a clock's error acts on an uncertain speed.
+        """Return the noise (2, 2) of a pixel with Jacobian ``H`` due to a clock error times an uncertain speed.
 
-        A clock that is off by δ moves the pixel by δ·ṁ; the spread of δ times that of ṁ is the term that a linear
-        filter leaves out (second order), and would learn clocks from.
+        A clock error δ moves the pixel by δ·ṁ; the product of the variances of δ and ṁ is the second-order term that
+        a linear filter neglects, and which would bias the clock estimates.
         """
         noise = np.zeros((2, 2))
         angles, rates = self._layout.angles.get(station), self._layout.rates.get(station)
@@ -174,9 +174,9 @@ class PixelLinearisation:
     def passage_noise(
         self, station: str, H: FloatArray, state: tuple[FloatArray, FloatArray], age_s: float, motion: MotionModel
     ) -> FloatArray:
-        """Return what a pixel with Jacobian ``H`` gets (2, 2) because its instant is away from the filter's by clocks.
+        """Return the noise (2, 2) of a pixel with Jacobian ``H`` due to the clock offset from the filter time.
 
-        From one to the other target and head are carried along their speeds, with the process noise of ``motion``.
+        Target and PTU are propagated over this offset, with the process noise of ``motion``.
         """
         x, P = state
         away = {clock: np.zeros(2) for clock in CLOCKS}
@@ -193,10 +193,10 @@ class PixelLinearisation:
         return noise
 
     def sensitivity(self, state: FloatArray, age_s: float) -> FloatArray | None:
-        """Return how a point triangulated here, and its velocity, move with the carried errors, (6, m).
+        """Return the sensitivity (6, m) of a triangulated point and its velocity to the carried errors.
 
-        By the normal equations, ∂X/∂θ = −(Σ JᵀJ)⁻¹ Σ Jᵀ ∂pixel/∂θ, now and a moment later. None where the views of
-        the stations don't determine a point.
+        By the normal equations, ∂X/∂θ = −(Σ JᵀJ)⁻¹ Σ Jᵀ ∂pixel/∂θ, now and a moment later. None if the views of the
+        stations do not determine a point.
         """
         at = []
         for ahead_s in (0.0, _MOMENT_S):

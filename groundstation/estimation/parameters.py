@@ -1,4 +1,4 @@
-"""The errors of calibration and clocks that the filter carries beside what moves.
+"""The errors of calibration and clocks in the filter state: estimated, or treated as consider parameters.
 
 Each is a difference from what the rig file says, zero at first, with the covariance that the rig file gives. Names
 are ``station.parameter``: those of `groundstation.geometry.calibration`, and for clocks

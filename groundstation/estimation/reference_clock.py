@@ -1,4 +1,4 @@
-"""Whether the clock of a reference receiver has stepped: by the one thing that a step does to its positions.
+"""Detection of a clock step of a reference receiver from the residual along the velocity.
 
 A clock that steps by δ moves each position by δ·v, forward or back along the flight and nowhere else. Between two
 positions the filter knows the way of the aircraft to some decimetres, and so sees steps that are far too small to be

@@ -1,4 +1,4 @@
-"""The silhouette's width as a measurement: with the span it gives the range, for one camera alone.
+"""Measurement model of the silhouette width, which with the span gives the range from a single camera.
 
 w = span · f / depth · aspect, in logarithms, since its error is a share of it. The wings are taken as level and across
 the flight; aspect = |c · ŵ| with the camera's axis of columns c and the wings' direction ŵ = (v_y, −v_x, 0)/|v_xy|. The

@@ -1,4 +1,4 @@
-"""Where the target will be next, from a curve through where it has been: it places the region of interest.
+"""Prediction of the next target position from a curve through the last ones, to place the region of interest.
 
 Three predictors over the same knots (position and time, oldest first):
 

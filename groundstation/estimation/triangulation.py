@@ -1,4 +1,4 @@
-"""The baseline: one 3-D point from two or more pixels of one epoch, with no memory.
+"""Triangulation of one 3-D point from two or more pixels of one epoch, independent of the filter.
 
 `midpoint` is the paper's CV_T, the middle of the rays' common perpendicular; `triangulate` refines it to the
 maximum-likelihood point, which weighs each ray by its own noise, and gives its covariance. Neither is fed
