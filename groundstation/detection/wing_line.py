@@ -1,6 +1,6 @@
-"""The wing of a silhouette: its line, its tips, and how the picture is turned so that it lies level.
+"""Wing of a silhouette: its line, its tips, and the rotation of the image that levels it.
 
-In the turned picture s runs along the wing to the right and t across it downwards.
+In the rotated image s runs along the wing to the right and t across it downwards.
 """
 
 import math

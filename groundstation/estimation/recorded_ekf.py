@@ -145,7 +145,7 @@ class RecordedEkf(StationEkf):
             self.history.truncate(saved.mark)
             del self.journal[saved.journal_length :]
 
-    # ---------------------------------------------------------------------------------- what is journal_length
+    # ---------------------------------------------------------------------------------- recording
     def _propagate(self, from_s: float, to_s: float) -> FloatArray:
         """Predict the state to a later time, as `StationEkf` does, and record the transition."""
         x, P = self.state, self.covariance
@@ -271,7 +271,7 @@ class RecordedEkf(StationEkf):
         if self.covariance is not P:
             self._record_transition(self.time_s, x, P, np.eye(self.layout.size))
 
-    # --------------------------------------------------------------------------------- what is asked
+    # ---------------------------------------------------------------------------------- queries
     def kinematics_at(self, t_s: float) -> Kinematics:
         """Return position, velocity (runway frame) and (6, 6) covariance at ``t_s``, given all measurements so far.
 
