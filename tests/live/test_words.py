@@ -75,9 +75,9 @@ def test_what_the_screen_left_out_is_said() -> None:
 
     view = LiveView(rr.RecordingStream("test"), standard_rig(), "test")
     try:
-        assert view.words() == ""
+        assert view.status_text() == ""
         view.left_out = 7
-        assert view.words() == "screen: 7 reports not drawn, it is too slow"
+        assert view.status_text() == "screen: 7 reports not drawn, it is too slow"
     finally:
         view.close()
 
@@ -198,14 +198,14 @@ def test_the_screen_says_by_itself_that_it_is_old(monkeypatch: pytest.MonkeyPatc
     view = LiveView(rr.RecordingStream("test"), standard_rig(), "test", lambda: now[0])
     view.close()
     told: list[tuple[float, list[str]]] = []
-    monkeypatch.setattr(view, "_tell", lambda t_s, lines: told.append((t_s, list(lines))))
-    view._look()
-    view.say(10.0, ["tracking"])
+    monkeypatch.setattr(view, "_log_status", lambda t_s, lines: told.append((t_s, list(lines))))
+    view._check_age()
+    view.show_status(10.0, ["tracking"])
     now[0] = 52.0
-    view._look()
+    view._check_age()
     assert told == []
     now[0] = 52.5
-    view._look()
+    view._check_age()
     assert told == [(12.5, ["NO STATUS for 2 s: what is shown is old"])]
 
 
