@@ -73,7 +73,9 @@ def glance() -> list[tuple[str, str, str]]:
 
 def misplaced(name: str, link: str, cell: str, lines: list[str]) -> list[str]:
     """Return what of the figures of a row's cell is not, in their order, at their places in the linked passages."""
-    seen, places, found = _NUMBER.findall(re.sub(r"\]\([^)]*\)", "]", cell)), [], []
+    seen = _NUMBER.findall(re.sub(r"\]\([^)]*\)", "]", cell))
+    places: list[str] = []
+    found: list[str] = []
     for template in PLACES.get(name, ()):
         match captured(template, lines):
             case [only]:
