@@ -42,9 +42,9 @@ from groundstation.recording.recover import recover
 from groundstation.rig.rig import Rig
 from groundstation.session import load_session
 from groundstation.simulation.cases import standard_rig
+from groundstation.simulation.nose_truth import NoseTruth
 from groundstation.simulation.shared_range import SharedRange
 from groundstation.simulation.simulated_landings import simulated_set_up
-from groundstation.simulation.simulated_range import NoseTruth
 from groundstation.sources.cameras.camera import CameraDevice, Grab, SettingsReadBack
 from groundstation.sources.session_source import session_source
 from ptu_drivers.messages import Axis

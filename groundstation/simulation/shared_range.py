@@ -9,7 +9,8 @@ from pathlib import Path
 from groundstation.live.station_file import StationFile
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.rig.rig import Rig
-from groundstation.simulation.simulated_range import NoseTruth, SimulatedCameraDevice, SimulatedRange
+from groundstation.simulation.nose_truth import NoseTruth
+from groundstation.simulation.simulated_range import SimulatedCameraDevice, SimulatedRange
 from groundstation.sources.cameras.camera import CameraDevice
 
 

@@ -21,7 +21,7 @@ from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN
 from groundstation.simulation.cases import standard_rig
 from groundstation.simulation.flights import FlightModelKind, Shortened, in_wind
-from groundstation.simulation.simulated_range import NoseTruth
+from groundstation.simulation.nose_truth import NoseTruth
 from groundstation.simulation.simulated_receiver import SIMULATED_ORIGIN
 from groundstation.simulation.trajectory import Trajectory
 

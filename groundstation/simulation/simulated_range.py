@@ -10,7 +10,6 @@ import math
 import multiprocessing as mp
 import threading
 import time
-from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -26,6 +25,7 @@ from groundstation.live.child_process import terminal_signals_blocked
 from groundstation.live.delay_line import DelayLine
 from groundstation.picture import BayerPattern
 from groundstation.rig.rig import Rig, load_rig
+from groundstation.simulation.nose_truth import NoseTruth
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.simulated_receiver import ReceiverModel, SimulatedReceiver
 from groundstation.simulation.timed_faults import (
@@ -93,21 +93,6 @@ class RangeConfig:
     receiver: ReceiverModel | None = None
     timetable: tuple[TimedFault, ...] = ()
     seed: int = 0
-
-
-class NoseTruth:
-    """What truly was at a camera's pictures: host time of mid-exposure and the nose's pixel, in flat memory."""
-
-    def __init__(self) -> None:
-        self._rows = array("d")
-
-    def add(self, t_s: float, u_px: float, v_px: float) -> None:
-        """Note a picture; the pixel is not a number where the nose is behind the camera."""
-        self._rows.extend((t_s, u_px, v_px))
-
-    def rows(self) -> FloatArray:
-        """Return t, u, v of all pictures, (n, 3)."""
-        return np.array(self._rows).reshape(-1, 3)
 
 
 class SimulatedRange:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from groundstation.simulation.simulated_range import NoseTruth
+from groundstation.simulation.nose_truth import NoseTruth
 
 
 def test_the_truth_of_each_picture_is_kept_in_order() -> None:

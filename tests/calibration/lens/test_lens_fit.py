@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from calibration.lens.advice import advise, tilts_deg
 from calibration.lens.boards import parse_board
-from calibration.lens.fit import View, fit_lens
+from calibration.lens.fit import BoardView, fit_lens
 from calibration.lens.intrinsics import solve_intrinsics
 from calibration.lens.quality import hold_out, uncertainty_map
 from calibration.lens.view_choice import choose_views
@@ -53,7 +53,7 @@ def test_sigmas_hold_where_a_view_errs_as_a_whole() -> None:
     assert low < together < high
 
 
-def _bent(view: View, generator: np.random.Generator) -> View:
+def _bent(view: BoardView, generator: np.random.Generator) -> BoardView:
     """Move a view's corners by a drawn curved field of 0.1 px."""
     flat = view.board_m - view.board_m.mean(axis=0)
     x, y = (flat / flat.std(axis=0).max())[:, :2].T

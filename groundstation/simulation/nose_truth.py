@@ -1,0 +1,22 @@
+"""Where the nose truly was in each picture of a simulated range."""
+
+from array import array
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+
+
+class NoseTruth:
+    """What truly was at a camera's pictures: host time of mid-exposure and the nose's pixel, in flat memory."""
+
+    def __init__(self) -> None:
+        self._rows = array("d")
+
+    def add(self, t_s: float, u_px: float, v_px: float) -> None:
+        """Note a picture; the pixel is not a number where the nose is behind the camera."""
+        self._rows.extend((t_s, u_px, v_px))
+
+    def rows(self) -> FloatArray:
+        """Return t, u, v of all pictures, (n, 3)."""
+        return np.array(self._rows).reshape(-1, 3)
