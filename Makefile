@@ -49,7 +49,7 @@ kernels-aboard: $(VENV)/installed
 	$(BIN)/python -m tests.compile_kernels aboard >/dev/null
 
 ## fuzz: the property tests on examples that no run has seen; then mutated files through every reader and mutated
-## recordings through the commands, which goes on from where an earlier run was interrupted (out/fuzz)
+## recordings through the commands, which goes on from where an earlier run was interrupted (benchmarks/fuzz)
 fuzz: $(VENV)/installed
 	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=new
 	$(BIN)/python benchmarks/ptu_fuzz.py

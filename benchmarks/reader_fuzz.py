@@ -211,7 +211,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=22, metavar="S")
     parser.add_argument("--only", nargs="+", metavar="READER", help="only these")
     parser.add_argument("--minutes", type=float, default=1e9, metavar="M", help="no longer than this, this time")
-    parser.add_argument("--state", type=Path, default=ROOT / "out" / "fuzz" / "readers.json", metavar="FILE")
+    parser.add_argument("--state", type=Path, default=ROOT / "benchmarks" / "fuzz" / "readers.json", metavar="FILE")
     parser.add_argument("--again", nargs=2, metavar=("READER", "K"), help="write and read one input")
     parser.add_argument("--part", help=argparse.SUPPRESS)
     options = parser.parse_args()

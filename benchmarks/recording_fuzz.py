@@ -194,7 +194,7 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=1_000, metavar="N")
     parser.add_argument("--seed", type=int, default=22, metavar="S")
     parser.add_argument("--minutes", type=float, default=1e9, metavar="M", help="no longer than this, this time")
-    parser.add_argument("--state", type=Path, default=ROOT / "out" / "fuzz" / "recordings.json", metavar="FILE")
+    parser.add_argument("--state", type=Path, default=ROOT / "benchmarks" / "fuzz" / "recordings.json", metavar="FILE")
     parser.add_argument("--again", type=int, metavar="K", help="write one recording to a file that stays")
     parser.add_argument("--part", help=argparse.SUPPRESS)
     options = parser.parse_args()

@@ -116,7 +116,9 @@ PLACES: dict[str, tuple[str, ...]] = {
     "live: nose in the central half of the picture": (_TWELVE + "| _ | _ | _ | # % of",),
     "live: error over a replay's, the same flight": ("| all | _ | _ | #/#/# |",),
     "killed while recording: lost at most": ("of the flight ~ s lost (median), # s at most",),
-    "killed or out of memory: heads stop after at most": ("| pipeline | memory | ~ | # s (",),
+    "a process lost: heads stand after; state right after, at most": (
+        "| ptus | KILL, STOP, TERM | ~ | ~ | # s | # s |",
+    ),
     "replay over decoding alone: without Rerun; with it": (
         _SPEED.format("replay without Rerun") + "~; # | ~–~;",
         _SPEED.format("replay, all outputs") + "~; # |",
