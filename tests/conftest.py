@@ -81,6 +81,13 @@ def not_ended_by_force(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def unhurried_shutdown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A station in the tests' own process may take its time to end; its bounds are tested elsewhere."""
+    monkeypatch.setattr("groundstation.live.shutdown.END_S", 60.0)
+    monkeypatch.setattr("groundstation.live.command.CLOSE_S", 30.0)
+
+
+@pytest.fixture
 def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     """A generator seeded by the test's own name: the same draw in each run, another in each test."""
     return np.random.default_rng(list(request.node.name.encode()))

@@ -156,6 +156,9 @@ class StatusBoard:
     def _track(self, now_s: float, track: TrackStatus) -> str:
         """Return how the track is at ``now_s``: what is not known to be so now is not said as if it were."""
         newest, pair_s = self._newest, self._pair_s
+        if newest is not None and newest.t_s < 0.0:
+            # before the session's time zero: the pipeline's state at its start, not an answer
+            return "not known: no answer yet"
         if newest is not None and now_s - newest.t_s > _STALE_S:
             return f"not known: was {track.value}, and nothing is known of the last {now_s - newest.t_s:.1f} s"
         quiet = "" if pair_s is None or now_s - pair_s <= _OLD_S else f", no pair for {now_s - pair_s:.1f} s"

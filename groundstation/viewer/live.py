@@ -4,6 +4,7 @@ A thread of its own draws; whoever hands over reports never waits, and where dra
 out and counted. Pictures are shown a few times a second and reduced: what the pipeline sees is in the recording.
 """
 
+import contextlib
 import threading
 import time
 from collections import deque
@@ -97,7 +98,9 @@ class LiveView:
                 self._draw(what)
             else:
                 self._log_status(*what)
-        self._sink.close()
+        # a viewer that has ended takes no more: what it would have drawn last is lost with it
+        with contextlib.suppress(RuntimeError):
+            self._sink.close()
 
     def _log_status(self, t_s: float, lines: Sequence[str]) -> None:
         self._stream.set_time(tree.TIMELINE, duration=np.timedelta64(round(t_s * 1e9), "ns"))

@@ -145,6 +145,7 @@ def run_page(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, answered
         run_block(block, answered)
 
 
+@pytest.mark.usefixtures("unhurried_shutdown")
 @pytest.mark.parametrize("page", RUN, ids=lambda p: str(p.relative_to(ROOT)))
 def test_commands_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answered: list[str]) -> None:
     run_page(page, tmp_path, monkeypatch, answered)

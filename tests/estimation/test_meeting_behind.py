@@ -8,7 +8,7 @@ from groundstation.estimation.second_view import _Meeting
 
 
 def test_behind_a_camera_all_four_residuals_are_far_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_Meeting, "looks", lambda self, point_m: None)
+    monkeypatch.setattr(_Meeting, "predictions", lambda self, point_m: None)
     meeting = _Meeting.__new__(_Meeting)
     np.testing.assert_array_equal(meeting.residuals(np.zeros(3)), np.full(4, second_view._BEHIND))
 
@@ -19,5 +19,5 @@ def test_behind_a_camera_all_four_residuals_are_far_off(monkeypatch: pytest.Monk
     class Layout:
         position = velocity = slice(0, 3)
 
-    meeting._needle, meeting._layout = BearingOnlyPrior(), Layout()
+    meeting._prior, meeting._layout = BearingOnlyPrior(), Layout()
     np.testing.assert_array_equal(meeting.jacobian(np.zeros(3)), np.zeros((4, 3)))

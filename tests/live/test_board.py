@@ -80,6 +80,12 @@ def test_what_is_not_known_of_now_is_not_told_as_if_it_were() -> None:
     assert board.status(11.01, TrackStatus.COASTING, (), {}, "").lines[0].startswith("coasting: predicted")
 
 
+def test_before_the_first_answer_no_age_is_shown() -> None:
+    board = StatusBoard()
+    board.passed(state(-1e9, TrackStatus.SEARCHING, None))
+    assert board.status(6.1, TrackStatus.SEARCHING, (), {}, "").lines[0] == "not known: no answer yet"
+
+
 def test_one_of_a_kind_is_told_in_the_singular() -> None:
     dropped = {"frames of left": 1, "frames of right": 2, "readings": 1, "pairs, being behind": 1}
     assert dropped_text(dropped) == "dropped: 1 frame of left, 2 frames of right, 1 reading, 1 pair, being behind"

@@ -204,7 +204,7 @@ def test_a_status_that_time_has_changed_is_told_at_once(tmp_path: Path) -> None:
 
     def turn(t_s: float) -> int:
         now[0] = t_s
-        operation._turn(core, heads, [], None)
+        operation._cycle(core, heads, [], None)
         return len(operator.read)
 
     assert [turn(t_s) for t_s in (10.0, 10.1, 10.49, 10.5)] == [1, 1, 1, 2]
@@ -228,10 +228,10 @@ def test_a_turn_knows_whether_more_waits(tmp_path: Path) -> None:
     reading = PtuSample(t_s=9.5, station="left", pan_rad=0.0, tilt_rad=0.0)
     said = DeviceLogLine(t_s=9.5, level="info", text="parking")
     now[0] = 10.0
-    operation._turn(core, heads, [], reading)
+    operation._cycle(core, heads, [], reading)
     operation.input_queue.put(reading)
-    operation._turn(core, heads, [], reading)
-    operation._turn(core, heads, [], said)
-    operation._turn(core, heads, [], None)
+    operation._cycle(core, heads, [], reading)
+    operation._cycle(core, heads, [], said)
+    operation._cycle(core, heads, [], None)
     assert core.known[:2] == [10.0, 9.5]
     assert all(known_s is not None and known_s < -1e6 for known_s in core.known[2:])

@@ -242,3 +242,15 @@ def test_what_a_camera_dropped_before_anybody_listened_is_no_loss() -> None:
         worker.stop()
         assert worker.counts_before.dropped == 46
         assert camera.counts.dropped == 46
+
+
+def test_a_viewer_that_has_ended_does_not_break_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: Rerun's error on a closed connection stays in the thread that draws; pytest makes of it a failure."""
+    view = LiveView(rr.RecordingStream("test"), standard_rig(), "test")
+
+    def gone() -> None:
+        raise RuntimeError("gRPC connection gracefully disconnected")
+
+    monkeypatch.setattr(view._sink, "close", gone)
+    view.close()
+    assert not view._thread.is_alive()

@@ -286,7 +286,7 @@ def test_a_find_without_pictures_is_no_find(flight: list[Event]) -> None:
     begun_s = run.estimates[-1].t_s
     # as it is begun from whole frames, which this flight has none of
     life = run.pipeline._track_manager.state_machine
-    life.started(begun_s, path(begun_s))
+    life.start(begun_s, path(begun_s))
     life.status = TrackStatus.ACQUIRING
     assert run.beat(begun_s + 0.99).status is TrackStatus.ACQUIRING
     state = run.beat(begun_s + 1.01)

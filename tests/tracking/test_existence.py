@@ -115,7 +115,7 @@ def test_it_drives_loss_and_search() -> None:
     assert life.needs_search(0.5)
     time_to(life.existence, 1e-5, 1.0, 20.0)
     assert life.is_lost(0.5, ekf, STATIONS)
-    life.started(20.0, None)
+    life.start(20.0, None)
     assert not life.is_lost(20.5, ekf, STATIONS)
 
 

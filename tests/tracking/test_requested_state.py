@@ -21,6 +21,6 @@ from groundstation.tracking.pipeline import Pipeline
 def test_which_way_it_is_answered(has_target: bool, time_s: float | None, t_s: float, expected: str | None) -> None:
     pipeline = Pipeline.__new__(Pipeline)
     pipeline._ekf = SimpleNamespace(
-        has_target=has_target, time_s=time_s, kinematics_at=lambda t: "ahead", passed=lambda t: "behind"
+        has_target=has_target, time_s=time_s, kinematics_at=lambda t: "ahead", smoothed_at=lambda t: "behind"
     )
     assert pipeline.estimate_at(t_s) == expected
