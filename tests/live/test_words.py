@@ -246,6 +246,8 @@ def test_what_a_camera_dropped_before_anybody_listened_is_no_loss() -> None:
 
 def test_a_viewer_that_has_ended_does_not_break_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: Rerun's error on a closed connection stays in the thread that draws; pytest makes of it a failure."""
+    import rerun as rr
+
     view = LiveView(rr.RecordingStream("test"), standard_rig(), "test")
 
     def gone() -> None:
