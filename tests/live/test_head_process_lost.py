@@ -189,7 +189,10 @@ def test_a_head_that_does_not_acknowledge_is_not_called_halted(tmp_path: Path) -
             lambda: any("may still turn" in words for t_s, _, words in station.heads.log.shown if t_s >= lost_s)
         )
         assert not any("halted, restarting" in words for t_s, _, words in station.heads.log.shown if t_s >= lost_s)
-        assert any("left: no halt was acknowledged" in text and "may still turn" in text for text in station.said())
+        # it is shown a moment before it is logged
+        assert until(
+            lambda: any("left: no halt was acknowledged" in text and "may still turn" in text for text in station.said())
+        )
         with station.server.lock:
             station.server.line.dead = False
         assert until(lambda: any("restart " in text for text in station.said()), 90.0)
