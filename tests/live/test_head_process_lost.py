@@ -191,7 +191,9 @@ def test_a_head_that_does_not_acknowledge_is_not_called_halted(tmp_path: Path) -
         assert not any("halted, restarting" in words for t_s, _, words in station.heads.log.shown if t_s >= lost_s)
         # it is shown a moment before it is logged
         assert until(
-            lambda: any("left: no halt was acknowledged" in text and "may still turn" in text for text in station.said())
+            lambda: any(
+                "left: no halt was acknowledged" in text and "may still turn" in text for text in station.said()
+            )
         )
         with station.server.lock:
             station.server.line.dead = False
