@@ -93,22 +93,32 @@ class MemoryReserve:
 
     def __init__(self, size: int = _RESERVE_BYTES) -> None:
         self._size = size
+        self._halts = 0
+        self._changing = threading.Lock()
         self._held: bytearray | None = None
-        self.hold()
+        self._take()
 
     @property
     def held(self) -> bool:
         """Whether the memory is kept."""
         return self._held is not None
 
-    def hold(self) -> None:
-        """Take the memory, if there is enough."""
-        with contextlib.suppress(MemoryError):
-            self._held = self._held or bytearray(self._size)
-
     def release(self) -> None:
-        """Give the memory back."""
-        self._held = None
+        """Give the memory back: a halt begins."""
+        with self._changing:
+            self._halts += 1
+            self._held = None
+
+    def hold(self) -> None:
+        """Take the memory again, if there is enough, once the last halt under way has ended."""
+        with self._changing:
+            self._halts -= 1
+            if not self._halts:
+                self._take()
+
+    def _take(self) -> None:
+        with contextlib.suppress(MemoryError):
+            self._held = bytearray(self._size)
 
 
 class HaltingThread:

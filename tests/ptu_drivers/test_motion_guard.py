@@ -147,6 +147,16 @@ def test_memory_that_is_kept_for_a_halt_is_free_while_one_goes_on() -> None:
             time.sleep(0.001)
 
 
+def test_memory_stays_free_until_the_last_of_several_halts_has_ended() -> None:
+    reserve = MemoryReserve(1000)
+    reserve.release()
+    reserve.release()
+    reserve.hold()
+    assert not reserve.held
+    reserve.hold()
+    assert reserve.held
+
+
 def test_without_memory_to_keep_the_guard_goes_on() -> None:
     assert not MemoryReserve(1 << 60).held
 
