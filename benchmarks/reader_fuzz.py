@@ -4,6 +4,10 @@ python benchmarks/reader_fuzz.py [--inputs N] [--only READER …] [--minutes M] 
 
 Input K of a reader depends on the seed, its name and K alone. What was done is kept in --state, and a later run goes on
 from there. `make fuzz`.
+
+A reader that runs a library in a child process, since it may abort, is run here without its child: the process that
+reads is then the child, its abort is a refusal, and the next inputs are read by another process. Memory that the library
+could not get ends the process as well, but is an error.
 """
 
 import argparse
@@ -40,6 +44,9 @@ A_PROCESS = 5_000
 MOST_THREADS = 64
 MOST_KEPT = 20
 RECORDING = "flight.mcap"
+# readers with `Reader.in_child`, and what Rust's runtime prints before it aborts for want of memory
+ABORTING = ("run.rrd",)
+NO_MEMORY = b"memory allocation of"
 
 
 def input_of(reader: str, found: Reader, k: int, seed: int, parts: Parts | None) -> None:
@@ -75,7 +82,7 @@ def outcome_of(found: Reader) -> tuple[str, str]:
     """Read the file; return "read", "refused" or "foreign", and what was said."""
     signal.setitimer(signal.ITIMER_VIRTUAL, MOST_S)
     try:
-        found.read()
+        (found.in_child or found.read)()
     except GroundstationError as fault:
         said = str(fault)
         return ("refused", "") if said.isprintable() else ("foreign", f"more than one line: {said!r}")
@@ -152,12 +159,12 @@ def read_apart(study: Study, reader: str, inputs: int, seed: int) -> None:
     """Read the next inputs in a process of their own; one that ends or hangs is counted, and its input kept."""
     first = study.of(reader)["done"]
     last = min(inputs, first + A_PROCESS)
-    with tempfile.TemporaryDirectory(prefix="reader_fuzz_") as folder:
+    with tempfile.TemporaryDirectory(prefix="reader_fuzz_") as folder, tempfile.TemporaryFile() as errors:
         part = json.dumps([reader, first, last, seed, folder])
         process = subprocess.Popen(
             [sys.executable, __file__, "--part", part],
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
+            stderr=errors if reader in ABORTING else subprocess.DEVNULL,
             text=True,
         )
         assert process.stdout is not None
@@ -180,7 +187,10 @@ def read_apart(study: Study, reader: str, inputs: int, seed: int) -> None:
         code = process.wait()
         done = study.of(reader)["done"]
         if done < last and not fresh:
-            study.add(reader, [done, "foreign", silent or f"the process ended, exit code {code}", 0.0, 0])
+            errors.seek(0)
+            refused = reader in ABORTING and code == -signal.SIGABRT and NO_MEMORY not in errors.read()
+            said = silent or f"the process ended, exit code {code}"
+            study.add(reader, [done, "refused" if refused else "foreign", said, 0.0, 0])
     study.save()
 
 

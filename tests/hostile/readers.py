@@ -1,7 +1,7 @@
 """Every reader of a file that others may have made, with small whole files for it to begin from."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -24,7 +24,7 @@ from groundstation.session.logs.read import read_log
 from groundstation.session.media import read_image
 from groundstation.simulation.filming import load_faults
 from groundstation.sinks.mp4_tables import mp4_fault
-from groundstation.viewer.recording_check import check_recording
+from groundstation.viewer.recording_check import check_recording, read_to_end
 from groundstation.viewer.results_recording import write_results_recording
 from tests.calibration.lens.test_lens_files import KALIBR, ROS
 from tests.session.damage import VIDEOS, session_targets
@@ -74,12 +74,16 @@ TUM = "1.0 0 300 20 0 0 0 1\n1.1 0 298 20 0 0 0 1\n"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reader:
-    """What reads the file ``path``; ``seeds`` are whole ones, ``slow`` if one takes more than a few milliseconds."""
+    """What reads the file ``path``; ``seeds`` are whole ones, ``slow`` if one takes more than a few milliseconds.
+
+    ``in_child`` is what ``read`` runs in a process of its own, where some library aborts the process on a damaged file.
+    """
 
     path: Path
     read: Callable[[], object]
     seeds: tuple[bytes, ...]
     slow: bool = False
+    in_child: Callable[[], object] | None = None
 
 
 def readers(folder: Path) -> dict[str, Reader]:
@@ -169,7 +173,10 @@ def _others(folder: Path) -> dict[str, Reader]:
             folder / "ground.tum", lambda p: read_ground_track(p, np.zeros(3), 1.0), TUM.encode()
         ),
         "boxes.mp4": _reader(folder / "boxes.mp4", _boxes, (folder / "session" / "mp4" / "left.mp4").read_bytes()),
-        "run.rrd": _reader(folder / "run.rrd", check_recording, rrd.read_bytes(), slow=True),
+        "run.rrd": replace(
+            _reader(folder / "run.rrd", check_recording, rrd.read_bytes(), slow=True),
+            in_child=lambda: read_to_end(folder / "run.rrd"),
+        ),
     }
 
 
