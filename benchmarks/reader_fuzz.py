@@ -6,8 +6,8 @@ Input K of a reader depends on the seed, its name and K alone. What was done is 
 from there. `make fuzz`.
 
 A reader that runs a library in a child process, since it may abort, is run here without its child: the process that
-reads is then the child, its abort is a refusal, and the next inputs are read by another process. Memory that the library
-could not get ends the process as well, but is an error.
+reads is then the child, its abort is a refusal, and the next inputs are read by another process. A process that ends
+because the library got no memory is an error.
 """
 
 import argparse
