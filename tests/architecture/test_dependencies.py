@@ -15,7 +15,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.architecture.sources import ROOT, nodes_of
+
 OURS = {"groundstation", "calibration", "ptu_drivers", "tests", "benchmarks"} | {
     p.stem for p in (ROOT / "benchmarks").iterdir()
 }
@@ -34,15 +35,14 @@ def distributions(requirements: Iterable[str]) -> set[str]:
 
 def imports(path: Path) -> Iterator[tuple[str, bool]]:
     """Yield each imported top-level package that is not ours, and whether importing the module imports it."""
-    tree = ast.parse(path.read_text())
-    deferred = {n for f in ast.walk(tree) if isinstance(f, ast.FunctionDef | ast.AsyncFunctionDef) for n in ast.walk(f)}
+    deferred = {n for f in nodes_of(path) if isinstance(f, ast.FunctionDef | ast.AsyncFunctionDef) for n in ast.walk(f)}
     deferred |= {
         n
-        for branch in ast.walk(tree)
+        for branch in nodes_of(path)
         if isinstance(branch, ast.If) and ast.unparse(branch.test).endswith("TYPE_CHECKING")
         for n in ast.walk(branch)
     }
-    for node in ast.walk(tree):
+    for node in nodes_of(path):
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]

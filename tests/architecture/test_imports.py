@@ -1,12 +1,10 @@
 """Imports go one way, the core reads no clock, file, socket or environment, and modules stay small."""
 
 import ast
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("groundstation", "calibration", "ptu_drivers")
+from tests.architecture.sources import ROOT, imports_of, modules, nodes_of, text_of, tree_of
 
 # From the top down: a folder may import from those below its own layer, never from its own layer or above.
 LAYERS: tuple[tuple[str, ...], ...] = (
@@ -41,26 +39,6 @@ SIMULATION_EDGE = (
 )
 EDGE_LIBRARIES = {"serial", "rerun", "matplotlib"}
 CLOCKS_AND_FILES = {"time", "datetime", "os", "io", "socket", "subprocess", "tempfile", "shutil", "urllib", "threading"}
-
-
-def modules() -> dict[str, Path]:
-    found = {}
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-            found[name.removesuffix(".__init__")] = path
-    return found
-
-
-def imports_of(path: Path) -> set[str]:
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module)
-            names.update(f"{node.module}.{alias.name}" for alias in node.names)
-    return names
 
 
 def folder_of(name: str) -> str | None:
@@ -131,11 +109,7 @@ def test_the_core_reads_no_clock_and_no_file(part: str) -> None:
         tops = {i.split(".")[0] for i in imports_of(path)}
         assert not tops & CLOCKS_AND_FILES, f"{name} imports {tops & CLOCKS_AND_FILES}"
         assert not tops & EDGE_LIBRARIES, f"{name} imports {tops & EDGE_LIBRARIES}"
-        calls = {
-            n.func.id
-            for n in ast.walk(ast.parse(path.read_text()))
-            if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
-        }
+        calls = {n.func.id for n in nodes_of(path) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
         assert not calls & {"open", "print", "input"}, f"{name} calls {calls & {'open', 'print', 'input'}}"
 
 
@@ -145,7 +119,7 @@ def test_modules_have_names_that_say_something() -> None:
 
 
 def test_modules_stay_readable() -> None:
-    long = {n: k for n, p in modules().items() if (k := len(p.read_text().splitlines())) > 360}
+    long = {n: k for n, p in modules().items() if (k := len(text_of(p).splitlines())) > 360}
     assert not long, f"too long to find one's way in: {long}"
 
 
@@ -153,7 +127,7 @@ def test_no_two_classes_have_one_name() -> None:
     """Expected: a class is named after what it alone is, so that it is found by its name."""
     found: dict[str, list[str]] = {}
     for name, path in modules().items():
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for node in tree_of(path).body:
             if isinstance(node, ast.ClassDef):
                 found.setdefault(node.name, []).append(name)
     assert not {n: places for n, places in found.items() if len(places) > 1}

@@ -1,9 +1,10 @@
 """Only one place moves hardware in operation; two tools for people do before the flight, and say so."""
 
 import ast
+from pathlib import Path
 
 from ptu_drivers.interface import PanTiltUnit
-from tests.architecture.test_imports import imports_of, modules
+from tests.architecture.sources import imports_of, modules, nodes_of, text_of
 
 # what makes a unit turn, or stop turning
 MOVES = {"move_to", "move_at", "halt", "home"}
@@ -16,10 +17,10 @@ GUARD = "groundstation.live.keep_out_unit"
 VIRTUAL = "groundstation.simulation.rehearsal"
 
 
-def calls(tree: ast.AST, names: set[str]) -> set[str]:
-    """Which of these are called as methods or functions."""
+def calls(path: Path, names: set[str]) -> set[str]:
+    """Return which of these names are called as methods or functions."""
     found = set()
-    for node in ast.walk(tree):
+    for node in nodes_of(path):
         if isinstance(node, ast.Call):
             name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
             found |= {name} & names
@@ -37,7 +38,7 @@ def test_only_one_place_moves_hardware_in_operation() -> None:
     movers = {}
     for name, path in modules().items():
         if not name.startswith("ptu_drivers.") or name in TOOLS:
-            found = calls(ast.parse(path.read_text(encoding="utf-8")), MOVES)
+            found = calls(path, MOVES)
             if found and name != VIRTUAL:
                 movers[name] = found
     assert not [i for i in imports_of(modules()[VIRTUAL]) if i.startswith("ptu_drivers")]
@@ -51,7 +52,7 @@ def test_nobody_else_in_operation_holds_a_unit() -> None:
     users = {}
     for name, path in modules().items():
         if name.startswith("groundstation.") and not name.startswith("groundstation.cli."):
-            found = calls(ast.parse(path.read_text(encoding="utf-8")), makers)
+            found = calls(path, makers)
             if found:
                 users[name] = found
     assert users == {
@@ -65,9 +66,9 @@ def test_nobody_else_in_operation_holds_a_unit() -> None:
 def test_whoever_opens_a_head_keeps_its_lens_out_of_what_is_closed() -> None:
     """Expected: units are wrapped where a station's are opened; `ptu` opens others only by a URL, and warns of it."""
     openers = {
-        name: calls(ast.parse(path.read_text(encoding="utf-8")), {"open_ptu", "KeepOutUnit"})
+        name: calls(path, {"open_ptu", "KeepOutUnit"})
         for name, path in modules().items()
-        if not name.startswith("ptu_drivers") and "open_ptu" in path.read_text(encoding="utf-8")
+        if not name.startswith("ptu_drivers") and "open_ptu" in text_of(path)
     }
     assert {name: found for name, found in openers.items() if "open_ptu" in found} == {
         "groundstation.live.head_device": {"open_ptu", "KeepOutUnit"},

@@ -1,12 +1,11 @@
 """No module reads a private attribute that another module's class defines."""
 
 import ast
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("groundstation", "calibration", "ptu_drivers", "benchmarks")
+from tests.architecture.sources import ROOT, WITH_BENCHMARKS, modules, tree_of
+
 # of the standard library and of installed packages, which offer no public name for it
 OF_LIBRARIES = {
     "_SubParsersAction": "argparse",
@@ -48,9 +47,8 @@ def bases(tree: ast.Module) -> set[str]:
     return {ast.unparse(base) for node in ast.walk(tree) if isinstance(node, ast.ClassDef) for base in node.bases}
 
 
-def foreign_private_names(text: str) -> list[str]:
+def foreign_private_names(tree: ast.Module) -> list[str]:
     """Return the private names that a module uses and does not define; a class's own base is not foreign to it."""
-    tree = ast.parse(text)
     own, derived_from = definitions(tree), bases(tree) | {"self", "cls", "super()"}
     found = []
     for node in ast.walk(tree):
@@ -62,11 +60,11 @@ def foreign_private_names(text: str) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.parametrize("package", WITH_BENCHMARKS)
 def test_no_module_reads_another_ones_private_attributes(package: str) -> None:
     found = []
-    for path in sorted((ROOT / package).rglob("*.py")):
-        found += [f"{path.relative_to(ROOT)}:{line}" for line in foreign_private_names(path.read_text("utf-8"))]
+    for path in modules((package,)).values():
+        found += [f"{path.relative_to(ROOT)}:{line}" for line in foreign_private_names(tree_of(path))]
     assert not found, "\n".join(found)
 
 
@@ -80,4 +78,4 @@ class Child(Base):
         Base._step(self)
         super()._step()
 """
-    assert foreign_private_names(text) == ["2: other._hidden", "6: peer._foreign"]
+    assert foreign_private_names(ast.parse(text)) == ["2: other._hidden", "6: peer._foreign"]
