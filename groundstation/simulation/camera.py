@@ -6,6 +6,7 @@ import numpy as np
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.geometry.kernels import MIN_DEPTH_M
+from groundstation.geometry.rolling_shutter import exposed_row_delay_s
 from groundstation.geometry.station import StationGeometry
 from groundstation.simulation.checks import (
     require,
@@ -136,7 +137,7 @@ def _true_pixels(
         moments = t_s + row_s
         depth = project_many(geometry.packed, trajectory.position(moments), history.at(moments).head_rad, pixel, slopes)
         # rows beyond the image are not exposed: what lies there is only to be known as outside
-        row_s = np.clip((pixel[:, 1] + 0.5) / rows - 0.5, -0.5, 0.5) * readout_s
+        row_s = exposed_row_delay_s(pixel[:, 1], rows, readout_s)
     return pixel, depth >= MIN_DEPTH_M
 
 

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from groundstation.arrays import Float32Array, FloatArray, ImageArray, MaskArray
+from groundstation.geometry.rolling_shutter import exposed_row_delay_s, row_delay_s
 from groundstation.geometry.rotation import rotation_x, rotation_z
 from groundstation.picture import RawPicture
 from groundstation.rig.rig import Station
@@ -206,7 +207,7 @@ class RenderedCamera:
         """Return when the rows of nodes are exposed, after the picture's stamp, s."""
         height = self._geometry.image_size_px[1]
         rows = render_kernels.TILE * np.arange(len(self._rays))
-        return np.asarray(((rows + 0.5) / height - 0.5) * self.station.readout_s)
+        return row_delay_s(np.asarray(rows, dtype=np.float64), height, self.station.readout_s)
 
     def _turns(self, head: HeadMotion, after_s: FloatArray) -> FloatArray:
         """Return runway_from_camera (n, 3, 3) so much later, s."""
@@ -236,7 +237,7 @@ class RenderedCamera:
             pixel = self._pixel(t_s + dt, head.after(dt))
             if pixel is None:
                 return None
-            dt = float(np.clip((pixel[1] + 0.5) / height - 0.5, -0.5, 0.5)) * self.station.readout_s
+            dt = float(exposed_row_delay_s(float(pixel[1]), height, self.station.readout_s))
         there = self._pixel(t_s + dt, head.after(dt)) is not None
         return (t_s + dt, head.after(dt)) if there else None
 

@@ -21,6 +21,7 @@ from groundstation.estimation.measurement import PixelPrediction
 from groundstation.estimation.trajectory_curve import Knot
 from groundstation.estimation.triangulation import TriangulationView
 from groundstation.geometry.angles import wrap_rad
+from groundstation.geometry.rolling_shutter import row_delay_s
 from groundstation.integrity.station_exclusion import StationVerdict
 from groundstation.messages import (
     CameraReport,
@@ -255,12 +256,11 @@ class FrameUpdate:
         """Fuse a detected pixel if it passes the gate, and store it for the triangulation."""
         camera = self._cameras[record.station]
         pixel = np.array([found.u_px, found.v_px])
-        row_dt = ((found.v_px + 0.5) / camera.geometry.image_size_px[1] - 0.5) * camera.station.readout_s
+        row_dt = row_delay_s(found.v_px, camera.geometry.image_size_px[1], camera.station.readout_s)
         if found.cut and not self._likely_in_view(record.station, seen):
             # the nose is outside the image: the detected point is another part of the aircraft
             return DetectionStatus.CUT, None
-        trusted = self._health.uses(record.station)
-        innovation, status = None, DetectionStatus.EXCLUDED
+        innovation, status, trusted = None, DetectionStatus.EXCLUDED, self._health.uses(record.station)
         if trusted:
             R = found.covariance_px2 + self._health.monitor.extra_px2(record.station)
             # errors of the own detector are time-correlated; labelled pixels have white noise
