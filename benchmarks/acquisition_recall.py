@@ -68,7 +68,7 @@ def is_hit(c: Candidate, box: Box) -> bool:
     return inside or float(np.hypot(c.u_px - x - w / 2, c.v_px - y - h / 2)) <= SLACK_PX
 
 
-def frames_of(path: Path) -> Iterator[tuple[int, ImageArray]]:
+def delivered_frames(path: Path) -> Iterator[tuple[int, ImageArray]]:
     video = cv2.VideoCapture(str(path))
     number = 0
     while True:
@@ -103,7 +103,7 @@ def run_clips(folder: Path, every: int, names: list[str]) -> dict[str, Tally]:
             continue
         own = [s for s in segments if s["clip"] == clip]
         finder = None
-        for number, image in frames_of(folder / f"{clip}.mp4"):
+        for number, image in delivered_frames(folder / f"{clip}.mp4"):
             for s in own:
                 if not int(s["first_frame"]) <= number <= int(s["last_frame"]):
                     continue
@@ -133,7 +133,7 @@ def run_session(folder: Path, every: int, moving_after_m: float) -> dict[str, Ta
         side, geometry = station.name, station.geometry()
         clock = np.array([station.ptu_clock.session_from_device(t) for t in ptu["t_s"]])
         finder = CandidateFinder(AcquisitionConfig(), station.lens.image_size_px, station.lens)
-        for number, image in frames_of(folder / f"{side}.mp4"):
+        for number, image in delivered_frames(folder / f"{side}.mp4"):
             t_s = float(stamps[number][f"{side}_t_s"])
             pan = np.radians(np.interp(t_s, clock, ptu[f"{side}_pan_deg"]))
             tilt = np.radians(np.interp(t_s, clock, ptu[f"{side}_tilt_deg"]))

@@ -35,9 +35,9 @@ from calibration.flight.problem import FlightProblem
 from groundstation.session import load_session
 from groundstation.simulation import Scenario, case_b, simulate
 from groundstation.simulation.approach import weaving_approach
-from groundstation.simulation.camera import CameraModel, isotropic
+from groundstation.simulation.detection_camera import CameraModel, isotropic
 from groundstation.simulation.dgps import DgpsModel
-from groundstation.simulation.pointing import FirstOrderLoop, Wandering
+from groundstation.simulation.pointing import DisturbedPointing, FirstOrderLoop
 from groundstation.simulation.session_folder import write_session_folder
 
 CASES = ("mounts", "clocks", "slow20", "slow10", "gaps", "all")
@@ -214,7 +214,7 @@ def _scenario(case: str, seed: int) -> Scenario:
     if case == "mounts":
         return case_b(seed=seed)
     if case == "all":
-        return case_b(seed=seed, trajectory=loops(), pointing=Wandering(deviation=beside()), ptu_hz=32.0)
+        return case_b(seed=seed, trajectory=loops(), pointing=DisturbedPointing(deviation=beside()), ptu_hz=32.0)
     return case_b(seed=seed, trajectory=weaving_approach(), pointing=FirstOrderLoop(), ptu_hz=_PTU_HZ[case])
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from groundstation.messages import InitialState
 from groundstation.simulation import SimulatedFlight, case_b, simulate
-from groundstation.simulation.cases import BOUND_PSD_M2_S3
+from groundstation.simulation.standard_cases import BOUND_PSD_M2_S3
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 

@@ -27,15 +27,15 @@ from groundstation.arrays import FloatArray
 from groundstation.evaluation.covariance_parts import noise_chi_square
 from groundstation.experiments.detection_tables import stated_errors
 from groundstation.experiments.looks import DetectorOutcome
-from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN, Shape, trainer
+from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN, AirframeShape, trainer
 from groundstation.simulation.attitude import AircraftPose, pose_at
-from groundstation.simulation.filmed_folder import write_filmed_folder
-from groundstation.simulation.flights import SPAN_M, FlightName, filmed_scenario, flight, site_rig
+from groundstation.simulation.flights import SPAN_M, FlightName, flight, rendered_scenario, site_rig
 from groundstation.simulation.rendered_camera import RenderedCamera
+from groundstation.simulation.rendered_scene import RenderedScene
+from groundstation.simulation.rendered_session_folder import write_rendered_session
 from groundstation.simulation.scenery import Scenery
 from groundstation.simulation.simulate import simulate
 from groundstation.simulation.trajectory import Trajectory
-from groundstation.simulation.world import World
 
 _STREAM = 907
 _STEP_S = 0.02
@@ -66,7 +66,7 @@ class _Held:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DrawnWorld(World):
+class DrawnWorld(RenderedScene):
     """A world whose aircraft does not point exactly where it flies.
 
     ``crab`` and ``pitch`` are mean and size (rad), rate (rad/s) and phase of a slow wave, none on its wheels; ``held``
@@ -101,9 +101,9 @@ def film(folder: Path, seed: int, rate_hz: float, crab_rad: float) -> None:
     rig = site_rig()
     name = FlightName.LANDING if seed % 2 == 0 else FlightName.TAKE_OFF
     trajectory = flight(name, seed=seed, wind_m_s=float(g.uniform(0.0, 5.0)))
-    simulated = simulate(filmed_scenario(trajectory, rig, seed=seed, frame_hz=rate_hz))
+    simulated = simulate(rendered_scenario(trajectory, rig, seed=seed, frame_hz=rate_hz))
     width, height, length, chord = np.exp(g.normal(0.0, (0.10, 0.10, 0.08, 0.10)))
-    shape = Shape(
+    shape = AirframeShape(
         fuselage_width=float(width),
         fuselage_height=float(height),
         length=float(length),
@@ -136,7 +136,7 @@ def film(folder: Path, seed: int, rate_hz: float, crab_rad: float) -> None:
         for number, s in enumerate(simulated.scenario.true_rig.stations)
     }
     words = {"name": f"drawn {seed}", "origin": "rendered", "licence": "CC0", "notes": "drawn aircraft"}
-    write_filmed_folder(folder, simulated, cameras, words=words)
+    write_rendered_session(folder, simulated, cameras, words=words)
 
 
 def table(flights: Mapping[int, Sequence[DetectorOutcome]]) -> list[str]:

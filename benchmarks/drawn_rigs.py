@@ -15,7 +15,7 @@ from calibration.flight.problem import ANTENNA, DGPS_OFFSET
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS
 from groundstation.geometry.rotation import matrix_from_wxyz
 from groundstation.rig.rig import ClockModel, Rig, Station
-from groundstation.simulation.trajectory import Sampled
+from groundstation.simulation.trajectory import SampledTrajectory
 
 AXES = ("x", "y", "z")
 MOUNT_RAD = float(np.radians(0.05))
@@ -50,22 +50,22 @@ class Drawn:
     late_s: float
 
 
-def loops() -> Sampled:
+def loops() -> SampledTrajectory:
     """Return the flight of `all`, m."""
     return waves(_LOOPS, 0.0)
 
 
-def beside() -> Sampled:
+def beside() -> SampledTrajectory:
     """Return by how much its heads look past the craft, pan and tilt in the first two places, rad."""
     return waves(_BESIDE_RAD, 2.0)
 
 
-def waves(axes: tuple[tuple[float, float, float, float], ...], longer_s: float) -> Sampled:
+def waves(axes: tuple[tuple[float, float, float, float], ...], longer_s: float) -> SampledTrajectory:
     """Return swings, each axis a middle, an amplitude, a period in s and a share of it by which it is ahead."""
     t = np.arange(-longer_s, LOOPS_S + longer_s + _STEP_S, _STEP_S)
     middle, size, period, ahead = np.array(axes).T
     phase = 2.0 * np.pi * (t[:, None] / period + ahead)
-    return Sampled(
+    return SampledTrajectory(
         t_s=t,
         position_m=middle + size * np.sin(phase),
         velocity_m_s=2.0 * np.pi * size / period * np.cos(phase),

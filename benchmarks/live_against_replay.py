@@ -23,16 +23,16 @@ from groundstation.live.command import LiveRequest, live
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
-from groundstation.simulation.cases import standard_rig
-from groundstation.simulation.filmed_folder import PictureForm, write_filmed_folder
-from groundstation.simulation.flights import filmed_scenario
-from groundstation.simulation.rehearsal import RehearsalConfig
-from groundstation.simulation.rehearsal_pictures import PictureRehearsal
+from groundstation.simulation.closed_loop import ClosedLoopConfig
+from groundstation.simulation.closed_loop_rendered import RenderedClosedLoopSimulation
+from groundstation.simulation.flights import rendered_scenario
 from groundstation.simulation.rendered_camera import RenderedCamera
+from groundstation.simulation.rendered_scene import RenderedScene
+from groundstation.simulation.rendered_session_folder import PictureFormat, write_rendered_session
+from groundstation.simulation.repeated_landings import SPAN_M, RepeatedLandings
 from groundstation.simulation.simulate import simulate
-from groundstation.simulation.simulated_landings import SPAN_M, Landings
 from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
-from groundstation.simulation.world import World
+from groundstation.simulation.standard_cases import standard_rig
 from groundstation.tracking.config import Config
 
 APPROACH_S = 23.0
@@ -63,12 +63,12 @@ def drawn_rig(seed: int) -> Rig:
 
 def replayed(folder: Path, rate_hz: float, seed: int) -> np.ndarray:
     """Film the approach, replay it, return its answers."""
-    flight, rig = Landings(APPROACH_S), drawn_rig(seed)
-    world = World(trajectory=flight)
+    flight, rig = RepeatedLandings(APPROACH_S), drawn_rig(seed)
+    world = RenderedScene(trajectory=flight)
     cameras = {s.name: RenderedCamera(world, s, seed=seed, number=n) for n, s in enumerate(rig.stations)}
-    flown = simulate(filmed_scenario(flight, rig, seed=seed, frame_hz=rate_hz))
+    flown = simulate(rendered_scenario(flight, rig, seed=seed, frame_hz=rate_hz))
     session = folder / "session"
-    write_filmed_folder(session, flown, cameras, words={"name": "approach"}, form=PictureForm.LOSSLESS)
+    write_rendered_session(session, flown, cameras, words={"name": "approach"}, form=PictureFormat.LOSSLESS)
     (session / "dgps.csv").unlink()
     replay(ReplayRequest(session=session, out=folder / "replayed", rerun=False))
     return table(folder / "replayed" / "track.csv", 0.0)
@@ -87,9 +87,9 @@ def flown_live(folder: Path, rate_hz: float, seed: int) -> np.ndarray:
 
 def rehearsed(rate_hz: float, seed: int) -> np.ndarray:
     """Fly the approach in virtual time, return its answers."""
-    hardware = RehearsalConfig(frame_rate_hz=rate_hz)
-    day = PictureRehearsal(
-        drawn_rig(seed), Config(), Landings(APPROACH_S), hardware=hardware, seed=seed, span_m=SPAN_M
+    hardware = ClosedLoopConfig(frame_rate_hz=rate_hz)
+    day = RenderedClosedLoopSimulation(
+        drawn_rig(seed), Config(), RepeatedLandings(APPROACH_S), hardware=hardware, seed=seed, span_m=SPAN_M
     ).run()
     rows = [(e.t_s, *e.kinematics.position_runway_m) for e in day.estimates if e.kinematics is not None]
     return np.array(rows).reshape(-1, 4)
@@ -98,7 +98,7 @@ def rehearsed(rate_hz: float, seed: int) -> np.ndarray:
 def errors(answers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the errors (n, 3) of the answers during the approach, and the true range of each."""
     inside = (answers[:, 0] >= 0.0) & (answers[:, 0] < APPROACH_S)
-    truth = Landings(APPROACH_S).position(answers[inside, 0])
+    truth = RepeatedLandings(APPROACH_S).position(answers[inside, 0])
     return answers[inside, 1:] - truth, truth[:, 1]
 
 

@@ -2,7 +2,7 @@
 
     python benchmarks/live_faults.py [--runs N] [--seed N] [--only WORD]
 
-Virtual time, pixels in place of pictures (groundstation.simulation.rehearsal): 200 m of a landing at 20 m/s, the
+Virtual time, pixels in place of pictures (groundstation.simulation.closed_loop): 200 m of a landing at 20 m/s, the
 faults of one or two devices at drawn times. Printed for each kind: how often the track was there two seconds
 after the last fault, the share of answers that were lost, and the ANEES of all answers with a position.
 """
@@ -17,31 +17,40 @@ import numpy as np
 
 from groundstation.messages import TrackStatus
 from groundstation.rig.rig import load_rig
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.rehearsal import Rehearsal, RehearsalConfig, RehearsalFault, RehearsalFaultKind
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.closed_loop import (
+    ClosedLoopConfig,
+    ClosedLoopFault,
+    ClosedLoopFaultKind,
+    ClosedLoopSimulation,
+)
 from groundstation.tracking.config import Config
 
 ROOT = Path(__file__).resolve().parent.parent
-FLIGHT = Glide(start_y_m=380.0, end_y_m=160.0, speed_m_s=20.0, aim_y_m=60.0)
+FLIGHT = GlideApproach(start_y_m=380.0, end_y_m=160.0, speed_m_s=20.0, aim_y_m=60.0)
 SETTLED_S = 2.0
-HARDWARE = RehearsalConfig(homing_s=3.0)
-OF_THE_RECEIVER = (RehearsalFaultKind.DGPS_GONE, RehearsalFaultKind.DGPS_FROZEN, RehearsalFaultKind.DGPS_CLOCK_STEPPED)
-OF_NO_STATION = (RehearsalFaultKind.PROCESS_KILLED, *OF_THE_RECEIVER)
+HARDWARE = ClosedLoopConfig(homing_s=3.0)
+OF_THE_RECEIVER = (
+    ClosedLoopFaultKind.DGPS_GONE,
+    ClosedLoopFaultKind.DGPS_FROZEN,
+    ClosedLoopFaultKind.DGPS_CLOCK_STEPPED,
+)
+OF_NO_STATION = (ClosedLoopFaultKind.PROCESS_KILLED, *OF_THE_RECEIVER)
 # a receiver's clock steps by so much, forward or back, and every third time for good
 STEPS_S = (0.05, 0.3)
 
 
-def drawn(random: np.random.Generator, kind: RehearsalFaultKind) -> RehearsalFault:
+def drawn(random: np.random.Generator, kind: ClosedLoopFaultKind) -> ClosedLoopFault:
     """Return a fault of a kind at a drawn time, of a drawn station."""
     begin = float(random.uniform(2.0, 5.0))
     length = float(random.uniform(0.2, 2.0))
     station = "" if kind in OF_NO_STATION else str(random.choice(["left", "right"]))
-    if kind is RehearsalFaultKind.PTU_POWER_CYCLED:
+    if kind is ClosedLoopFaultKind.PTU_POWER_CYCLED:
         length = HARDWARE.homing_s
-    return RehearsalFault(kind=kind, station=station, from_s=begin, to_s=begin + length)
+    return ClosedLoopFault(kind=kind, station=station, from_s=begin, to_s=begin + length)
 
 
-def with_receiver(faults: list[RehearsalFault], seed: int) -> tuple[list[RehearsalFault], RehearsalConfig]:
+def with_receiver(faults: list[ClosedLoopFault], seed: int) -> tuple[list[ClosedLoopFault], ClosedLoopConfig]:
     """Return the faults and the hardware: a receiver that fails has to be there before, and its clock steps somehow."""
     if not any(f.kind in OF_THE_RECEIVER for f in faults):
         return faults, HARDWARE
@@ -49,7 +58,7 @@ def with_receiver(faults: list[RehearsalFault], seed: int) -> tuple[list[Rehears
     random = np.random.default_rng([seed, 2])
     step_s = float(random.uniform(*STEPS_S) * random.choice([-1.0, 1.0]))
     if random.random() < 1.0 / 3.0:
-        faults = [replace(f, to_s=math.inf) if f.kind is RehearsalFaultKind.DGPS_CLOCK_STEPPED else f for f in faults]
+        faults = [replace(f, to_s=math.inf) if f.kind is ClosedLoopFaultKind.DGPS_CLOCK_STEPPED else f for f in faults]
     return faults, replace(HARDWARE, dgps_rate_hz=5.0, dgps_step_s=step_s)
 
 
@@ -60,7 +69,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default="", help="the first fault is of a kind with this word")
     options = parser.parse_args()
-    rig, kinds = load_rig(ROOT / "recordings" / "landing-1" / "rig.toml"), list(RehearsalFaultKind)
+    rig, kinds = load_rig(ROOT / "recordings" / "landing-1" / "rig.toml"), list(ClosedLoopFaultKind)
     firsts = [kind for kind in kinds if options.only in kind.value]
     random = np.random.default_rng(options.seed)
     back: dict[str, list[bool]] = defaultdict(list)
@@ -73,7 +82,9 @@ def main() -> None:
         if number % 2:
             faults.append(drawn(random, second))
         faults, hardware = with_receiver(faults, options.seed + number)
-        result = Rehearsal(rig, Config(), FLIGHT, faults=faults, hardware=hardware, seed=options.seed + number).run()
+        result = ClosedLoopSimulation(
+            rig, Config(), FLIGHT, faults=faults, hardware=hardware, seed=options.seed + number
+        ).run()
         end_s = max(f.to_s if math.isfinite(f.to_s) else f.from_s for f in faults) + SETTLED_S
         for name in {f.kind.value for f in faults} | {"two at once" if number % 2 else "alone", "all"}:
             back[name].append(result.share(TrackStatus.TRACKING, end_s, end_s + 1.0) >= 0.9)

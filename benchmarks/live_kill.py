@@ -41,10 +41,10 @@ from groundstation.live.status_board import LiveStatus
 from groundstation.recording.recover import recover
 from groundstation.rig.rig import Rig
 from groundstation.session import load_session
-from groundstation.simulation.cases import standard_rig
+from groundstation.simulation.attached_simulator import AttachedSimulator
 from groundstation.simulation.nose_truth import NoseTruth
-from groundstation.simulation.shared_range import SharedRange
-from groundstation.simulation.simulated_landings import simulated_set_up
+from groundstation.simulation.simulated_station_file import simulated_station_file
+from groundstation.simulation.standard_cases import standard_rig
 from groundstation.sources.cameras.camera import CameraDevice, Grab, SettingsReadBack
 from groundstation.sources.session_source import session_source
 from ptu_drivers.messages import Axis
@@ -149,12 +149,12 @@ class NoiseCamera(CameraDevice):
         """Nothing is held."""
 
 
-class NoiseRange(SharedRange):
+class NoiseRange(AttachedSimulator):
     """A range whose cameras see noise, and whose heads are the units of `serve_units`."""
 
     def __init__(self, folder: Path, out: Path) -> None:
         out.mkdir(parents=True)
-        file = simulated_set_up(out, FRAMES_HZ, small_rig())
+        file = simulated_station_file(out, FRAMES_HZ, small_rig())
         pelco = HeadDevice(
             url=str(folder / "ptu-right"), protocol="pelco-d", options={"speeds_deg_s": SPEEDS_DEG_S}, poll_s=0.05
         )

@@ -38,13 +38,14 @@ from groundstation.recording.recover import recover
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
-from groundstation.simulation.cases import standard_rig
-from groundstation.simulation.shared_range import SharedRange
-from groundstation.simulation.simulated_landings import Landings, simulated_set_up
-from groundstation.simulation.simulated_range import RangeConfig, SimulatedRange
+from groundstation.simulation.attached_simulator import AttachedSimulator
+from groundstation.simulation.device_faults import TimedFault, struck_at
+from groundstation.simulation.device_simulator import DeviceSimulator, DeviceSimulatorConfig
+from groundstation.simulation.repeated_landings import RepeatedLandings
 from groundstation.simulation.simulated_receiver import ReceiverModel
 from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
-from groundstation.simulation.timed_faults import TimedFault, struck_at
+from groundstation.simulation.simulated_station_file import simulated_station_file
+from groundstation.simulation.standard_cases import standard_rig
 from groundstation.sources.session_source import session_source
 from ptu_drivers.simulated.faults import FAULTS
 from ptu_drivers.simulated.flir import FlirModel
@@ -144,7 +145,7 @@ def small_rig() -> Rig:
     return replace(rig, stations=tuple(replace(s, lens=lens) for s in rig.stations))
 
 
-def fly(case: Case, folder: Path, rate_hz: float, lent: SharedRange | None = None) -> None:
+def fly(case: Case, folder: Path, rate_hz: float, lent: AttachedSimulator | None = None) -> None:
     """Fly one approach in this process, a line for each status; at the end how it went."""
     os.setsid()
     if case.disk_full:
@@ -213,7 +214,7 @@ def run(case: Case, rate_hz: float) -> str:
         return line_of(case, told, result, lost_s)
 
 
-def begun(case: Case, folder: Path, rate_hz: float, lent: SharedRange | None = None) -> "mp.process.BaseProcess":
+def begun(case: Case, folder: Path, rate_hz: float, lent: AttachedSimulator | None = None) -> "mp.process.BaseProcess":
     """Begin a station in a process of its own."""
     folder.mkdir(exist_ok=True)
     child = mp.get_context("spawn").Process(target=fly, args=(case, folder, rate_hz, lent))
@@ -230,11 +231,13 @@ def told_by(folder: Path) -> list[Any]:
 
 def killed(case: Case, folder: Path, rate_hz: float) -> str:
     """Kill a station in mid-flight, begin another on the same range; return what became of both."""
-    file = simulated_set_up(folder / "range", rate_hz, small_rig())
-    range_ = RangeConfig(rig=file.rig, folder=folder / "range", flight=Landings(1e9), frame_rate_hz=rate_hz)
-    with SimulatedRange(range_) as lender:
+    file = simulated_station_file(folder / "range", rate_hz, small_rig())
+    range_ = DeviceSimulatorConfig(
+        rig=file.rig, folder=folder / "range", flight=RepeatedLandings(1e9), frame_rate_hz=rate_hz
+    )
+    with DeviceSimulator(range_) as lender:
         begin_s = lender.begin(time.monotonic() + BEGINS_S)
-        lent = SharedRange(lender, file, begin_s)
+        lent = AttachedSimulator(lender, file, begin_s)
         child = begun(case, folder / "first", rate_hz, lent)
         wait_until(lambda: sum(track == "tracking" for _, _, track, _ in told_by(folder / "first")) > 3)
         os.killpg(child.pid or 0, signal.SIGKILL)

@@ -34,7 +34,7 @@ from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.simulation import case_b, simulate
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.session_folder import write_session_folder
-from groundstation.simulation.trajectory import Sampled
+from groundstation.simulation.trajectory import SampledTrajectory
 
 GROWTH_MB, REPORT_MB = 50.0, 5.0
 RATE_HZ, LAP_S, STEP_S = 10.0, 90.0, 0.25
@@ -44,7 +44,7 @@ AFTERWARDS = 1_000_000
 LANDING, EVERY_S = Path(__file__).resolve().parent.parent / "recordings" / "landing-1", 45.0
 
 
-def holding(span_s: float) -> Sampled:
+def holding(span_s: float) -> SampledTrajectory:
     """Return an aircraft that flies to and fro between y = 150 and 450 m, weaving, for ``span_s``."""
     t = np.arange(0.0, span_s + STEP_S, STEP_S)
     turn = 2 * np.pi / LAP_S
@@ -52,7 +52,9 @@ def holding(span_s: float) -> Sampled:
     phase = np.array([0.5 * np.pi, 0.0, 0.25 * np.pi])
     angle = turn * t[:, None] * np.array([2.0, 1.0, 3.0]) + phase
     rate = turn * np.array([2.0, 1.0, 3.0])
-    return Sampled(t_s=t, position_m=middle + swing * np.sin(angle), velocity_m_s=swing * rate * np.cos(angle))
+    return SampledTrajectory(
+        t_s=t, position_m=middle + swing * np.sin(angle), velocity_m_s=swing * rate * np.cos(angle)
+    )
 
 
 def held(folder: Path, span_s: float) -> int:

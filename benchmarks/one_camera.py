@@ -2,8 +2,8 @@
 
     python benchmarks/one_camera.py [--seeds N]
 
-Virtual time and rendered pictures of 320 × 240 (groundstation.simulation.rehearsal_pictures): an approach from 430 m at
-20 m/s and 10 pairs/s, the left PTU without power from 4 s on and homing until 12 s. Printed for each seed: error and
+Virtual time and rendered pictures of 320 × 240 (`groundstation.simulation.closed_loop_rendered`): an approach from
+430 m at 20 m/s and 10 pairs/s, the left PTU without power from 4 s on and homing until 12 s. Printed for each seed: error and
 sigma along the runway, and the ANEES, of the third, fifth and eighth second alone, and the ANEES of the whole.
 """
 
@@ -12,12 +12,12 @@ import argparse
 import numpy as np
 from live_serial_faults import small_rig
 
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.rehearsal import RehearsalConfig, RehearsalFault, RehearsalFaultKind
-from groundstation.simulation.rehearsal_pictures import PictureRehearsal
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.closed_loop import ClosedLoopConfig, ClosedLoopFault, ClosedLoopFaultKind
+from groundstation.simulation.closed_loop_rendered import RenderedClosedLoopSimulation
 from groundstation.tracking.config import Config
 
-FLIGHT = Glide(start_y_m=430.0, end_y_m=130.0, speed_m_s=20.0, aim_y_m=60.0)
+FLIGHT = GlideApproach(start_y_m=430.0, end_y_m=130.0, speed_m_s=20.0, aim_y_m=60.0)
 FROM_S, HOMING_S, SPAN_M = 4.0, 8.0, 2.3
 MOMENTS_S = (2.0, 4.0, 7.0)
 
@@ -27,11 +27,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3)
     options = parser.parse_args()
-    kind = RehearsalFaultKind.PTU_POWER_CYCLED
-    fault = RehearsalFault(kind=kind, station="left", from_s=FROM_S, to_s=FROM_S + HOMING_S)
-    hardware = RehearsalConfig(frame_rate_hz=10.0, homing_s=HOMING_S)
+    kind = ClosedLoopFaultKind.PTU_POWER_CYCLED
+    fault = ClosedLoopFault(kind=kind, station="left", from_s=FROM_S, to_s=FROM_S + HOMING_S)
+    hardware = ClosedLoopConfig(frame_rate_hz=10.0, homing_s=HOMING_S)
     for seed in range(1, options.seeds + 1):
-        day = PictureRehearsal(
+        day = RenderedClosedLoopSimulation(
             small_rig(), Config(), FLIGHT, faults=[fault], hardware=hardware, seed=seed, span_m=SPAN_M
         ).run()
         parts = []

@@ -16,7 +16,7 @@ from groundstation.geometry.aim import aim_at
 from groundstation.rig.rig import load_rig
 from groundstation.simulation.flights import FlightName, flight
 from groundstation.simulation.rendered_camera import RenderedCamera
-from groundstation.simulation.world import World
+from groundstation.simulation.rendered_scene import RenderedScene
 
 LANDING = Path(__file__).resolve().parent.parent / "recordings" / "landing-1"
 RANGES_M = (500.0, 300.0, 150.0, 100.0, 86.0)
@@ -52,7 +52,9 @@ def decode(capture: cv2.VideoCapture, spent: list[float]) -> None:
 def main() -> None:
     cv2.setNumThreads(1)
     began = time.thread_time()
-    camera = RenderedCamera(World(trajectory=flight(FlightName.LANDING)), load_rig(LANDING / "rig.toml")["left"])
+    camera = RenderedCamera(
+        RenderedScene(trajectory=flight(FlightName.LANDING)), load_rig(LANDING / "rig.toml")["left"]
+    )
     print(f"surroundings of one station: {time.thread_time() - began:.1f} s of CPU")
     # the first picture compiles
     camera.picture(0.0, 0.0, 0.05, 1.0, 0.0)

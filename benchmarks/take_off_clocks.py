@@ -30,7 +30,7 @@ from calibration.flight.problem import DGPS_OFFSET
 from groundstation.session import load_session
 from groundstation.simulation import Scenario, case_b, simulate
 from groundstation.simulation.dgps import DgpsModel
-from groundstation.simulation.pointing import Wandering
+from groundstation.simulation.pointing import DisturbedPointing
 from groundstation.simulation.session_folder import write_session_folder
 from groundstation.simulation.take_off import TakeOff, take_off
 
@@ -76,7 +76,7 @@ def one_flight(seed: int) -> ClockErrors:
         seed=seed,
         rate_hz=15.0,
         trajectory=take_off(_PLAN),
-        pointing=Wandering(deviation=waves(_WANDER_RAD, 2.0)),
+        pointing=DisturbedPointing(deviation=waves(_WANDER_RAD, 2.0)),
         ptu_hz=60.0,
     )
     drawn = replace(draw(plain.rig, "clocks", generator), late_s=LOG_S * float(generator.normal()))

@@ -10,9 +10,9 @@ from groundstation.integrity.station_exclusion import IntegrityConfig
 from groundstation.messages import CameraReport, Event, InitialState, PixelMeasurement, TrackEstimate, TrackEvent
 from groundstation.rig.rig import Rig
 from groundstation.simulation import FlightTruth, Scenario, SimulatedFlight, StationErrors, perturbed, simulate
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.camera import CameraModel
-from groundstation.simulation.cases import STEP_RAD, case_b, drawn_glide, standard_rig, standard_station
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.detection_camera import CameraModel
+from groundstation.simulation.standard_cases import STEP_RAD, case_b, drawn_glide, standard_rig, standard_station
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
@@ -36,7 +36,7 @@ def scenario(
     camera: CameraModel | None = None,
     ptu_hz: float | None = None,
 ) -> Scenario:
-    path = Glide(start_y_m=400.0, end_y_m=150.0) if trajectory is None else trajectory
+    path = GlideApproach(start_y_m=400.0, end_y_m=150.0) if trajectory is None else trajectory
     base = case_b(seed=seed, trajectory=path, ptu_hz=ptu_hz)
     rig = rig_of(names)
     model = base.cameras["left"] if camera is None else camera
@@ -89,7 +89,7 @@ class Watched:
 
 def drawn_path(seed: int, start_y_m: float = 400.0, end_y_m: float = 150.0) -> Trajectory:
     """A glide driven by the white acceleration that `watch` supposes: only of such is the covariance to be right."""
-    return drawn_glide(seed, PSD_M2_S3, Glide(start_y_m=start_y_m, end_y_m=end_y_m))
+    return drawn_glide(seed, PSD_M2_S3, GlideApproach(start_y_m=start_y_m, end_y_m=end_y_m))
 
 
 @dataclass(frozen=True, kw_only=True)

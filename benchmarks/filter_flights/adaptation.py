@@ -12,7 +12,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.session.flight_log import load_flight_log
 from groundstation.simulation import Scenario, case_c, simulate
-from groundstation.simulation.approach import Flare, Glide
+from groundstation.simulation.approach import Flare, GlideApproach
 from groundstation.simulation.logged_flight import trajectory_from_log
 from groundstation.simulation.take_off import take_off
 from groundstation.simulation.trajectory import Trajectory
@@ -38,7 +38,11 @@ def flights(data: Path | None) -> dict[str, Trajectory | None]:
     """Return what is flown, by name; None is drawn from the glide's own motion model. The log only where it is."""
     found: dict[str, Trajectory | None] = {
         "glide": None,
-        "flare": Glide(start_y_m=350.0, end_y_m=40.0, flare=Flare.meeting(110.0, Glide().aim_y_m, Glide().slope_rad)),
+        "flare": GlideApproach(
+            start_y_m=350.0,
+            end_y_m=40.0,
+            flare=Flare.meeting(110.0, GlideApproach().aim_y_m, GlideApproach().slope_rad),
+        ),
         "take-off": take_off(),
     }
     log = None if data is None else data / "fixedwing-gps-log" / "bin_parser_POS.csv"

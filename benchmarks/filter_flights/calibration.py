@@ -13,14 +13,14 @@ from groundstation.estimation.config import CalibrationUse, EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
 from groundstation.messages import DgpsFix
 from groundstation.simulation import Scenario, StationErrors, case_b, perturbed, simulate
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.cases import BOUND_PSD_M2_S3
+from groundstation.simulation.approach import GlideApproach
 from groundstation.simulation.dgps import DgpsModel
-from groundstation.simulation.disturbance import drawn_deviation
-from groundstation.simulation.pointing import SecondOrderLoop, Wandering
+from groundstation.simulation.path_deviation import drawn_deviation
+from groundstation.simulation.pointing import DisturbedPointing, SecondOrderLoop
 from groundstation.simulation.ptu import PtuModel
+from groundstation.simulation.standard_cases import BOUND_PSD_M2_S3
 from groundstation.simulation.take_off import TakeOff, take_off
-from groundstation.simulation.trajectory import Superposed
+from groundstation.simulation.trajectory import SuperposedTrajectory
 
 STATIONS = ("left", "right")
 MOUNT_SIGMA_RAD = float(np.radians(0.05))
@@ -132,7 +132,7 @@ def after_reference(
     runs, bounds = [], []
     for seed in seeds:
         plain = replace(drawn_case("B", seed, rate_hz), dgps=_receiver(rate_hz))
-        plain = replace(plain, trajectory=Glide()) if straight else plain
+        plain = replace(plain, trajectory=GlideApproach()) if straight else plain
         flight = simulate(with_errors(plain, names, drawn_parameters(prior, seed)))
         far = _above(plain, 400.0)
         runs.append(drive(flight, config, drawn_start(flight, seed, *WIDE), prior=prior, reference=far))
@@ -170,12 +170,12 @@ def clock_wandering(ptu_psd_rad2_s3: float = 1e-6) -> ClockFlight:
     """
 
     def scenario(seed: int) -> Scenario:
-        plain = _driven(drawn_case("B", seed, 30.0, Glide(end_y_m=160.0)), 30.0)
+        plain = _driven(drawn_case("B", seed, 30.0, GlideApproach(end_y_m=160.0)), 30.0)
         start, end = plain.trajectory.span_s
         ptus = {
             name: replace(
                 model,
-                pointing=Wandering(
+                pointing=DisturbedPointing(
                     deviation=drawn_deviation(
                         np.random.default_rng([seed, 5, k]),
                         span_s=(start - 1.5, end + 1.5),
@@ -195,7 +195,7 @@ def clock_drawn(ptu_psd_rad2_s3: float = 1e-6) -> ClockFlight:
     """Return case B's drawn approach to y = 160 m, all of it from the filter's model: heads left to themselves, too."""
 
     def scenario(seed: int) -> Scenario:
-        plain = _driven(drawn_case("B", seed, 30.0, Glide(end_y_m=160.0)), 30.0)
+        plain = _driven(drawn_case("B", seed, 30.0, GlideApproach(end_y_m=160.0)), 30.0)
         return with_drawn_heads(plain, seed, ptu_psd_rad2_s3)
 
     config = replace(one_mode(), ptu_acceleration_psd_rad2_s3=ptu_psd_rad2_s3)
@@ -211,7 +211,7 @@ def clock_take_off() -> ClockFlight:
         drawn = drawn_deviation(
             np.random.default_rng([seed, 77]), span_s=plan.span_s, acceleration_psd_m2_s3=BOUND_PSD_M2_S3
         )
-        flight = Superposed(nominal=plan, deviation=drawn)
+        flight = SuperposedTrajectory(nominal=plan, deviation=drawn)
         return _driven(case_b(seed=seed, rate_hz=30.0, trajectory=flight, white_encoder=True), 30.0)
 
     return ClockFlight(name="take-off, heads in a smooth loop", scenario=scenario, config=one_mode(psd))

@@ -15,10 +15,10 @@ from groundstation.estimation.triangulation import TriangulationView, triangulat
 from groundstation.messages import Epoch, PixelMeasurement, PtuSample
 from groundstation.rig.rig import Rig, Station
 from groundstation.simulation import Scenario, SimulatedFlight, case_b, case_c, simulate
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.cases import BOUND_PSD_M2_S3, drawn_glide
-from groundstation.simulation.disturbance import drawn_deviation
-from groundstation.simulation.pointing import Adrift
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.path_deviation import drawn_deviation
+from groundstation.simulation.pointing import UncontrolledPointing
+from groundstation.simulation.standard_cases import BOUND_PSD_M2_S3, drawn_glide
 
 WIDE = (10.0, 5.0)
 NEAR = (0.1, 0.3)
@@ -32,7 +32,7 @@ def one_mode(psd: tuple[float, float, float] = BOUND_PSD_M2_S3) -> EstimationCon
     return replace(EstimationConfig(), acceleration_psd_m2_s3=psd, manoeuvre_psd_m2_s3=psd, detection_lasting_share=0.0)
 
 
-def drawn_case(case: str, seed: int, rate_hz: float, nominal: Glide | None = None) -> Scenario:
+def drawn_case(case: str, seed: int, rate_hz: float, nominal: GlideApproach | None = None) -> Scenario:
     """Return case "B" (white angles) or "C" on a flight drawn from the motion model."""
     flight = drawn_glide(seed, nominal=nominal)
     if case == "B":
@@ -47,11 +47,11 @@ def with_drawn_heads(plain: Scenario, seed: int, psd_rad2_s3: float = DRAWN_HEAD
     """
     start, end = plain.trajectory.span_s
 
-    def adrift(number: int) -> Adrift:
+    def adrift(number: int) -> UncontrolledPointing:
         generator = np.random.default_rng([seed, 5, number])
         psd = (psd_rad2_s3, psd_rad2_s3, 0.0)
         span = (start - plain.lead_s - 1.0, end + plain.lead_s + 1.0)
-        return Adrift(deviation=drawn_deviation(generator, span_s=span, acceleration_psd_m2_s3=psd))
+        return UncontrolledPointing(deviation=drawn_deviation(generator, span_s=span, acceleration_psd_m2_s3=psd))
 
     def widened(station: Station) -> Station:
         middle = np.full(2, 0.5 * (_WIDE_IMAGE_PX - 1))
@@ -178,7 +178,7 @@ def gain_over_triangulation(rate_hz: float, seeds: Sequence[int], start_y_m: flo
     Flights begin at ``start_y_m`` with the near start: 600 m is where those of the bounds do. One that begins at 450 m
     has the start's own 0.1 m in its first bins, where triangulation has 2 m.
     """
-    nominal = Glide(start_y_m=start_y_m, end_y_m=40.0)
+    nominal = GlideApproach(start_y_m=start_y_m, end_y_m=40.0)
     edges = np.arange(40.0, 451.0, 10.0)
     sums, counts = np.zeros((4, edges.size - 1, 3)), np.zeros(edges.size - 1)
     for seed in seeds:

@@ -10,7 +10,7 @@ from groundstation.arrays import FloatArray
 from groundstation.estimation.config import OutOfViewWeighting
 from groundstation.estimation.ekf import StationEkf
 from groundstation.simulation import standard_rig
-from groundstation.simulation.kernels import aim_many
+from groundstation.simulation.pointing_kernels import aim_many
 
 POINT_M = np.array([0.0, 200.0, 8.0])
 VELOCITY_M_S = np.array([0.0, -25.0, -1.5])

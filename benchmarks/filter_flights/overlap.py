@@ -10,7 +10,7 @@ from filter_flights.consistency import WIDE, Sample, drawn_case, one_mode
 from filter_flights.drive import drawn_start, drive
 from groundstation.estimation.config import CalibrationUse
 from groundstation.simulation import Scenario, simulate
-from groundstation.simulation.cases import STEP_RAD, standard_rig
+from groundstation.simulation.standard_cases import STEP_RAD, standard_rig
 
 STATIONS = ("left", "right", "third")
 PAN_AND_TILT = tuple(f"{s}.runway_from_base.{axis}" for s in STATIONS for axis in "zx")

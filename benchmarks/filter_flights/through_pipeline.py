@@ -10,7 +10,7 @@ from filter_flights.consistency import NEAR, Sample, drawn_case, one_mode
 from filter_flights.drive import Run, drawn_start, true_states
 from groundstation.messages import InitialState
 from groundstation.simulation import SimulatedFlight, simulate
-from groundstation.simulation.cases import BOUND_PSD_M2_S3
+from groundstation.simulation.standard_cases import BOUND_PSD_M2_S3
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 

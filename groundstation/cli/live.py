@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from groundstation.live.command import LiveResult
     from groundstation.live.status_board import LiveStatus
     from groundstation.messages import TrackStatus
-    from groundstation.simulation.simulated_landings import DayScore
+    from groundstation.simulation.simulation_score import SimulationScore
 
 _RATE_HZ = 30.0
 # without a terminal: interval of the lines, and the shorter one at a change of the track's status
@@ -120,9 +120,9 @@ def run_live(options: argparse.Namespace) -> int:
     """Operate until the time is over or a stop is requested; returns the exit code."""
     from groundstation.live.command import LiveRequest, live
     from groundstation.live.status_watchdog import StatusWatchdog
-    from groundstation.simulation.fault_timetable import range_faults
-    from groundstation.simulation.filming import load_faults
+    from groundstation.simulation.fault_timetable import simulated_device_faults
     from groundstation.simulation.flights import FlightModelKind
+    from groundstation.simulation.render_flight import load_faults
     from groundstation.simulation.simulated_receiver import ReceiverModel
     from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
     from ptu_drivers.simulated.faults import FAULTS
@@ -131,7 +131,7 @@ def run_live(options: argparse.Namespace) -> int:
     if wrong:
         print(f"groundstation live: {wrong}", file=sys.stderr)
         return 2
-    failing = range_faults(
+    failing = simulated_device_faults(
         () if options.faults is None else load_faults(options.faults),
         ReceiverModel() if options.dgps else None,
         str(options.faults),
@@ -253,10 +253,10 @@ class StatusBlock:
         self._lines = len(rows)
 
 
-def _result_text(result: "LiveResult", score: "DayScore | None" = None) -> str:
+def _result_text(result: "LiveResult", score: "SimulationScore | None" = None) -> str:
     """Return the summary of a live run."""
     from groundstation.live.status_board import dropped_text
-    from groundstation.simulation.simulated_landings import format_score
+    from groundstation.simulation.simulation_score import format_score
     from groundstation.tracking.count_descriptions import describe_counts
 
     done = result.operation

@@ -95,11 +95,11 @@ def whole_number(text: str) -> int:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """Film one flight and print what was written; returns the exit code."""
-    from groundstation.simulation.filmed_folder import PictureForm
-    from groundstation.simulation.filming import FilmRequest, film
     from groundstation.simulation.flights import FlightModelKind, FlightName
+    from groundstation.simulation.render_flight import RenderRequest, render_flight
+    from groundstation.simulation.rendered_session_folder import PictureFormat
 
-    request = FilmRequest(
+    request = RenderRequest(
         out=options.out,
         name=FlightName(options.flight),
         seed=options.seed,
@@ -108,12 +108,12 @@ def run_simulate(options: argparse.Namespace) -> int:
         wind_m_s=options.wind,
         faults=options.faults,
         rig=options.rig,
-        form=PictureForm(options.pictures),
+        form=PictureFormat(options.pictures),
         grey=options.grey,
         aircraft=FlightModelKind(options.aircraft),
     )
     with ProgressLine(sys.stderr, "simulate") as line:
-        result = film(request, line.update)
+        result = render_flight(request, line.update)
     print(f"filmed {result.pairs} pairs in {result.duration_s:.1f} s of flight")
     print(f"wrote {result.out}")
     return 0

@@ -4,10 +4,10 @@ A `Scenario` says what flies, what the stations are in truth, and what their use
 `simulate` turns it into a `SimulatedFlight`. Everything random comes from the scenario's seed.
 """
 
-from groundstation.simulation.cases import case_b, case_c, standard_rig
 from groundstation.simulation.rig_errors import StationErrors, perturbed
 from groundstation.simulation.scenario import Scenario
 from groundstation.simulation.simulate import FlightTruth, SimulatedFlight, simulate
+from groundstation.simulation.standard_cases import case_b, case_c, standard_rig
 
 __all__ = [
     "FlightTruth",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.simulation.checks import require_positive
+from groundstation.simulation.parameter_checks import require_positive
 
 # everything below is in wing spans
 _RING = 12
@@ -40,7 +40,7 @@ REST_HEIGHT_PER_SPAN = -_WHEEL_UP + 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
+class AirframeShape:
     """How an aircraft of this kind differs from the usual one.
 
     Attributes
@@ -76,10 +76,10 @@ class Airframe:
     span_m: float
 
 
-def trainer(span_m: float = 2.3, shape: Shape | None = None) -> Airframe:
+def trainer(span_m: float = 2.3, shape: AirframeShape | None = None) -> Airframe:
     """Return the aircraft with this wing span, m, and of this shape; None is the usual one."""
     require_positive("trainer: span_m", span_m)
-    shape = Shape() if shape is None else shape
+    shape = AirframeShape() if shape is None else shape
     parts = [*_fuselage(shape), *_surfaces(shape), *_gear(shape)]
     corners = np.concatenate([_outward(triangles) for triangles, _ in parts])
     colours = np.concatenate([np.tile(colour, (len(triangles), 1)) for triangles, colour in parts])
@@ -99,7 +99,7 @@ def trainer(span_m: float = 2.3, shape: Shape | None = None) -> Airframe:
 _Part = tuple[FloatArray, tuple[float, float, float]]
 
 
-def _fuselage(shape: Shape) -> list[_Part]:
+def _fuselage(shape: AirframeShape) -> list[_Part]:
     angle = 2.0 * np.pi * np.arange(_RING) / _RING
     rings = []
     for usual_behind, usual_half, above, below in _FUSELAGE:
@@ -110,7 +110,7 @@ def _fuselage(shape: Shape) -> list[_Part]:
     return [(cowling, shape.trim_bgr), (body, shape.skin_bgr)]
 
 
-def _surfaces(shape: Shape) -> list[_Part]:
+def _surfaces(shape: AirframeShape) -> list[_Part]:
     """Return wing (its tips in the trim's colour), tailplane and fin."""
     back, skin, trim = (shape.length - 1.0) * _TAIL, shape.skin_bgr, shape.trim_bgr
     parts: list[_Part] = []
@@ -129,7 +129,7 @@ def _surfaces(shape: Shape) -> list[_Part]:
     return parts
 
 
-def _section(shape: Shape, right: float, up: float) -> FloatArray:
+def _section(shape: AirframeShape, right: float, up: float) -> FloatArray:
     """Return a wing's section, (8, 3)."""
     chord = shape.chord * _CHORD
     along = np.array([0.0, 0.08, 0.3, 0.65, 1.0, 0.65, 0.3, 0.08])
@@ -145,7 +145,7 @@ def _plate(right: float, up: float, lead: float, chord: float) -> FloatArray:
     return np.column_stack([lead + chord * along, np.full(4, right), up + across])
 
 
-def _gear(shape: Shape) -> list[_Part]:
+def _gear(shape: AirframeShape) -> list[_Part]:
     """Return the legs, their wheels and the wing's struts."""
     parts: list[_Part] = []
     for side in (-1.0, 1.0):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.simulation.checks import require, require_positive
-from groundstation.simulation.trajectory import Superposed, Trajectory, Weave
+from groundstation.simulation.parameter_checks import require, require_positive
+from groundstation.simulation.trajectory import LateralWeave, SuperposedTrajectory, Trajectory
 
 GLIDE_SLOPE_RAD = math.radians(3.5)
 
@@ -37,7 +37,7 @@ class Flare:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Glide:
+class GlideApproach:
     """A descent along x = 0 towards the stations at constant speed over ground.
 
     Attributes
@@ -90,9 +90,11 @@ class Glide:
 
 def bound_glide() -> Trajectory:
     """Return the straight approach of the posterior bounds: 25 m/s from y = 600 m, 3.5° down to y = 60 m."""
-    return Glide()
+    return GlideApproach()
 
 
 def weaving_approach(end_y_m: float = 40.0) -> Trajectory:
     """Return the predictors' track: 25 m/s from y = 450 m, glide, flare at y = 110 m, ±1.5 m across every 8 s."""
-    return Superposed(nominal=Glide(start_y_m=450.0, end_y_m=end_y_m, flare=Flare()), deviation=Weave())
+    return SuperposedTrajectory(
+        nominal=GlideApproach(start_y_m=450.0, end_y_m=end_y_m, flare=Flare()), deviation=LateralWeave()
+    )

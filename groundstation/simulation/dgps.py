@@ -7,7 +7,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.messages import DgpsFix
-from groundstation.simulation.checks import (
+from groundstation.simulation.flight_window import FlightWindow
+from groundstation.simulation.parameter_checks import (
     require,
     require_finite,
     require_not_negative,
@@ -15,7 +16,6 @@ from groundstation.simulation.checks import (
     require_shape,
 )
 from groundstation.simulation.trajectory import Trajectory
-from groundstation.simulation.window import FlightWindow
 
 MAX_FIXES = 1_000_000
 _DRIFT_LIMIT_PPM = 1e5

@@ -5,9 +5,7 @@ from dataclasses import dataclass, replace
 
 from groundstation.errors import InputError
 from groundstation.rig.rig import Rig
-from groundstation.simulation.faults import Fault, FaultKind
-from groundstation.simulation.simulated_receiver import ReceiverModel
-from groundstation.simulation.timed_faults import (
+from groundstation.simulation.device_faults import (
     CAMERA_CLOCK_STEPPED,
     CAMERA_FROZEN,
     CAMERA_LATE,
@@ -15,6 +13,8 @@ from groundstation.simulation.timed_faults import (
     PTU_SILENT,
     TimedFault,
 )
+from groundstation.simulation.event_faults import Fault, FaultKind
+from groundstation.simulation.simulated_receiver import ReceiverModel
 
 _OF_STATIONS = {
     FaultKind.CAMERA_LOST: CAMERA_LOST,
@@ -27,14 +27,16 @@ _OF_THE_RECEIVER = (FaultKind.DGPS_GAP, FaultKind.DGPS_CLOCK_STEP)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RangeFaults:
+class SimulatedDeviceFaults:
     """What goes wrong with the stations' devices, and the receiver (None for none) as it fails."""
 
     timetable: tuple[TimedFault, ...]
     receiver: ReceiverModel | None
 
 
-def range_faults(faults: Sequence[Fault], receiver: ReceiverModel | None, where: str) -> RangeFaults:
+def simulated_device_faults(
+    faults: Sequence[Fault], receiver: ReceiverModel | None, where: str
+) -> SimulatedDeviceFaults:
     """Return the faults of a timetable as a simulated range knows them; times count from the flight's beginning.
 
     Raises `InputError`, which names ``where``, for what does not happen on a serial line, and for faults of a receiver
@@ -56,7 +58,7 @@ def range_faults(faults: Sequence[Fault], receiver: ReceiverModel | None, where:
             receiver = replace(receiver, gone_s=(*receiver.gone_s, (fault.from_s, fault.to_s)))
         else:
             receiver = replace(receiver, stepped_s=(*receiver.stepped_s, (fault.from_s, fault.to_s, fault.by)))
-    return RangeFaults(timetable=tuple(timetable), receiver=receiver)
+    return SimulatedDeviceFaults(timetable=tuple(timetable), receiver=receiver)
 
 
 def check_timetable(timetable: Sequence[TimedFault], rig: Rig) -> None:

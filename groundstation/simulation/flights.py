@@ -11,19 +11,19 @@ from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import rotation_from_vector, wxyz_from_matrix
 from groundstation.rig.rig import Rig, Station
 from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN
-from groundstation.simulation.approach import GLIDE_SLOPE_RAD, Flare, Glide
-from groundstation.simulation.camera import CameraModel
-from groundstation.simulation.cases import BASELINE_M, STEP_RAD, standard_station
-from groundstation.simulation.checks import require, require_not_negative, require_positive
+from groundstation.simulation.approach import GLIDE_SLOPE_RAD, Flare, GlideApproach
+from groundstation.simulation.detection_camera import CameraModel
 from groundstation.simulation.dgps import DgpsModel
-from groundstation.simulation.disturbance import Gusts
-from groundstation.simulation.flight_model import fly_by_jsbsim
-from groundstation.simulation.flown_take_off import take_off_by_jsbsim
+from groundstation.simulation.jsbsim_model import fly_by_jsbsim
+from groundstation.simulation.jsbsim_take_off import take_off_by_jsbsim
+from groundstation.simulation.parameter_checks import require, require_not_negative, require_positive
+from groundstation.simulation.path_deviation import GustModel
 from groundstation.simulation.pointing import LoopLimits, SecondOrderLoop
 from groundstation.simulation.ptu import PtuModel
 from groundstation.simulation.scenario import Scenario
+from groundstation.simulation.standard_cases import BASELINE_M, STEP_RAD, standard_station
 from groundstation.simulation.take_off import TakeOff, take_off
-from groundstation.simulation.trajectory import Sampled, Superposed, Trajectory, Weave
+from groundstation.simulation.trajectory import LateralWeave, SampledTrajectory, SuperposedTrajectory, Trajectory
 
 SPAN_M = 2.3
 _STEP_S = 0.02
@@ -53,7 +53,7 @@ class FlightModelKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shortened:
+class TruncatedTrajectory:
     """The first part of a trajectory: its span ends at most ``duration_s`` after its start."""
 
     whole: Trajectory
@@ -101,9 +101,9 @@ def flight(
         flown = take_off(TakeOff(start_y_m=300.0, start_z_m=rest_m, end_y_m=60.0))
     else:
         flare = Flare.meeting(165.0, 130.0, GLIDE_SLOPE_RAD, floor_m=rest_m)
-        flown = Glide(start_y_m=520.0, end_y_m=85.0, speed_m_s=20.0, aim_y_m=130.0, flare=flare)
+        flown = GlideApproach(start_y_m=520.0, end_y_m=85.0, speed_m_s=20.0, aim_y_m=130.0, flare=flare)
     if name is FlightName.WEAVE:
-        flown = _near_ground(flown, Weave(), rest_m)
+        flown = _near_ground(flown, LateralWeave(), rest_m)
     flown = in_wind(flown, rest_m, seed=seed, wind_m_s=wind_m_s, aircraft=aircraft)
     return _shortened(flown, duration_s)
 
@@ -112,7 +112,7 @@ def _shortened(flown: Trajectory, duration_s: float | None) -> Trajectory:
     if duration_s is None:
         return flown
     require_positive("flight: duration_s", duration_s)
-    return Shortened(whole=flown, duration_s=duration_s)
+    return TruncatedTrajectory(whole=flown, duration_s=duration_s)
 
 
 def _check_wind(wind_m_s: float) -> None:
@@ -132,11 +132,11 @@ def in_wind(nominal: Trajectory, rest_m: float, *, seed: int, wind_m_s: float, a
         return nominal
     generator = np.random.default_rng([seed, _GUST_STREAM])
     share = wind_m_s / _WIND_M_S
-    gusts = Gusts(sigma_m_s2=(0.6 * share, 0.4 * share, 0.5 * share))
+    gusts = GustModel(sigma_m_s2=(0.6 * share, 0.4 * share, 0.5 * share))
     return _near_ground(nominal, gusts.draw(generator, nominal.span_s), rest_m)
 
 
-def _in_turbulence(span_s: tuple[float, float], seed: int, wind_m_s: float) -> Sampled:
+def _in_turbulence(span_s: tuple[float, float], seed: int, wind_m_s: float) -> SampledTrajectory:
     """Return how JSBSim's aircraft leaves its path in turbulence: its motion less a cubic through it."""
     samples = math.ceil((span_s[1] - span_s[0]) / _STEP_S) + 2
     moved = fly_by_jsbsim(
@@ -148,20 +148,20 @@ def _in_turbulence(span_s: tuple[float, float], seed: int, wind_m_s: float) -> S
     at = np.polynomial.Polynomial.fit
     smooth = np.stack([at(t, path[:, k], 3)(t) for k in range(3)], axis=1)
     off = path - smooth
-    return Sampled(t_s=t, position_m=off, velocity_m_s=np.gradient(off, t, axis=0))
+    return SampledTrajectory(t_s=t, position_m=off, velocity_m_s=np.gradient(off, t, axis=0))
 
 
-def _near_ground(nominal: Trajectory, deviation: Trajectory, rest_m: float) -> Sampled:
+def _near_ground(nominal: Trajectory, deviation: Trajectory, rest_m: float) -> SampledTrajectory:
     """Return a flight with a deviation that fades out towards the ground."""
     start, end = nominal.span_s
     t = np.linspace(start, end, max(math.ceil((end - start) / _STEP_S), 2) + 1)
     height = nominal.position(t)[:, 2] - rest_m
     share = np.clip(height / _GUST_HEIGHT_M, 0.0, 1.0)
     share = share**2 * (3.0 - 2.0 * share)
-    both = Superposed(nominal=nominal, deviation=deviation)
+    both = SuperposedTrajectory(nominal=nominal, deviation=deviation)
     position = nominal.position(t) + share[:, None] * (both.position(t) - nominal.position(t))
     position[:, 2] = np.maximum(position[:, 2], rest_m)
-    return Sampled(t_s=t, position_m=position, velocity_m_s=np.gradient(position, t, axis=0))
+    return SampledTrajectory(t_s=t, position_m=position, velocity_m_s=np.gradient(position, t, axis=0))
 
 
 def site_rig() -> Rig:
@@ -197,7 +197,7 @@ def _station(
     )
 
 
-def filmed_scenario(trajectory: Trajectory, rig: Rig, *, seed: int = 0, frame_hz: float = 10.0) -> Scenario:
+def rendered_scenario(trajectory: Trajectory, rig: Rig, *, seed: int = 0, frame_hz: float = 10.0) -> Scenario:
     """Return a flight before stations whose heads follow it with lag, with DGPS in a clock of its own.
 
     The rig is believed to be as it is. Angles are read 50 times a second, between the frames.

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.interpolate import UnivariateSpline
 
 from groundstation.arrays import FloatArray
-from groundstation.simulation.checks import require, require_positive, require_rising, require_shape
-from groundstation.simulation.trajectory import Sampled
+from groundstation.simulation.parameter_checks import require, require_positive, require_rising, require_shape
+from groundstation.simulation.trajectory import SampledTrajectory
 
 _STEP_S = 0.02
 _QUINTIC = 5
@@ -27,7 +27,7 @@ def trajectory_from_log(
     touchdown_z_m: float = 0.3,
     sigma_m: float = 0.03,
     heading_s: float = 5.0,
-) -> Sampled:
+) -> SampledTrajectory:
     """Return the landing of a log as a trajectory in the runway frame; time 0 is ``before_s`` before touchdown.
 
     The samples are smoothed by a quintic spline of the given noise, turned about the vertical so that the last
@@ -66,7 +66,7 @@ def trajectory_from_log(
     at_start, at_end = (np.array([s(moment) for s in splines]) for moment in (before_s - heading_s, before_s))
     runway_from_enu = _turn(at_end - at_start, heading_s)
     place = np.array([0.0, touchdown_y_m, touchdown_z_m])
-    return Sampled(
+    return SampledTrajectory(
         t_s=times,
         position_m=(position - at_end) @ runway_from_enu.T + place,
         velocity_m_s=velocity @ runway_from_enu.T,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundstation.picture import BayerPattern
-from groundstation.simulation.checks import require_not_negative, require_positive
+from groundstation.simulation.parameter_checks import require_not_negative, require_positive
 
 # a scenery's colours are what this exposure shows with gain 1
 REFERENCE_EXPOSURE_S = 0.003

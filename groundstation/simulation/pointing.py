@@ -11,8 +11,8 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.geometry.station import StationGeometry
-from groundstation.simulation.checks import require, require_not_negative, require_positive
-from groundstation.simulation.kernels import aim_many, follow, play
+from groundstation.simulation.parameter_checks import require, require_not_negative, require_positive
+from groundstation.simulation.pointing_kernels import aim_many, apply_backlash, simulate_axis
 from groundstation.simulation.trajectory import Trajectory
 
 STEP_S = 0.001
@@ -44,7 +44,7 @@ class IdealPointing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parked:
+class FixedPointing:
     """The head stands still at these angles, rad; a fixed station stands at zero."""
 
     pan_rad: float = 0.0
@@ -85,7 +85,7 @@ class FirstOrderLoop:
 
     @property
     def gains(self) -> FloatArray:
-        """(1/τ,) for `follow`."""
+        """(1/τ,) for `simulate_axis`."""
         return np.array([1.0 / self.time_constant_s])
 
 
@@ -105,12 +105,12 @@ class SecondOrderLoop:
 
     @property
     def gains(self) -> FloatArray:
-        """(ω², 2ζω) for `follow`."""
+        """(ω², 2ζω) for `simulate_axis`."""
         return np.array([self.natural_rad_s**2, 2.0 * self.damping * self.natural_rad_s])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wandering:
+class DisturbedPointing:
     """Aims at the target, but for a deviation drawn from the filter's own model of a head: white acceleration.
 
     Nothing holds it to the target: after t s it is √(PSD · t³ / 3) off, at one sigma. ``deviation`` has pan and tilt
@@ -121,17 +121,19 @@ class Wandering:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Adrift:
+class UncontrolledPointing:
     """Aims at the target when the flight begins and is left to itself then: nothing but the filter's own model.
 
     Constant rates and white acceleration, so that the head does not follow the target: for studies whose truth is to be
-    drawn from the model to the last, with a picture that is wide enough. ``deviation`` is that of `Wandering`.
+    drawn from the model to the last, with a picture that is wide enough. ``deviation`` is that of `DisturbedPointing`.
     """
 
     deviation: Trajectory
 
 
-PointingModel = IdealPointing | Wandering | Adrift | Parked | FirstOrderLoop | SecondOrderLoop
+PointingModel = (
+    IdealPointing | DisturbedPointing | UncontrolledPointing | FixedPointing | FirstOrderLoop | SecondOrderLoop
+)
 
 
 def pointing_history(
@@ -139,16 +141,18 @@ def pointing_history(
 ) -> PointingHistory:
     """Return how a station of true ``geometry`` points over a span (s) while a trajectory is flown."""
     if isinstance(model, IdealPointing):
-        return _Ideal(geometry=geometry, trajectory=trajectory)
-    if isinstance(model, Wandering):
-        return _Wandered(aimed=_Ideal(geometry=geometry, trajectory=trajectory), deviation=model.deviation)
-    if isinstance(model, Adrift):
+        return _IdealHistory(geometry=geometry, trajectory=trajectory)
+    if isinstance(model, DisturbedPointing):
+        return _DisturbedHistory(
+            aimed=_IdealHistory(geometry=geometry, trajectory=trajectory), deviation=model.deviation
+        )
+    if isinstance(model, UncontrolledPointing):
         first = np.array(trajectory.span_s[:1])
-        aim = _Ideal(geometry=geometry, trajectory=trajectory).at(first).head_rad[0]
-        still = _Still(pan_rad=float(aim[0]), tilt_rad=float(aim[1]))
-        return _Wandered(aimed=still, deviation=model.deviation)
-    if isinstance(model, Parked):
-        return _Still(pan_rad=model.pan_rad, tilt_rad=model.tilt_rad)
+        aim = _IdealHistory(geometry=geometry, trajectory=trajectory).at(first).head_rad[0]
+        still = _FixedHistory(pan_rad=float(aim[0]), tilt_rad=float(aim[1]))
+        return _DisturbedHistory(aimed=still, deviation=model.deviation)
+    if isinstance(model, FixedPointing):
+        return _FixedHistory(pan_rad=model.pan_rad, tilt_rad=model.tilt_rad)
     count = int(np.ceil((span_s[1] - span_s[0] + _SETTLE_S) / STEP_S)) + 2
     wanted = f"at most {_MAX_STEPS} steps of {STEP_S:g} s"
     require(count <= _MAX_STEPS, "pointing_history: span_s", got=f"{count} steps", wanted=wanted)
@@ -161,13 +165,13 @@ def pointing_history(
     limits = model.limits
     fastest, hardest = limits.max_rate_rad_s, limits.max_acceleration_rad_s2
     for axis in range(2):
-        follow(command[:, axis], STEP_S, model.gains, fastest, hardest, motor[:, axis], rate[:, axis])
-        play(motor[:, axis], limits.backlash_rad, head[:, axis])
-    return _Driven(start_s=float(t[0]), motor=motor, rate=rate, head=head, backlash_rad=limits.backlash_rad)
+        simulate_axis(command[:, axis], STEP_S, model.gains, fastest, hardest, motor[:, axis], rate[:, axis])
+        apply_backlash(motor[:, axis], limits.backlash_rad, head[:, axis])
+    return _ServoHistory(start_s=float(t[0]), motor=motor, rate=rate, head=head, backlash_rad=limits.backlash_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Ideal:
+class _IdealHistory:
     geometry: StationGeometry
     trajectory: Trajectory
 
@@ -181,7 +185,7 @@ class _Ideal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Wandered:
+class _DisturbedHistory:
     aimed: PointingHistory
     deviation: Trajectory
 
@@ -193,7 +197,7 @@ class _Wandered:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Still:
+class _FixedHistory:
     pan_rad: float
     tilt_rad: float
 
@@ -203,7 +207,7 @@ class _Still:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Driven:
+class _ServoHistory:
     """A loop's states (n, 2) at steps of `STEP_S` from ``start_s``; acceleration is constant within a step."""
 
     start_s: float

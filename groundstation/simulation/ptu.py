@@ -8,9 +8,9 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.messages import PtuSample
 from groundstation.rig.rig import Station
-from groundstation.simulation.checks import require, require_finite, require_not_negative, require_positive
+from groundstation.simulation.device_clocks import believed_times
+from groundstation.simulation.parameter_checks import require, require_finite, require_not_negative, require_positive
 from groundstation.simulation.pointing import IdealPointing, PointingHistory, PointingModel
-from groundstation.simulation.stamps import believed_times
 
 MAX_READINGS = 2_000_000
 MAX_RATE_HZ = 1000.0
@@ -80,7 +80,7 @@ def read_ptu(
     require(count <= MAX_READINGS, f"station {true.name}: rate_hz", got=f"{count} readings", wanted=wanted)
     t = (first + np.arange(count)) / model.rate_hz + model.phase_s
     angles = history.at(t).encoder_rad + generator.normal(size=(count, 2)) * true.ptu_sigma_rad
-    angles = in_steps(angles, true.ptu_resolution_rad)
+    angles = quantise(angles, true.ptu_resolution_rad)
     arrival = t + model.delay_s
     if model.delay_jitter_s:
         arrival = _in_line(arrival + generator.uniform(size=count) * model.delay_jitter_s)
@@ -99,7 +99,7 @@ def _in_line(arrival_s: FloatArray) -> FloatArray:
     return np.asarray(np.maximum.accumulate(arrival_s - earliest) + earliest)
 
 
-def in_steps(angles_rad: FloatArray, resolution_rad: float) -> FloatArray:
+def quantise(angles_rad: FloatArray, resolution_rad: float) -> FloatArray:
     """Round angles to whole steps of an encoder; a resolution of 0 has no steps."""
     if resolution_rad == 0:
         return angles_rad

@@ -1,4 +1,4 @@
-"""A camera of a station that looks into a `World`: raw pictures, and the exact truth of them.
+"""A camera of a station that looks into a `RenderedScene`: raw pictures, and the exact truth of them.
 
 A picture depends on seed, station, time, angles and rates alone; the same again is the same to the last bit. An
 object has room to work in: one thread at a time.
@@ -17,11 +17,11 @@ from groundstation.picture import RawPicture
 from groundstation.rig.rig import Station
 from groundstation.simulation import raster_kernels, render_kernels
 from groundstation.simulation.attitude import AircraftPose
-from groundstation.simulation.checks import require
 from groundstation.simulation.optics import Optics
-from groundstation.simulation.picture_parts import cut_to_picture, node_rays, smear
+from groundstation.simulation.parameter_checks import require
+from groundstation.simulation.render_primitives import crop_mask, motion_blur_kernel, ray_grid
+from groundstation.simulation.rendered_scene import RenderedScene
 from groundstation.simulation.scenery import Surroundings, surroundings_of
-from groundstation.simulation.world import World
 
 MAX_SIZE_PX = 8192
 _NOISE_STREAM = 301
@@ -94,7 +94,7 @@ class RenderedCamera:
 
     def __init__(
         self,
-        world: World,
+        world: RenderedScene,
         station: Station,
         optics: Optics | None = None,
         *,
@@ -117,7 +117,7 @@ class RenderedCamera:
         grey = self.optics.pattern is None
         self._around = surroundings_of(world.scenery, self._eye, focal, grey) if around is None else around
         self._focal = focal
-        self._rays = node_rays(self._geometry.packed, (w, h))
+        self._rays = ray_grid(self._geometry.packed, (w, h))
         self._nodes = np.empty((*self._rays.shape[:2], 2))
         self._channels = self.optics.channels
         generator = np.random.default_rng(self._seed)
@@ -180,7 +180,7 @@ class RenderedCamera:
         drawn = self._drawn(skin, np.zeros((len(skin), 3)), head, np.zeros(2), self._facing(pose, skin))
         if drawn is None:
             return np.zeros((0, 0), dtype=bool), (0, 0)
-        return cut_to_picture(drawn.cover[:, :, 3] >= 0.5, drawn.corner, self._geometry.image_size_px)
+        return crop_mask(drawn.cover[:, :, 3] >= 0.5, drawn.corner, self._geometry.image_size_px)
 
     # -------------------------------------------------------------------------------- the surroundings
     def _look_around(self, head: HeadMotion) -> None:
@@ -297,7 +297,9 @@ class RenderedCamera:
         """Blur what was drawn and lay it over the light."""
         cover = drawn.cover
         if float(np.hypot(*motion)) > _LEAST_MOTION_PX:
-            cover = np.asarray(cv2.filter2D(cover, -1, smear(motion), borderType=cv2.BORDER_CONSTANT), np.float32)
+            cover = np.asarray(
+                cv2.filter2D(cover, -1, motion_blur_kernel(motion), borderType=cv2.BORDER_CONSTANT), np.float32
+            )
         if self.optics.blur_px > 0.0:
             size = 2 * math.ceil(3.0 * self.optics.blur_px) + 1
             sigma = self.optics.blur_px

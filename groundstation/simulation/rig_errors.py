@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import matrix_from_wxyz, wxyz_from_matrix
 from groundstation.rig.rig import ClockModel, Rig, Station
-from groundstation.simulation.checks import require, require_finite, require_shape
+from groundstation.simulation.parameter_checks import require, require_finite, require_shape
 
 _VECTORS = ("mount_rad", "boresight_rad", "position_m", "camera_in_head_m")
 _NUMBERS = ("focal_share", "ptu_offset_s", "ptu_drift_ppm", "camera_offset_s", "camera_drift_ppm")

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from groundstation.rig.rig import Rig
-from groundstation.simulation.camera import CameraModel
-from groundstation.simulation.checks import require, require_not_negative, require_positive
+from groundstation.simulation.detection_camera import CameraModel
 from groundstation.simulation.dgps import DgpsModel
+from groundstation.simulation.parameter_checks import require, require_not_negative, require_positive
 from groundstation.simulation.ptu import PtuModel
 from groundstation.simulation.trajectory import Trajectory
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray, MaskArray
-from groundstation.simulation.checks import require, require_fraction, require_positive
+from groundstation.simulation.parameter_checks import require, require_fraction, require_positive
 from groundstation.simulation.render_kernels import TILE, flat_blocks
 from groundstation.simulation.scenery_kernels import bake
 

@@ -13,8 +13,8 @@ import numpy as np
 from groundstation.errors import InputError
 from groundstation.messages import InitialState, PixelMeasurement, PtuSample
 from groundstation.rig.rig_toml import rig_to_toml
+from groundstation.simulation.device_clocks import device_from_session
 from groundstation.simulation.simulate import SimulatedFlight
-from groundstation.simulation.stamps import device_from_session
 from groundstation.tracking.config import config_to_toml
 
 Cells = Sequence[str]

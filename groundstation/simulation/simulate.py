@@ -8,12 +8,12 @@ import numpy as np
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.messages import DgpsFix, Epoch, Event, PixelMeasurement
 from groundstation.rig.rig import Rig
-from groundstation.simulation.camera import Looks, look
+from groundstation.simulation.detection_camera import SimulatedDetections, simulate_detections
+from groundstation.simulation.device_clocks import believed_times
 from groundstation.simulation.dgps import take_fixes
-from groundstation.simulation.pointing import Parked, PointingHistory, pointing_history
+from groundstation.simulation.pointing import FixedPointing, PointingHistory, pointing_history
 from groundstation.simulation.ptu import read_ptu
 from groundstation.simulation.scenario import Scenario
-from groundstation.simulation.stamps import believed_times
 
 # of what arrives at one instant, readings come first and an epoch after its frames
 _READING, _PIXEL, _EPOCH = range(3)
@@ -127,15 +127,17 @@ def _histories(scenario: Scenario) -> dict[str, PointingHistory]:
     span = (start - reach, end + reach)
     return {
         s.name: pointing_history(
-            Parked() if s.fixed else scenario.ptus[s.name].pointing, s.geometry(), scenario.trajectory, span
+            FixedPointing() if s.fixed else scenario.ptus[s.name].pointing, s.geometry(), scenario.trajectory, span
         )
         for s in scenario.true_rig.stations
     }
 
 
-def _looks(scenario: Scenario, histories: dict[str, PointingHistory], pairs_s: FloatArray) -> dict[str, Looks]:
+def _looks(
+    scenario: Scenario, histories: dict[str, PointingHistory], pairs_s: FloatArray
+) -> dict[str, SimulatedDetections]:
     return {
-        s.name: look(
+        s.name: simulate_detections(
             *(scenario.cameras[s.name], s.geometry(), s.readout_s, histories[s.name], scenario.trajectory),
             pairs_s + scenario.cameras[s.name].phase_s,
             _generator(scenario, _CAMERA_STREAM, number),
@@ -157,7 +159,7 @@ def _readings(scenario: Scenario, histories: dict[str, PointingHistory], span_s:
     return arrivals
 
 
-def _pixels_and_epochs(scenario: Scenario, looks: dict[str, Looks]) -> list[_Arrival]:
+def _pixels_and_epochs(scenario: Scenario, looks: dict[str, SimulatedDetections]) -> list[_Arrival]:
     """Return the reported pixels, and an epoch for each pair once its last frame is through, seen or not."""
     arrivals = []
     stamps, through = [], []
@@ -178,7 +180,7 @@ def _pixels_and_epochs(scenario: Scenario, looks: dict[str, Looks]) -> list[_Arr
     return arrivals
 
 
-def _truth(scenario: Scenario, looks: dict[str, Looks]) -> FlightTruth:
+def _truth(scenario: Scenario, looks: dict[str, SimulatedDetections]) -> FlightTruth:
     t_s = np.mean([seen.t_s for seen in looks.values()], axis=0)
     return FlightTruth(
         t_s=t_s,

@@ -8,12 +8,14 @@ from pathlib import Path
 from groundstation.live.station_file import StationFile, load_station
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.rig.rig import Rig, load_rig
+from groundstation.simulation.device_faults import TimedFault
+from groundstation.simulation.device_simulator import DeviceSimulator, DeviceSimulatorConfig
 from groundstation.simulation.fault_timetable import check_timetable
 from groundstation.simulation.flights import FlightModelKind
-from groundstation.simulation.simulated_landings import DayScore, EstimateKeeper, landings, score, simulated_set_up
-from groundstation.simulation.simulated_range import RangeConfig, SimulatedRange
+from groundstation.simulation.repeated_landings import landings
 from groundstation.simulation.simulated_receiver import ReceiverModel
-from groundstation.simulation.timed_faults import TimedFault
+from groundstation.simulation.simulated_station_file import simulated_station_file
+from groundstation.simulation.simulation_score import EstimateRecorder, SimulationScore, score
 from groundstation.sinks.sink import Sink
 from groundstation.sources.cameras.camera import CameraDevice
 
@@ -44,7 +46,7 @@ class SimulatedStationConfig:
 
 
 class SimulatedStation(StationSimulator):
-    """Landings filmed by rendered cameras on simulated pan-tilt units, in real time.
+    """RepeatedLandings filmed by rendered cameras on simulated pan-tilt units, in real time.
 
     Raises
     ------
@@ -56,9 +58,9 @@ class SimulatedStation(StationSimulator):
         self._flight = landings(
             config.seconds or 1e9, seed=config.seed, wind_m_s=config.wind_m_s, aircraft=config.aircraft
         )
-        self._kept = EstimateKeeper()
+        self._kept = EstimateRecorder()
         self._rig: Rig | None = None
-        self._range: SimulatedRange | None = None
+        self._range: DeviceSimulator | None = None
         self._begin_s = 0.0
         self.delivery_s = 0.0
 
@@ -67,7 +69,7 @@ class SimulatedStation(StationSimulator):
         if station is not None:
             return load_station(station)
         rig = None if self._config.rig is None else load_rig(self._config.rig)
-        return simulated_set_up(out, self._config.rate_hz, rig, dgps=self._config.receiver is not None)
+        return simulated_station_file(out, self._config.rate_hz, rig, dgps=self._config.receiver is not None)
 
     def check(self, rig: Rig) -> None:
         """Raise `InputError` where the timetable of faults names what the rig does not have."""
@@ -77,7 +79,7 @@ class SimulatedStation(StationSimulator):
     def open(self, file: StationFile, out: Path, opened: ExitStack, say: Callable[[str], None]) -> None:
         """Start the range in processes of its own."""
         say("building the simulated range")
-        hardware = RangeConfig(
+        hardware = DeviceSimulatorConfig(
             rig=file.rig,
             folder=out,
             flight=self._flight,
@@ -87,7 +89,7 @@ class SimulatedStation(StationSimulator):
             receiver=self._config.receiver,
             timetable=self._config.timetable,
         )
-        self._range = opened.enter_context(SimulatedRange(hardware))
+        self._range = opened.enter_context(DeviceSimulator(hardware))
         self.delivery_s = self._range.delivery_s
 
     def sinks(self) -> tuple[Sink, ...]:
@@ -103,13 +105,13 @@ class SimulatedStation(StationSimulator):
         """Return one camera's connection."""
         return self._running().connect(name)
 
-    def score(self, begin_s: float) -> DayScore | None:
+    def score(self, begin_s: float) -> SimulationScore | None:
         """Compare with the truth; ``begin_s`` is the flight's time zero, session time. None where nothing flew."""
         if self._range is None or self._rig is None:
             return None
         return score(self._flight, begin_s, self._kept.rows(), self._range.truth, self._rig, self._begin_s)
 
-    def _running(self) -> SimulatedRange:
+    def _running(self) -> DeviceSimulator:
         if self._range is None:
             raise RuntimeError("the simulated range is used before it is opened")
         return self._range

@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from groundstation.simulation.checks import require, require_not_negative, require_positive
-from groundstation.simulation.trajectory import Sampled
+from groundstation.simulation.parameter_checks import require, require_not_negative, require_positive
+from groundstation.simulation.trajectory import SampledTrajectory
 
 _STEP_S = 0.005
 _MAX_FLIGHT_S = 600.0
@@ -48,7 +48,7 @@ class TakeOff:
         require(slow, "TakeOff: climb_speed_m_s", got=self.climb_speed_m_s, wanted=wanted)
 
 
-def take_off(plan: TakeOff | None = None) -> Sampled:
+def take_off(plan: TakeOff | None = None) -> SampledTrajectory:
     """Fly a take-off along −y from time 0; returns a trajectory in the runway frame."""
     p = TakeOff() if plan is None else plan
     slowest = p.rotate_speed_m_s * math.cos(p.climb_rad)
@@ -63,4 +63,4 @@ def take_off(plan: TakeOff | None = None) -> Sampled:
     travelled = np.vstack([np.zeros(3), np.cumsum(0.5 * _STEP_S * (velocity[1:] + velocity[:-1]), axis=0)])
     position = np.array([0.0, p.start_y_m, p.start_z_m]) + travelled
     flown = int(np.searchsorted(-position[:, 1], -p.end_y_m)) + 1
-    return Sampled(t_s=t[:flown], position_m=position[:flown], velocity_m_s=velocity[:flown])
+    return SampledTrajectory(t_s=t[:flown], position_m=position[:flown], velocity_m_s=velocity[:flown])

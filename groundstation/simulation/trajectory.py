@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.simulation.checks import require_finite, require_positive, require_rising, require_shape
+from groundstation.simulation.parameter_checks import require_finite, require_positive, require_rising, require_shape
 
 
 class Trajectory(Protocol):
@@ -27,7 +27,7 @@ class Trajectory(Protocol):
         """Return velocities (n, 3) in m/s at times (n,)."""
 
 
-class Sampled:
+class SampledTrajectory:
     """A trajectory through samples of position and velocity: piecewise cubic Hermite, C¹.
 
     Between two samples of a motion that is driven by white acceleration, the cubic is the mean of what can
@@ -74,7 +74,7 @@ class Sampled:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Superposed:
+class SuperposedTrajectory:
     """A nominal flight with a deviation added; the span is the nominal's."""
 
     nominal: Trajectory
@@ -95,7 +95,7 @@ class Superposed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Weave:
+class LateralWeave:
     """A deviation: a sine across the runway, x = amplitude · sin(2π t / period); metres and seconds."""
 
     amplitude_m: float = 1.5

@@ -28,14 +28,14 @@ MOST_FLAT = 10
 CORE = ("detection", "estimation", "geometry", "integrity", "picture", "pointing", "simulation", "tracking")
 # of the simulation, what runs in real time, in processes, or writes folders
 SIMULATION_EDGE = (
-    "filmed_folder",
-    "filming",
-    "shared_range",
+    "attached_simulator",
+    "device_simulator",
+    "render_flight",
+    "rendered_session_folder",
     "session_folder",
-    "simulated_landings",
-    "simulated_range",
     "simulated_receiver",
     "simulated_station",
+    "simulated_station_file",
 )
 EDGE_LIBRARIES = {"serial", "rerun", "matplotlib"}
 CLOCKS_AND_FILES = {"time", "datetime", "os", "io", "socket", "subprocess", "tempfile", "shutil", "urllib", "threading"}

@@ -14,7 +14,7 @@ TOOLS = {"groundstation.live.check", "ptu_drivers.monitor"}
 # passes commands on to a unit, or refuses them
 GUARD = "groundstation.live.keep_out_unit"
 # its heads are numbers
-VIRTUAL = "groundstation.simulation.rehearsal"
+VIRTUAL = "groundstation.simulation.closed_loop"
 
 
 def calls(path: Path, names: set[str]) -> set[str]:

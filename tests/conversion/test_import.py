@@ -69,7 +69,7 @@ def test_an_import_replays_with_each_cameras_own_frames(parts: Path, capsys: pyt
     played = play(parts / "session")
     assert not played.fault
     for name, start in (("left", 0.5), ("right", 0.83)):
-        frames = played.frames_of(name)
+        frames = played.delivered_frames(name)
         # 10 Hz: the picture's own number tells when it was taken
         assert [f.t_s for f in frames] == pytest.approx(
             [start + 0.1 * number_of(f.image.whole()) for f in frames], abs=1e-6
@@ -95,7 +95,7 @@ def test_links_and_a_part_of_it(parts: Path) -> None:
     assert run(parts, "--link") == 0
     assert (parts / "session" / "left.avi").is_symlink()
     played = play(parts / "session", 1.0, 1.3)
-    assert [number_of(f.image.whole()) for f in played.frames_of("right")] == [2, 3, 4]
+    assert [number_of(f.image.whole()) for f in played.delivered_frames("right")] == [2, 3, 4]
 
 
 def test_uneven_stamps_are_the_containers(parts: Path) -> None:

@@ -18,7 +18,7 @@ from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation import Scenario, StationErrors, case_b, perturbed, simulate
-from groundstation.simulation.approach import Glide
+from groundstation.simulation.approach import GlideApproach
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.session_folder import write_session_folder
 from tests.calibration.clocks.swings import Recorder, Swing, small_station, write_session
@@ -118,7 +118,7 @@ def _strip(folder: Path, rng: np.random.Generator) -> None:
 
 
 def _short_flight() -> Scenario:
-    return replace(case_b(seed=3, trajectory=Glide(start_y_m=350.0, end_y_m=200.0)), dgps=DgpsModel())
+    return replace(case_b(seed=3, trajectory=GlideApproach(start_y_m=350.0, end_y_m=200.0)), dgps=DgpsModel())
 
 
 def _flight(folder: Path, rng: np.random.Generator) -> None:
@@ -175,7 +175,7 @@ def _taught(folder: Path, rng: np.random.Generator) -> None:
 
 def _runs(folder: Path, rng: np.random.Generator) -> None:
     """The results of one flight, on two days."""
-    flight = simulate(case_b(seed=5, trajectory=Glide(start_y_m=300.0, end_y_m=260.0)))
+    flight = simulate(case_b(seed=5, trajectory=GlideApproach(start_y_m=300.0, end_y_m=260.0)))
     write_session_folder(folder / "session", flight, name="monday")
     replay(ReplayRequest(session=folder / "session", out=folder / "out" / "monday"))
     shutil.copytree(folder / "out" / "monday", folder / "out" / "tuesday")

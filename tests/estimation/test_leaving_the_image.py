@@ -9,8 +9,8 @@ import pytest
 from groundstation.estimation.config import EstimationConfig, OutOfViewWeighting
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.field_of_view import moments_after_miss
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.cases import drawn_glide
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.standard_cases import drawn_glide
 from tests.stereo_rig import aim, make_rig
 
 PSD = (1.0, 4.0, 2.0)
@@ -26,7 +26,7 @@ def fly(seed: int, weighting: OutOfViewWeighting, miss_share: float = 0.0) -> di
     """
     rng = np.random.default_rng([seed, 3])
     rig = make_rig()
-    path = drawn_glide(seed, PSD, Glide(start_y_m=350.0, end_y_m=180.0))
+    path = drawn_glide(seed, PSD, GlideApproach(start_y_m=350.0, end_y_m=180.0))
     config = replace(EstimationConfig(), out_of_view=weighting)
     ekf = StationEkf({s.name: s.geometry() for s in rig.stations}, rig.names, config)
     out: dict[str, list[float]] = {"before": [], "away": [], "after": []}

@@ -12,7 +12,7 @@ from groundstation.estimation.provisional_track import ProvisionalTrack
 from groundstation.estimation.recorded_ekf import RecordedEkf
 from groundstation.messages import Event, InitialState, PixelMeasurement
 from groundstation.simulation import SimulatedFlight, simulate
-from groundstation.simulation.approach import Glide
+from groundstation.simulation.approach import GlideApproach
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.synchronise import SynchroniseConfig
@@ -34,7 +34,7 @@ def first_spoiled(events: Sequence[Event], count: int = 1, from_s: float = 0.0) 
 
 
 def flown(seed: int) -> SimulatedFlight:
-    flight = simulate(consistency.drawn_case("B", seed, 10.0, Glide(end_y_m=400.0)))
+    flight = simulate(consistency.drawn_case("B", seed, 10.0, GlideApproach(end_y_m=400.0)))
     return replace(flight, events=tuple(first_spoiled(flight.events)))
 
 

@@ -12,8 +12,8 @@ from groundstation.estimation.parameters import LOG_SPAN, ParameterPrior
 from groundstation.estimation.recorded_ekf import RecordedEkf
 from groundstation.estimation.silhouette import WidthModel
 from groundstation.estimation.state import state_layout
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.cases import drawn_glide
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.standard_cases import drawn_glide
 from tests.stereo_rig import aim, make_rig
 
 SPAN_M = 2.3
@@ -73,7 +73,7 @@ def fly(seed: int, widths: bool, common: bool = True) -> tuple[np.ndarray, np.nd
     """
     rng = np.random.default_rng(seed)
     rig = make_rig()
-    path = drawn_glide(seed, PSD, Glide(start_y_m=400.0, end_y_m=200.0))
+    path = drawn_glide(seed, PSD, GlideApproach(start_y_m=400.0, end_y_m=200.0))
     config = replace(EstimationConfig(), width_sigma_log=WIDTH_SIGMA)
     prior = ParameterPrior.nothing().with_span(SPAN_SIGMA if common else 1e-6)
     if not common:

@@ -22,7 +22,7 @@ from groundstation.messages import (
     TrackStatus,
 )
 from groundstation.simulation import SimulatedFlight, StationErrors, case_b, perturbed, simulate
-from groundstation.simulation.cases import BOUND_PSD_M2_S3
+from groundstation.simulation.standard_cases import BOUND_PSD_M2_S3
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 from tests.simulation.test_consistency import drawn_start

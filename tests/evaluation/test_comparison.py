@@ -20,7 +20,7 @@ from groundstation.evaluation.figures_of_run import FigureChange, figures_of, mo
 from groundstation.evaluation.table import format_accuracy_table
 from groundstation.replay.compare import CompareRequest, compare, comparison_csv, comparison_json, load_summary
 from groundstation.simulation import case_b, simulate
-from groundstation.simulation.approach import Glide
+from groundstation.simulation.approach import GlideApproach
 from groundstation.simulation.session_folder import write_session_folder
 from tests.peers import absent
 
@@ -31,7 +31,7 @@ EVO_TOLERANCE = 0.01
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("sessions") / "glide"
-    flight = simulate(case_b(seed=5, trajectory=Glide(start_y_m=350.0, end_y_m=120.0)))
+    flight = simulate(case_b(seed=5, trajectory=GlideApproach(start_y_m=350.0, end_y_m=120.0)))
     write_session_folder(folder, flight, name="glide")
     return folder
 

@@ -116,7 +116,7 @@ def test_a_report_picture_is_below_its_report(tmp_path: Path) -> None:
 # a name put together of data is joined to a folder nowhere but here
 ASKED = re.compile(r"groundstation/output_names\.py")
 # what is joined to a folder is a number, or a constant of the program
-OF_OURS = {"groundstation/simulation/simulated_range.py", "groundstation/simulation/simulated_landings.py"}
+OF_OURS = {"groundstation/simulation/device_simulator.py", "groundstation/simulation/simulated_station_file.py"}
 
 
 @pytest.mark.parametrize("package", ["groundstation", "calibration"])

@@ -22,7 +22,7 @@ from groundstation.session.flight_log import load_flight_log
 from groundstation.session.logs.fixes import LogOptions
 from groundstation.session.logs.read import read_log
 from groundstation.session.media import read_image
-from groundstation.simulation.filming import load_faults
+from groundstation.simulation.render_flight import load_faults
 from groundstation.sinks.mp4_tables import mp4_fault
 from groundstation.viewer.recording_check import check_recording, read_to_end
 from groundstation.viewer.results_recording import write_results_recording

@@ -11,8 +11,8 @@ from groundstation.integrity.solution_separation import PixelResidual
 from groundstation.integrity.station_exclusion import IntegrityConfig, IntegrityMonitor, StationVerdict
 from groundstation.messages import DetectionStatus, PixelMeasurement
 from groundstation.simulation import StationErrors, perturbed, simulate
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.cases import drawn_glide
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.standard_cases import drawn_glide
 from tests.faulty_flight import STATIONS, broken, consistency, drawn_path, rig_of, scenario, watch
 
 BUMP_S = 4.0
@@ -83,7 +83,7 @@ def test_one_gross_outlier_is_no_fault(rng: np.random.Generator) -> None:
 def test_no_station_is_accused_without_fault(kind: str) -> None:
     """Gliding, thrown about with (3, 12, 6) m²/s³, and with mounts off by 0.004° rms that nobody knows of."""
     for seed in range(6):
-        path = drawn_glide(seed, (3.0, 12.0, 6.0), Glide(start_y_m=400.0, end_y_m=150.0))
+        path = drawn_glide(seed, (3.0, 12.0, 6.0), GlideApproach(start_y_m=400.0, end_y_m=150.0))
         flight = scenario(seed, trajectory=path if kind == "manoeuvre" else None)
         if kind == "calibration":
             draw = np.random.default_rng(seed).normal(0, 0.004, (3, 2))

@@ -13,18 +13,18 @@ from groundstation.recording.recorder import Recorder, RecorderConfig
 from groundstation.replay.recordings import apply_filter_resets
 from groundstation.replay.replay import ReplayRequest, ReplayResult, replay
 from groundstation.rig.rig import Rig, load_rig
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.rehearsal import Rehearsal
-from groundstation.simulation.simulated_landings import simulated_set_up
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.closed_loop import ClosedLoopSimulation
+from groundstation.simulation.simulated_station_file import simulated_station_file
 from groundstation.sinks.track_files import TrackFilesSink
 from groundstation.tracking.config import Config
 from tests.recording.recorded import events, header, looked_at, played, same, small_rig
 from tests.stereo_rig import make_rig, with_angle_noise
 
-FLIGHT = Glide(start_y_m=300.0, end_y_m=230.0, speed_m_s=20.0, aim_y_m=60.0)
+FLIGHT = GlideApproach(start_y_m=300.0, end_y_m=230.0, speed_m_s=20.0, aim_y_m=60.0)
 
 
-class Recorded(Rehearsal):
+class Recorded(ClosedLoopSimulation):
     """A rehearsal whose recorder and tables are those of an operation, and whose filter is made to fail."""
 
     def __init__(self, out: Path, rig: Rig, config: Config, span_m: float | None, recorder: LiveRecorder) -> None:
@@ -71,7 +71,7 @@ class Recorded(Rehearsal):
 
 
 def flown_and_replayed(folder: Path, prepare: Callable[[Recorded], None]) -> tuple[Recorded, ReplayResult, Path]:
-    file = simulated_set_up(folder / "live", 30.0, with_angle_noise(make_rig(), np.radians(0.01)))
+    file = simulated_station_file(folder / "live", 30.0, with_angle_noise(make_rig(), np.radians(0.01)))
     rig, config = load_rig(file.rig), live_config(Config(), 30.0)
     path = folder / "flight.mcap"
     with LiveRecorder(path, rig, live_header(file, config), RecorderConfig()) as recorder:

@@ -9,7 +9,7 @@ import pytest
 
 from groundstation.live.check_disk import check_disk, searching_bytes_per_s
 from groundstation.rig.rig import load_rig
-from groundstation.simulation.simulated_landings import simulated_set_up
+from groundstation.simulation.simulated_station_file import simulated_station_file
 
 
 class Usage(NamedTuple):
@@ -22,7 +22,7 @@ class Usage(NamedTuple):
 
 def test_free_space_is_judged_by_the_rate_of_a_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: two raw cameras of 1280 × 960 at 30 Hz are 73.7 MB/s, half an hour of that 133 GB; 20 GB are 4 min."""
-    file = simulated_set_up(tmp_path, 30.0, None)
+    file = simulated_station_file(tmp_path, 30.0, None)
     rig = load_rig(file.rig)
     assert searching_bytes_per_s(file, rig, {}) == pytest.approx(73.7e6, rel=1e-3)
     assert searching_bytes_per_s(file, rig, {"left": False}) == pytest.approx(2 * 73.7e6, rel=1e-3)
@@ -40,7 +40,7 @@ def test_free_space_is_judged_by_the_rate_of_a_search(tmp_path: Path, monkeypatc
 
 
 def test_a_record_folder_that_is_a_file_is_wrong(tmp_path: Path) -> None:
-    file = simulated_set_up(tmp_path, 30.0, None)
+    file = simulated_station_file(tmp_path, 30.0, None)
     rig = load_rig(file.rig)
     for folder in (tmp_path / "rig.toml", tmp_path / "rig.toml" / "flights"):
         line = check_disk(replace(file, record=folder), rig, {})

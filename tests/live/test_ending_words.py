@@ -14,8 +14,8 @@ from groundstation.live.operation import OperationResult
 from groundstation.live.operator_screen import open_screen
 from groundstation.live.out_folder import written_files
 from groundstation.live.shutdown import Shutdown
-from groundstation.simulation.cases import standard_rig
-from groundstation.simulation.simulated_landings import simulated_set_up
+from groundstation.simulation.simulated_station_file import simulated_station_file
+from groundstation.simulation.standard_cases import standard_rig
 from groundstation.viewer.viewer import ViewerError
 
 
@@ -54,7 +54,7 @@ def test_without_a_display_it_names_an_option_that_it_has(tmp_path: Path, monkey
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     request = LiveRequest(station=None, out=tmp_path / "out", screen="desktop")
-    file = simulated_set_up(tmp_path, 30.0, None)
+    file = simulated_station_file(tmp_path, 30.0, None)
     with ExitStack() as opened, pytest.raises(ViewerError, match="no display for --view; --web shows the same"):
         open_screen(request.screen, standard_rig(), file, opened, Shutdown(lambda: False), [], [], lambda _: None)
 

@@ -15,9 +15,9 @@ from groundstation.live.status_board import LiveStatus
 from groundstation.messages import Heartbeat, Kinematics, PtuSample, Purpose, StepReport, TrackState, TrackStatus
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.rig.rig import load_rig
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.rehearsal import Rehearsal, RehearsalFault, RehearsalFaultKind
-from groundstation.simulation.simulated_landings import simulated_set_up
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.closed_loop import ClosedLoopFault, ClosedLoopFaultKind, ClosedLoopSimulation
+from groundstation.simulation.simulated_station_file import simulated_station_file
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 from tests.live.test_begun_anew import flown_and_replayed
@@ -27,15 +27,15 @@ STATIONS = ("left", "right")
 LOSS_S = 2.5
 
 
-def dead(*kinds: RehearsalFaultKind, to_s: float) -> list[RehearsalFault]:
-    return [RehearsalFault(kind=kind, station=name, from_s=LOSS_S, to_s=to_s) for kind in kinds for name in STATIONS]
+def dead(*kinds: ClosedLoopFaultKind, to_s: float) -> list[ClosedLoopFault]:
+    return [ClosedLoopFault(kind=kind, station=name, from_s=LOSS_S, to_s=to_s) for kind in kinds for name in STATIONS]
 
 
-class Watched(Rehearsal):
+class Watched(ClosedLoopSimulation):
     """A rehearsal that keeps what the operator would read, and what the heads are told, at each turn."""
 
-    def __init__(self, faults: list[RehearsalFault], seconds: float) -> None:
-        flight = Glide(start_y_m=360.0, end_y_m=360.0 - 20.0 * seconds, speed_m_s=20.0, aim_y_m=60.0)
+    def __init__(self, faults: list[ClosedLoopFault], seconds: float) -> None:
+        flight = GlideApproach(start_y_m=360.0, end_y_m=360.0 - 20.0 * seconds, speed_m_s=20.0, aim_y_m=60.0)
         super().__init__(with_angle_noise(make_rig(), np.radians(0.01)), Config(), flight, faults=faults, seed=1)
         self.read: list[tuple[float, TrackStatus]] = []
         self.told: list[tuple[float, Purpose]] = []
@@ -55,7 +55,7 @@ class Watched(Rehearsal):
 def test_both_cameras_lost_for_ten_seconds() -> None:
     """Expected: as was measured at an airstrip's rehearsal ("tracking at 442 ± 1.3 m" all the while) no more: coasting
     within half a second, a covariance that grows and holds the truth, lost within eight seconds and without a place."""
-    flown = Watched(dead(RehearsalFaultKind.CAMERA_LOST, to_s=LOSS_S + 10.0), 14.5)
+    flown = Watched(dead(ClosedLoopFaultKind.CAMERA_LOST, to_s=LOSS_S + 10.0), 14.5)
     result = flown.run()
     assert flown.statuses(1.5, LOSS_S) == [TrackStatus.TRACKING]
     assert flown.statuses(LOSS_S + 0.5, LOSS_S + 10.0) == [TrackStatus.COASTING, TrackStatus.LOST]
@@ -83,7 +83,7 @@ def test_both_cameras_lost_for_ten_seconds() -> None:
 
 def test_the_source_killed_to_the_end() -> None:
     """Expected: with neither pictures nor angles it is lost sooner, and stays so; the heads are told nothing new."""
-    flown = Watched(dead(RehearsalFaultKind.CAMERA_LOST, RehearsalFaultKind.PTU_SILENT, to_s=math.inf), 9.0)
+    flown = Watched(dead(ClosedLoopFaultKind.CAMERA_LOST, ClosedLoopFaultKind.PTU_SILENT, to_s=math.inf), 9.0)
     result = flown.run()
     assert flown.statuses(LOSS_S + 0.5, 9.0) == [TrackStatus.COASTING, TrackStatus.LOST]
     lost_s = next(t_s for t_s, status in flown.read if status is TrackStatus.LOST)
@@ -94,7 +94,7 @@ def test_the_source_killed_to_the_end() -> None:
 
 
 def test_it_tracks_again_when_they_are_back() -> None:
-    flown = Watched(dead(RehearsalFaultKind.CAMERA_LOST, to_s=LOSS_S + 1.5), 6.5)
+    flown = Watched(dead(ClosedLoopFaultKind.CAMERA_LOST, to_s=LOSS_S + 1.5), 6.5)
     result = flown.run()
     assert flown.statuses(LOSS_S + 0.5, LOSS_S + 1.5) == [TrackStatus.COASTING]
     assert result.share(TrackStatus.TRACKING, LOSS_S + 2.5, 6.5) > 0.95
@@ -102,7 +102,7 @@ def test_it_tracks_again_when_they_are_back() -> None:
 
 def test_a_replay_of_it_is_the_same_bit_for_bit(tmp_path: Path) -> None:
     """Expected: the pairs' track and the answers to the heartbeats, with both cameras lost midway."""
-    faults = [RehearsalFault(kind=RehearsalFaultKind.CAMERA_LOST, station=n, from_s=1.5, to_s=2.6) for n in STATIONS]
+    faults = [ClosedLoopFault(kind=ClosedLoopFaultKind.CAMERA_LOST, station=n, from_s=1.5, to_s=2.6) for n in STATIONS]
     flown, result, folder = flown_and_replayed(tmp_path, lambda r: setattr(r, "_faults", faults))
     assert TrackStatus.COASTING in {s.status for s in flown.result.states if 1.5 < s.t_s < 2.6}
     assert result.fault is None
@@ -190,7 +190,7 @@ class Operator:
 
 
 def operated(tmp_path: Path) -> tuple[Operation, Operator, list[float]]:
-    file = simulated_set_up(tmp_path, 30.0, None)
+    file = simulated_station_file(tmp_path, 30.0, None)
     now, operator = [0.0], Operator()
     operation = Operation(file, load_rig(file.rig), Config(), operators=[operator], clock=lambda: now[0], start_s=0.0)
     operation._core(HeadManager({}, 0.0))

@@ -18,9 +18,9 @@ from groundstation.live.child_process import terminal_signals_blocked
 from groundstation.live.command import LiveRequest, LiveResult, live
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.live.status_board import LiveStatus
-from groundstation.simulation.shared_range import SharedRange
-from groundstation.simulation.simulated_landings import simulated_set_up
+from groundstation.simulation.attached_simulator import AttachedSimulator
 from groundstation.simulation.simulated_station import SimulatedStation, SimulatedStationConfig
+from groundstation.simulation.simulated_station_file import simulated_station_file
 from tests.live.test_ending_words import ended
 from tests.live.test_words import status
 
@@ -80,7 +80,7 @@ def test_what_hangs_before_operation_is_given_up_too(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("groundstation.live.command.warm_up", hangs)
     monkeypatch.setattr("groundstation.live.command.HeadManager", lambda *_: MagicMock())
     request = LiveRequest(station=None, out=tmp_path / "out", record=False)
-    simulator = SharedRange(MagicMock(truth={}), simulated_set_up(tmp_path / "range", 30.0, None), 0.0)
+    simulator = AttachedSimulator(MagicMock(truth={}), simulated_station_file(tmp_path / "range", 30.0, None), 0.0)
     with pytest.raises(KeyboardInterrupt):
         live(request, asked.is_set, lambda status: None, lambda line: None, simulator, force_exit)
     # nothing is recorded yet, and nothing is said of it

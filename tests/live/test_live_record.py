@@ -14,12 +14,12 @@ from groundstation.replay.reference_prior import reference_prior
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session
-from groundstation.simulation.simulated_landings import simulated_set_up
+from groundstation.simulation.simulated_station_file import simulated_station_file
 from groundstation.tracking.config import Config, load_config
 
 
 def test_what_a_replay_needs_is_in_it(tmp_path: Path) -> None:
-    file = simulated_set_up(tmp_path, 30.0, None)
+    file = simulated_station_file(tmp_path, 30.0, None)
     rig, config = load_rig(file.rig), load_config(file.config)
     path = tmp_path / "flight.mcap"
     with open_recorder(path, rig, live_header(file, config)) as recorder:
@@ -36,7 +36,7 @@ def test_what_a_replay_needs_is_in_it(tmp_path: Path) -> None:
 
 def test_what_is_known_of_the_receiver_is_what_a_replay_knows(tmp_path: Path) -> None:
     file = replace(
-        simulated_set_up(tmp_path, 30.0, None, dgps=True),
+        simulated_station_file(tmp_path, 30.0, None, dgps=True),
         antenna_in_body_m=(-0.8, 0.1, -0.15),
         reference=ReferenceDevice(url="udp://:5000", clock_sigma_s=0.02),
     )

@@ -18,7 +18,7 @@ from groundstation.messages import ReferenceFix, StepReport
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_dgps, load_session
-from groundstation.simulation.cases import standard_rig
+from groundstation.simulation.standard_cases import standard_rig
 from groundstation.sources.session_source import session_source
 
 ROOT = Path(__file__).resolve().parents[2]

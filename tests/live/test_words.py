@@ -22,7 +22,7 @@ from groundstation.live.status_watchdog import StatusWatchdog
 from groundstation.messages import Epoch, TrackStatus
 from groundstation.recording.recorder import RecorderConfig
 from groundstation.recording.recorder_rates import RateBook
-from groundstation.simulation.cases import standard_rig
+from groundstation.simulation.standard_cases import standard_rig
 from groundstation.sources.cameras.camera import CameraCare, CameraDevice, CameraTiming, Grab, SettingsReadBack
 from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.tracking.config import Config

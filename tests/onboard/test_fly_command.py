@@ -22,7 +22,7 @@ from groundstation.onboard.edges.camera_file import load_nose_camera
 from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import load_imu
 from groundstation.onboard.pose.inertial import NavigationStatus, UpdateOutcome
-from groundstation.simulation import flight_model
+from groundstation.simulation import jsbsim_model
 from groundstation.sources.video_file import VideoFile
 from tests.complaints import complaint
 from tests.damaged_video import damage
@@ -308,7 +308,7 @@ def test_without_jsbsim_it_says_what_to_install(
     def none(name: str) -> None:
         raise ImportError(name)
 
-    monkeypatch.setattr(flight_model, "import_module", none)
+    monkeypatch.setattr(jsbsim_model, "import_module", none)
     assert main(["onboard", "render", "--out", str(tmp_path), "--motion", "jsbsim", "--frames", "2"]) == 1
     assert "pip install 'groundstation[jsbsim]'" in capsys.readouterr().err
     assert main(["simulate", "--out", str(tmp_path / "s"), "--aircraft", "jsbsim", "--duration", "0.3"]) == 1

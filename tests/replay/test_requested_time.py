@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from groundstation.messages import Kinematics
 from groundstation.simulation import SimulatedFlight, case_b, simulate
-from groundstation.simulation.cases import BOUND_PSD_M2_S3
+from groundstation.simulation.standard_cases import BOUND_PSD_M2_S3
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 from tests.simulation.test_consistency import drawn_start

@@ -12,9 +12,9 @@ from groundstation.simulation.airframe import Airframe, trainer
 from groundstation.simulation.flights import site_rig
 from groundstation.simulation.optics import Optics
 from groundstation.simulation.rendered_camera import RenderedCamera
+from groundstation.simulation.rendered_scene import RenderedScene
 from groundstation.simulation.scenery import Scenery, Surroundings, surroundings_of
-from groundstation.simulation.trajectory import Sampled
-from groundstation.simulation.world import World
+from groundstation.simulation.trajectory import SampledTrajectory
 
 QUIET = Optics(pattern=None, electrons_per_level=1e9, read_noise_electrons=0.0)
 AWAY = (0.0, -500.0, 100.0)
@@ -35,11 +35,15 @@ def small_rig(focal_px: float = 1600.0, size_px: tuple[int, int] = (320, 240)) -
     return Rig(stations=tuple(small_station(name, focal_px, size_px) for name in ("left", "right")))
 
 
-def straight(at_m: tuple[float, float, float], velocity_m_s: tuple[float, float, float] = (0.0, -20.0, 0.0)) -> Sampled:
+def straight(
+    at_m: tuple[float, float, float], velocity_m_s: tuple[float, float, float] = (0.0, -20.0, 0.0)
+) -> SampledTrajectory:
     """A flight that is at a place at time 0."""
     t = np.array([-10.0, 0.0, 10.0])
     velocity = np.array(velocity_m_s)
-    return Sampled(t_s=t, position_m=np.array(at_m) + t[:, None] * velocity, velocity_m_s=np.tile(velocity, (3, 1)))
+    return SampledTrajectory(
+        t_s=t, position_m=np.array(at_m) + t[:, None] * velocity, velocity_m_s=np.tile(velocity, (3, 1))
+    )
 
 
 def ball(radius_m: float) -> Airframe:
@@ -67,7 +71,7 @@ def camera_at(
     seed: int = 0,
 ) -> RenderedCamera:
     shape = trainer() if airframe is None else airframe
-    world = World(trajectory=straight(place_m, velocity_m_s), airframe=shape)
+    world = RenderedScene(trajectory=straight(place_m, velocity_m_s), airframe=shape)
     place = small_station() if station is None else station
     return RenderedCamera(world, place, optics, seed=seed, around=_around(optics.pattern is None))
 

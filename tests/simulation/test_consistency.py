@@ -8,15 +8,15 @@ from scipy.stats import chi2
 
 from groundstation.messages import Epoch, InitialState, TrackEstimate
 from groundstation.simulation import Scenario, SimulatedFlight, case_b, case_c, simulate
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.camera import CameraModel
-from groundstation.simulation.cases import BASELINE_M, BOUND_PSD_M2_S3, FOCAL_PX, STEP_RAD
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.detection_camera import CameraModel
 from groundstation.simulation.ptu import PtuModel
+from groundstation.simulation.standard_cases import BASELINE_M, BOUND_PSD_M2_S3, FOCAL_PX, STEP_RAD
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 from tests.simulation.observed import triangulated
 
-AROUND_200_M = Glide(start_y_m=210.0, end_y_m=190.0)
+AROUND_200_M = GlideApproach(start_y_m=210.0, end_y_m=190.0)
 PRIOR_SIGMA = (10.0, 5.0)
 
 
@@ -97,7 +97,7 @@ def delayed() -> Scenario:
         "right": CameraModel(latency_s=0.05, phase_s=0.003),
     }
     ptus = {"left": PtuModel(delay_s=0.03, delay_jitter_s=0.02), "right": PtuModel(rate_hz=40.0, phase_s=0.007)}
-    return replace(case_b(seed=3, trajectory=Glide(start_y_m=400.0, end_y_m=250.0)), cameras=cameras, ptus=ptus)
+    return replace(case_b(seed=3, trajectory=GlideApproach(start_y_m=400.0, end_y_m=250.0)), cameras=cameras, ptus=ptus)
 
 
 def test_the_order_of_arrival_does_not_change_the_answers() -> None:

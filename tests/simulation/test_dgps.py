@@ -8,7 +8,7 @@ from groundstation.errors import ScenarioError
 from groundstation.evaluation.series import nose_from_antenna, reference_from_fixes
 from groundstation.simulation.approach import bound_glide
 from groundstation.simulation.dgps import DgpsModel, antenna_positions, take_fixes
-from groundstation.simulation.window import FlightWindow
+from groundstation.simulation.flight_window import FlightWindow
 
 SPAN = (0.0, 21.6)
 

@@ -9,12 +9,12 @@ import pytest
 from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.rig.rig import Rig
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.fault_timetable import check_timetable, range_faults
-from groundstation.simulation.faults import FaultKind
-from groundstation.simulation.filming import load_faults
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.device_faults import CAMERA_LATE, CAMERA_LOST, PTU_SILENT, TimedFault, size_s
+from groundstation.simulation.event_faults import FaultKind
+from groundstation.simulation.fault_timetable import check_timetable, simulated_device_faults
+from groundstation.simulation.render_flight import load_faults
 from groundstation.simulation.simulated_receiver import SIMULATED_ORIGIN, ReceiverModel, SimulatedReceiver, sentences
-from groundstation.simulation.timed_faults import CAMERA_LATE, CAMERA_LOST, PTU_SILENT, TimedFault, size_s
 from tests.stereo_rig import make_rig
 
 SIZED = (FaultKind.CAMERA_LATE, FaultKind.CAMERA_CLOCK_STEP, FaultKind.PTU_CLOCK_STEP, FaultKind.DGPS_CLOCK_STEP)
@@ -48,7 +48,7 @@ by_s = 2.5
 def test_each_fault_finds_its_device(tmp_path: Path) -> None:
     path = tmp_path / "faults.toml"
     path.write_text(FILE)
-    found = range_faults(load_faults(path), ReceiverModel(), str(path))
+    found = simulated_device_faults(load_faults(path), ReceiverModel(), str(path))
     assert found.timetable == (
         TimedFault(what=CAMERA_LOST, station="left", from_s=5.0, to_s=7.0, by_s=0.0),
         TimedFault(what=CAMERA_LATE, station="right", from_s=6.0, to_s=float("inf"), by_s=0.3),
@@ -67,9 +67,9 @@ def test_every_kind_is_known_or_refused_in_one_line(tmp_path: Path) -> None:
         faults = load_faults(path)
         if kind in (FaultKind.PTU_SPIKE, FaultKind.PTU_STUCK, FaultKind.PTU_CLOCK_STEP):
             with pytest.raises(InputError, match=f"got {kind}; wanted one of camera_lost, .*--ptu-fault"):
-                range_faults(faults, ReceiverModel(), str(path))
+                simulated_device_faults(faults, ReceiverModel(), str(path))
         else:
-            found = range_faults(faults, ReceiverModel(), str(path))
+            found = simulated_device_faults(faults, ReceiverModel(), str(path))
             assert len(found.timetable) + (found.receiver != ReceiverModel()) == 1
 
 
@@ -82,7 +82,7 @@ def test_faults_of_a_kind_add_up_while_they_are_there() -> None:
 
 def test_the_receivers_clock_steps_and_it_falls_silent(tmp_path: Path) -> None:
     model = ReceiverModel(sigma_m=(0.0, 0.0, 0.0), gone_s=((8.0, 9.0),), stepped_s=((10.0, 11.0, 2.5),))
-    flight = Glide(start_y_m=300.0, end_y_m=100.0)
+    flight = GlideApproach(start_y_m=300.0, end_y_m=100.0)
     receiver = SimulatedReceiver(tmp_path / "dgps", model, flight, lambda: 0.0, seed=1)
     utc_s = 1_750_000_000.0
 

@@ -25,9 +25,9 @@ def test_the_largest_picture_is_allowed(size_px: int, refused: bool) -> None:
         name = "left"
         lens = SimpleNamespace(image_size_px=(640, size_px))
 
-    class World:
+    class RenderedScene:
         def __getattr__(self, name: str) -> object:
             raise ReachedError(name)
 
     with pytest.raises(ScenarioError if refused else (ReachedError, AttributeError)):
-        RenderedCamera(world=World(), station=Station())
+        RenderedCamera(world=RenderedScene(), station=Station())

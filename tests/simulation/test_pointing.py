@@ -10,23 +10,23 @@ from scipy.stats import chi2
 
 from groundstation.errors import ScenarioError
 from groundstation.rig.rig import ClockModel
-from groundstation.simulation.approach import Glide, weaving_approach
-from groundstation.simulation.cases import STEP_RAD, standard_rig, standard_station
-from groundstation.simulation.disturbance import drawn_deviation
+from groundstation.simulation.approach import GlideApproach, weaving_approach
+from groundstation.simulation.path_deviation import drawn_deviation
 from groundstation.simulation.pointing import (
-    Adrift,
     FirstOrderLoop,
+    FixedPointing,
     IdealPointing,
     LoopLimits,
-    Parked,
     SecondOrderLoop,
+    UncontrolledPointing,
     pointing_history,
 )
-from groundstation.simulation.ptu import PtuModel, SimulatedReadings, StampedAt, in_steps, read_ptu
+from groundstation.simulation.ptu import PtuModel, SimulatedReadings, StampedAt, quantise, read_ptu
 from groundstation.simulation.rig_errors import StationErrors, perturbed
+from groundstation.simulation.standard_cases import STEP_RAD, standard_rig, standard_station
 
 SPAN = (0.0, 15.0)
-PASSING = Glide(start_y_m=200.0, end_y_m=10.0, slope_rad=0.0, aim_y_m=0.0)
+PASSING = GlideApproach(start_y_m=200.0, end_y_m=10.0, slope_rad=0.0, aim_y_m=0.0)
 skewed = perturbed(
     standard_rig(),
     {
@@ -61,7 +61,7 @@ def test_a_head_adrift_is_aimed_once_and_goes_its_own_way() -> None:
     geometry, track = standard_rig()["left"].geometry(), weaving_approach()
     start, end = track.span_s
     drawn = drawn_deviation(np.random.default_rng(3), span_s=(start, end), acceleration_psd_m2_s3=(1e-5, 1e-5, 0.0))
-    history = pointing_history(Adrift(deviation=drawn), geometry, track, (start, end))
+    history = pointing_history(UncontrolledPointing(deviation=drawn), geometry, track, (start, end))
     t = np.linspace(start, end, 40)
     found, aimed = history.at(t), pointing_history(IdealPointing(), geometry, track, (start, end)).at(t)
     np.testing.assert_allclose(found.head_rad - aimed.head_rad[0], drawn.position(t)[:, :2], atol=1e-12)
@@ -70,7 +70,7 @@ def test_a_head_adrift_is_aimed_once_and_goes_its_own_way() -> None:
 
 
 def test_a_parked_head_stands_still() -> None:
-    history = pointing_history(Parked(pan_rad=0.1, tilt_rad=0.2), skewed["left"].geometry(), PASSING, SPAN)
+    history = pointing_history(FixedPointing(pan_rad=0.1, tilt_rad=0.2), skewed["left"].geometry(), PASSING, SPAN)
     seen = history.at(np.linspace(0.0, 10.0, 5))
     assert np.all(seen.head_rad == [0.1, 0.2])
     assert np.all(seen.encoder_rad == [0.1, 0.2])
@@ -153,8 +153,8 @@ def test_readings_are_whole_steps_and_off_by_half_a_step_at_most() -> None:
 
 @given(angle=st.floats(-3.0, 3.0), step=st.floats(1e-6, 1e-2))
 def test_steps(angle: float, step: float) -> None:
-    assert abs(in_steps(np.array([angle]), step)[0] - angle) <= 0.5 * step * (1 + 1e-6)
-    assert in_steps(np.array([angle]), 0.0)[0] == angle
+    assert abs(quantise(np.array([angle]), step)[0] - angle) <= 0.5 * step * (1 + 1e-6)
+    assert quantise(np.array([angle]), 0.0)[0] == angle
 
 
 def test_encoder_noise_has_its_sigma() -> None:

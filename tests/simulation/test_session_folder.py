@@ -13,15 +13,15 @@ from groundstation.messages import Epoch, Event, InitialState, PixelMeasurement,
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.session import load_dgps, load_session, load_truth
 from groundstation.simulation import Scenario, StationErrors, case_b, case_c, perturbed, simulate
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.camera import CameraModel
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.detection_camera import CameraModel
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.ptu import PtuModel
 from groundstation.simulation.session_folder import write_session_folder
 from groundstation.sources.replay import ReplaySource
 from tests.complaints import complaint
 
-SHORT = Glide(start_y_m=300.0, end_y_m=150.0)
+SHORT = GlideApproach(start_y_m=300.0, end_y_m=150.0)
 
 
 def plain(events: Iterable[Event]) -> tuple[list[tuple[str, str]], np.ndarray]:

@@ -20,13 +20,13 @@ from groundstation.simulation import (
     simulate,
     standard_rig,
 )
-from groundstation.simulation.approach import Glide, bound_glide, weaving_approach
-from groundstation.simulation.camera import CameraModel
-from groundstation.simulation.cases import STEP_RAD
+from groundstation.simulation.approach import GlideApproach, bound_glide, weaving_approach
+from groundstation.simulation.detection_camera import CameraModel
 from groundstation.simulation.dgps import DgpsModel
-from groundstation.simulation.pointing import LoopLimits, Parked, SecondOrderLoop
+from groundstation.simulation.pointing import FixedPointing, LoopLimits, SecondOrderLoop
 from groundstation.simulation.ptu import PtuModel
 from groundstation.simulation.rig_errors import drawn_errors
+from groundstation.simulation.standard_cases import STEP_RAD
 from tests.simulation.observed import triangulated
 
 STRAIGHT = bound_glide()
@@ -239,7 +239,7 @@ def fixed_scenario() -> Scenario:
     rig = replace(rig, stations=tuple(replace(s, fixed=True) for s in rig.stations))
     up = {n: StationErrors(mount_rad=np.array([np.radians(2.0), 0, 0])) for n in rig.names}
     rig = perturbed(rig, up)
-    return replace(exact(), rig=rig, true_rig=rig, ptus={}, trajectory=Glide(start_y_m=400.0, end_y_m=20.0))
+    return replace(exact(), rig=rig, true_rig=rig, ptus={}, trajectory=GlideApproach(start_y_m=400.0, end_y_m=20.0))
 
 
 def test_fixed_stations_send_no_readings() -> None:
@@ -310,7 +310,10 @@ def test_a_scenario_that_cannot_be_is_refused(change: dict[str, object], says: s
 def test_a_parked_head_loses_the_target() -> None:
     """Out of the image there is no pixel, and the other station goes on alone."""
     scenario = exact()
-    ptus = {**scenario.ptus, "left": replace(scenario.ptus["left"], pointing=Parked(pan_rad=-0.02, tilt_rad=0.05))}
+    ptus = {
+        **scenario.ptus,
+        "left": replace(scenario.ptus["left"], pointing=FixedPointing(pan_rad=-0.02, tilt_rad=0.05)),
+    }
     flight = simulate(replace(scenario, ptus=ptus))
     seen = flight.truth.stations["left"]
     assert 0 < seen.reported.sum() < len(seen.reported)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from groundstation.simulation.flights import FlightModelKind
-from groundstation.simulation.simulated_landings import Landings, landings
+from groundstation.simulation.repeated_landings import RepeatedLandings, landings
 
 LAP_S, APPROACH_S = 53.0, 23.0
 T = np.arange(0.0, APPROACH_S, 0.05)
@@ -12,7 +12,7 @@ T = np.arange(0.0, APPROACH_S, 0.05)
 
 def test_without_wind_all_are_the_same() -> None:
     calm = landings(200.0, seed=3, wind_m_s=0.0, aircraft=FlightModelKind.WAVES)
-    assert np.array_equal(calm.position(T), Landings(200.0).position(T))
+    assert np.array_equal(calm.position(T), RepeatedLandings(200.0).position(T))
     assert np.allclose(calm.position(T + LAP_S), calm.position(T))
 
 
@@ -24,7 +24,7 @@ def test_in_a_wind_each_is_its_own_near_the_same_path(aircraft: FlightModelKind)
     assert np.array_equal(first, again.position(T))
     assert np.abs(first - second).max() > 0.5
     for path in (first, second):
-        off = path - Landings(100.0).position(T)
+        off = path - RepeatedLandings(100.0).position(T)
         assert 0.3 < np.abs(off).max() < 15.0
         assert path[:, 2].min() > 1.0
     # two laps there are, the third is the first again

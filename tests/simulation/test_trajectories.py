@@ -7,19 +7,21 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from groundstation.errors import ScenarioError
-from groundstation.simulation.approach import Flare, Glide, bound_glide, weaving_approach
-from groundstation.simulation.disturbance import Gusts, drawn_deviation
+from groundstation.simulation.approach import Flare, GlideApproach, bound_glide, weaving_approach
+from groundstation.simulation.path_deviation import GustModel, drawn_deviation
 from groundstation.simulation.take_off import TakeOff, take_off
-from groundstation.simulation.trajectory import Sampled, Superposed, Trajectory, Weave
+from groundstation.simulation.trajectory import LateralWeave, SampledTrajectory, SuperposedTrajectory, Trajectory
 
 SMOOTH_FLARE = Flare.meeting(110.0, 60.0, np.radians(3.5))
 DRAWN = drawn_deviation(np.random.default_rng(1), span_s=(0.0, 20.0), acceleration_psd_m2_s3=(0.05, 0.1, 0.05))
 TRAJECTORIES: dict[str, Trajectory] = {
     "bound": bound_glide(),
     "weaving": weaving_approach(),
-    "smooth flare": Glide(start_y_m=300.0, end_y_m=70.0, flare=SMOOTH_FLARE),
-    "drawn": Superposed(nominal=bound_glide(), deviation=DRAWN),
-    "gusts": Superposed(nominal=bound_glide(), deviation=Gusts().draw(np.random.default_rng(2), (0.0, 21.6))),
+    "smooth flare": GlideApproach(start_y_m=300.0, end_y_m=70.0, flare=SMOOTH_FLARE),
+    "drawn": SuperposedTrajectory(nominal=bound_glide(), deviation=DRAWN),
+    "gusts": SuperposedTrajectory(
+        nominal=bound_glide(), deviation=GustModel().draw(np.random.default_rng(2), (0.0, 21.6))
+    ),
     "take-off": take_off(),
 }
 # where the predictors' track has its kinks: start of the flare, and its floor
@@ -55,7 +57,7 @@ def test_the_bounds_glide() -> None:
 
 
 def test_a_flare_can_meet_its_glide_path() -> None:
-    glide = Glide(start_y_m=300.0, end_y_m=70.0, flare=SMOOTH_FLARE)
+    glide = GlideApproach(start_y_m=300.0, end_y_m=70.0, flare=SMOOTH_FLARE)
     t = (300.0 - 110.0) / 25.0 + np.array([-1e-6, 1e-6])
     assert np.ptp(glide.position(t)[:, 2]) < 1e-5
     assert np.ptp(glide.velocity(t)[:, 2]) < 1e-5
@@ -112,7 +114,7 @@ def test_drawn_tracks_may_start_off_the_nominal() -> None:
 
 def test_gusts_are_stationary() -> None:
     """Deviation and its rate, one value of each of many draws, at the start and at the end."""
-    gusts = Gusts(sigma_m_s2=(0.6, 0.0, 0.3))
+    gusts = GustModel(sigma_m_s2=(0.6, 0.0, 0.3))
     draws = [gusts.draw(np.random.default_rng(seed), (0.0, 4.0), step_s=0.1) for seed in range(250)]
     for moment in (0.0, 4.0):
         d = np.array([draw.position(np.array([moment]))[0] for draw in draws])
@@ -127,25 +129,29 @@ def test_gusts_are_stationary() -> None:
 
 def test_beyond_its_samples_a_track_is_straight() -> None:
     ends = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]])
-    track = Sampled(t_s=np.array([0.0, 1.0]), position_m=ends, velocity_m_s=np.ones((2, 3)))
+    track = SampledTrajectory(t_s=np.array([0.0, 1.0]), position_m=ends, velocity_m_s=np.ones((2, 3)))
     assert track.position(np.array([-2.0, 3.0])) == pytest.approx(np.array([[-2.0] * 3, [3.0, 4.0, 5.0]]))
 
 
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: Glide(speed_m_s=0.0), "Glide: speed_m_s: got 0.0; wanted a finite number > 0"),
-        (lambda: Glide(start_y_m=50.0), "Glide: end_y_m: got 60.0; wanted below 50 m"),
-        (lambda: Weave(period_s=-1.0), "Weave: period_s"),
-        (lambda: Gusts(sigma_m_s2=(0.1, -0.1, 0.1)), "Gusts: sigma_m_s2"),
-        (lambda: Gusts().draw(np.random.default_rng(), (1.0, 0.0)), "Gusts: span_s"),
+        (lambda: GlideApproach(speed_m_s=0.0), "Glide: speed_m_s: got 0.0; wanted a finite number > 0"),
+        (lambda: GlideApproach(start_y_m=50.0), "Glide: end_y_m: got 60.0; wanted below 50 m"),
+        (lambda: LateralWeave(period_s=-1.0), "Weave: period_s"),
+        (lambda: GustModel(sigma_m_s2=(0.1, -0.1, 0.1)), "Gusts: sigma_m_s2"),
+        (lambda: GustModel().draw(np.random.default_rng(), (1.0, 0.0)), "Gusts: span_s"),
         (lambda: take_off(TakeOff(climb_speed_m_s=10.0)), "at least rotate_speed_m_s = 14"),
         (
-            lambda: Sampled(t_s=np.array([0.0, 1.0, 1.0]), position_m=np.zeros((3, 3)), velocity_m_s=np.zeros((3, 3))),
+            lambda: SampledTrajectory(
+                t_s=np.array([0.0, 1.0, 1.0]), position_m=np.zeros((3, 3)), velocity_m_s=np.zeros((3, 3))
+            ),
             r"t_s\[2\]: got 1; wanted later than 1",
         ),
         (
-            lambda: Sampled(t_s=np.array([0.0, 1.0]), position_m=np.zeros((3, 3)), velocity_m_s=np.zeros((2, 3))),
+            lambda: SampledTrajectory(
+                t_s=np.array([0.0, 1.0]), position_m=np.zeros((3, 3)), velocity_m_s=np.zeros((2, 3))
+            ),
             r"position_m: got shape \(3, 3\); wanted shape \(2, 3\)",
         ),
     ],

@@ -31,7 +31,7 @@ class Played:
     def pixels(self) -> list[PixelMeasurement]:
         return [e for e in self.events if isinstance(e, PixelMeasurement)]
 
-    def frames_of(self, station: str) -> list[Frame]:
+    def delivered_frames(self, station: str) -> list[Frame]:
         return [f for f in self.frames if f.station == station]
 
     def check_order(self) -> None:

@@ -17,7 +17,7 @@ def recorded(folder: Path) -> Path:
 
 
 def numbers(played: Played, station: str) -> list[int]:
-    return [number_of(f.image.whole()) for f in played.frames_of(station)]
+    return [number_of(f.image.whole()) for f in played.delivered_frames(station)]
 
 
 def test_each_video_counts_for_itself(tmp_path: Path) -> None:

@@ -124,7 +124,7 @@ def test_a_video_with_fewer_frames_than_rows(tmp_path: Path) -> None:
     message = "right.avi: frame 9: got the end of the video after 9 frames; wanted 12 frames as listed in frames.csv"
     played = stopped(folder, message)
     assert [e.epoch for e in played.epochs] == list(range(9))
-    assert len(played.frames_of("left")) == 10
+    assert len(played.delivered_frames("left")) == 10
 
 
 def test_a_video_with_more_frames_than_rows(tmp_path: Path) -> None:

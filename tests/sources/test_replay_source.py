@@ -46,8 +46,8 @@ def test_missing_frames_keep_their_number(tmp_path: Path) -> None:
     assert not played.fault
     played.check_order()
     played.check_pictures()
-    assert [f.epoch for f in played.frames_of("left")] == [0, 3, 5]
-    assert [f.epoch for f in played.frames_of("right")] == [1, 3, 4, 5]
+    assert [f.epoch for f in played.delivered_frames("left")] == [0, 3, 5]
+    assert [f.epoch for f in played.delivered_frames("right")] == [1, 3, 4, 5]
     # row 2 has no stamp at all: no time to answer at
     assert [(e.epoch, e.stations) for e in played.epochs] == [
         (0, ("left",)),
@@ -105,7 +105,7 @@ def test_fixed_stations_need_no_ptu_table(tmp_path: Path) -> None:
 def test_a_station_without_any_frame(tmp_path: Path) -> None:
     played = play(Tiny(rows=5, stamps={"right": [None] * 5}).write(tmp_path))
     assert not played.fault
-    assert len(played.frames_of("left")) == len(played.epochs) == 5
+    assert len(played.delivered_frames("left")) == len(played.epochs) == 5
 
 
 # ----------------------------------------------------------------------------------------------- clocks
@@ -119,8 +119,8 @@ def test_each_camera_has_its_own_clock(tmp_path: Path) -> None:
     ).write(tmp_path)
     played = play(folder)
     played.check_order()
-    assert [f.t_s for f in played.frames_of("left")] == pytest.approx([11.0, 11.1, 11.2])
-    assert [f.t_s for f in played.frames_of("right")] == pytest.approx([11.0211, 11.12111, 11.22112])
+    assert [f.t_s for f in played.delivered_frames("left")] == pytest.approx([11.0, 11.1, 11.2])
+    assert [f.t_s for f in played.delivered_frames("right")] == pytest.approx([11.0211, 11.12111, 11.22112])
     assert played.readings[0].t_s == pytest.approx(10.7)
 
 
@@ -167,7 +167,7 @@ def test_a_part_is_chosen_by_the_mean_stamp(tmp_path: Path) -> None:
     right = [1.0 + 0.1 * k + 0.06 for k in range(12)]
     played = play(Tiny(rows=12, stamps={"right": list(right)}).write(tmp_path), 1.12, 1.33)
     assert [e.epoch for e in played.epochs] == [1, 2, 3]
-    assert [f.epoch for f in played.frames_of("left")] == [1, 2, 3]
+    assert [f.epoch for f in played.delivered_frames("left")] == [1, 2, 3]
 
 
 @pytest.mark.parametrize(

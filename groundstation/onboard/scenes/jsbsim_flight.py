@@ -10,7 +10,7 @@ from groundstation.geometry.rotation import rotation_x, rotation_y, rotation_z
 from groundstation.onboard.pose.simulated_approach import RUNWAY_FROM_LEVEL_BODY, ApproachSetup, motion_of
 from groundstation.onboard.scenes.nose_flight import AIM_M, NoseFlight
 from groundstation.onboard.scenes.sequences import Sequence
-from groundstation.simulation.flight_model import fly_by_jsbsim
+from groundstation.simulation.jsbsim_model import fly_by_jsbsim
 
 _END_M = 45.0
 

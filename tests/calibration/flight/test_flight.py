@@ -15,9 +15,9 @@ from groundstation.evaluation.series import ReferenceSeries
 from groundstation.geometry.rotation import rotation_from_vector
 from groundstation.rig.rig import load_rig
 from groundstation.simulation import StationErrors, simulate
-from groundstation.simulation.approach import Glide
+from groundstation.simulation.approach import GlideApproach
 from groundstation.simulation.session_folder import write_session_folder
-from groundstation.simulation.trajectory import Superposed, Weave
+from groundstation.simulation.trajectory import LateralWeave, SuperposedTrajectory
 from tests.calibration.flight.flights import approach, calibrated, run, turned, unknown, with_clock_sigma
 
 MOUNTS = {
@@ -91,9 +91,9 @@ def wandering(seed: int, **dgps: object):
         "right": StationErrors(mount_rad=np.radians([2.0, 5.0, -170.0])),
     }
     scenario = approach(seed, errors, **dgps)
-    glide = Glide(start_y_m=350.0, end_y_m=60.0)
-    weave = Weave(amplitude_m=12.0, period_s=5.0)
-    return replace(scenario, trajectory=Superposed(nominal=glide, deviation=weave))
+    glide = GlideApproach(start_y_m=350.0, end_y_m=60.0)
+    weave = LateralWeave(amplitude_m=12.0, period_s=5.0)
+    return replace(scenario, trajectory=SuperposedTrajectory(nominal=glide, deviation=weave))
 
 
 def test_an_unknown_orientation_needs_no_guess(tmp_path: Path) -> None:
@@ -256,7 +256,7 @@ def test_nothing_to_find(session: Path) -> None:
 
 def test_a_straight_approach_gives_no_position(tmp_path: Path) -> None:
     """All in a line: where a station stands about it, and how it is turned, cannot be seen."""
-    scenario = replace(approach(0, {}), trajectory=Glide())
+    scenario = replace(approach(0, {}), trajectory=GlideApproach())
     scenario = replace(scenario, rig=unknown(scenario.rig, "position", "orientation"))
     write_session_folder(tmp_path / "session", simulate(scenario), name="straight")
     assert "line" in complaint(tmp_path / "session", free="")

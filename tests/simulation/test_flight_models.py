@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.simulation.flight_model import fly_by_jsbsim
 from groundstation.simulation.flights import FlightModelKind, FlightName, flight
+from groundstation.simulation.jsbsim_model import fly_by_jsbsim
 
 
 def roughness(wind_m_s: float, seed: int = 3) -> float:

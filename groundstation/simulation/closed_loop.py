@@ -23,7 +23,7 @@ from groundstation.messages import PixelMeasurement, PtuSample, ReferenceFix, Tr
 from groundstation.pointing.pilot import AxisLimits, HeadLimits, HeadPilot, PointingConfig
 from groundstation.pointing.search_pattern import SearchConfig, SearchPattern
 from groundstation.rig.rig import Rig, Station
-from groundstation.simulation.rehearsed_head import RehearsedHead
+from groundstation.simulation.closed_loop_head import ClosedLoopHead
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
@@ -31,7 +31,7 @@ from groundstation.tracking.pipeline import Pipeline
 _TICK_S = 0.005
 
 
-class RehearsalFaultKind(StrEnum):
+class ClosedLoopFaultKind(StrEnum):
     """What may go wrong with a device in operation."""
 
     CAMERA_LOST = "camera lost"
@@ -48,10 +48,10 @@ class RehearsalFaultKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RehearsalFault:
+class ClosedLoopFault:
     """A fault of one station (or, without a name, of the process or the receiver) from ``from_s`` to ``to_s``."""
 
-    kind: RehearsalFaultKind
+    kind: ClosedLoopFaultKind
     station: str
     from_s: float
     to_s: float
@@ -62,7 +62,7 @@ class RehearsalFault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RehearsalConfig:
+class ClosedLoopConfig:
     """The simulated hardware: rates in Hz, delays in s, noise in px, what the heads can do in deg.
 
     ``ptu_sigma_deg`` and the step are those of the rig. ``late_s`` and ``step_s`` are what a late camera and a stepped
@@ -92,7 +92,7 @@ class RehearsalConfig:
 
 
 @dataclass(slots=True)
-class Rehearsed:
+class ClosedLoopResult:
     """What came of it: answers beside the truth, and where the target was in the pictures.
 
     ``estimates`` with ``truth_m`` (n, 3) at their stamps; ``states`` answer heartbeats; ``inside`` per camera and frame
@@ -121,7 +121,7 @@ class Rehearsed:
         return sum(of) / len(of) if of else 0.0
 
 
-class Rehearsal:
+class ClosedLoopSimulation:
     """One simulated landing in operation.
 
     Parameters
@@ -138,14 +138,14 @@ class Rehearsal:
         config: Config,
         flight: Trajectory,
         *,
-        faults: Sequence[RehearsalFault] = (),
-        hardware: RehearsalConfig | None = None,
+        faults: Sequence[ClosedLoopFault] = (),
+        hardware: ClosedLoopConfig | None = None,
         seed: int = 0,
         span_m: float | None = None,
     ) -> None:
         self._rig, self._config, self._flight, self._faults = rig, config, flight, tuple(faults)
         self._span_m = span_m
-        self._hardware = RehearsalConfig() if hardware is None else hardware
+        self._hardware = ClosedLoopConfig() if hardware is None else hardware
         self._random = np.random.default_rng(seed)
         # a stream of its own: with or without a receiver, the rest of the day is the same
         self._receiver_random = np.random.default_rng([seed, 1])
@@ -153,13 +153,13 @@ class Rehearsal:
         self._geometries = {s.name: s.geometry() for s in rig.stations}
         self._frozen: dict[str, tuple[float, float]] = {}
         self._repeated: set[str] = set()
-        self._heads: dict[str, RehearsedHead] = {}
+        self._heads: dict[str, ClosedLoopHead] = {}
         self._line: list[tuple[float, int, Callable[[float], None]]] = []
         self._number = 0
-        self._result = Rehearsed()
+        self._result = ClosedLoopResult()
         self._core = self._fresh_core()
 
-    def run(self) -> Rehearsed:
+    def run(self) -> ClosedLoopResult:
         """Fly the whole span of the flight."""
         start_s, end_s = self._flight.span_s
         begin = self._position(start_s)
@@ -169,7 +169,7 @@ class Rehearsal:
                 raise ValueError(f"{name}: the flight begins where the station cannot look")
             # heads stand about half a degree off
             angles = np.array([aim.pan_rad, aim.tilt_rad]) + self._random.normal(0.0, 0.01, 2)
-            self._heads[name] = RehearsedHead(
+            self._heads[name] = ClosedLoopHead(
                 angles,
                 latency_s=self._hardware.head_latency_s,
                 acceleration_deg_s2=self._hardware.head_acceleration_deg_s2,
@@ -197,21 +197,21 @@ class Rehearsal:
         for t in np.arange(start_s, end_s, _TICK_S):
             self._at(float(t), self._tick)
         for fault in self._faults:
-            if fault.kind is RehearsalFaultKind.PROCESS_KILLED:
+            if fault.kind is ClosedLoopFaultKind.PROCESS_KILLED:
                 self._at(fault.to_s, self._restart)
-            if fault.kind is RehearsalFaultKind.PTU_POWER_CYCLED:
+            if fault.kind is ClosedLoopFaultKind.PTU_POWER_CYCLED:
                 self._at(fault.from_s, partial(self._lose_power, fault.station))
 
     def _at(self, t_s: float, action: Callable[[float], None]) -> None:
         self._number += 1
         heapq.heappush(self._line, (t_s, self._number, action))
 
-    def _is(self, kind: RehearsalFaultKind, station: str, t_s: float) -> bool:
+    def _is(self, kind: ClosedLoopFaultKind, station: str, t_s: float) -> bool:
         return any(f.kind is kind and f.station == station and f.now(t_s) for f in self._faults)
 
     @property
-    def _dead(self) -> tuple[RehearsalFault, ...]:
-        return tuple(f for f in self._faults if f.kind is RehearsalFaultKind.PROCESS_KILLED)
+    def _dead(self) -> tuple[ClosedLoopFault, ...]:
+        return tuple(f for f in self._faults if f.kind is ClosedLoopFaultKind.PROCESS_KILLED)
 
     # ------------------------------------------------------------------------------------ the hardware
     def _expose(self, name: str, t_s: float) -> None:
@@ -232,7 +232,7 @@ class Rehearsal:
         missed = self._random.random() < h.miss_share
         delay_s = h.frame_delay_s + abs(float(self._random.normal(0.0, h.frame_jitter_s)))
         found = (float(pixel[0] + noise[0]), float(pixel[1] + noise[1]))
-        if self._is(RehearsalFaultKind.CAMERA_FROZEN, name, t_s):
+        if self._is(ClosedLoopFaultKind.CAMERA_FROZEN, name, t_s):
             # whoever reads a camera lets one picture pass twice, and knows then: no two have the same noise
             missed = missed or name in self._repeated
             self._repeated.add(name)
@@ -241,12 +241,12 @@ class Rehearsal:
             self._frozen[name] = found
         if (
             missed
-            or self._is(RehearsalFaultKind.CAMERA_LOST, name, t_s)
+            or self._is(ClosedLoopFaultKind.CAMERA_LOST, name, t_s)
             or not np.all((pixel >= 0) & (pixel <= size - 1))
         ):
             return
-        delay_s += h.late_s * self._is(RehearsalFaultKind.CAMERA_LATE, name, t_s)
-        stamp_s = t_s + h.step_s * self._is(RehearsalFaultKind.CAMERA_CLOCK_STEPPED, name, t_s)
+        delay_s += h.late_s * self._is(ClosedLoopFaultKind.CAMERA_LATE, name, t_s)
+        stamp_s = t_s + h.step_s * self._is(ClosedLoopFaultKind.CAMERA_CLOCK_STEPPED, name, t_s)
         shot = PixelMeasurement(t_s=stamp_s, station=name, epoch=0, u_px=found[0], v_px=found[1])
         self._at(t_s + delay_s, partial(self._deliver, shot))
 
@@ -255,8 +255,8 @@ class Rehearsal:
         head, name, h = self._heads[station.name], station.name, self._hardware
         head.run_to(t_s)
         noise = self._random.normal(0.0, max(station.ptu_sigma_rad, 1e-9), 2)
-        spike = self._random.random() < 0.05 and self._is(RehearsalFaultKind.PTU_SPIKES, name, t_s)
-        if self._is(RehearsalFaultKind.PTU_SILENT, name, t_s) or self._homing(name, t_s):
+        spike = self._random.random() < 0.05 and self._is(ClosedLoopFaultKind.PTU_SPIKES, name, t_s)
+        if self._is(ClosedLoopFaultKind.PTU_SILENT, name, t_s) or self._homing(name, t_s):
             return
         shown = head.angles + noise + (math.radians(h.spike_deg) if spike else 0.0)
         if station.ptu_resolution_rad > 0:
@@ -268,19 +268,19 @@ class Rehearsal:
         """Let the reference receiver measure; whoever listens to it takes a position that repeats for none."""
         h = self._hardware
         place = self._position(t_s) + self._receiver_random.normal(0.0, h.dgps_sigma_m, 3)
-        if self._is(RehearsalFaultKind.DGPS_FROZEN, "", t_s) and self._last_fix_m is not None:
+        if self._is(ClosedLoopFaultKind.DGPS_FROZEN, "", t_s) and self._last_fix_m is not None:
             place = self._last_fix_m
         repeated, self._last_fix_m = place is self._last_fix_m, place
-        if repeated or self._is(RehearsalFaultKind.DGPS_GONE, "", t_s):
+        if repeated or self._is(ClosedLoopFaultKind.DGPS_GONE, "", t_s):
             return
-        stamp_s = t_s + h.dgps_clock_s + h.dgps_step_s * self._is(RehearsalFaultKind.DGPS_CLOCK_STEPPED, "", t_s)
+        stamp_s = t_s + h.dgps_clock_s + h.dgps_step_s * self._is(ClosedLoopFaultKind.DGPS_CLOCK_STEPPED, "", t_s)
         fix = ReferenceFix(t_s=stamp_s, position_runway_m=place, sigma_m=np.full(3, h.dgps_sigma_m))
         self._at(t_s + h.dgps_delay_s, partial(self._deliver, fix))
 
     def _homing(self, name: str, t_s: float) -> bool:
         """Return whether a head was power-cycled and has not homed: it neither answers nor obeys."""
         return any(
-            f.kind is RehearsalFaultKind.PTU_POWER_CYCLED
+            f.kind is ClosedLoopFaultKind.PTU_POWER_CYCLED
             and f.station == name
             and 0 <= t_s - f.from_s < self._hardware.homing_s
             for f in self._faults
@@ -309,7 +309,7 @@ class Rehearsal:
         """Obey the commands, and lay the answers beside the truth."""
         for command in taken.commands:
             # a head that does not answer does not hear, either
-            silent = self._is(RehearsalFaultKind.PTU_SILENT, command.station, command.t_s)
+            silent = self._is(ClosedLoopFaultKind.PTU_SILENT, command.station, command.t_s)
             if not silent and not self._homing(command.station, command.t_s):
                 rates = np.array([command.pan_rate_rad_s, command.tilt_rate_rad_s])
                 self._heads[command.station].tell(command.t_s, rates)

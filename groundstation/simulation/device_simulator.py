@@ -25,10 +25,7 @@ from groundstation.live.child_process import terminal_signals_blocked
 from groundstation.live.delay_line import DelayLine
 from groundstation.picture import BayerPattern
 from groundstation.rig.rig import Rig, load_rig
-from groundstation.simulation.nose_truth import NoseTruth
-from groundstation.simulation.rendered_camera import RenderedCamera
-from groundstation.simulation.simulated_receiver import ReceiverModel, SimulatedReceiver
-from groundstation.simulation.timed_faults import (
+from groundstation.simulation.device_faults import (
     CAMERA_CLOCK_STEPPED,
     CAMERA_FROZEN,
     CAMERA_LATE,
@@ -38,8 +35,11 @@ from groundstation.simulation.timed_faults import (
     size_s,
     strike,
 )
+from groundstation.simulation.nose_truth import NoseTruth
+from groundstation.simulation.rendered_camera import RenderedCamera
+from groundstation.simulation.rendered_scene import RenderedScene
+from groundstation.simulation.simulated_receiver import ReceiverModel, SimulatedReceiver
 from groundstation.simulation.trajectory import Trajectory
-from groundstation.simulation.world import World
 from groundstation.sources.cameras.camera import (
     CameraDevice,
     CameraError,
@@ -65,14 +65,14 @@ _REMEMBERED_S = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RangeConfig:
+class DeviceSimulatorConfig:
     """What is simulated.
 
     Attributes
     ----------
     rig : the rig file; the simulated hardware is exactly that.
     folder : where the links to the ptys are made.
-    flight : the target point over time; it begins when `SimulatedRange.begin` says so, and is far away before.
+    flight : the target point over time; it begins when `DeviceSimulator.begin` says so, and is far away before.
     frame_rate_hz : of both cameras, triggered together.
     delivery_s : from mid-exposure to the picture's arrival; longer where rendering takes longer.
     baud : of the PTUs' lines.
@@ -95,10 +95,10 @@ class RangeConfig:
     seed: int = 0
 
 
-class SimulatedRange:
+class DeviceSimulator:
     """The range as the station meets it; a context manager. Raises `CameraError` where it cannot be started."""
 
-    def __init__(self, config: RangeConfig) -> None:
+    def __init__(self, config: DeviceSimulatorConfig) -> None:
         self._config = config
         rig = load_rig(config.rig)
         self.urls = {s.name: str(config.folder / f"ptu-{s.name}") for s in rig.stations if not s.fixed}
@@ -109,7 +109,7 @@ class SimulatedRange:
         self._process: BaseProcess | None = None
         self._control: Connection | None = None
 
-    def __enter__(self) -> "SimulatedRange":
+    def __enter__(self) -> "DeviceSimulator":
         self._config.folder.mkdir(parents=True, exist_ok=True)
         context = mp.get_context("spawn")
         ends: dict[str, Connection] = {}
@@ -119,7 +119,7 @@ class SimulatedRange:
             self._pipes[name], ends[name] = context.Pipe(duplex=False)
         self._control, other = context.Pipe()
         blocks = {name: memory.name for name, memory in self._memory.items()}
-        process = context.Process(target=serve_range, args=(self._config, blocks, ends, other), daemon=True)
+        process = context.Process(target=serve_devices, args=(self._config, blocks, ends, other), daemon=True)
         with terminal_signals_blocked():
             process.start()
         self._process = process
@@ -226,13 +226,13 @@ class _Station:
         return values[0] * scale, values[1] * scale, values[2] * scale, values[3] * scale
 
 
-def serve_range(
-    config: RangeConfig, blocks: Mapping[str, str], pipes: Mapping[str, Connection], control: Connection
+def serve_devices(
+    config: DeviceSimulatorConfig, blocks: Mapping[str, str], pipes: Mapping[str, Connection], control: Connection
 ) -> None:
     """Run the range until it is told to stop, or nobody listens any more."""
     rig = load_rig(config.rig)
-    flight = _Later(config.flight, time.monotonic() + _FAR_OFF_S)
-    world = World(trajectory=flight)
+    flight = _DelayedTrajectory(config.flight, time.monotonic() + _FAR_OFF_S)
+    world = RenderedScene(trajectory=flight)
     stations = [_made(rig, number, world, config) for number in range(len(rig.stations))]
     stop = threading.Event()
     memories = {name: SharedMemory(name=block) for name, block in blocks.items()}
@@ -267,7 +267,7 @@ def serve_range(
         thread.join(1.0)
 
 
-class _Later:
+class _DelayedTrajectory:
     """A flight whose time zero is an instant of the host's clock, which may be set while it is being watched."""
 
     def __init__(self, flight: Trajectory, start_s: float) -> None:
@@ -287,7 +287,7 @@ class _Later:
         return self._flight.velocity(np.asarray(t_s) - self.start_s)
 
 
-def _made(rig: Rig, number: int, world: World, config: RangeConfig) -> _Station:
+def _made(rig: Rig, number: int, world: RenderedScene, config: DeviceSimulatorConfig) -> _Station:
     station = rig.stations[number]
     arcsec = math.degrees(station.ptu_resolution_rad) * _ARCSEC or FlirModel().arcsec
     counts = round(90.0 * _ARCSEC / arcsec)
@@ -307,8 +307,8 @@ def _deliver(
     station: _Station,
     memory: SharedMemory,
     pipe: Connection,
-    config: RangeConfig,
-    flight: _Later,
+    config: DeviceSimulatorConfig,
+    flight: _DelayedTrajectory,
     first_s: float,
     stop: threading.Event,
 ) -> None:

@@ -9,23 +9,23 @@ from groundstation.errors import ConfigError, ScenarioError
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.airframe import trainer
-from groundstation.simulation.faults import Fault, FaultKind
-from groundstation.simulation.filmed_folder import PictureForm, checked_frames, write_filmed_folder
-from groundstation.simulation.flights import SPAN_M, FlightModelKind, FlightName, filmed_scenario, flight, site_rig
+from groundstation.simulation.event_faults import Fault, FaultKind
+from groundstation.simulation.flights import SPAN_M, FlightModelKind, FlightName, flight, rendered_scenario, site_rig
 from groundstation.simulation.optics import Optics
 from groundstation.simulation.rendered_camera import RenderedCamera
+from groundstation.simulation.rendered_scene import RenderedScene
+from groundstation.simulation.rendered_session_folder import PictureFormat, checked_frames, write_rendered_session
 from groundstation.simulation.scenery import Scenery
 from groundstation.simulation.session_folder import make_session_folder
 from groundstation.simulation.simulate import SimulatedFlight, simulate
 from groundstation.simulation.trajectory import Trajectory
-from groundstation.simulation.world import World
 
 MAX_PAIRS = 100_000
 _FAULT_KEYS = frozenset({"what", "station", "from_s", "to_s", "by_s", "by_deg"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FilmRequest:
+class RenderRequest:
     """What the user asked for.
 
     ``rig`` None is the standard site, ``duration_s`` None the whole flight; ``grey`` cameras see no colours.
@@ -39,13 +39,13 @@ class FilmRequest:
     wind_m_s: float = 0.0
     faults: Path | None = None
     rig: Path | None = None
-    form: PictureForm = PictureForm.VIDEO
+    form: PictureFormat = PictureFormat.VIDEO
     grey: bool = False
     aircraft: FlightModelKind = FlightModelKind.WAVES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FilmResult:
+class RenderResult:
     """What came of it: pairs filmed, seconds flown, and the folder."""
 
     pairs: int
@@ -53,21 +53,23 @@ class FilmResult:
     out: Path
 
 
-def film(request: FilmRequest, progress: Callable[[int, int], None] = lambda done, total: None) -> FilmResult:
+def render_flight(
+    request: RenderRequest, progress: Callable[[int, int], None] = lambda done, total: None
+) -> RenderResult:
     """Film one flight into a session folder; ``progress`` is told pairs done and pairs in all.
 
     Raises `InputError` where rig, faults or folder are at fault.
     """
     rig = site_rig() if request.rig is None else _usable(request.rig)
     faults = () if request.faults is None else load_faults(request.faults)
-    flown = simulate(filmed_scenario(_trajectory(request), rig, seed=request.seed, frame_hz=request.rate_hz))
+    flown = simulate(rendered_scenario(_trajectory(request), rig, seed=request.seed, frame_hz=request.rate_hz))
     pairs = flown.truth.t_s.size
     if pairs > MAX_PAIRS:
         raise ScenarioError("simulate", got=f"{pairs} pairs", wanted=f"at most {MAX_PAIRS}")
     checked_frames(flown, faults)
     # before the surroundings are drawn, which takes some seconds
     _check_folder(request.out)
-    write_filmed_folder(
+    write_rendered_session(
         request.out,
         flown,
         _cameras(request, flown),
@@ -77,7 +79,7 @@ def film(request: FilmRequest, progress: Callable[[int, int], None] = lambda don
         progress=progress,
     )
     start, end = flown.scenario.trajectory.span_s
-    return FilmResult(pairs=pairs, duration_s=end - start, out=request.out)
+    return RenderResult(pairs=pairs, duration_s=end - start, out=request.out)
 
 
 def _check_folder(folder: Path) -> None:
@@ -87,7 +89,7 @@ def _check_folder(folder: Path) -> None:
         make_session_folder(folder)
 
 
-def _trajectory(request: FilmRequest) -> Trajectory:
+def _trajectory(request: RenderRequest) -> Trajectory:
     return flight(
         request.name,
         seed=request.seed,
@@ -103,9 +105,11 @@ def _usable(path: Path) -> Rig:
     return rig
 
 
-def _cameras(request: FilmRequest, flown: SimulatedFlight) -> dict[str, RenderedCamera]:
+def _cameras(request: RenderRequest, flown: SimulatedFlight) -> dict[str, RenderedCamera]:
     """Return a camera for each true station, in one world."""
-    world = World(trajectory=flown.scenario.trajectory, airframe=trainer(SPAN_M), scenery=Scenery(seed=request.seed))
+    world = RenderedScene(
+        trajectory=flown.scenario.trajectory, airframe=trainer(SPAN_M), scenery=Scenery(seed=request.seed)
+    )
     optics = Optics(pattern=None) if request.grey else Optics()
     return {
         s.name: RenderedCamera(world, s, optics, seed=request.seed, number=number)
@@ -113,7 +117,7 @@ def _cameras(request: FilmRequest, flown: SimulatedFlight) -> dict[str, Rendered
     }
 
 
-def _words(request: FilmRequest) -> dict[str, str]:
+def _words(request: RenderRequest) -> dict[str, str]:
     """Return the top of session.toml."""
     wind = f", wind {request.wind_m_s:g} m/s" if request.wind_m_s else ""
     return {

@@ -16,7 +16,7 @@ _HAZE_BGR = np.array([176.0, 172.0, 158.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class World:
+class RenderedScene:
     """An aircraft that flies a trajectory over a scenery; times are true session time in s, the frame is runway."""
 
     trajectory: Trajectory

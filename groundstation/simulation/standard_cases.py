@@ -10,12 +10,12 @@ import numpy as np
 from groundstation.geometry.camera import Lens
 from groundstation.rig.rig import PARTS, ClockModel, Rig, Station
 from groundstation.simulation.approach import bound_glide, weaving_approach
-from groundstation.simulation.camera import CameraModel, isotropic
-from groundstation.simulation.disturbance import drawn_deviation
+from groundstation.simulation.detection_camera import CameraModel, isotropic
+from groundstation.simulation.path_deviation import drawn_deviation
 from groundstation.simulation.pointing import IdealPointing, PointingModel
 from groundstation.simulation.ptu import PtuModel
 from groundstation.simulation.scenario import Scenario
-from groundstation.simulation.trajectory import Superposed, Trajectory
+from groundstation.simulation.trajectory import SuperposedTrajectory, Trajectory
 
 BASELINE_M = 10.77
 FOCAL_PX = 6667.0
@@ -79,7 +79,7 @@ def drawn_glide(
     generator = np.random.default_rng([seed, _TRACK_STREAM])
     psd = acceleration_psd_m2_s3
     deviation = drawn_deviation(generator, span_s=base.span_s, acceleration_psd_m2_s3=psd)
-    return Superposed(nominal=base, deviation=deviation)
+    return SuperposedTrajectory(nominal=base, deviation=deviation)
 
 
 def case_b(

@@ -7,12 +7,12 @@ import pytest
 from scipy.stats import binom, chi2, kstest
 
 from groundstation.errors import ScenarioError
-from groundstation.simulation.approach import Glide, weaving_approach
-from groundstation.simulation.camera import CameraModel, Looks, isotropic, look
-from groundstation.simulation.cases import standard_station
-from groundstation.simulation.pointing import IdealPointing, Parked, PointingModel, pointing_history
+from groundstation.simulation.approach import GlideApproach, weaving_approach
+from groundstation.simulation.detection_camera import CameraModel, SimulatedDetections, isotropic, simulate_detections
+from groundstation.simulation.flight_window import FlightWindow
+from groundstation.simulation.pointing import FixedPointing, IdealPointing, PointingModel, pointing_history
+from groundstation.simulation.standard_cases import standard_station
 from groundstation.simulation.trajectory import Trajectory
-from groundstation.simulation.window import FlightWindow
 
 STATION = standard_station("left", -5.385)
 
@@ -25,11 +25,11 @@ def looks(
     track: Trajectory | None = None,
     readout_s: float = 0.0,
     seed: int = 3,
-) -> Looks:
+) -> SimulatedDetections:
     flown = weaving_approach() if track is None else track
     history = pointing_history(pointing or IdealPointing(), STATION.geometry(), flown, flown.span_s)
     t = np.linspace(*flown.span_s, count)
-    return look(model, STATION.geometry(), readout_s, history, flown, t, np.random.default_rng(seed))
+    return simulate_detections(model, STATION.geometry(), readout_s, history, flown, t, np.random.default_rng(seed))
 
 
 def test_pixel_noise_has_its_covariance() -> None:
@@ -73,8 +73,8 @@ def test_one_parameter_does_not_redraw_the_others() -> None:
 
 def test_a_target_outside_the_image_gives_no_pixel() -> None:
     """A head that stands still sees it pass through, and never a pixel that is not in the image."""
-    track = Glide(start_y_m=200.0, end_y_m=10.0, slope_rad=0.0, aim_y_m=0.0)
-    seen = looks(CameraModel(pixel_covariance_px2=isotropic(5.0)), pointing=Parked(pan_rad=-0.06), track=track)
+    track = GlideApproach(start_y_m=200.0, end_y_m=10.0, slope_rad=0.0, aim_y_m=0.0)
+    seen = looks(CameraModel(pixel_covariance_px2=isotropic(5.0)), pointing=FixedPointing(pan_rad=-0.06), track=track)
     inside = np.all((seen.pixel_px >= -0.5) & (seen.pixel_px <= [1279.5, 959.5]), axis=1)
     assert 0.1 < inside.mean() < 0.9
     assert np.array_equal(seen.visible, inside)
@@ -83,17 +83,19 @@ def test_a_target_outside_the_image_gives_no_pixel() -> None:
 
 
 def test_a_target_behind_the_camera_gives_no_pixel() -> None:
-    track = Glide(start_y_m=-20.0, end_y_m=-50.0, slope_rad=0.0)
-    seen = looks(CameraModel(), pointing=Parked(), track=track)
+    track = GlideApproach(start_y_m=-20.0, end_y_m=-50.0, slope_rad=0.0)
+    seen = looks(CameraModel(), pointing=FixedPointing(), track=track)
     assert not np.any(seen.visible)
     assert np.all(seen.pixel_px == 0.0)
 
 
 def test_a_rolling_shutter_exposes_each_row_at_its_time() -> None:
     """The pixel is where the target is seen at the instant of the pixel's own row."""
-    track = Glide(start_y_m=120.0, end_y_m=60.0)
+    track = GlideApproach(start_y_m=120.0, end_y_m=60.0)
     tilt = np.radians(1.0)
-    rolled = looks(CameraModel(), pointing=Parked(pan_rad=-0.05, tilt_rad=tilt), track=track, readout_s=0.03, count=50)
+    rolled = looks(
+        CameraModel(), pointing=FixedPointing(pan_rad=-0.05, tilt_rad=tilt), track=track, readout_s=0.03, count=50
+    )
     geometry = STATION.geometry()
     rows_s = ((rolled.pixel_px[:, 1] + 0.5) / 960 - 0.5) * 0.03
     for k in np.flatnonzero(rolled.visible):
@@ -101,7 +103,7 @@ def test_a_rolling_shutter_exposes_each_row_at_its_time() -> None:
         projection = geometry.project(there, -0.05, tilt)
         assert projection is not None
         assert projection.pixel == pytest.approx(rolled.pixel_px[k], abs=1e-6)
-    still = looks(CameraModel(), pointing=Parked(pan_rad=-0.05, tilt_rad=tilt), track=track, count=50)
+    still = looks(CameraModel(), pointing=FixedPointing(pan_rad=-0.05, tilt_rad=tilt), track=track, count=50)
     assert np.abs(still.pixel_px - rolled.pixel_px)[rolled.visible].max() > 1.0
 
 

@@ -1,7 +1,4 @@
-"""`Rehearsal` with rendered pictures in place of pixels: the detector looks where the heads have turned, too.
-
-Still in virtual time: what a machine cannot render in real time it can rehearse, and the same seed gives the same day.
-"""
+"""Closed-loop simulation in virtual time with rendered pictures, in which the detector looks for the target."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -9,17 +6,22 @@ from functools import partial
 from groundstation.arrays import FloatArray
 from groundstation.live.input_queue import TimedPicture
 from groundstation.rig.rig import Rig
-from groundstation.simulation.rehearsal import Rehearsal, RehearsalConfig, RehearsalFault, RehearsalFaultKind
+from groundstation.simulation.closed_loop import (
+    ClosedLoopConfig,
+    ClosedLoopFault,
+    ClosedLoopFaultKind,
+    ClosedLoopSimulation,
+)
 from groundstation.simulation.rendered_camera import RenderedCamera
+from groundstation.simulation.rendered_scene import RenderedScene
 from groundstation.simulation.trajectory import Trajectory
-from groundstation.simulation.world import World
 from groundstation.tracking.config import Config
 
 
-class PictureRehearsal(Rehearsal):
+class RenderedClosedLoopSimulation(ClosedLoopSimulation):
     """One simulated landing in operation, filmed.
 
-    Parameters are `Rehearsal`'s; ``span_m`` is told to the pipeline, as the station file would.
+    Parameters are `ClosedLoopSimulation`'s; ``span_m`` is told to the pipeline, as the station file would.
     """
 
     def __init__(
@@ -28,13 +30,13 @@ class PictureRehearsal(Rehearsal):
         config: Config,
         flight: Trajectory,
         *,
-        faults: Sequence[RehearsalFault] = (),
-        hardware: RehearsalConfig | None = None,
+        faults: Sequence[ClosedLoopFault] = (),
+        hardware: ClosedLoopConfig | None = None,
         seed: int = 0,
         span_m: float | None = None,
     ) -> None:
         super().__init__(rig, config, flight, faults=faults, hardware=hardware, seed=seed, span_m=span_m)
-        world = World(trajectory=flight)
+        world = RenderedScene(trajectory=flight)
         self._cameras = {
             s.name: RenderedCamera(world, s, seed=seed, number=number) for number, s in enumerate(rig.stations)
         }
@@ -43,11 +45,13 @@ class PictureRehearsal(Rehearsal):
         """Film, and hand the picture over later."""
         h = self._hardware
         delay_s = h.frame_delay_s + abs(float(self._random.normal(0.0, h.frame_jitter_s)))
-        # whoever reads a camera notices pictures that repeat to the last bit
-        if self._is(RehearsalFaultKind.CAMERA_LOST, name, t_s) or self._is(RehearsalFaultKind.CAMERA_FROZEN, name, t_s):
+        # a camera reader discards pictures that are bitwise repeated
+        if self._is(ClosedLoopFaultKind.CAMERA_LOST, name, t_s) or self._is(
+            ClosedLoopFaultKind.CAMERA_FROZEN, name, t_s
+        ):
             return
-        delay_s += h.late_s * self._is(RehearsalFaultKind.CAMERA_LATE, name, t_s)
-        stamp_s = t_s + h.step_s * self._is(RehearsalFaultKind.CAMERA_CLOCK_STEPPED, name, t_s)
+        delay_s += h.late_s * self._is(ClosedLoopFaultKind.CAMERA_LATE, name, t_s)
+        stamp_s = t_s + h.step_s * self._is(ClosedLoopFaultKind.CAMERA_CLOCK_STEPPED, name, t_s)
         head = self._heads[name]
         picture = self._cameras[name].picture(t_s, *(float(v) for v in (*head.angles, *head.rates)))
         shot = TimedPicture(t_s=stamp_s, arrived_s=t_s + delay_s, station=name, picture=picture)

@@ -31,14 +31,14 @@ class NoFlightModelError(InputError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FlownMotion:
+class SimulatedMotion:
     """Velocity (n, 3) in m/s north, east, down, and roll, pitch and yaw (n, 3) in rad, landing to the north."""
 
     velocity_m_s: FloatArray
     attitude_rad: FloatArray
 
 
-def fly_by_jsbsim(*, seed: int, samples: int, rate_hz: float, glide_rad: float, wind_m_s: float) -> FlownMotion:
+def fly_by_jsbsim(*, seed: int, samples: int, rate_hz: float, glide_rad: float, wind_m_s: float) -> SimulatedMotion:
     """Fly down a glide path through turbulence; the same for the same seed.
 
     Parameters
@@ -57,7 +57,7 @@ def fly_by_jsbsim(*, seed: int, samples: int, rate_hz: float, glide_rad: float, 
         if k >= settle:
             velocity[k - settle] = [model[f"velocities/v-{axis}-fps"] * FOOT_M for axis in ("north", "east", "down")]
             attitude[k - settle] = [model[f"attitude/{name}-rad"] for name in ("phi", "theta", "psi")]
-    return FlownMotion(velocity_m_s=velocity, attitude_rad=attitude)
+    return SimulatedMotion(velocity_m_s=velocity, attitude_rad=attitude)
 
 
 def _started(seed: int, rate_hz: float, glide_rad: float, wind_m_s: float) -> Any:

@@ -4,9 +4,9 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.messages import TrackStatus
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.rehearsal import RehearsalConfig, RehearsalFault, RehearsalFaultKind
-from groundstation.simulation.rehearsal_pictures import PictureRehearsal
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.closed_loop import ClosedLoopConfig, ClosedLoopFault, ClosedLoopFaultKind
+from groundstation.simulation.closed_loop_rendered import RenderedClosedLoopSimulation
 from groundstation.tracking.config import Config
 from tests.live.test_operation import small_rig
 
@@ -15,7 +15,7 @@ class Vanishing:
     """A glide that is over for the cameras at ``gone_s``: the aircraft is nowhere near from then on."""
 
     def __init__(self, gone_s: float, end_s: float) -> None:
-        self._glide = Glide(start_y_m=200.0, end_y_m=80.0, speed_m_s=20.0, aim_y_m=60.0)
+        self._glide = GlideApproach(start_y_m=200.0, end_y_m=80.0, speed_m_s=20.0, aim_y_m=60.0)
         self._gone_s = gone_s
         self.span_s = (0.0, end_s)
 
@@ -30,9 +30,9 @@ class Vanishing:
 
 
 def test_it_is_filmed_found_and_followed_and_not_tracked_where_it_is_not() -> None:
-    lost = RehearsalFault(kind=RehearsalFaultKind.CAMERA_LOST, station="right", from_s=2.2, to_s=2.6)
-    hardware = RehearsalConfig(frame_rate_hz=10.0)
-    day = PictureRehearsal(
+    lost = ClosedLoopFault(kind=ClosedLoopFaultKind.CAMERA_LOST, station="right", from_s=2.2, to_s=2.6)
+    hardware = ClosedLoopConfig(frame_rate_hz=10.0)
+    day = RenderedClosedLoopSimulation(
         small_rig(), Config(), Vanishing(3.0, 4.2), faults=[lost], hardware=hardware, seed=2, span_m=2.3
     ).run()
     assert day.share(TrackStatus.TRACKING, 1.6, 2.15) == 1.0

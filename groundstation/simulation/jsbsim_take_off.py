@@ -14,8 +14,8 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.geometry.angles import wrap_rad
 from groundstation.geometry.rotation import rotation_from_vector
-from groundstation.simulation.flight_model import FOOT_M, loaded_c172, start_turbulence
-from groundstation.simulation.trajectory import Sampled
+from groundstation.simulation.jsbsim_model import FOOT_M, loaded_c172, start_turbulence
+from groundstation.simulation.trajectory import SampledTrajectory
 
 _SPAN_M = 36.0 * FOOT_M
 _STEP_S = 1.0 / 120.0
@@ -88,7 +88,7 @@ class _Pilot:
 
 def take_off_by_jsbsim(
     *, seed: int, wind_m_s: float, span_m: float, start_y_m: float, end_y_m: float, rest_m: float
-) -> Sampled:
+) -> SampledTrajectory:
     """Fly a take-off along −y from standing still at ``start_y_m``, until ``end_y_m``; the same for the same seed.
 
     Parameters
@@ -121,7 +121,7 @@ def take_off_by_jsbsim(
     north, east, up = (flown - flown[0]).T
     t = np.asarray(np.arange(len(flown)) * _STEP_S * math.sqrt(scale), dtype=np.float64)
     position = np.column_stack([-scale * east, start_y_m - scale * north, rest_m + scale * up])
-    return Sampled(t_s=t, position_m=position, velocity_m_s=np.gradient(position, t, axis=0))
+    return SampledTrajectory(t_s=t, position_m=position, velocity_m_s=np.gradient(position, t, axis=0))
 
 
 def _nose(model: Any) -> FloatArray:

@@ -7,29 +7,35 @@ import pytest
 
 from groundstation.messages import TrackStatus
 from groundstation.rig.rig import load_rig
-from groundstation.simulation.approach import Glide
-from groundstation.simulation.rehearsal import Rehearsal, RehearsalConfig, RehearsalFault, RehearsalFaultKind, Rehearsed
+from groundstation.simulation.approach import GlideApproach
+from groundstation.simulation.closed_loop import (
+    ClosedLoopConfig,
+    ClosedLoopFault,
+    ClosedLoopFaultKind,
+    ClosedLoopResult,
+    ClosedLoopSimulation,
+)
 from groundstation.simulation.trajectory import Trajectory
 from groundstation.tracking.config import Config
 from tests.stereo_rig import make_rig, with_angle_noise
 
 # 20 m/s from 300 m on
-FLIGHT = Glide(start_y_m=300.0, end_y_m=180.0, speed_m_s=20.0, aim_y_m=60.0)
+FLIGHT = GlideApproach(start_y_m=300.0, end_y_m=180.0, speed_m_s=20.0, aim_y_m=60.0)
 FAULT_FROM_S, FAULT_TO_S = 2.5, 3.5
 OF_THEIR_OWN = (
-    *(RehearsalFaultKind.PROCESS_KILLED, RehearsalFaultKind.PTU_POWER_CYCLED),
-    *(RehearsalFaultKind.DGPS_GONE, RehearsalFaultKind.DGPS_FROZEN, RehearsalFaultKind.DGPS_CLOCK_STEPPED),
+    *(ClosedLoopFaultKind.PROCESS_KILLED, ClosedLoopFaultKind.PTU_POWER_CYCLED),
+    *(ClosedLoopFaultKind.DGPS_GONE, ClosedLoopFaultKind.DGPS_FROZEN, ClosedLoopFaultKind.DGPS_CLOCK_STEPPED),
 )
 LANDING_RIG = Path(__file__).parents[2] / "recordings" / "landing-1" / "rig.toml"
 
 
-def rehearsed(*faults: RehearsalFault, seed: int = 1, flight: Trajectory = FLIGHT) -> Rehearsed:
+def rehearsed(*faults: ClosedLoopFault, seed: int = 1, flight: Trajectory = FLIGHT) -> ClosedLoopResult:
     rig = with_angle_noise(make_rig(), np.radians(0.01))
-    return Rehearsal(rig, Config(), flight, faults=faults, seed=seed).run()
+    return ClosedLoopSimulation(rig, Config(), flight, faults=faults, seed=seed).run()
 
 
-def fault(kind: RehearsalFaultKind, station: str = "left") -> RehearsalFault:
-    return RehearsalFault(kind=kind, station=station, from_s=FAULT_FROM_S, to_s=FAULT_TO_S)
+def fault(kind: ClosedLoopFaultKind, station: str = "left") -> ClosedLoopFault:
+    return ClosedLoopFault(kind=kind, station=station, from_s=FAULT_FROM_S, to_s=FAULT_TO_S)
 
 
 def test_the_heads_keep_the_aircraft_in_the_middle() -> None:
@@ -41,7 +47,7 @@ def test_the_heads_keep_the_aircraft_in_the_middle() -> None:
 
 
 def test_the_same_seed_gives_the_same_day() -> None:
-    short = Glide(start_y_m=300.0, end_y_m=270.0, speed_m_s=20.0, aim_y_m=60.0)
+    short = GlideApproach(start_y_m=300.0, end_y_m=270.0, speed_m_s=20.0, aim_y_m=60.0)
     first, second = (rehearsed(seed=5, flight=short) for _ in range(2))
     assert first.inside == second.inside
     assert [e.status for e in first.estimates] == [e.status for e in second.estimates]
@@ -50,8 +56,8 @@ def test_the_same_seed_gives_the_same_day() -> None:
             np.testing.assert_array_equal(a.kinematics.covariance, b.kinematics.covariance)
 
 
-@pytest.mark.parametrize("kind", [k for k in RehearsalFaultKind if k not in OF_THEIR_OWN])
-def test_a_fault_is_outlived_with_an_honest_covariance(kind: RehearsalFaultKind) -> None:
+@pytest.mark.parametrize("kind", [k for k in ClosedLoopFaultKind if k not in OF_THEIR_OWN])
+def test_a_fault_is_outlived_with_an_honest_covariance(kind: ClosedLoopFaultKind) -> None:
     result = rehearsed(fault(kind))
     # it goes on while the fault is there, and a second later it tracks as if nothing had been
     assert result.share(TrackStatus.LOST, 1.0, 6.0) == 0.0
@@ -60,12 +66,12 @@ def test_a_fault_is_outlived_with_an_honest_covariance(kind: RehearsalFaultKind)
     assert np.mean(result.inside) >= 0.98
 
 
-@pytest.mark.parametrize("kind", [RehearsalFaultKind.DGPS_GONE, RehearsalFaultKind.DGPS_FROZEN])
-def test_a_receiver_teaches_while_it_is_there_and_is_not_missed(kind: RehearsalFaultKind) -> None:
+@pytest.mark.parametrize("kind", [ClosedLoopFaultKind.DGPS_GONE, ClosedLoopFaultKind.DGPS_FROZEN])
+def test_a_receiver_teaches_while_it_is_there_and_is_not_missed(kind: ClosedLoopFaultKind) -> None:
     rig = with_angle_noise(make_rig(), np.radians(0.01))
-    hardware = RehearsalConfig(dgps_rate_hz=5.0)
-    lost = RehearsalFault(kind=kind, station="", from_s=FAULT_FROM_S, to_s=FAULT_TO_S)
-    result = Rehearsal(rig, Config(), FLIGHT, faults=[lost], hardware=hardware, seed=1).run()
+    hardware = ClosedLoopConfig(dgps_rate_hz=5.0)
+    lost = ClosedLoopFault(kind=kind, station="", from_s=FAULT_FROM_S, to_s=FAULT_TO_S)
+    result = ClosedLoopSimulation(rig, Config(), FLIGHT, faults=[lost], hardware=hardware, seed=1).run()
     assert result.share(TrackStatus.TRACKING, 1.0, 6.0) >= 0.99
     assert result.squared_errors(1.0).mean() / 3.0 < 1.5
     untaught = rehearsed().estimates[-1].kinematics
@@ -78,17 +84,19 @@ def test_a_receiver_teaches_while_it_is_there_and_is_not_missed(kind: RehearsalF
 @pytest.mark.parametrize(("step_s", "to_s"), [(-0.1, np.inf), (0.1, FAULT_TO_S)])
 def test_a_receivers_clock_that_steps_does_not_move_the_track(step_s: float, to_s: float) -> None:
     """By 2 m of the flight: less than what a gate refuses for long. It was 0.6 m off on average at an ANEES of 2.5."""
-    step = RehearsalFault(kind=RehearsalFaultKind.DGPS_CLOCK_STEPPED, station="", from_s=FAULT_FROM_S, to_s=to_s)
-    hardware = RehearsalConfig(dgps_rate_hz=5.0, dgps_step_s=step_s)
-    flight = Glide(start_y_m=380.0, end_y_m=260.0, speed_m_s=20.0, aim_y_m=60.0)
-    result = Rehearsal(load_rig(LANDING_RIG), Config(), flight, faults=[step], hardware=hardware, seed=2).run()
+    step = ClosedLoopFault(kind=ClosedLoopFaultKind.DGPS_CLOCK_STEPPED, station="", from_s=FAULT_FROM_S, to_s=to_s)
+    hardware = ClosedLoopConfig(dgps_rate_hz=5.0, dgps_step_s=step_s)
+    flight = GlideApproach(start_y_m=380.0, end_y_m=260.0, speed_m_s=20.0, aim_y_m=60.0)
+    result = ClosedLoopSimulation(
+        load_rig(LANDING_RIG), Config(), flight, faults=[step], hardware=hardware, seed=2
+    ).run()
     assert result.share(TrackStatus.TRACKING, 1.0, 6.0) >= 0.99
     assert result.squared_errors(1.0).mean() / 3.0 < 1.0
 
 
 def test_a_head_that_homes_is_out_of_it_and_comes_back() -> None:
-    long = Glide(start_y_m=420.0, end_y_m=160.0, speed_m_s=20.0, aim_y_m=60.0)
-    power = RehearsalFault(kind=RehearsalFaultKind.PTU_POWER_CYCLED, station="left", from_s=2.0, to_s=2.0)
+    long = GlideApproach(start_y_m=420.0, end_y_m=160.0, speed_m_s=20.0, aim_y_m=60.0)
+    power = ClosedLoopFault(kind=ClosedLoopFaultKind.PTU_POWER_CYCLED, station="left", from_s=2.0, to_s=2.0)
     result = rehearsed(power, flight=long)
     assert result.share(TrackStatus.COASTING, 3.0, 9.0) >= 0.95
     assert result.share(TrackStatus.TRACKING, 12.0, 13.0) >= 0.98
@@ -96,6 +104,6 @@ def test_a_head_that_homes_is_out_of_it_and_comes_back() -> None:
 
 
 def test_a_killed_process_finds_the_aircraft_again() -> None:
-    result = rehearsed(RehearsalFault(kind=RehearsalFaultKind.PROCESS_KILLED, station="", from_s=2.0, to_s=3.0))
+    result = rehearsed(ClosedLoopFault(kind=ClosedLoopFaultKind.PROCESS_KILLED, station="", from_s=2.0, to_s=3.0))
     assert result.restarts == 1
     assert result.share(TrackStatus.TRACKING, 4.5, 6.0) >= 0.98

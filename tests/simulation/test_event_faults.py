@@ -9,11 +9,11 @@ import pytest
 from groundstation.errors import ScenarioError
 from groundstation.messages import PixelMeasurement, PtuSample
 from groundstation.simulation import SimulatedFlight, simulate
-from groundstation.simulation.faults import Fault, FaultKind, frames_of, with_faults
-from groundstation.simulation.flights import FlightName, filmed_scenario, flight, site_rig
+from groundstation.simulation.event_faults import Fault, FaultKind, delivered_frames, with_faults
+from groundstation.simulation.flights import FlightName, flight, rendered_scenario, site_rig
 from tests.complaints import complaint
 
-HEALTHY = simulate(filmed_scenario(flight(FlightName.LANDING, duration_s=6.0), site_rig(), seed=3))
+HEALTHY = simulate(rendered_scenario(flight(FlightName.LANDING, duration_s=6.0), site_rig(), seed=3))
 
 
 def pixels(of: SimulatedFlight, station: str) -> dict[int, PixelMeasurement]:
@@ -42,7 +42,7 @@ def test_a_lost_camera_gives_nothing() -> None:
 
 def test_a_frozen_camera_repeats_its_last_picture_with_new_stamps() -> None:
     frozen = pixels(with_faults(HEALTHY, [fault(FaultKind.CAMERA_FROZEN)]), "left")
-    own = frames_of(HEALTHY, "left", [fault(FaultKind.CAMERA_FROZEN)])
+    own = delivered_frames(HEALTHY, "left", [fault(FaultKind.CAMERA_FROZEN)])
     assert np.all(own.shown[20:40] == 19)
     assert own.shown[40] == 40
     assert {(frozen[k].u_px, frozen[k].v_px) for k in range(19, 40)} == {(frozen[19].u_px, frozen[19].v_px)}

@@ -15,12 +15,12 @@ from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_dgps, load_session, load_truth
 from groundstation.simulation import simulate
-from groundstation.simulation.faults import FaultKind
-from groundstation.simulation.filmed_folder import PictureForm
-from groundstation.simulation.filming import FilmRequest, film, load_faults
-from groundstation.simulation.flights import FlightName, filmed_scenario, flight
+from groundstation.simulation.event_faults import FaultKind
+from groundstation.simulation.flights import FlightName, flight, rendered_scenario
+from groundstation.simulation.render_flight import RenderRequest, load_faults, render_flight
 from groundstation.simulation.rendered_camera import RenderedCamera
-from groundstation.simulation.world import World
+from groundstation.simulation.rendered_scene import RenderedScene
+from groundstation.simulation.rendered_session_folder import PictureFormat
 from groundstation.sources.replay import ReplaySource
 from tests.complaints import complaint
 from tests.simulation.small_site import QUIET, small_rig
@@ -45,7 +45,7 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plain = small_rig(3300.0, (640, 480))
     nearer = tuple(replace(s, ptu_position_m=s.ptu_position_m + NEARER_M) for s in plain.stations)
     rig = written(folder.parent / "rig.toml", replace(plain, stations=nearer))
-    result = film(FilmRequest(out=folder, rig=rig, duration_s=5.0, wind_m_s=3.0, seed=5))
+    result = render_flight(RenderRequest(out=folder, rig=rig, duration_s=5.0, wind_m_s=3.0, seed=5))
     assert result.pairs == 51
     return folder
 
@@ -97,8 +97,8 @@ def test_truth_with_a_rolling_shutter_is_the_simulator_s() -> None:
     """The renderer's nose and the angle-level simulator's are the same, rolling shutter and rates included."""
     plain = small_rig()
     rig = replace(plain, stations=tuple(replace(s, readout_s=0.02) for s in plain.stations))
-    flown = simulate(filmed_scenario(flight(FlightName.WEAVE, wind_m_s=6.0, seed=2), rig))
-    camera = RenderedCamera(World(trajectory=flown.scenario.trajectory), rig["left"], QUIET)
+    flown = simulate(rendered_scenario(flight(FlightName.WEAVE, wind_m_s=6.0, seed=2), rig))
+    camera = RenderedCamera(RenderedScene(trajectory=flown.scenario.trajectory), rig["left"], QUIET)
     station = flown.truth.stations["left"]
     compared = 0
     for k in range(0, station.t_s.size, 20):
@@ -120,14 +120,14 @@ def test_faults_are_in_the_session_and_seeds_repeat(rig_file: Path, tmp_path: Pa
         encoding="utf-8",
     )
     for name in ("one", "two"):
-        request = FilmRequest(
+        request = RenderRequest(
             out=tmp_path / name,
             rig=rig_file,
             duration_s=0.8,
             faults=timetable,
-            form=PictureForm.PNG if name == "one" else PictureForm.LOSSLESS,
+            form=PictureFormat.PNG if name == "one" else PictureFormat.LOSSLESS,
         )
-        film(request)
+        render_flight(request)
     taken = frames(tmp_path / "one")
     assert sorted(f.epoch for f in taken if f.station == "left") == [0, 1, 2, 3, 6, 7, 8]
     right = {f.epoch: f.image.whole() for f in taken if f.station == "right"}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from benchmarks.live_serial_faults import CASES
 from groundstation.live.delay_line import DelayLine
-from groundstation.simulation.timed_faults import (
+from groundstation.simulation.device_faults import (
     CAMERA_CLOCK_STEPPED,
     CAMERA_FROZEN,
     CAMERA_LATE,

@@ -68,7 +68,7 @@ def aim_many(s: FloatArray, points: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
-def follow(
+def simulate_axis(
     command: FloatArray,
     dt: float,
     gains: FloatArray,
@@ -96,7 +96,7 @@ def follow(
 
 
 @njit(cache=True)
-def play(motor: FloatArray, gap: float, head: FloatArray) -> None:
+def apply_backlash(motor: FloatArray, gap: float, head: FloatArray) -> None:
     """Drag the head (n,) along behind the motor (n,), within ± half the gap; ``head[0]`` is given."""
     for k in range(1, len(motor)):
         head[k] = min(max(head[k - 1], motor[k] - 0.5 * gap), motor[k] + 0.5 * gap)

@@ -8,7 +8,7 @@ import numpy as np
 from groundstation.arrays import FloatArray
 
 
-class RehearsedHead:
+class ClosedLoopHead:
     """A head that takes rates after a latency and reaches them at its own acceleration."""
 
     def __init__(self, angles: FloatArray, *, latency_s: float, acceleration_deg_s2: float) -> None:

@@ -9,12 +9,12 @@ from pathlib import Path
 from groundstation.live.station_file import StationFile
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.rig.rig import Rig
+from groundstation.simulation.device_simulator import DeviceSimulator, SimulatedCameraDevice
 from groundstation.simulation.nose_truth import NoseTruth
-from groundstation.simulation.simulated_range import SimulatedCameraDevice, SimulatedRange
 from groundstation.sources.cameras.camera import CameraDevice
 
 
-class SharedRange(StationSimulator):
+class AttachedSimulator(StationSimulator):
     """The range as one station after the other meets it; it goes to a process when that is made, not later.
 
     Parameters
@@ -23,7 +23,7 @@ class SharedRange(StationSimulator):
     begin_s : the flight's time zero, which the lender has set, on the host's clock.
     """
 
-    def __init__(self, lender: SimulatedRange, file: StationFile, begin_s: float) -> None:
+    def __init__(self, lender: DeviceSimulator, file: StationFile, begin_s: float) -> None:
         self.file = file
         self.delivery_s = lender.delivery_s
         self.truth = {name: NoseTruth() for name in lender.truth}

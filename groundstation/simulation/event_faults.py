@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.messages import DgpsFix, Event, PixelMeasurement, PtuSample
-from groundstation.simulation.checks import require, require_finite
+from groundstation.simulation.device_clocks import believed_times
+from groundstation.simulation.parameter_checks import require, require_finite
 from groundstation.simulation.simulate import SimulatedFlight
-from groundstation.simulation.stamps import believed_times
 
 
 class FaultKind(StrEnum):
@@ -87,7 +87,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frames:
+class DeliveredFrames:
     """What a camera delivers of n exposures.
 
     ``t_s`` (n,) are the stamps, session time as the rig maps them; ``shown`` (n,) the exposure whose picture is
@@ -110,7 +110,7 @@ def check_faults(flight: SimulatedFlight, faults: Sequence[Fault]) -> None:
             require(turning, where, got=f"{fault.station!r}, which is fixed", wanted="one that has a pan-tilt unit")
 
 
-def frames_of(flight: SimulatedFlight, name: str, faults: Sequence[Fault] = ()) -> Frames:
+def delivered_frames(flight: SimulatedFlight, name: str, faults: Sequence[Fault] = ()) -> DeliveredFrames:
     """Return what the camera of a station delivers, whether the detector of the flight saw anything or not."""
     true, believed = flight.scenario.true_rig[name], flight.rig[name]
     t = believed_times(flight.truth.stations[name].t_s, true.camera_clock, believed.camera_clock)
@@ -125,13 +125,13 @@ def frames_of(flight: SimulatedFlight, name: str, faults: Sequence[Fault] = ()) 
             shown[hit] = max(int(np.argmax(hit)) - 1, 0)
         elif fault.kind in (FaultKind.CAMERA_LATE, FaultKind.CAMERA_CLOCK_STEP):
             stamps[hit] += fault.by
-    return Frames(t_s=stamps, shown=shown, there=there)
+    return DeliveredFrames(t_s=stamps, shown=shown, there=there)
 
 
 def with_faults(flight: SimulatedFlight, faults: Sequence[Fault]) -> SimulatedFlight:
     """Return the flight as its receivers get it; arrivals stay, but for late frames. Truth is as it was."""
     check_faults(flight, faults)
-    frames = {name: frames_of(flight, name, faults) for name in flight.rig.names}
+    frames = {name: delivered_frames(flight, name, faults) for name in flight.rig.names}
     latest: dict[str, PtuSample] = {}
     pixels = {(e.station, e.epoch): e for e in flight.events if isinstance(e, PixelMeasurement)}
     kept: list[tuple[float, Event]] = []

@@ -10,7 +10,7 @@ from groundstation.geometry import kernels
 from groundstation.simulation import render_kernels
 
 
-def node_rays(packed: FloatArray, size_px: tuple[int, int]) -> FloatArray:
+def ray_grid(packed: FloatArray, size_px: tuple[int, int]) -> FloatArray:
     """Return the rays (rows, columns, 3), camera frame, of every 16th pixel, to beyond the last."""
     columns, rows = (math.ceil(n / render_kernels.TILE) + 1 for n in size_px)
     rays = np.ones((rows, columns, 3))
@@ -25,7 +25,7 @@ def node_rays(packed: FloatArray, size_px: tuple[int, int]) -> FloatArray:
     return rays
 
 
-def smear(motion: FloatArray) -> NDArray[np.float32]:
+def motion_blur_kernel(motion: FloatArray) -> NDArray[np.float32]:
     """Return the kernel of a straight motion (2,) px: its length sampled finely, each sample shared by four pixels."""
     reach = int(0.5 * np.abs(motion).max()) + 1
     kernel = np.zeros((2 * reach + 1, 2 * reach + 1), np.float32)
@@ -41,9 +41,7 @@ def smear(motion: FloatArray) -> NDArray[np.float32]:
     return kernel / kernel.sum()
 
 
-def cut_to_picture(
-    mask: MaskArray, corner: tuple[int, int], size_px: tuple[int, int]
-) -> tuple[MaskArray, tuple[int, int]]:
+def crop_mask(mask: MaskArray, corner: tuple[int, int], size_px: tuple[int, int]) -> tuple[MaskArray, tuple[int, int]]:
     """Return a mask cut to the picture and to what is set, with its corner."""
     x0, y0 = max(corner[0], 0), max(corner[1], 0)
     cut = mask[y0 - corner[1] : size_px[1] - corner[1], x0 - corner[0] : size_px[0] - corner[0]]

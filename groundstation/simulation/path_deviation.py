@@ -7,8 +7,8 @@ import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from groundstation.arrays import FloatArray
-from groundstation.simulation.checks import require, require_not_negative, require_positive
-from groundstation.simulation.trajectory import Sampled
+from groundstation.simulation.parameter_checks import require, require_not_negative, require_positive
+from groundstation.simulation.trajectory import SampledTrajectory
 
 MAX_STEPS = 1_000_000
 
@@ -21,7 +21,7 @@ def drawn_deviation(
     position_sigma_m: float = 0.0,
     velocity_sigma_m_s: float = 0.0,
     step_s: float = 0.01,
-) -> Sampled:
+) -> SampledTrajectory:
     """Draw a deviation from the filter's motion model: constant velocity, driven by white acceleration.
 
     Position and velocity at the samples have exactly the model's joint statistics, whatever the step; in between,
@@ -44,12 +44,12 @@ def drawn_deviation(
     slip = 0.5 * dt * kick + generator.normal(size=kick.shape) * np.sqrt(psd * dt**3 / 12.0)
     velocity = start[1] + np.vstack([np.zeros(3), np.cumsum(kick, axis=0)])
     position = start[0] + np.vstack([np.zeros(3), np.cumsum(dt * velocity[:-1] + slip, axis=0)])
-    return Sampled(t_s=t, position_m=position, velocity_m_s=velocity)
+    return SampledTrajectory(t_s=t, position_m=position, velocity_m_s=velocity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gusts:
-    """Gusts against an autopilot that holds the path: d̈ = −ω² d − 2ζω ḋ + a, per axis.
+class GustModel:
+    """GustModel against an autopilot that holds the path: d̈ = −ω² d − 2ζω ḋ + a, per axis.
 
     a is the gusts' acceleration, a Gauss-Markov process: the longitudinal form of Dryden's turbulence with
     correlation time L/V, applied as an acceleration.
@@ -79,9 +79,11 @@ class Gusts:
         """Covariance (3, 3) of d (m), ḋ (m/s), a (m/s²) per unit variance of a, once the start is forgotten."""
         return np.asarray(solve_continuous_lyapunov(self._dynamics(), -self._drive()), dtype=np.float64)
 
-    def draw(self, generator: np.random.Generator, span_s: tuple[float, float], step_s: float = 0.02) -> Sampled:
+    def draw(
+        self, generator: np.random.Generator, span_s: tuple[float, float], step_s: float = 0.02
+    ) -> SampledTrajectory:
         """Draw a deviation over a span, in its stationary state from the start."""
-        t = _steps("Gusts", span_s, step_s)
+        t = _steps("GustModel", span_s, step_s)
         transition = np.asarray(expm(self._dynamics() * (t[1] - t[0])), dtype=np.float64)
         stationary = self.stationary_covariance
         # in the stationary state P = F P Fᵀ + Q
@@ -91,7 +93,7 @@ class Gusts:
         state[0] = _root(stationary) @ normal[0]
         for k in range(1, t.size):
             state[k] = transition @ state[k - 1] + driven @ normal[k]
-        return Sampled(t_s=t, position_m=state[:, 0], velocity_m_s=state[:, 1])
+        return SampledTrajectory(t_s=t, position_m=state[:, 0], velocity_m_s=state[:, 1])
 
     def _dynamics(self) -> FloatArray:
         w = self.hold_rad_s

@@ -17,7 +17,8 @@ import numpy as np
 from groundstation.arrays import ImageArray
 from groundstation.errors import InputError, ScenarioError
 from groundstation.files.output_names import below
-from groundstation.simulation.faults import Fault, Frames, check_faults, frames_of, with_faults
+from groundstation.simulation.device_clocks import device_from_session
+from groundstation.simulation.event_faults import DeliveredFrames, Fault, check_faults, delivered_frames, with_faults
 from groundstation.simulation.rendered_camera import PictureTruth, RenderedCamera
 from groundstation.simulation.session_folder import (
     folder_fault,
@@ -27,12 +28,11 @@ from groundstation.simulation.session_folder import (
     write_tables,
 )
 from groundstation.simulation.simulate import SimulatedFlight
-from groundstation.simulation.stamps import device_from_session
 
 _JPEG_QUALITY = 95
 
 
-class PictureForm(StrEnum):
+class PictureFormat(StrEnum):
     """How pictures are kept: JPEG frames of quality 95 in an AVI, lossless FFV1 in a Matroska, or PNG files."""
 
     VIDEO = "video"
@@ -40,14 +40,14 @@ class PictureForm(StrEnum):
     PNG = "png"
 
 
-def write_filmed_folder(
+def write_rendered_session(
     folder: Path,
     flight: SimulatedFlight,
     cameras: Mapping[str, RenderedCamera],
     *,
     words: Mapping[str, Any],
     faults: Sequence[Fault] = (),
-    form: PictureForm = PictureForm.VIDEO,
+    form: PictureFormat = PictureFormat.VIDEO,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
     """Film a flight and write its session; ``words`` are the top of session.toml, ``progress`` gets pairs done and all.
@@ -68,13 +68,13 @@ def write_filmed_folder(
         raise folder_fault(folder, OSError(str(fault))) from fault
 
 
-def checked_frames(flight: SimulatedFlight, faults: Sequence[Fault]) -> dict[str, Frames]:
+def checked_frames(flight: SimulatedFlight, faults: Sequence[Fault]) -> dict[str, DeliveredFrames]:
     """Return what each camera delivers.
 
     Raises `ScenarioError` where a fault has no device, or a camera's stamps step back: frames.csv is in order.
     """
     check_faults(flight, faults)
-    frames = {name: frames_of(flight, name, faults) for name in flight.rig.names}
+    frames = {name: delivered_frames(flight, name, faults) for name in flight.rig.names}
     for name, own in frames.items():
         if np.any(np.diff(own.t_s[own.there]) <= 0):
             where = f"fault of the camera of {name}"
@@ -82,7 +82,7 @@ def checked_frames(flight: SimulatedFlight, faults: Sequence[Fault]) -> dict[str
     return frames
 
 
-def _frame_rows(flight: SimulatedFlight, frames: Mapping[str, Frames]) -> Iterator[list[str]]:
+def _frame_rows(flight: SimulatedFlight, frames: Mapping[str, DeliveredFrames]) -> Iterator[list[str]]:
     stamps = {n: device_from_session(flight.rig[n].camera_clock, own.t_s) for n, own in frames.items()}
     for k in range(flight.truth.t_s.size):
         yield [str(k), *(stamp_text(float(stamps[n][k])) if frames[n].there[k] else "" for n in frames)]
@@ -92,8 +92,8 @@ def _film(
     folder: Path,
     flight: SimulatedFlight,
     cameras: Mapping[str, RenderedCamera],
-    frames: Mapping[str, Frames],
-    form: PictureForm,
+    frames: Mapping[str, DeliveredFrames],
+    form: PictureFormat,
     progress: Callable[[int, int], None],
 ) -> dict[str, Any]:
     """Write the pictures of all cameras side by side; return the arrays of masks.npz."""
@@ -114,7 +114,7 @@ def _film(
 
 
 def _take(
-    flight: SimulatedFlight, name: str, frames: Frames, k: int, camera: RenderedCamera, writer: "_Writer"
+    flight: SimulatedFlight, name: str, frames: DeliveredFrames, k: int, camera: RenderedCamera, writer: "_Writer"
 ) -> PictureTruth:
     """Write what a camera delivers as number k; return what was truly there to be seen."""
     station = flight.truth.stations[name]
@@ -130,15 +130,15 @@ def _take(
 class _Writer:
     """One station's pictures by number; a missing one keeps its number."""
 
-    def __init__(self, folder: Path, name: str, camera: RenderedCamera, form: PictureForm, rate_hz: float) -> None:
+    def __init__(self, folder: Path, name: str, camera: RenderedCamera, form: PictureFormat, rate_hz: float) -> None:
         self._form = form
         self._size = camera.station.lens.image_size_px
         self._video: cv2.VideoWriter | None = None
         self._folder = below(folder, name)
-        if form is PictureForm.PNG:
+        if form is PictureFormat.PNG:
             self._folder.mkdir()
             return
-        if form is PictureForm.VIDEO:
+        if form is PictureFormat.VIDEO:
             path, backend, code = below(folder, f"{name}.avi"), cv2.CAP_OPENCV_MJPEG, "MJPG"
         else:
             path, backend, code = below(folder, f"{name}.mkv"), cv2.CAP_FFMPEG, "FFV1"
@@ -146,7 +146,7 @@ class _Writer:
         video = cv2.VideoWriter(str(path), backend, cv2.VideoWriter.fourcc(*code), max(rate_hz, 1.0), self._size)
         if not video.isOpened():
             raise InputError(str(path), got=f"an OpenCV that does not write {code}", wanted="another --pictures")
-        if form is PictureForm.VIDEO:
+        if form is PictureFormat.VIDEO:
             video.set(cv2.VIDEOWRITER_PROP_QUALITY, _JPEG_QUALITY)
         self._video = video
 

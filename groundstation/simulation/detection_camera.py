@@ -8,17 +8,17 @@ from groundstation.arrays import FloatArray, MaskArray
 from groundstation.geometry.kernels import MIN_DEPTH_M
 from groundstation.geometry.rolling_shutter import exposed_row_delay_s
 from groundstation.geometry.station import StationGeometry
-from groundstation.simulation.checks import (
+from groundstation.simulation.flight_window import FlightWindow
+from groundstation.simulation.parameter_checks import (
     require,
     require_finite,
     require_fraction,
     require_not_negative,
     require_shape,
 )
-from groundstation.simulation.kernels import project_many
 from groundstation.simulation.pointing import HeadAngles, PointingHistory
+from groundstation.simulation.pointing_kernels import project_many
 from groundstation.simulation.trajectory import Trajectory
-from groundstation.simulation.window import FlightWindow
 
 # a row's delay depends on the row; each round divides the error by f · angular rate · readout / height
 _SHUTTER_ROUNDS = 5
@@ -67,7 +67,7 @@ class CameraModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Looks:
+class SimulatedDetections:
     """One camera's looks, one for each of n stereo pairs.
 
     Attributes
@@ -89,7 +89,7 @@ class Looks:
     pointing: HeadAngles
 
 
-def look(
+def simulate_detections(
     model: CameraModel,
     geometry: StationGeometry,
     readout_s: float,
@@ -97,7 +97,7 @@ def look(
     trajectory: Trajectory,
     t_s: FloatArray,
     generator: np.random.Generator,
-) -> Looks:
+) -> SimulatedDetections:
     """Take the looks of one camera of true ``geometry`` at mid-exposures ``t_s`` (n,), true session time.
 
     A pixel that would be reported outside the image is not reported. Every look draws the same count of random
@@ -114,7 +114,7 @@ def look(
         missed |= window.holds(t_s, trajectory.position(t_s))
     reported_px = pixel + np.where(outlier[:, None], far, noise)
     reported = visible & ~missed & _contained(geometry, reported_px)
-    return Looks(
+    return SimulatedDetections(
         t_s=t_s,
         pixel_px=pixel,
         visible=visible,

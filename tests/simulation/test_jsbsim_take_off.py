@@ -7,7 +7,7 @@ import pytest
 
 from groundstation.errors import ScenarioError
 from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN
-from groundstation.simulation.flights import SPAN_M, FlightModelKind, FlightName, Shortened, flight
+from groundstation.simulation.flights import SPAN_M, FlightModelKind, FlightName, TruncatedTrajectory, flight
 
 REST_M = REST_HEIGHT_PER_SPAN * SPAN_M
 
@@ -54,7 +54,7 @@ def test_it_is_the_same_for_the_same_seed_and_grows_with_the_wind() -> None:
 
 def test_it_is_cut_short_and_refused_like_the_others() -> None:
     short = flight(FlightName.TAKE_OFF, duration_s=5.0, aircraft=FlightModelKind.JSBSIM)
-    assert isinstance(short, Shortened)
+    assert isinstance(short, TruncatedTrajectory)
     assert short.span_s == (0.0, 5.0)
     with pytest.raises(ScenarioError, match="wind_m_s"):
         flight(FlightName.TAKE_OFF, wind_m_s=30.0, aircraft=FlightModelKind.JSBSIM)

@@ -1,0 +1,51 @@
+"""The rig file and the station file of a simulated station, whose devices' URLs are links made by the simulator."""
+
+from pathlib import Path
+
+from groundstation.live.head_device import HeadDevice
+from groundstation.live.reference_device import ReferenceDevice
+from groundstation.live.station_file import StationDevices, StationFile
+from groundstation.pointing.pilot import PointingConfig
+from groundstation.pointing.search_pattern import SearchConfig
+from groundstation.rig.rig import Rig
+from groundstation.rig.rig_toml import rig_to_toml
+from groundstation.simulation.repeated_landings import SPAN_M
+from groundstation.simulation.simulated_receiver import SIMULATED_ORIGIN
+from groundstation.simulation.standard_cases import standard_rig
+
+
+def simulated_station_file(folder: Path, rate_hz: float, rig: Rig | None, *, dgps: bool = False) -> StationFile:
+    """Write the rig file of a simulated station and return its station file; device URLs are links in ``folder``.
+
+    ``dgps`` adds a reference receiver on the aircraft's nose.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    # the simulated units have quantised encoders and no other error
+    rig = standard_rig() if rig is None else rig
+    path = folder / "rig.toml"
+    path.write_text(rig_to_toml(rig), encoding="utf-8")
+    return StationFile(
+        path=folder / "station.toml",
+        name="simulated range",
+        rig=path,
+        config=None,
+        rate_hz=rate_hz,
+        span_m=SPAN_M,
+        record=folder,
+        pointing=PointingConfig(),
+        search=SearchConfig(),
+        stations=tuple(
+            StationDevices(
+                name=s.name,
+                camera="simulated",
+                camera_settings={},
+                head=None if s.fixed else HeadDevice(url=str(folder / f"ptu-{s.name}"), baud=115200),
+            )
+            for s in rig.stations
+        ),
+        reference=ReferenceDevice(url=str(folder / "dgps")) if dgps else None,
+        origin=SIMULATED_ORIGIN if dgps else None,
+        antenna_in_body_m=(0.0, 0.0, 0.0) if dgps else None,
+        # no solar keep-out: rendered cameras cannot be damaged, and the simulation has no time of day
+        sun_angle_rad=0.0,
+    )
