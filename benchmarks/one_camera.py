@@ -1,10 +1,10 @@
-"""One camera alone for eight seconds, filmed: how far its range is off, and what its covariance says of that.
+"""Accuracy and consistency of a track while one camera alone sees the target for eight seconds.
 
     python benchmarks/one_camera.py [--seeds N]
 
-Virtual time and rendered pictures of 320 × 240 (`groundstation.simulation.closed_loop_rendered`): an approach from
-430 m at 20 m/s and 10 pairs/s, the left PTU without power from 4 s on and homing until 12 s. Printed for each seed: error and
-sigma along the runway, and the ANEES, of the third, fifth and eighth second alone, and the ANEES of the whole.
+Closed-loop simulation with rendered pictures of 320 × 240 px (`groundstation.simulation.closed_loop_rendered`): an
+approach from 430 m at 20 m/s and 10 pairs/s; the left PTU loses power at 4 s and homes until 12 s. Printed for each
+seed: error and sigma along the runway and the ANEES in the third, fifth and eighth second, and the ANEES of the whole.
 """
 
 import argparse

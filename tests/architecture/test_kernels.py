@@ -57,7 +57,7 @@ PACKED: set[str] = {
     "groundstation.onboard.pose.view_kernel.reprojection_rms(lens)",
     "groundstation.onboard.scenes.kernels._ground_colour(jac)",
     "groundstation.onboard.scenes.kernels.render_ground(light)",
-    "groundstation.simulation.kernels.aim_many(s)",
+    "groundstation.simulation.pointing_kernels.aim_many(s)",
     "groundstation.simulation.scenery_kernels._ground(runway)",
 }
 

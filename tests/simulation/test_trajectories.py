@@ -140,7 +140,7 @@ def test_beyond_its_samples_a_track_is_straight() -> None:
         (lambda: GlideApproach(start_y_m=50.0), "Glide: end_y_m: got 60.0; wanted below 50 m"),
         (lambda: LateralWeave(period_s=-1.0), "Weave: period_s"),
         (lambda: GustModel(sigma_m_s2=(0.1, -0.1, 0.1)), "Gusts: sigma_m_s2"),
-        (lambda: GustModel().draw(np.random.default_rng(), (1.0, 0.0)), "Gusts: span_s"),
+        (lambda: GustModel().draw(np.random.default_rng(), (1.0, 0.0)), "GustModel: span_s"),
         (lambda: take_off(TakeOff(climb_speed_m_s=10.0)), "at least rotate_speed_m_s = 14"),
         (
             lambda: SampledTrajectory(
