@@ -38,7 +38,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.live.command import LiveRequest, live
 from groundstation.live.head_device import HeadDevice
 from groundstation.live.status_board import LiveStatus
-from groundstation.recording.recover import recover
+from groundstation.recording.recovery import recover
 from groundstation.rig.rig import Rig
 from groundstation.session import load_session
 from groundstation.simulation.attached_simulator import AttachedSimulator

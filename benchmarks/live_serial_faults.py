@@ -34,7 +34,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.live.command import LiveRequest, live
 from groundstation.live.status_board import LiveStatus
 from groundstation.messages import TrackStatus
-from groundstation.recording.recover import recover
+from groundstation.recording.recovery import recover
 from groundstation.rig.rig import Rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import load_session

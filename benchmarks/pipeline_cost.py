@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from groundstation.messages import Epoch, Event
-from groundstation.replay.recordings import load_replay_config
+from groundstation.replay.recording_replay import load_replay_config
 from groundstation.session import Session, load_session
 from groundstation.sources.session_source import session_source
 from groundstation.tracking.pipeline import Pipeline

@@ -18,9 +18,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from groundstation.messages import Epoch  # noqa: E402
-from groundstation.recording.container_reader import ContainerReader  # noqa: E402
+from groundstation.recording.mcap_reader import McapReader  # noqa: E402
 from groundstation.recording.recorder import Recorder  # noqa: E402
-from groundstation.recording.recover import recover  # noqa: E402
+from groundstation.recording.recovery import recover  # noqa: E402
 from tests.recording.recorded import events, header, looked_at, played, same, small_rig  # noqa: E402
 
 SEED, PAIR_S = 1, 1.0 / 30.0
@@ -55,7 +55,7 @@ def one(folder: Path, after_s: float) -> tuple[float, bool]:
     """Kill once; returns how many seconds of the flight are lost, and whether all that was whole is there."""
     path = folder / "flight.mcap"
     number, said_s = killed(path, after_s)
-    with ContainerReader(path) as reader:
+    with McapReader(path) as reader:
         before = reader.contents()
     done = recover(path)
     assert done.out is not None

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.conversion.recorded_session import header_of
+from groundstation.conversion.recording_header import build_header
 from groundstation.messages import Event, Frame
 from groundstation.picture import BayerPattern, RawPicture
-from groundstation.recording.container_reader import ContainerReader
+from groundstation.recording.mcap_reader import McapReader
 from groundstation.recording.recorder import PATIENT, Recorder
-from groundstation.replay.run import run
+from groundstation.replay.run_pipeline import run_pipeline
 from groundstation.session import Session, load_session
 from groundstation.sinks.output_comparison import OutputComparisonSink
 from groundstation.sources.session_source import session_source
@@ -70,11 +70,11 @@ class Timed(Recorder):
 def record(session: Session, path: Path, as_raw: bool, to_s: float | None) -> float:
     """Record a replay; returns what it cost the pipeline's thread, s per pair."""
     config = Config()
-    header = header_of(session, None, config, initial=None, learns_from_reference=False)
+    header = build_header(session, None, config, initial=None, learns_from_reference=False)
     pipeline = Pipeline(session.rig, config, span_m=session.target.span_m)
     with session_source(session, None, to_s) as source, Timed(path, session.rig, header, PATIENT) as recorder:
         events: Iterable[Event] = raw(source) if as_raw else source
-        outcome = run(recorder.taken(events), pipeline, [recorder], lambda done: None)
+        outcome = run_pipeline(recorder.taken(events), pipeline, [recorder], lambda done: None)
     return recorder.spent_s / outcome.epochs
 
 
@@ -83,7 +83,7 @@ def rates(path: Path) -> dict[str, tuple[int, float]]:
     frames: dict[str, set[tuple[str, int]]] = {"whole": set(), "windows": set()}
     size = dict.fromkeys(("whole", "windows", "rest"), 0)
     pairs = 0
-    with ContainerReader(path) as reader:
+    with McapReader(path) as reader:
         for message in reader.messages():
             name = message.topic.split("/")
             kind = "rest"
@@ -101,8 +101,8 @@ def same_track(path: Path) -> str:
     session = load_session(path)
     check = OutputComparisonSink()
     pipeline = Pipeline(session.rig, Config(), span_m=session.target.span_m)
-    with session_source(session, on_answer=check.recorded) as source:
-        run(source, pipeline, [check], lambda done: None)
+    with session_source(session, on_output=check.recorded) as source:
+        run_pipeline(source, pipeline, [check], lambda done: None)
     if check.result().differing or check.result().alone:
         sys.exit(check.result().line())
     return check.result().line()
@@ -113,7 +113,7 @@ def live_search(session: Session, path: Path, seconds: float) -> str:
     rng = np.random.default_rng(5)
     w, h = session.rig.stations[0].lens.image_size_px
     pool = [rng.normal(120.0, 4.0, (h, w)).astype(np.uint8) for _ in range(8)]
-    header = header_of(session, None, Config(), initial=None, learns_from_reference=False)
+    header = build_header(session, None, Config(), initial=None, learns_from_reference=False)
     began, epoch, fullest = time.monotonic(), 0, 0.0
     with Recorder(path, session.rig, header, whole_frames=True) as recorder:
         while epoch < seconds * RATE_HZ:

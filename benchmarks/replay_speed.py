@@ -24,7 +24,7 @@ import numpy as np
 
 from groundstation.messages import TrackStatus
 from groundstation.replay.replay import ReplayRequest, replay
-from groundstation.sources.pictures import QUEUE_FRAMES
+from groundstation.sources.picture_reader import QUEUE_FRAMES
 
 ROOT = Path(__file__).resolve().parent.parent
 WAYS = {"replay without Rerun": False, "replay, all outputs": True}

@@ -14,7 +14,7 @@ from groundstation.geometry.station import StationGeometry
 from groundstation.rig.rig import Station
 from groundstation.session import Session
 from groundstation.sources.frame_table import read_frames
-from groundstation.sources.pictures import PictureReader
+from groundstation.sources.picture_reader import PictureReader
 
 # frames further apart see another scene
 MAX_PAIR_S = 0.5

@@ -19,7 +19,7 @@ from groundstation.files.toml_table import quoted
 from groundstation.rig.rig import Station
 from groundstation.session import Session
 from groundstation.session.references import load_dgps
-from groundstation.sources.labels import read_labels
+from groundstation.sources.external_detections import read_detections
 from groundstation.sources.ptu_readings import PtuReadings
 from groundstation.tracking.synchronise import SynchroniseConfig
 
@@ -83,7 +83,7 @@ def gather_flight(session: Session, detections: Path | None, from_s: float | Non
 
 def _labelled(session: Session) -> dict[str, _Pixels]:
     """Return the session's own pixels."""
-    labels, fault = read_labels(session)
+    labels, fault = read_detections(session)
     if fault is not None:
         raise fault
     return {

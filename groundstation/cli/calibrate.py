@@ -8,9 +8,9 @@ from groundstation.cli.calibrate_landmarks import add_landmark_kinds, run_calibr
 from groundstation.cli.calibrate_mount import add_mount, run_mount
 from groundstation.cli.calibrate_timing import add_timing, run_timing
 from groundstation.cli.number_arguments import parse_number
-from groundstation.cli.paths import READ, REPORT_FOLDER, WRITTEN_FILE
+from groundstation.cli.path_arguments import READ, REPORT_FOLDER, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
-from groundstation.cli.span import add_span, require_span
+from groundstation.cli.time_span import add_span, require_span
 from groundstation.errors import InputError, UsageError
 
 _INTRINSICS = """The lens of a camera from pictures of a board: corners to a fraction of a pixel,

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from groundstation.cli.paths import READ, REPORT_FOLDER, WRITTEN_FILE
+from groundstation.cli.path_arguments import READ, REPORT_FOLDER, WRITTEN_FILE
 
 if TYPE_CHECKING:
     from calibration.landmarks.jobs import ComparisonOutcome

@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from groundstation.cli.paths import READ, REPORT_FOLDER, WRITTEN_FILE
+from groundstation.cli.path_arguments import READ, REPORT_FOLDER, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import InputError
 

@@ -3,9 +3,9 @@
 import argparse
 import sys
 
-from groundstation.cli.paths import READ, REPORT_FOLDER, WRITTEN_FILE
+from groundstation.cli.path_arguments import READ, REPORT_FOLDER, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
-from groundstation.cli.span import add_span, require_span
+from groundstation.cli.time_span import add_span, require_span
 from groundstation.errors import InputError, UsageError
 
 _TIMING = """The offset between each camera's clock and its PTU's: swing the PTU before a scene that

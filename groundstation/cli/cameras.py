@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from groundstation.cli.number_arguments import finite_number, positive_number
-from groundstation.cli.paths import READ_TEXT, WRITTEN_FILE
+from groundstation.cli.path_arguments import READ_TEXT, WRITTEN_FILE
 from groundstation.errors import InputError
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from groundstation.cli.paths import READ, READ_TEXT, WRITTEN_FILE, WrittenFolder
+from groundstation.cli.path_arguments import READ, READ_TEXT, WRITTEN_FILE, WrittenFolder
 from groundstation.cli.progress import ProgressLine
 
 _EVALUATE = """Compare runs: many sessions, many tunings, or what was replayed before with what

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from groundstation.cli.number_arguments import parse_number, take_negative_numbers
-from groundstation.cli.paths import NEW_FOLDER, READ
+from groundstation.cli.path_arguments import NEW_FOLDER, READ
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import InputError
 
@@ -87,8 +87,8 @@ def _add_log(add: argparse.ArgumentParser) -> None:
 
 def run_import(options: argparse.Namespace) -> int:
     """Create the folder and print its contents; returns the exit code."""
+    from groundstation.conversion.import_request import ImportRequest
     from groundstation.conversion.import_session import import_session
-    from groundstation.conversion.request import ImportRequest
     from groundstation.rig.rig import load_rig
     from groundstation.session.logs.fixes import LogOptions
 

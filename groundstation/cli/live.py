@@ -11,7 +11,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING, TextIO
 
 from groundstation.cli.number_arguments import parse_number
-from groundstation.cli.paths import NEW_FOLDER, READ
+from groundstation.cli.path_arguments import NEW_FOLDER, READ
 from groundstation.cli.simulate import pairs_per_s, whole_number, wind_m_s
 from groundstation.cli.stop_request import StopRequest
 from groundstation.cli.terminal import print_line

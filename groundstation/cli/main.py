@@ -14,14 +14,14 @@ from groundstation.cli.import_session import add_import, run_import
 from groundstation.cli.live import add_live, run_check, run_live
 from groundstation.cli.number_arguments import parse_number, take_negative_numbers
 from groundstation.cli.onboard import add_onboard, run_onboard
-from groundstation.cli.paths import READ, WRITTEN_FILE, WrittenFolder, check_paths
+from groundstation.cli.path_arguments import READ, WRITTEN_FILE, WrittenFolder, check_paths
 from groundstation.cli.progress import ProgressLine
 from groundstation.cli.ptu import add_ptu, run_ptu
 from groundstation.cli.recording import add_convert, add_recover, run_convert, run_recover
 from groundstation.cli.reproduce import add_reproduce, run_reproduce
 from groundstation.cli.simulate import add_simulate, run_simulate
-from groundstation.cli.span import add_span
 from groundstation.cli.terminal import print_line
+from groundstation.cli.time_span import add_span
 from groundstation.cli.view import add_view, run_view
 from groundstation.errors import GroundstationError, UsageError
 from groundstation.replay.result_files import REPLAY_FILES

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from groundstation.cli.onboard_fly import add_fly
 from groundstation.cli.onboard_pose import add_pose
-from groundstation.cli.paths import READ, WrittenFolder
+from groundstation.cli.path_arguments import READ, WrittenFolder
 from groundstation.cli.progress import ProgressLine
 
 _EDGES = """Find and track the runway's edges in the video of an aircraft's nose camera."""

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from groundstation.cli.number_arguments import parse_number
-from groundstation.cli.paths import READ, WrittenFolder
+from groundstation.cli.path_arguments import READ, WrittenFolder
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import InputError
 

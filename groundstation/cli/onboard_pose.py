@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator
 
 from groundstation.cli.number_arguments import parse_number
-from groundstation.cli.paths import READ, WRITTEN_FILE
+from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.errors import InputError, UsageError
 
 _POSE = """Where the camera was when each picture was taken, from the four corners of the runway

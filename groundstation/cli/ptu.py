@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 
 from groundstation.cli.number_arguments import finite_number, positive_number
-from groundstation.cli.paths import WRITTEN_FILE
+from groundstation.cli.path_arguments import WRITTEN_FILE
 from groundstation.cli.ptu_open import open_unit, warn_unguarded
 from groundstation.errors import GroundstationError
 

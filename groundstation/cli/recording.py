@@ -3,9 +3,9 @@
 import argparse
 import sys
 
-from groundstation.cli.paths import NEW_FOLDER, READ, WRITTEN_FILE
+from groundstation.cli.path_arguments import NEW_FOLDER, READ, WRITTEN_FILE
 from groundstation.cli.progress import ProgressLine
-from groundstation.cli.span import add_span, require_span
+from groundstation.cli.time_span import add_span, require_span
 
 _RECOVER = """Make a whole recording of one that was cut short by a crash, a kill or a power
 cut: every complete chunk is copied, counted, and counted again in the new file.
@@ -60,7 +60,7 @@ def add_convert(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
 
 def run_recover(options: argparse.Namespace) -> int:
     """Recover, and say what was found."""
-    from groundstation.recording.recover import recover
+    from groundstation.recording.recovery import recover
 
     done = recover(options.file, options.out)
     total = sum(done.messages.values())

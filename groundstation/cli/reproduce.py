@@ -4,8 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from groundstation.cli.paths import READ, WrittenFolder
-from groundstation.cli.span import add_span, require_span
+from groundstation.cli.path_arguments import READ, WrittenFolder
+from groundstation.cli.time_span import add_span, require_span
 from groundstation.errors import InputError
 
 _REPRODUCE = """Do the papers' experiments on our recordings: every figure and table that they allow,

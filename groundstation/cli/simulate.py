@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from groundstation.cli.number_arguments import parse_number
-from groundstation.cli.paths import NEW_FOLDER, READ
+from groundstation.cli.path_arguments import NEW_FOLDER, READ
 from groundstation.cli.progress import ProgressLine
 
 _SIMULATE = """Fly an aircraft past two stations, film it, and write a session folder with exact truth,

@@ -9,7 +9,7 @@ import threading
 import webbrowser
 from pathlib import Path
 
-from groundstation.cli.paths import READ, WRITTEN_FILE, WrittenFolder
+from groundstation.cli.path_arguments import READ, WRITTEN_FILE, WrittenFolder
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import UsageError
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from groundstation.conversion.session_clock import SessionClock
+from groundstation.conversion.import_clock import ImportClock
 from groundstation.errors import InputError, SessionError
 from groundstation.files.csv_table import CsvTable, Row
 from groundstation.files.toml_table import quoted
@@ -14,7 +14,7 @@ _MAX_ROWS = 20_000_000
 _MAX_DEG = 100_000.0
 
 
-def ptu_csv(path: Path, rig: Rig, clock: SessionClock, from_s: float, to_s: float) -> tuple[str, int]:
+def ptu_csv(path: Path, rig: Rig, clock: ImportClock, from_s: float, to_s: float) -> tuple[str, int]:
     """Return ptu.csv's text and how many rows it has.
 
     ``from_s`` and ``to_s`` are first and last frame. Raises `SessionError` for a row that is no reading, and
@@ -51,7 +51,7 @@ def ptu_csv(path: Path, rig: Rig, clock: SessionClock, from_s: float, to_s: floa
     return "\n".join(lines) + "\n", len(lines) - 1
 
 
-def _time(table: CsvTable, row: Row, kind: str, clock: SessionClock) -> float:
+def _time(table: CsvTable, row: Row, kind: str, clock: ImportClock) -> float:
     """Return a row's time in the session's clock."""
     if kind == "t_s":
         return table.number(row, kind) + clock.ptu_start_s

@@ -4,23 +4,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from groundstation.conversion.recorded_session import header_of
-from groundstation.conversion.unpacked_folder import Unpacked, UnpackedFolder
+from groundstation.conversion.recording_header import build_header
+from groundstation.conversion.session_folder_writer import SessionFolderWriter, WrittenCounts
 from groundstation.errors import InputError
 from groundstation.files.output_names import below
 from groundstation.messages import Epoch, Event
 from groundstation.recording.recorder import PATIENT, Recorder
 from groundstation.session import Session, load_session
-from groundstation.sources.recording import RecordingSource
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.folder_source import FolderSource
+from groundstation.sources.recording_source import RecordingSource
 from groundstation.sources.session_source import session_source
 from groundstation.tracking.config import load_config
 
-Source = ReplaySource | RecordingSource
+Source = FolderSource | RecordingSource
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Converted:
+class ConversionResult:
     """The output, and notes on data that the new form lacks."""
 
     out: Path
@@ -36,7 +36,7 @@ def convert(
     from_s: float | None = None,
     to_s: float | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> Converted:
+) -> ConversionResult:
     """Turn a session folder into a recording (``out`` ends in .mcap) or a recording into a folder.
 
     Into a recording whole frames go, without loss; into a folder what a recording has, as PNG. Raises `InputError`.
@@ -53,26 +53,26 @@ def convert(
         return _unpacked(session, stream, out, progress)
 
 
-def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> Converted:
+def _packed(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> ConversionResult:
     """Write a recording of whole frames, set up as a replay of the folder would be."""
-    header = header_of(session, None, load_config(None), initial=session.initial, learns_from_reference=False)
+    header = build_header(session, None, load_config(None), initial=session.initial, learns_from_reference=False)
     with Recorder(out, session.rig, header, PATIENT, whole_frames=True) as recorder:
         events, fault = _pass_on(stream, recorder.take, progress)
     notes = (recorder.status.line(),) if recorder.status.trouble else ()
-    return Converted(out=out, events=events, notes=notes, fault=fault)
+    return ConversionResult(out=out, events=events, notes=notes, fault=fault)
 
 
-def _unpacked(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> Converted:
+def _unpacked(session: Session, stream: Source, out: Path, progress: Callable[[int, int], None]) -> ConversionResult:
     """Write a folder."""
     files = {} if session.recorded is None else session.recorded.header.files
     for name in files:
         # before anything is written, not after
         below(out, name)
-    folder = UnpackedFolder(out, session)
+    folder = SessionFolderWriter(out, session)
     events, fault = _pass_on(stream, folder.take, progress)
     remark = _partial(folder.done)
     folder.finish(files, "".join(remark))
-    return Converted(out=out, events=events, notes=(*remark, *_notes(folder.done, stream)), fault=fault)
+    return ConversionResult(out=out, events=events, notes=(*remark, *_notes(folder.done, stream)), fault=fault)
 
 
 def _pass_on(
@@ -92,14 +92,14 @@ def _pass_on(
     return events, None
 
 
-def _partial(done: Unpacked) -> tuple[str, ...]:
+def _partial(done: WrittenCounts) -> tuple[str, ...]:
     """Return a note if any picture is incomplete."""
     if not done.partial:
         return ()
     return (f"{done.partial} of {done.frames} pictures hold only what detection read; the rest is black",)
 
 
-def _notes(done: Unpacked, stream: Source) -> list[str]:
+def _notes(done: WrittenCounts, stream: Source) -> list[str]:
     """Return notes on data that the folder lacks."""
     notes = []
     if isinstance(stream, RecordingSource) and stream.missing:

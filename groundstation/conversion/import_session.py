@@ -11,9 +11,9 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.conversion.angle_table import ptu_csv
-from groundstation.conversion.pairing import frames_csv, paired
-from groundstation.conversion.request import Imported, ImportRequest
-from groundstation.conversion.session_clock import SessionClock, session_clock
+from groundstation.conversion.import_clock import ImportClock, import_clock
+from groundstation.conversion.import_request import ImportRequest, ImportResult
+from groundstation.conversion.video_frame_pairing import frames_csv, paired
 from groundstation.conversion.video_stamps import VideoStamps, read_video_stamps
 from groundstation.errors import InputError, SessionError
 from groundstation.files.csv_table import CsvTable
@@ -41,7 +41,7 @@ class _Parts:
     remarks: list[str]
 
 
-def import_session(request: ImportRequest, progress: Callable[[int], None] = lambda _: None) -> Imported:
+def import_session(request: ImportRequest, progress: Callable[[int], None] = lambda _: None) -> ImportResult:
     """Make the folder.
 
     Raises `InputError` (one line: where, got, wanted) for anything that cannot be right; then no folder is made.
@@ -50,7 +50,7 @@ def import_session(request: ImportRequest, progress: Callable[[int], None] = lam
     rig = load_rig(request.rig)
     _check_rig(request, rig)
     log = _log(request)
-    clock = session_clock(request, log)
+    clock = import_clock(request, log)
     parts = _Parts(texts={}, copies={}, summary=[], remarks=[] if log is None else list(log.remarks))
     span = _frames(request, rig, clock, parts, progress)
     if any(not station.fixed for station in rig.stations):
@@ -63,7 +63,7 @@ def import_session(request: ImportRequest, progress: Callable[[int], None] = lam
     parts.texts["session.toml"] = config_to_toml(_session(request, clock)) + "\n"
     parts.copies["rig.toml"] = request.rig
     files = _write(request, parts)
-    return Imported(folder=request.out, files=files, summary=tuple(parts.summary), remarks=tuple(parts.remarks))
+    return ImportResult(folder=request.out, files=files, summary=tuple(parts.summary), remarks=tuple(parts.remarks))
 
 
 def _check_paths(request: ImportRequest) -> None:
@@ -95,7 +95,7 @@ def _log(request: ImportRequest) -> GnssLog | None:
 
 
 def _frames(
-    request: ImportRequest, rig: Rig, clock: SessionClock, parts: _Parts, progress: Callable[[int], None]
+    request: ImportRequest, rig: Rig, clock: ImportClock, parts: _Parts, progress: Callable[[int], None]
 ) -> tuple[float, float]:
     """Add frames.csv and the videos; returns first and last time."""
     for name in rig.names:
@@ -151,7 +151,7 @@ def _given_frames(request: ImportRequest, rig: Rig, parts: _Parts) -> tuple[floa
 
 
 def _positions(
-    request: ImportRequest, rig: Rig, log: GnssLog | None, clock: SessionClock, span: tuple[float, float], parts: _Parts
+    request: ImportRequest, rig: Rig, log: GnssLog | None, clock: ImportClock, span: tuple[float, float], parts: _Parts
 ) -> None:
     """Add dgps.csv; a log that has no time in common with the videos is refused."""
     path = request.dgps
@@ -200,7 +200,7 @@ def _dgps_csv(fixes: list[DgpsFix]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _session(request: ImportRequest, clock: SessionClock) -> dict[str, Any]:
+def _session(request: ImportRequest, clock: ImportClock) -> dict[str, Any]:
     """Return session.toml as tables of plain values."""
     tables: dict[str, Any] = {"name": request.name or request.out.resolve().name}
     if request.origin_deg_m is not None and request.azimuth_deg is not None:

@@ -11,7 +11,7 @@ from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.messages import Frame
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.folder_source import FolderSource
 
 SIGMAS_PX = (1.0, 10.0, 20.0)
 _HIGH, _LOW = 0.4, 0.1
@@ -84,7 +84,7 @@ def _pictures(recorded: TruthSession) -> list[FloatArray]:
         from_s = recorded.from_s
     limits = [None if np.isinf(v) else float(v) for v in (from_s, recorded.to_s)]
     name, found = recorded.session.rig.names[0], []
-    with ReplaySource(recorded.session, *limits) as source:
+    with FolderSource(recorded.session, *limits) as source:
         frames = (e for e in source if isinstance(e, Frame) and e.station == name)
         for k, frame in enumerate(frames):
             if k % _EVERY == 0:

@@ -15,11 +15,11 @@ from groundstation.experiments.detection_set_up import METHODS, OURS, PAPERS_CHO
 from groundstation.experiments.looks import DetectorOutcome, watch
 from groundstation.experiments.scenes import scenes
 from groundstation.messages import Event, InitialState
-from groundstation.replay.run import run
+from groundstation.replay.run_pipeline import run_pipeline
 from groundstation.session import Session, Truth, load_dgps, load_session, load_truth
-from groundstation.sources.labels import label_events
+from groundstation.sources.external_detections import detection_events
+from groundstation.sources.folder_source import LEAD_S, FolderSource, read_frames
 from groundstation.sources.ptu_readings import PtuReadings
-from groundstation.sources.replay import LEAD_S, ReplaySource, read_frames
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 
@@ -106,13 +106,15 @@ class TruthSession:
     def collected(self) -> ResultCollector:
         """The pipeline over the pictures, started as the paper is, from known position and velocity."""
         limits = [None if np.isinf(v) else float(v) for v in (self.from_s, self.to_s)]
-        with ReplaySource(self.session, *limits) as source:
+        with FolderSource(self.session, *limits) as source:
             total = source.epoch_count
             collector = ResultCollector()
             pipeline = Pipeline(
                 self.session.rig, Config(), span_m=self.session.target.span_m, initial=self.start(source.span_s[0])
             )
-            outcome = run(source, pipeline, [collector], lambda done: self._say(f"replay: {done} of {total} pairs"))
+            outcome = run_pipeline(
+                source, pipeline, [collector], lambda done: self._say(f"replay: {done} of {total} pairs")
+            )
         if outcome.fault is not None:
             raise outcome.fault
         return collector
@@ -177,7 +179,7 @@ class TruthSession:
         looks = np.concatenate([rows[:, 0] for rows in pixels.values()])
         readings = PtuReadings(self.session)
         readings.start(float(looks.min()) - LEAD_S, float(looks.max()) + LEAD_S)
-        for t_s, event in label_events(pixels, self.session.rig.names[0]):
+        for t_s, event in detection_events(pixels, self.session.rig.names[0]):
             yield from readings.until(t_s)
             yield event
         yield from readings.until(float(looks.max()) + LEAD_S)
@@ -189,7 +191,7 @@ class TruthSession:
         collector = ResultCollector()
         first_s = min(float(rows[0, 0]) for rows in pixels.values())
         pipeline = Pipeline(self.session.rig, config, initial=self.start(first_s))
-        outcome = run(self.events(pixels), pipeline, [collector], lambda done: None)
+        outcome = run_pipeline(self.events(pixels), pipeline, [collector], lambda done: None)
         if outcome.fault is not None:
             raise outcome.fault
         return collector

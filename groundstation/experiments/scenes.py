@@ -25,7 +25,7 @@ from groundstation.files.image_header import MAX_PICTURE_PX
 from groundstation.files.toml_table import shown
 from groundstation.messages import Frame, PtuSample
 from groundstation.session import Session, Truth, load_truth
-from groundstation.sources.replay import ReplaySource, read_frames
+from groundstation.sources.folder_source import FolderSource, read_frames
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
 
@@ -130,7 +130,7 @@ def scenes(
     trackers = {station.name: CameraTracker(station, Config()) for station in session.rig.stations}
     generators = {name: np.random.default_rng([seed, k]) for k, name in enumerate(sorted(trackers))}
     angles: dict[str, PtuSample] = {}
-    with ReplaySource(session) as source:
+    with FolderSource(session) as source:
         for event in source:
             if isinstance(event, PtuSample):
                 angles[event.station] = event

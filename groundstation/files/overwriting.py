@@ -1,7 +1,7 @@
-"""Files that a command reads are never those that it writes: the one check, made before a command begins.
+"""The check, made before a command starts, that it overwrites none of the files it reads.
 
-What a command reads and writes is declared where its arguments are (`groundstation.cli.paths`). Files are compared as
-the disk knows them, so that links and other spellings of a path are seen through.
+Inputs and outputs of a command are declared with its arguments (`groundstation.cli.path_arguments`). Files are compared
+by their identity on the disk, so that links and other spellings of a path are recognised.
 """
 
 import stat

@@ -26,7 +26,7 @@ from groundstation.live.station_file import StationFile, load_station
 from groundstation.live.station_simulator import StationSimulator
 from groundstation.live.status_board import LiveStatus
 from groundstation.messages import StepReport
-from groundstation.recording.contents import RecordingHeader
+from groundstation.recording.mcap_metadata import RecordingHeader
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.track_files import TrackFilesSink

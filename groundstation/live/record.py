@@ -10,7 +10,7 @@ from typing import Any
 from groundstation.files.text_file import AttachedFiles
 from groundstation.live.recent_rate import RecentRate
 from groundstation.live.station_file import StationFile
-from groundstation.recording.contents import CONFIG, RIG, SESSION, RecordingHeader
+from groundstation.recording.mcap_metadata import CONFIG, RIG, SESSION, RecordingHeader
 from groundstation.recording.recorder import Recorder, RecorderConfig
 from groundstation.replay.reference_prior import ReferencePrior, reference_prior
 from groundstation.rig.rig import Rig

@@ -33,7 +33,7 @@ _MAX_STATIONS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FrameHead:
+class FrameHeader:
     """A frame without its pixels: its ``size_px`` (w, h), and the order of its colours where they are raw."""
 
     t_s: float
@@ -83,11 +83,11 @@ Note = PixelsNote | DroppedNote | LostNote
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Numbered:
+class NumberedEvent:
     """Event number ``n`` of the run, counted from 0; a frame is only its head."""
 
     n: int
-    event: Event | FrameHead
+    event: Event | FrameHeader
 
 
 def line(values: Mapping[str, Any]) -> bytes:
@@ -130,7 +130,7 @@ def note_values(note: Note) -> dict[str, Any]:
     return {"kind": "lost", "first": note.first, "last": note.last}
 
 
-def parse_line(data: bytes, sizes_px: Mapping[str, tuple[int, int]], where: str) -> Numbered | Note:
+def parse_line(data: bytes, sizes_px: Mapping[str, tuple[int, int]], where: str) -> NumberedEvent | Note:
     """Return the event or note of a line; ``sizes_px`` (w, h) by station are the rig's.
 
     Raises `RecordingError` for anything that this module does not write.
@@ -163,7 +163,7 @@ class _EventFields:
         self._sizes = sizes_px
         self._where = where
 
-    def parsed(self) -> Numbered | Note:
+    def parsed(self) -> NumberedEvent | Note:
         """Return the event or note of the line."""
         kind = self._values.get("kind")
         if kind == "pixels":
@@ -172,9 +172,9 @@ class _EventFields:
             return DroppedNote(of=self._whole("of"), why=self._text("why"))
         if kind == "lost":
             return LostNote(first=self._whole("first"), last=self._whole("last"))
-        return Numbered(n=self._whole("n"), event=self._event(kind))
+        return NumberedEvent(n=self._whole("n"), event=self._event(kind))
 
-    def _event(self, kind: object) -> Event | FrameHead:
+    def _event(self, kind: object) -> Event | FrameHeader:
         t_s = self._number("t_s", self._values.get("t_s"))
         if kind == "ptu":
             pan, tilt = (self._number(key, self._values.get(key)) for key in ("pan_rad", "tilt_rad"))
@@ -195,13 +195,13 @@ class _EventFields:
             return FilterReset(t_s=t_s, why=self._text("why"), in_vain=self._flag("in_vain"))
         raise self._fault("kind", kind, ", ".join([*_KINDS.values(), "pixels", "dropped"]) + " or lost")
 
-    def _frame(self, t_s: float) -> FrameHead:
+    def _frame(self, t_s: float) -> FrameHeader:
         station, given, pattern = self._station(), self._values.get("size_px"), self._values.get("pattern")
         if given != list(self._sizes[station]):
             raise self._fault("size_px", given, f"{list(self._sizes[station])} as in the rig")
         if pattern is not None and pattern not in [p.value for p in BayerPattern]:
             raise self._fault("pattern", pattern, "a Bayer pattern or null")
-        return FrameHead(
+        return FrameHeader(
             t_s=t_s,
             station=station,
             epoch=self._whole("epoch"),

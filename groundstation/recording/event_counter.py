@@ -5,7 +5,7 @@ import math
 from typing import Any
 
 from groundstation.files.read_budget import MAX_LINE_BYTES
-from groundstation.recording.contents import RecordingEnd
+from groundstation.recording.mcap_metadata import RecordingStatistics
 
 
 class EventCounter:
@@ -36,7 +36,7 @@ class EventCounter:
         if isinstance(values, dict):
             self.add(values)
 
-    def result(self) -> RecordingEnd:
+    def result(self) -> RecordingStatistics:
         """Return the closing record."""
         first, last = (self._first_s, self._last_s) if self._epochs else (0.0, 0.0)
-        return RecordingEnd(events=self._events, epochs=self._epochs, first_s=first, last_s=last)
+        return RecordingStatistics(events=self._events, epochs=self._epochs, first_s=first, last_s=last)

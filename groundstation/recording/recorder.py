@@ -18,12 +18,11 @@ from typing import Self
 
 from groundstation.errors import InputError
 from groundstation.messages import Event, FilterReset, Frame, StepReport
-from groundstation.recording.contents import RecordingHeader
+from groundstation.recording.buffered_output import BufferedOutput, RawOutput, new_file
+from groundstation.recording.data_rates import DataRateMeter
 from groundstation.recording.event_codec import event_values
-from groundstation.recording.recorder_messages import RecordingMessages
-from groundstation.recording.recorder_output import RawOutput, RetriedOutput, new_file
-from groundstation.recording.recorder_queue import EventLine, FramePixels, QueueAnswer, RecorderQueue
-from groundstation.recording.recorder_rates import RateBook
+from groundstation.recording.mcap_metadata import RecordingHeader
+from groundstation.recording.mcap_writer import McapWriter
 from groundstation.recording.recorder_status import (
     PATIENT,
     RecorderConfig,
@@ -31,8 +30,9 @@ from groundstation.recording.recorder_status import (
     RecorderStatus,
     left_to_recover,
 )
-from groundstation.recording.recorder_writer import RecorderWriter
-from groundstation.recording.window_union import merge_windows
+from groundstation.recording.window_merging import merge_windows
+from groundstation.recording.write_queue import EventItem, OutputItem, PixelsItem, WriteQueue
+from groundstation.recording.writer_thread import WriterThread
 from groundstation.rig.rig import Rig
 from groundstation.thread_scheduling import give_way
 
@@ -71,22 +71,22 @@ class Recorder:
         self._path = path
         self._whole_frames = whole_frames
         raw = new_file(path) if output is None else output
-        self._output = RetriedOutput(raw)
+        self._output = BufferedOutput(raw)
         try:
-            self._messages = RecordingMessages(self._output, rig, header, config.chunk_bytes)
+            self._messages = McapWriter(self._output, rig, header, config.chunk_bytes)
         except InputError:
             # nothing has been recorded: an empty file would block the next attempt
             raw.close()
             path.unlink(missing_ok=True)
             raise
-        self._queue = RecorderQueue(max_picture_bytes=config.queue_picture_bytes, max_items=config.queue_items)
+        self._queue = WriteQueue(max_picture_bytes=config.queue_picture_bytes, max_items=config.queue_items)
         self._free_bytes = free_bytes if free_bytes is not None else lambda: _free_bytes(path.parent)
         self._clock = clock
         self._number = 0
         self._unseen: dict[tuple[str, int], deque[tuple[int, Frame]]] = {}
         self._state, self._reason = RecorderState.RECORDING, ""
         self._free: int | None = None
-        self._rates = RateBook()
+        self._rates = DataRateMeter()
         self._closed = False
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
@@ -125,7 +125,7 @@ class Recorder:
             self._wait()
         number = self._number
         self._number += 1
-        self._queue.put(EventLine(n=number, t_s=float(event.t_s), values=event_values(number, event)))
+        self._queue.put(EventItem(n=number, t_s=float(event.t_s), values=event_values(number, event)))
         if isinstance(event, FilterReset):
             # no report on the frames held until now will follow
             self._put_unseen()
@@ -151,17 +151,17 @@ class Recorder:
                 if not waiting:
                     del self._unseen[camera.station, camera.epoch]
                 self._put_pixels(number, frame, whole=frame.image.whole_read)
-            self._queue.put(QueueAnswer(content=replace(camera, image=None)))
+            self._queue.put(OutputItem(content=replace(camera, image=None)))
         for estimate in report.estimates:
-            self._queue.put(QueueAnswer(content=estimate))
+            self._queue.put(OutputItem(content=estimate))
         for state in report.states:
-            self._queue.put(QueueAnswer(content=state))
+            self._queue.put(OutputItem(content=state))
         for event in report.events:
-            self._queue.put(QueueAnswer(content=event))
+            self._queue.put(OutputItem(content=event))
 
     def attach(self, name: str, data: bytes) -> None:
         """Attach a file after the start, such as the DGPS log of a flight."""
-        self._queue.put(QueueAnswer(content=(name, data)))
+        self._queue.put(OutputItem(content=(name, data)))
 
     def close(self) -> None:
         """Write all queued records and close the file; may be called twice."""
@@ -192,7 +192,7 @@ class Recorder:
     def _put_pixels(self, number: int, frame: Frame, *, whole: bool) -> None:
         """Queue the recorded parts of a frame; windows are copied, which releases the picture's memory."""
         image = frame.image
-        item = FramePixels(of=number, station=frame.station, t_s=frame.t_s, pattern=image.pattern, source=None)
+        item = PixelsItem(of=number, station=frame.station, t_s=frame.t_s, pattern=image.pattern, source=None)
         if self._queue.refuse_pictures and (whole or image.read):
             self._queue.drop_picture(item, self._queue.refuse_pictures)
         elif whole:
@@ -207,7 +207,7 @@ class Recorder:
     def _work(self) -> None:
         give_way()
         try:
-            RecorderWriter(
+            WriterThread(
                 self._queue,
                 self._output,
                 self._messages,

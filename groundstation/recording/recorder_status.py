@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from groundstation.recording.recorder_rates import RecordingRates
+from groundstation.recording.data_rates import DataRates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ class RecorderStatus:
     records_lost: int
     events_lost: int
     free_bytes: int | None = None
-    rates: RecordingRates = field(default_factory=RecordingRates)
+    rates: DataRates = field(default_factory=DataRates)
 
     @property
     def trouble(self) -> bool:

@@ -17,7 +17,7 @@ from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_re
 from groundstation.evaluation.report import write_report
 from groundstation.evaluation.run_description import RunDescription
 from groundstation.messages import DgpsFix, InitialState, ReferenceFix
-from groundstation.replay.recordings import (
+from groundstation.replay.recording_replay import (
     apply_filter_resets,
     load_replay_config,
     recorder_for,
@@ -25,13 +25,13 @@ from groundstation.replay.recordings import (
     without_reference_fixes,
 )
 from groundstation.replay.reference_prior import ReferencePrior, reference_prior
-from groundstation.replay.run import RunOutcome, run
+from groundstation.replay.run_pipeline import RunOutcome, run_pipeline
 from groundstation.session import Session, load_dgps, load_session, load_truth
 from groundstation.sinks.output_comparison import OutputComparison, OutputComparisonSink
 from groundstation.sinks.sink import Sink
 from groundstation.sinks.smoothed_track import SmoothedTrackSink
 from groundstation.sinks.track_files import TrackFilesSink
-from groundstation.sources.reference import reference_fixes, with_reference
+from groundstation.sources.reference_fixes import reference_fixes, with_reference
 from groundstation.sources.session_source import session_source
 from groundstation.thread_scheduling import short_gil_switch_interval
 from groundstation.tracking.config import Config, TrackStart, config_to_mapping
@@ -146,7 +146,7 @@ def replay(request: ReplayRequest, progress: Callable[[int, int], None] = lambda
         events = with_reference(without_reference_fixes(recorded_events) if fixes else recorded_events, fixes)
         if recorder is not None:
             events = recorder.taken(events)
-        outcome = run(events, pipeline, sinks, lambda done: progress(done, total))
+        outcome = run_pipeline(events, pipeline, sinks, lambda done: progress(done, total))
     pipeline.finish_smoothing()
     if outcome.fault is not None:
         faults.append(str(outcome.fault))

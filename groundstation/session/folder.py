@@ -12,7 +12,7 @@ from groundstation.files.csv_table import CsvTable
 from groundstation.files.text_file import TextFolder
 from groundstation.files.toml_table import TomlTable, load_toml, quoted
 from groundstation.messages import InitialState
-from groundstation.recording.contents import RecordingHeader
+from groundstation.recording.mcap_metadata import RecordingHeader
 from groundstation.rig.rig import ClockModel, Rig, Station, load_rig, parse_clock
 from groundstation.session.dgps_options import DgpsOptions, parse_dgps
 from groundstation.session.media import Medium, check_medium, find_media

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from groundstation.errors import SessionError
 from groundstation.files.text_file import AttachedFiles
-from groundstation.recording.container_reader import ContainerReader, Contents
-from groundstation.recording.contents import RIG, parse_end, parse_header
+from groundstation.recording.mcap_metadata import RIG, parse_header, parse_statistics
+from groundstation.recording.mcap_reader import McapContents, McapReader
 from groundstation.rig.rig import load_rig
 from groundstation.session.folder import RecordingInfo, Session, load_folder, read_session
 from groundstation.session.media import Medium, MediumKind
@@ -26,8 +26,8 @@ def load_session(path: Path, rig_path: Path | None = None) -> Session:
 
 def _load_recording(path: Path, rig_path: Path | None) -> Session:
     """Read the header and the attached files of a recording; ``rig_path`` replaces the recorded rig."""
-    with ContainerReader(path) as reader:
-        contents: Contents = reader.contents()
+    with McapReader(path) as reader:
+        contents: McapContents = reader.contents()
     header = parse_header(contents, path.name)
     folder = AttachedFiles(path.name, header.files)
     own = load_rig(folder / RIG)
@@ -35,7 +35,7 @@ def _load_recording(path: Path, rig_path: Path | None) -> Session:
     left_out = frozenset((*header.left_out, *own.names)) - frozenset(rig.names)
     medium = Medium(kind=MediumKind.RECORDING, path=path)
     media = dict.fromkeys(rig.names, medium) if header.pictures else {}
-    end = parse_end(contents)
+    end = parse_statistics(contents)
     recorded = RecordingInfo(
         path=path,
         header=header,

@@ -4,8 +4,8 @@ import json
 from dataclasses import dataclass
 
 from groundstation.messages import StepReport
-from groundstation.recording.answer_codec import estimate_values, state_values
 from groundstation.recording.event_codec import line
+from groundstation.recording.output_codec import estimate_values, state_values
 
 # limit of outputs that wait for their counterpart; a recorder writes both within a second
 _MAX_WAITING = 20_000

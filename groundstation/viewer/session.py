@@ -5,7 +5,7 @@ from pathlib import Path
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import Evaluation, track_series
 from groundstation.session import MediumKind, Session
-from groundstation.sources.pictures import image_files
+from groundstation.sources.picture_reader import image_files
 from groundstation.viewer.media import MEDIA_TYPES, ImageFolder, Media, RecordedWindows, VideoAsset
 from groundstation.viewer.reference import AxisErrors, ReferenceLine, ReferenceTracks
 from groundstation.viewer.view import RerunSink

@@ -214,7 +214,7 @@ def test_a_disk_that_fails_is_one_line(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device", "track.csv")
 
-    monkeypatch.setattr("groundstation.replay.replay.run", full)
+    monkeypatch.setattr("groundstation.replay.replay.run_pipeline", full)
     refused(capsys, [str(session), "--out", str(session.parent / "out")], "No space left on device: 'track.csv'")
 
 
@@ -224,6 +224,6 @@ def test_an_interrupt_is_no_crash(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("groundstation.replay.replay.run", interrupted)
+    monkeypatch.setattr("groundstation.replay.replay.run_pipeline", interrupted)
     assert main(["replay", str(session), "--out", str(session.parent / "out"), "--no-rerun"]) == 130
     assert "interrupted" in capsys.readouterr().err

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from groundstation.cli.main import main
-from groundstation.conversion.recorded_session import header_of
+from groundstation.conversion.recording_header import build_header
 from groundstation.messages import Event, Frame, Heartbeat
 from groundstation.recording.recorder import PATIENT, Recorder, RecorderConfig
 from groundstation.session import load_session
@@ -150,7 +150,7 @@ def test_a_replay_says_which_pictures_the_recording_lacks(tmp_path: Path) -> Non
     first = Tiny(rows=12).write(tmp_path / "first")
     session = load_session(first)
     path, out = tmp_path / "flight.mcap", tmp_path / "out"
-    described = header_of(session, None, Config(), initial=None, learns_from_reference=False)
+    described = build_header(session, None, Config(), initial=None, learns_from_reference=False)
     # nothing of a picture may wait: each is dropped at once
     config = RecorderConfig(queue_picture_bytes=1)
     with session_source(session) as source, Recorder(path, session.rig, described, config, whole_frames=True) as sink:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundstation.cli.main import main
-from groundstation.conversion.pairing import frames_csv
+from groundstation.conversion.video_frame_pairing import frames_csv
 from groundstation.conversion.video_stamps import read_video_stamps
 from groundstation.errors import InputError
 from groundstation.session import load_dgps, load_session

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from groundstation.conversion.angle_table import ptu_csv
+from groundstation.conversion.import_clock import ImportClock
 from groundstation.conversion.import_session import _after
-from groundstation.conversion.session_clock import SessionClock
 from groundstation.errors import SessionError
 from groundstation.rig.rig import load_rig
 from tests.conftest import ROOT
@@ -23,6 +23,6 @@ def test_a_table_without_a_time_shows_its_first_columns(tmp_path: Path) -> None:
     rig = load_rig(ROOT / "recordings" / "landing-1" / "rig.toml")
     angles = "left_pan_deg,left_tilt_deg,right_pan_deg,right_tilt_deg"
     (tmp_path / "angles.csv").write_text(f"{angles},a,b,c\n1,2,3,4,5,6,7\n")
-    clock = SessionClock.__new__(SessionClock)
+    clock = ImportClock.__new__(ImportClock)
     with pytest.raises(SessionError, match=r"got left_pan_deg, .*, a, b; wanted a column t_s, utc or unix_s"):
         ptu_csv(tmp_path / "angles.csv", rig, clock, 0.0, 1.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from groundstation.files.image_header import MAX_PICTURE_PX, coded_size_px, is_decodable
-from groundstation.recording.container_reader import MAX_RECORD_BYTES
+from groundstation.recording.mcap_reader import MAX_RECORD_BYTES
 from groundstation.recording.recorder import RecorderConfig
 from tests.hostile.bombs import bmp, jpeg, jpeg_scans, png
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from groundstation.cli.main import build_parser, main
-from groundstation.cli.paths import PATH_TYPES, WrittenFile, WrittenFolder, check_paths
+from groundstation.cli.path_arguments import PATH_TYPES, WrittenFile, WrittenFolder, check_paths
 from groundstation.errors import InputError
 from groundstation.files.overwriting import Output, refuse_overwriting
 from groundstation.replay.compare import CompareRequest, compare

@@ -11,7 +11,7 @@ import lz4.frame
 import zstandard
 from mcap.opcode import Opcode
 
-from groundstation.recording.contents import ABOUT, EVENTS_TOPIC, header_values
+from groundstation.recording.mcap_metadata import ABOUT, EVENTS_TOPIC, header_values
 from tests.hostile.records import attachment, chunk, container, metadata, record, schema, text
 from tests.recording.recorded import FILES, header
 

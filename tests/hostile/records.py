@@ -8,8 +8,8 @@ from pathlib import Path
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 
-from groundstation.recording.container_reader import MAGIC, ContainerReader
-from groundstation.recording.contents import ABOUT
+from groundstation.recording.mcap_metadata import ABOUT
+from groundstation.recording.mcap_reader import MAGIC, McapReader
 
 Record = tuple[int, bytes]
 
@@ -59,7 +59,7 @@ def rewritten(
     source: Path, out: Path, attachments: Mapping[str, bytes] | None = None, about: Mapping[str, str] | None = None
 ) -> Path:
     """Write a whole recording once more to ``out``, with other or more attached files and values of its header."""
-    with ContainerReader(source) as reader:
+    with McapReader(source) as reader:
         contents, messages = reader.contents(), list(reader.messages())
     file = BytesIO()
     writer = Writer(file, compression=CompressionType.LZ4)

@@ -14,7 +14,7 @@ import zstandard
 from mcap.opcode import Opcode
 
 from groundstation.messages import Event, Frame, PixelMeasurement
-from groundstation.recording.container_reader import MAGIC
+from groundstation.recording.mcap_reader import MAGIC
 from groundstation.recording.recorder import PATIENT, Recorder
 from tests.hostile.records import Record, attachment, container, metadata, record, text
 from tests.recording.recorded import events, header, looked_at, small_rig

@@ -10,7 +10,7 @@ from groundstation.live.core import LiveStep, live_config
 from groundstation.live.record import LiveRecorder, live_header
 from groundstation.messages import Epoch, Event, FilterReset, Frame, StepReport, TrackEvent, TrackStatus
 from groundstation.recording.recorder import Recorder, RecorderConfig
-from groundstation.replay.recordings import apply_filter_resets
+from groundstation.replay.recording_replay import apply_filter_resets
 from groundstation.replay.replay import ReplayRequest, ReplayResult, replay
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.simulation.approach import GlideApproach

@@ -9,7 +9,7 @@ from groundstation.live.record import live_header, live_reference, open_recorder
 from groundstation.live.reference_device import ReferenceDevice
 from groundstation.live.reference_set_up import reference_tuning
 from groundstation.messages import Epoch
-from groundstation.replay.recordings import load_replay_config
+from groundstation.replay.recording_replay import load_replay_config
 from groundstation.replay.reference_prior import reference_prior
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml

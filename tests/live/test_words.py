@@ -20,8 +20,8 @@ from groundstation.live.record import LiveRecorder
 from groundstation.live.status_board import LiveStatus
 from groundstation.live.status_watchdog import StatusWatchdog
 from groundstation.messages import Epoch, TrackStatus
+from groundstation.recording.data_rates import DataRateMeter
 from groundstation.recording.recorder import RecorderConfig
-from groundstation.recording.recorder_rates import RateBook
 from groundstation.simulation.standard_cases import standard_rig
 from groundstation.sources.cameras.camera import CameraCare, CameraDevice, CameraTiming, Grab, SettingsReadBack
 from groundstation.sources.cameras.live_camera import LiveCamera
@@ -54,7 +54,7 @@ def test_the_recorder_says_rate_and_free_disk(tmp_path: Path) -> None:
 
 def test_what_is_written_is_booked_to_what_the_track_did() -> None:
     answers = looked_at(Epoch(t_s=0.0, epoch=0, stations=())).estimates
-    book = RateBook()
+    book = DataRateMeter()
     at = 0
     for k in range(401):
         tracking = 100 < k <= 300

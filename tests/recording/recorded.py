@@ -23,10 +23,10 @@ from groundstation.messages import (
     TriangulationStatus,
 )
 from groundstation.picture import BayerPattern, Picture, RawPicture
-from groundstation.recording.contents import RecordingHeader
+from groundstation.recording.mcap_metadata import RecordingHeader
 from groundstation.rig.rig import Rig, load_rig
 from groundstation.session import load_session
-from groundstation.sources.recording import RecordingSource
+from groundstation.sources.recording_source import RecordingSource
 from tests.session.folder import SESSION, SIZE, rig_text
 
 STATIONS = ("left", "right")

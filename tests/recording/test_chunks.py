@@ -6,13 +6,13 @@ import pytest
 
 from groundstation.errors import RecordingError
 from groundstation.files.read_budget import ReadBudget
-from groundstation.recording.container_reader import _Inside
 from groundstation.recording.event_codec import _EventFields, line
+from groundstation.recording.mcap_reader import _ChunkReader
 
 
 @pytest.mark.parametrize("data", [b"\x05", b"\x05" + struct.pack("<Q", 100) + b"short", b"\x05" + bytes(8)])
 def test_a_record_that_is_cut_short_is_named_with_its_place(data: bytes) -> None:
-    inside = _Inside(data, "flight.mcap: byte 7", {}, {}, ReadBudget(where="flight.mcap", file_bytes=len(data)))
+    inside = _ChunkReader(data, "flight.mcap: byte 7", {}, {}, ReadBudget(where="flight.mcap", file_bytes=len(data)))
     with pytest.raises(
         RecordingError, match=r"^flight\.mcap: byte 7: got a (record|message) cut short; wanted a whole"
     ):

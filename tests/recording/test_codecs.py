@@ -14,7 +14,7 @@ from groundstation.picture import BayerPattern
 from groundstation.recording.event_codec import (
     DroppedNote,
     LostNote,
-    Numbered,
+    NumberedEvent,
     PartNote,
     PixelsNote,
     event_values,
@@ -22,8 +22,8 @@ from groundstation.recording.event_codec import (
     note_values,
     parse_line,
 )
-from groundstation.recording.pixels import decoded, encoded
-from groundstation.recording.window_union import MAX_PARTS, merge_windows
+from groundstation.recording.image_codec import decode_image, encode_image
+from groundstation.recording.window_merging import MAX_PARTS, merge_windows
 
 SIZES = {"left": (64, 48), "right": (64, 48)}
 numbers = st.floats(-1e9, 1e9, allow_nan=False)
@@ -63,7 +63,7 @@ windows = st.tuples(st.integers(0, 60), st.integers(0, 40), st.integers(1, 30), 
 
 @given(simple_events, whole)
 def test_events_come_back_bit_for_bit(event: Event, n: int) -> None:
-    assert parse_line(line(event_values(n, event)), SIZES, "test") == Numbered(n=n, event=event)
+    assert parse_line(line(event_values(n, event)), SIZES, "test") == NumberedEvent(n=n, event=event)
 
 
 @given(notes)
@@ -99,24 +99,24 @@ def test_each_window_lies_in_one_part(read: list[tuple[int, int, int, int]]) -> 
 def test_pixels_come_back(png: bool, colour: bool, rng: np.random.Generator) -> None:
     shape = (13, 7, 3) if colour else (13, 7)
     pixels = rng.integers(0, 256, shape, dtype=np.uint8)
-    message = encoded(pixels, png=png, pattern=BayerPattern.GB, stamp_ns=1, frame_id="left/camera")
-    back = decoded(message, png=png, size_px=(7, 13), colour=colour, where="test")
+    message = encode_image(pixels, png=png, pattern=BayerPattern.GB, stamp_ns=1, frame_id="left/camera")
+    back = decode_image(message, png=png, size_px=(7, 13), colour=colour, where="test")
     np.testing.assert_array_equal(back, pixels)
     for size, other in (((13, 7), colour), ((7, 13), not colour)):
         with pytest.raises(RecordingError):
-            decoded(message, png=png, size_px=size, colour=other, where="test")
+            decode_image(message, png=png, size_px=size, colour=other, where="test")
 
 
 def test_a_picture_that_says_to_be_enormous_is_not_unpacked() -> None:
     pixels = np.zeros((13, 7), np.uint8)
-    message = encoded(pixels, png=True, pattern=None, stamp_ns=1, frame_id="left/camera")
+    message = encode_image(pixels, png=True, pattern=None, stamp_ns=1, frame_id="left/camera")
     bomb = message.replace(struct.pack(">II", 7, 13), struct.pack(">II", 60_000, 60_000))
     assert bomb != message
     with pytest.raises(RecordingError, match="damaged"):
-        decoded(bomb, png=True, size_px=(7, 13), colour=False, where="test")
+        decode_image(bomb, png=True, size_px=(7, 13), colour=False, where="test")
 
 
 @given(st.binary(max_size=60), st.booleans())
 def test_bytes_that_are_no_picture_are_refused(data: bytes, png: bool) -> None:
     with pytest.raises(RecordingError):
-        decoded(data, png=png, size_px=(7, 13), colour=False, where="test")
+        decode_image(data, png=png, size_px=(7, 13), colour=False, where="test")

@@ -10,10 +10,10 @@ from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 
 from groundstation.errors import InputError, RecordingError
-from groundstation.recording import container_reader
-from groundstation.recording.container_reader import MAGIC, ContainerReader
+from groundstation.recording import mcap_reader
+from groundstation.recording.mcap_reader import MAGIC, McapReader
 from groundstation.recording.recorder import PATIENT, Recorder
-from groundstation.recording.recover import recover
+from groundstation.recording.recovery import recover
 from tests.recording.recorded import events, header, looked_at, played, same, small_rig
 
 PAIRS = 25
@@ -32,7 +32,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def count(path: Path) -> int:
     """How many messages stand in a file before its first fault."""
     found = 0
-    with ContainerReader(path) as reader:
+    with McapReader(path) as reader:
         try:
             for _ in reader.messages():
                 found += 1
@@ -137,7 +137,7 @@ def test_a_damaged_chunk_is_left_out(recording: Path, tmp_path: Path) -> None:
 def test_a_chunk_that_unpacks_to_more_than_it_says_or_may_is_refused(
     says: int, got: str, wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(container_reader, "MAX_RECORD_BYTES", 10_000)
+    monkeypatch.setattr(mcap_reader, "MAX_RECORD_BYTES", 10_000)
     # less than the bound in the file, 5 MB unpacked
     packed = lz4.frame.compress(bytes(1_000_000))
     assert len(packed) < 9_000
@@ -146,7 +146,7 @@ def test_a_chunk_that_unpacks_to_more_than_it_says_or_may_is_refused(
     )
     path = tmp_path / "bomb.mcap"
     path.write_bytes(MAGIC + struct.pack("<BQ", Opcode.CHUNK, len(chunk)) + chunk)
-    with ContainerReader(path) as reader, pytest.raises(RecordingError) as fault:
+    with McapReader(path) as reader, pytest.raises(RecordingError) as fault:
         list(reader.messages())
     assert str(fault.value) == f"bomb.mcap: byte {len(MAGIC) + 9}: got {got}; wanted {wanted}"
 
@@ -154,7 +154,7 @@ def test_a_chunk_that_unpacks_to_more_than_it_says_or_may_is_refused(
 def test_a_record_of_any_length_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "long.mcap"
     path.write_bytes(MAGIC + struct.pack("<BQ", Opcode.ATTACHMENT, 2**63) + bytes(100))
-    with ContainerReader(path) as reader:
+    with McapReader(path) as reader:
         contents = reader.contents()
     assert contents.fault is not None
     assert "unfinished record" in str(contents.fault)

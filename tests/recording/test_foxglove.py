@@ -20,7 +20,7 @@ from google.protobuf.unknown_fields import UnknownFieldSet
 from mcap.reader import make_reader
 
 from groundstation.messages import CameraReport, Kinematics, StepReport
-from groundstation.recording import schemas
+from groundstation.recording import mcap_schemas
 from groundstation.recording.recorder import Recorder, RecorderConfig
 from tests.recording.recorded import events, header, looked_at, small_rig
 
@@ -80,10 +80,10 @@ def read_by_own_schema(path: Path) -> Iterator[Read]:
             yield Read(channel.topic, schema.name, classes[schema.id].FromString(message.data), message.log_time)
 
 
-@pytest.mark.parametrize("kind", sorted(schemas._MESSAGES))
+@pytest.mark.parametrize("kind", sorted(mcap_schemas._MESSAGES))
 def test_every_standard_message_is_foxgloves(kind: str) -> None:
     """Expected: name, and of each field name, number, type and whether it repeats; and each level of a log."""
-    theirs, ours = official(kind).DESCRIPTOR, schemas._CLASSES[kind].DESCRIPTOR
+    theirs, ours = official(kind).DESCRIPTOR, mcap_schemas._CLASSES[kind].DESCRIPTOR
     assert ours.full_name == theirs.full_name
     for field in ours.fields:
         other = theirs.fields_by_name[field.name]
@@ -114,7 +114,7 @@ def test_the_container_is_whole_by_its_makers_reader(recording: Path) -> None:
             if schema.encoding == "jsonschema":
                 assert json.loads(schema.data)["type"] == "object"
             else:
-                assert schema.name.removeprefix("foxglove.") in schemas._MESSAGES
+                assert schema.name.removeprefix("foxglove.") in mcap_schemas._MESSAGES
 
 
 def test_each_message_reads_the_same_by_its_own_schema_and_by_foxgloves(recording: Path) -> None:

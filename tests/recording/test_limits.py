@@ -16,9 +16,9 @@ from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 
 from groundstation.errors import InputError, RecordingError
-from groundstation.recording import container_reader
-from groundstation.recording.container_reader import MAGIC, ContainerReader
-from groundstation.recording.contents import RecordingHeader
+from groundstation.recording import mcap_reader
+from groundstation.recording.mcap_metadata import RecordingHeader
+from groundstation.recording.mcap_reader import MAGIC, McapReader
 from groundstation.recording.recorder import Recorder, RecorderConfig
 from tests.complaints import complaint
 from tests.recording.recorded import header, small_rig
@@ -78,7 +78,7 @@ def written(folder: Path, *records: bytes) -> Path:
 
 
 def sizes(path: Path) -> list[int]:
-    with ContainerReader(path) as reader:
+    with McapReader(path) as reader:
         return [len(m.data) for m in reader.messages()]
 
 
@@ -92,20 +92,20 @@ def test_a_record_beyond_the_bound_is_not_read(tmp_path: Path, monkeypatch: pyte
     whole = chunk(channel(1) + record(Opcode.MESSAGE, struct.pack("<HIQQ", 1, 0, 1, 1) + noise), "lz4")
     path = written(tmp_path, whole)
     length = len(whole) - 9
-    monkeypatch.setattr(container_reader, "MAX_RECORD_BYTES", length)
+    monkeypatch.setattr(mcap_reader, "MAX_RECORD_BYTES", length)
     assert sizes(path) == [2 * MIB]
-    monkeypatch.setattr(container_reader, "MAX_RECORD_BYTES", length - 1)
+    monkeypatch.setattr(mcap_reader, "MAX_RECORD_BYTES", length - 1)
     assert refused(path) == f"made.mcap: byte 17: got a record of {length} bytes; wanted at most 2 MiB"
 
 
 def test_a_record_of_the_real_bound_is_not_read_either(tmp_path: Path) -> None:
     """Expected: a file with a hole as large as the length that a record claims costs nothing."""
-    path, length = tmp_path / "made.mcap", container_reader.MAX_RECORD_BYTES + 1
+    path, length = tmp_path / "made.mcap", mcap_reader.MAX_RECORD_BYTES + 1
     path.write_bytes(MAGIC + struct.pack("<BQ", Opcode.CHUNK, length))
     with path.open("r+b") as file:
         file.truncate(path.stat().st_size + length + len(END))
     assert refused(path) == f"made.mcap: byte 17: got a record of {length} bytes; wanted at most 80 MiB"
-    with ContainerReader(path) as reader:
+    with McapReader(path) as reader:
         assert f"got a record of {length} bytes" in str(reader.contents().fault)
 
 
@@ -117,13 +117,13 @@ def test_a_chunk_that_unpacks_to_more_than_the_bound_is_refused(
     content = channel(1) + message(1, 2 * MIB)
     path = written(tmp_path, chunk(content, packing))
     room = len(content) + (200 if packing == "" else 0)
-    monkeypatch.setattr(container_reader, "MAX_RECORD_BYTES", room)
+    monkeypatch.setattr(mcap_reader, "MAX_RECORD_BYTES", room)
     assert sizes(path) == [2 * MIB]
     if packing == "":
         # not packed, the record itself is the longer
         return
-    monkeypatch.setattr(container_reader, "MAX_RECORD_BYTES", len(content) - 1)
-    monkeypatch.setattr(container_reader, "_decompressed", None)
+    monkeypatch.setattr(mcap_reader, "MAX_RECORD_BYTES", len(content) - 1)
+    monkeypatch.setattr(mcap_reader, "_decompressed", None)
     assert refused(path) == f"made.mcap: byte 17: got a chunk of {len(content)} bytes; wanted at most 2 MiB"
 
 
@@ -134,10 +134,10 @@ def test_no_more_is_unpacked_than_a_chunk_says(packing: str, less: int, tmp_path
     content = channel(1) + message(1, 5000)
     path = written(tmp_path, chunk(content, packing, says=len(content) - less))
     assert refused(path) == "made.mcap: byte 17: got a damaged chunk; wanted a whole one"
-    with ContainerReader(path) as reader:
+    with McapReader(path) as reader:
         (place,) = [p for p in reader._places() if p.opcode == Opcode.CHUNK]
-        stated = container_reader._parse(container_reader.Chunk, reader._read(place.offset, place.length), "")
-        assert len(container_reader._decompressed(stated)) == len(content) - less + 1
+        stated = mcap_reader._parse(mcap_reader.Chunk, reader._read(place.offset, place.length), "")
+        assert len(mcap_reader._decompressed(stated)) == len(content) - less + 1
 
 
 def test_all_attached_files_together_have_a_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,8 +150,8 @@ def test_all_attached_files_together_have_a_bound(tmp_path: Path, monkeypatch: p
         (3 * length - 1, ["0.csv", "1.csv"], "got more attached; wanted at most 3 MiB"),
         (length, ["0.csv"], "got more attached; wanted at most 1 MiB"),
     ):
-        monkeypatch.setattr(container_reader, "MAX_ATTACHED_BYTES", bound)
-        with ContainerReader(path) as reader:
+        monkeypatch.setattr(mcap_reader, "MAX_ATTACHED_BYTES", bound)
+        with McapReader(path) as reader:
             contents = reader.contents()
         assert list(contents.attachments) == names
         assert fault in str(contents.fault)
@@ -165,16 +165,16 @@ def test_channels_and_schemas_together_have_a_bound(
     made = [schema(k + 1) for k in range(3)] + [channel(k + 1, k + 1) for k in range(3)]
     parts = [made[k::split] for k in range(split)]
     path = written(tmp_path, *[chunk(b"".join(part)) for part in parts], chunk(message(1, 7)))
-    monkeypatch.setattr(container_reader, "_MAX_CHANNELS", 6)
+    monkeypatch.setattr(mcap_reader, "_MAX_CHANNELS", 6)
     assert sizes(path) == [7]
-    monkeypatch.setattr(container_reader, "_MAX_CHANNELS", 5)
+    monkeypatch.setattr(mcap_reader, "_MAX_CHANNELS", 5)
     assert refused(path).endswith("got more channels; wanted at most 5")
 
 
 def test_notes_beyond_their_bound_are_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = written(tmp_path, *[note(f"note {k}") for k in range(4)])
-    monkeypatch.setattr(container_reader, "_MAX_METADATA", 3)
-    with ContainerReader(path) as reader:
+    monkeypatch.setattr(mcap_reader, "_MAX_METADATA", 3)
+    with McapReader(path) as reader:
         assert list(reader.contents().metadata) == ["note 0", "note 1", "note 2"]
 
 
@@ -194,7 +194,7 @@ def test_the_makers_own_writer_is_within_all_bounds(tmp_path: Path) -> None:
 def test_a_file_too_large_to_be_attached_is_refused(less: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: one line, no file that is in the way of the next attempt; at the bound it is attached whole."""
     size = 2 * MIB + 1 - less
-    monkeypatch.setattr("groundstation.recording.recorder_messages._MAX_FILE_BYTES", 2 * MIB)
+    monkeypatch.setattr("groundstation.recording.mcap_writer._MAX_FILE_BYTES", 2 * MIB)
     path, plain = tmp_path / "flight.mcap", header()
     made = RecordingHeader(name=plain.name, files={**plain.files, "dgps.csv": bytes(size)})
 
@@ -203,7 +203,7 @@ def test_a_file_too_large_to_be_attached_is_refused(less: int, tmp_path: Path, m
 
     if less:
         record()
-        with ContainerReader(path) as reader:
+        with McapReader(path) as reader:
             assert len(reader.contents().attachments["dgps.csv"]) == size
     else:
         said = complaint(InputError, record)

@@ -16,7 +16,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from groundstation.errors import RecordingError
 from groundstation.recording.recorder import Recorder, RecorderConfig
-from groundstation.recording.recover import Recovered, recover
+from groundstation.recording.recovery import RecoveryResult, recover
 from tests.recording.recorded import events, header, looked_at, small_rig
 
 PAGE = 4096
@@ -51,7 +51,7 @@ def complete(data: bytes) -> Counter[str]:
     return found
 
 
-def recovered(path: Path, data: bytes) -> Recovered | None:
+def recovered(path: Path, data: bytes) -> RecoveryResult | None:
     path.write_bytes(data)
     try:
         return recover(path)

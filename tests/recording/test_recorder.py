@@ -15,8 +15,8 @@ import pytest
 from groundstation.errors import InputError
 from groundstation.messages import Epoch, Frame
 from groundstation.recording.recorder import Recorder, RecorderConfig, RecorderState
-from groundstation.recording.recorder_queue import Item, RecorderQueue
-from groundstation.recording.recover import recover
+from groundstation.recording.recovery import recover
+from groundstation.recording.write_queue import QueueItem, WriteQueue
 from tests.recording.recorded import events, header, looked_at, played, same, small_rig
 
 PLENTY = 10**12
@@ -260,16 +260,16 @@ def test_what_comes_between_an_idle_moment_and_the_end_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Expected: a writer that found nothing, and then finds the queue closed, looks once more."""
-    taken, idle, go_on = RecorderQueue.take, threading.Event(), threading.Event()
+    taken, idle, go_on = WriteQueue.take, threading.Event(), threading.Event()
 
-    def held_up(queue: RecorderQueue, timeout_s: float) -> Item | None:
+    def held_up(queue: WriteQueue, timeout_s: float) -> QueueItem | None:
         item = taken(queue, timeout_s)
         if item is None and not idle.is_set():
             idle.set()
             assert go_on.wait(20.0)
         return item
 
-    monkeypatch.setattr(RecorderQueue, "take", held_up)
+    monkeypatch.setattr(WriteQueue, "take", held_up)
     path = tmp_path / "flight.mcap"
     recorder = Recorder(path, small_rig(), header(), RecorderConfig(**QUICK), free_bytes=lambda: PLENTY)
     assert idle.wait(20.0)

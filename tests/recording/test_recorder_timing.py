@@ -11,8 +11,8 @@ import pytest
 
 from groundstation.errors import RecordingError
 from groundstation.messages import PtuSample
-from groundstation.recording.container_reader import ContainerReader
-from groundstation.recording.contents import EVENTS_TOPIC
+from groundstation.recording.mcap_metadata import EVENTS_TOPIC
+from groundstation.recording.mcap_reader import McapReader
 from groundstation.recording.recorder import Recorder, RecorderConfig
 from tests.recording.recorded import events, header, looked_at, small_rig
 
@@ -44,7 +44,7 @@ class Disk:
         """How many events a reader finds in the file now."""
         found = 0
         try:
-            with ContainerReader(self.path) as reader:
+            with McapReader(self.path) as reader:
                 for message in reader.messages():
                     found += message.topic == EVENTS_TOPIC
         except RecordingError:

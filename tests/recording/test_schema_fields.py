@@ -2,7 +2,7 @@
 
 from google.protobuf import descriptor_pb2
 
-from groundstation.recording.schemas import schema_data
+from groundstation.recording.mcap_schemas import schema_data
 
 
 def test_every_field_has_a_type_and_named_ones_their_name() -> None:

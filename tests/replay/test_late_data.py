@@ -23,7 +23,7 @@ from groundstation.messages import (
     TrackStatus,
 )
 from groundstation.session import load_session
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.folder_source import FolderSource
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.synchronise import AnglesAt, ReadyFrame, SynchroniseConfig, Synchroniser
@@ -229,7 +229,7 @@ def test_pictures_that_come_late_are_looked_at_and_disturb_nothing() -> None:
     def looks(late: bool) -> list[CameraReport]:
         cameras: list[CameraReport] = []
         held: list[Frame] = []
-        with ReplaySource(session, 22.0, 27.0) as source:
+        with FolderSource(session, 22.0, 27.0) as source:
             pipeline = Pipeline(session.rig, Config(), span_m=session.target.span_m)
             for event in source:
                 while held and held[0].t_s + 0.3 < event.t_s:

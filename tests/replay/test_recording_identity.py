@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from groundstation.cli.main import main
-from groundstation.recording.container_reader import ContainerReader
-from groundstation.recording.contents import TRACK_TOPIC
 from groundstation.recording.event_codec import line
+from groundstation.recording.mcap_metadata import TRACK_TOPIC
+from groundstation.recording.mcap_reader import McapReader
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.sinks.output_comparison import OutputComparisonSink
 
@@ -56,7 +56,7 @@ def test_the_same_track_bit_for_bit(recorded: Path, capsys: pytest.CaptureFixtur
 
 def test_only_what_was_looked_at_is_in_it(recorded: Path) -> None:
     whole = parts = part_bytes = 0
-    with ContainerReader(recorded / "flight.mcap") as reader:
+    with McapReader(recorded / "flight.mcap") as reader:
         for message in reader.messages():
             if message.topic.endswith("/image"):
                 whole += 1
@@ -86,7 +86,7 @@ def test_rerun_opens_it(recorded: Path) -> None:
 
 
 def test_answers_that_differ_are_counted(recorded: Path) -> None:
-    with ContainerReader(recorded / "flight.mcap") as reader:
+    with McapReader(recorded / "flight.mcap") as reader:
         answers = [m.data for m in reader.messages() if m.topic == TRACK_TOPIC]
     check = OutputComparisonSink()
     for k, answer in enumerate(answers):

@@ -11,22 +11,22 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from groundstation.conversion.angle_table import ptu_csv
-from groundstation.conversion.session_clock import SessionClock
+from groundstation.conversion.import_clock import ImportClock
 from groundstation.conversion.video_stamps import read_video_stamps
 from groundstation.errors import InputError, RecordingError, SessionError
 from groundstation.evaluation.comparison_text import format_comparison
 from groundstation.experiments.scenes import Silhouettes
 from groundstation.messages import Event, Frame
 from groundstation.picture import PictureError
-from groundstation.recording.container_reader import ContainerReader
+from groundstation.recording.mcap_reader import McapReader
 from groundstation.recording.recorder import PATIENT, Recorder
-from groundstation.recording.recover import recover
+from groundstation.recording.recovery import recover
 from groundstation.replay.compare import CompareRequest, compare, comparison_csv, comparison_json
 from groundstation.rig.rig import load_rig
 from groundstation.session import Session, load_dgps, load_session, load_truth
 from groundstation.session.logs.gps_time import gps_from_text
+from groundstation.sources.external_detections import read_detections
 from groundstation.sources.frame_table import read_frames
-from groundstation.sources.labels import read_labels
 from groundstation.sources.ptu_readings import PtuReadings
 from groundstation.sources.session_source import session_source
 from groundstation.sources.video_file import VideoFile
@@ -105,13 +105,13 @@ def session_targets(folder: Path) -> dict[str, Callable[[], object]]:
         for station in ("left", "right"):
             write_video(path.with_stem(station), range(4), fourcc)
     session = load_session(folder)
-    clock = SessionClock(epoch_gps_s=gps_from_text(_EPOCH), starts_s={}, ptu_start_s=0.0)
+    clock = ImportClock(epoch_gps_s=gps_from_text(_EPOCH), starts_s={}, ptu_start_s=0.0)
     return {
         "frames.csv": lambda: read_frames(session),
         "ptu.csv": lambda: _all_angles(session),
         "dgps.csv": lambda: load_dgps(session),
         "truth.csv": lambda: load_truth(session),
-        "detections.csv": lambda: read_labels(session),
+        "detections.csv": lambda: read_detections(session),
         "rig.toml": lambda: load_rig(folder / "rig.toml"),
         "session.toml": lambda: load_session(folder),
         "config.toml": lambda: load_config(folder / "config.toml"),
@@ -209,7 +209,7 @@ class Parts:
     """What a recording is made of, to be written once more under right checksums, a few messages damaged."""
 
     def __init__(self, path: Path) -> None:
-        with ContainerReader(path) as reader:
+        with McapReader(path) as reader:
             self._contents = reader.contents()
             self._messages = list(reader.messages())
 

@@ -21,7 +21,7 @@ from groundstation.simulation.render_flight import RenderRequest, load_faults, r
 from groundstation.simulation.rendered_camera import RenderedCamera
 from groundstation.simulation.rendered_scene import RenderedScene
 from groundstation.simulation.rendered_session_folder import PictureFormat
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.folder_source import FolderSource
 from tests.complaints import complaint
 from tests.simulation.small_site import QUIET, small_rig
 
@@ -51,7 +51,7 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def frames(folder: Path) -> list[Frame]:
-    with ReplaySource(load_session(folder)) as source:
+    with FolderSource(load_session(folder)) as source:
         return [event for event in source if isinstance(event, Frame)]
 
 

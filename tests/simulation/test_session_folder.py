@@ -18,7 +18,7 @@ from groundstation.simulation.detection_camera import CameraModel
 from groundstation.simulation.dgps import DgpsModel
 from groundstation.simulation.ptu import PtuModel
 from groundstation.simulation.session_folder import write_session_folder
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.folder_source import FolderSource
 from tests.complaints import complaint
 
 SHORT = GlideApproach(start_y_m=300.0, end_y_m=150.0)
@@ -57,7 +57,7 @@ def test_a_replay_gets_the_same_events(scenario: Scenario, tmp_path: Path) -> No
     """Up to the rounding of the tables, whatever the clocks; only the order of arrival is lost."""
     flight = simulate(scenario)
     write_session_folder(tmp_path / "s", flight, name="simulated")
-    with ReplaySource(load_session(tmp_path / "s")) as source:
+    with FolderSource(load_session(tmp_path / "s")) as source:
         kinds, numbers = plain(source)
     sent_kinds, sent_numbers = plain(flight.events)
     assert kinds == sent_kinds

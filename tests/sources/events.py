@@ -6,7 +6,7 @@ from pathlib import Path
 from groundstation.errors import InputError
 from groundstation.messages import Epoch, Event, Frame, PixelMeasurement, PtuSample
 from groundstation.session import load_session
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.folder_source import FolderSource
 from tests.session.folder import number_of
 
 
@@ -59,7 +59,7 @@ class Played:
 def play(folder: Path, from_s: float | None = None, to_s: float | None = None) -> Played:
     played = Played()
     try:
-        with ReplaySource(load_session(folder), from_s, to_s) as source:
+        with FolderSource(load_session(folder), from_s, to_s) as source:
             for event in source:
                 played.events.append(event)
     except InputError as fault:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from groundstation.errors import SessionError
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.folder_source import FolderSource
 
 
 def faulty(name: str) -> SimpleNamespace:
@@ -17,7 +17,7 @@ def faulty(name: str) -> SimpleNamespace:
 
 @pytest.mark.parametrize("order", [("left", "right"), ("right", "left")])
 def test_the_first_fault_is_kept(order: tuple[str, str]) -> None:
-    source = ReplaySource.__new__(ReplaySource)
+    source = FolderSource.__new__(FolderSource)
     source._fault, source._readers = None, {name: faulty(name) for name in order}
     source._check_ends()
     assert str(source._fault).startswith(order[0])

@@ -8,8 +8,8 @@ from groundstation.errors import SessionError
 from groundstation.files.csv_table import CsvTable, Row
 from groundstation.messages import Frame
 from groundstation.session import load_session
+from groundstation.sources.folder_source import FolderSource
 from groundstation.sources.ptu_readings import PtuReadings
-from groundstation.sources.replay import ReplaySource
 from tests.complaints import complaint
 from tests.session.folder import Tiny
 
@@ -66,7 +66,7 @@ def test_a_long_table_is_streamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             yield row
 
     monkeypatch.setattr(CsvTable, "__iter__", counted)
-    with ReplaySource(load_session(folder)) as source:
+    with FolderSource(load_session(folder)) as source:
         frames = (e for e in source if isinstance(e, Frame))
         assert len(list(itertools.islice(frames, 10))) == 10
         assert rows < 20

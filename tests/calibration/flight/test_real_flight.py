@@ -17,7 +17,7 @@ from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.session import Session, load_session
 from groundstation.session.references import load_dgps
-from groundstation.sources.labels import read_labels
+from groundstation.sources.external_detections import read_detections
 
 FROM_S = 345.0
 
@@ -34,7 +34,7 @@ def session(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Sess
 def rmse_m(session: Session, names: Sequence[str]) -> float:
     """Return the 3-D RMSE against RTK of rays put together at every third pixel of the first station."""
     tables = {}
-    for name, rows in read_labels(session)[0].items():
+    for name, rows in read_detections(session)[0].items():
         station = session.rig[name]
         share = (rows[:, 2] + 0.5) / station.lens.image_size_px[1] - 0.5
         later = rows[rows[:, 0] > FROM_S]

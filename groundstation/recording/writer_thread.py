@@ -4,26 +4,26 @@ import time
 from collections.abc import Callable
 
 from groundstation.messages import TrackEstimate
-from groundstation.recording.recorder_messages import RecordingMessages
-from groundstation.recording.recorder_output import RetriedOutput
-from groundstation.recording.recorder_queue import QueueAnswer, RecorderQueue
-from groundstation.recording.recorder_rates import RateBook
+from groundstation.recording.buffered_output import BufferedOutput
+from groundstation.recording.data_rates import DataRateMeter
+from groundstation.recording.mcap_writer import McapWriter
 from groundstation.recording.recorder_status import RecorderConfig, RecorderState, left_to_recover
+from groundstation.recording.write_queue import OutputItem, WriteQueue
 
 
-class RecorderWriter:
+class WriterThread:
     """Runs in the recorder's thread; ``set_state`` is called with each new state and its reason."""
 
     def __init__(
         self,
-        queue: RecorderQueue,
-        output: RetriedOutput,
-        messages: RecordingMessages,
+        queue: WriteQueue,
+        output: BufferedOutput,
+        messages: McapWriter,
         config: RecorderConfig,
         free_bytes: Callable[[], int],
         clock: Callable[[], float],
         set_state: Callable[[RecorderState, str], None],
-        rates: RateBook,
+        rates: DataRateMeter,
     ) -> None:
         self._queue = queue
         self._output = output
@@ -52,7 +52,7 @@ class RecorderWriter:
                 self._messages.note_lost(first, last)
             if item is not None:
                 self._messages.put(item, png=self._queue.fill() < self._config.png_fill)
-                if isinstance(item, QueueAnswer) and isinstance(item.content, TrackEstimate):
+                if isinstance(item, OutputItem) and isinstance(item.content, TrackEstimate):
                     self._rates.answered(item.content, self._output.tell())
             elif self._queue.drained:
                 break

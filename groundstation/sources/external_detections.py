@@ -14,7 +14,7 @@ from groundstation.session import Session
 from groundstation.session.folder import detections_table
 
 
-def read_labels(session: Session) -> tuple[dict[str, FloatArray], SessionError | None]:
+def read_detections(session: Session) -> tuple[dict[str, FloatArray], SessionError | None]:
     """Read detections.csv: by station an array (n, 3) of session time, u, v; and the fault that ended it, if any.
 
     Stations may come one after the other or mixed; each one's own times must grow.
@@ -40,7 +40,7 @@ def read_labels(session: Session) -> tuple[dict[str, FloatArray], SessionError |
     return {n: np.array(rows, dtype=np.float64).reshape(-1, 3) for n, rows in found.items()}, fault
 
 
-def label_events(labels: dict[str, FloatArray], leader: str) -> Iterator[tuple[float, Event]]:
+def detection_events(labels: dict[str, FloatArray], leader: str) -> Iterator[tuple[float, Event]]:
     """Yield the pixels in order of time, each with that time, and an epoch at each stamp of station ``leader``.
 
     An epoch follows all pixels with its own time, of every station.

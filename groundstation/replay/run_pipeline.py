@@ -21,7 +21,7 @@ class RunOutcome:
     fault: InputError | None
 
 
-def run(
+def run_pipeline(
     source: Iterable[Event], pipeline: Pipeline, sinks: Sequence[Sink], on_epoch: Callable[[int], None]
 ) -> RunOutcome:
     """Feed every event of ``source`` to the pipeline and every report to the sinks.

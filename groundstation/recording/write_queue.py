@@ -13,7 +13,7 @@ from groundstation.picture import BayerPattern, Kept, Picture
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class FramePixels:
+class PixelsItem:
     """The pixels of frame number ``of``: its kept parts or, of one read as a whole, the picture; None once dropped."""
 
     of: int
@@ -26,7 +26,7 @@ class FramePixels:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EventLine:
+class EventItem:
     """Event number ``n`` as plain values, at ``t_s``."""
 
     n: int
@@ -35,17 +35,17 @@ class EventLine:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class QueueAnswer:
+class OutputItem:
     """An output of the pipeline (part of a report), or a file to attach."""
 
     content: Any
 
 
-Item = EventLine | FramePixels | QueueAnswer
+QueueItem = EventItem | PixelsItem | OutputItem
 
 
 @dataclass(slots=True)
-class QueueCounts:
+class DropCounts:
     """Number of dropped pictures and other records, and the ranges of the events among the latter."""
 
     pictures: int = 0
@@ -54,7 +54,7 @@ class QueueCounts:
     lost: list[list[int]] = field(default_factory=list)
 
 
-class RecorderQueue:
+class WriteQueue:
     """First-in, first-out queue between two threads.
 
     Parameters
@@ -67,25 +67,25 @@ class RecorderQueue:
         self._max_bytes = max_picture_bytes
         self._max_items = max_items
         self._changed = threading.Condition()
-        self._items: deque[Item] = deque()
-        self._pictures: deque[FramePixels] = deque()
+        self._items: deque[QueueItem] = deque()
+        self._pictures: deque[PixelsItem] = deque()
         self._bytes = 0
         self._closed = False
-        self._counts = QueueCounts()
+        self._counts = DropCounts()
         # the reason for refusing pictures; empty while they are accepted
         self.refuse_pictures = ""
 
-    def put(self, item: Item) -> None:
+    def put(self, item: QueueItem) -> None:
         """Add an item; does not block."""
         with self._changed:
             self._items.append(item)
-            if isinstance(item, FramePixels) and item.source is not None:
+            if isinstance(item, PixelsItem) and item.source is not None:
                 self._add_picture(item)
             while len(self._items) > self._max_items:
                 self._lose(self._items.popleft())
             self._changed.notify()
 
-    def take(self, timeout_s: float) -> Item | None:
+    def take(self, timeout_s: float) -> QueueItem | None:
         """Return the oldest item; None if none arrives within the timeout."""
         with self._changed:
             if not self._items and not self._closed:
@@ -93,7 +93,7 @@ class RecorderQueue:
             if not self._items:
                 return None
             item = self._items.popleft()
-            if isinstance(item, FramePixels):
+            if isinstance(item, PixelsItem):
                 self._forget(item)
             return item
 
@@ -130,12 +130,12 @@ class RecorderQueue:
         with self._changed:
             return self._counts.pictures, self._counts.records, self._counts.events
 
-    def drop_picture(self, item: FramePixels, why: str) -> None:
+    def drop_picture(self, item: PixelsItem, why: str) -> None:
         """Drop the pixels of one item, and count it."""
         with self._changed:
             self._drop(item, why)
 
-    def _add_picture(self, item: FramePixels) -> None:
+    def _add_picture(self, item: PixelsItem) -> None:
         if self.refuse_pictures:
             self._drop(item, self.refuse_pictures)
             return
@@ -144,24 +144,24 @@ class RecorderQueue:
         while self._bytes > self._max_bytes:
             self._drop(self._pictures[0], "too slow")
 
-    def _drop(self, item: FramePixels, why: str) -> None:
+    def _drop(self, item: PixelsItem, why: str) -> None:
         self._forget(item)
         item.source, item.dropped = None, why
         self._counts.pictures += 1
 
-    def _forget(self, item: FramePixels) -> None:
+    def _forget(self, item: PixelsItem) -> None:
         """Subtract a picture from the queued size."""
         if self._pictures and self._pictures[0] is item:
             self._pictures.popleft()
             self._bytes -= item.size_bytes
 
-    def _lose(self, item: Item) -> None:
+    def _lose(self, item: QueueItem) -> None:
         """Count a dropped item."""
         self._counts.records += 1
-        if isinstance(item, FramePixels):
+        if isinstance(item, PixelsItem):
             if item.source is not None:
                 self._drop(item, "disk gone")
-        elif isinstance(item, EventLine):
+        elif isinstance(item, EventItem):
             self._counts.events += 1
             lost = self._counts.lost
             if lost and lost[-1][1] == item.n - 1:

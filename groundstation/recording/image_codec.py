@@ -10,7 +10,7 @@ from groundstation.arrays import ImageArray
 from groundstation.errors import RecordingError
 from groundstation.files.png_file import png_size_px
 from groundstation.picture import BayerPattern
-from groundstation.recording import schemas
+from groundstation.recording import mcap_schemas
 
 # runs of equal differences: on noisy pictures quicker than PNG's usual search, and no larger
 _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
@@ -24,14 +24,14 @@ _ENCODINGS = {
 }
 
 
-def encoded(pixels: ImageArray, *, png: bool, pattern: BayerPattern | None, stamp_ns: int, frame_id: str) -> bytes:
+def encode_image(pixels: ImageArray, *, png: bool, pattern: BayerPattern | None, stamp_ns: int, frame_id: str) -> bytes:
     """Return a message with pixels (h, w) or (h, w, 3) BGR: a CompressedImage with ``png``, else a RawImage."""
     if png:
         data = cv2.imencode(".png", pixels, _PNG)[1].tobytes()
-        return schemas.encode("CompressedImage", stamp_ns=stamp_ns, frame_id=frame_id, data=data, format="png")
+        return mcap_schemas.encode("CompressedImage", stamp_ns=stamp_ns, frame_id=frame_id, data=data, format="png")
     height, width = pixels.shape[:2]
     encoding = "bgr8" if pixels.ndim == 3 else "mono8" if pattern is None else _ENCODINGS[pattern]
-    return schemas.encode(
+    return mcap_schemas.encode(
         "RawImage",
         stamp_ns=stamp_ns,
         frame_id=frame_id,
@@ -43,7 +43,7 @@ def encoded(pixels: ImageArray, *, png: bool, pattern: BayerPattern | None, stam
     )
 
 
-def decoded(message: bytes, *, png: bool, size_px: tuple[int, int], colour: bool, where: str) -> ImageArray:
+def decode_image(message: bytes, *, png: bool, size_px: tuple[int, int], colour: bool, where: str) -> ImageArray:
     """Return the pixels of a message, (h, w, 3) with ``colour``, else (h, w); they must have ``size_px`` (w, h).
 
     Raises `RecordingError`; a picture that says to be larger than that is not even unpacked.
@@ -51,7 +51,7 @@ def decoded(message: bytes, *, png: bool, size_px: tuple[int, int], colour: bool
     w, h = size_px
     wanted = f"a picture of {w} × {h} px, {'in colour' if colour else 'one value a pixel'}"
     try:
-        record = schemas.decode("CompressedImage" if png else "RawImage", message)
+        record = mcap_schemas.decode("CompressedImage" if png else "RawImage", message)
     except DecodeError as error:
         raise RecordingError(where, got="bytes that are no picture", wanted=wanted) from error
     pixels = _unpacked(record.data, size_px) if png else _plain(record, size_px, colour)

@@ -2,12 +2,12 @@
 
 from groundstation.files.text_file import TextFile
 from groundstation.messages import InitialState
-from groundstation.recording.contents import CONFIG, REFERENCES, RIG, SESSION, RecordingHeader
+from groundstation.recording.mcap_metadata import CONFIG, REFERENCES, RIG, SESSION, RecordingHeader
 from groundstation.session import Session
 from groundstation.tracking.config import Config, config_to_mapping, config_to_toml
 
 
-def header_of(
+def build_header(
     session: Session,
     rig_file: TextFile | None,
     config: Config,

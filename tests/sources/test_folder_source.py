@@ -6,7 +6,7 @@ import pytest
 from groundstation.errors import SessionError
 from groundstation.messages import Epoch, Frame, PtuSample
 from groundstation.session import load_session
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.folder_source import FolderSource
 from tests.complaints import complaint
 from tests.session.folder import SESSION, Tiny, write_video
 from tests.sources.events import play
@@ -26,7 +26,7 @@ def test_a_plain_session(tmp_path: Path) -> None:
 
 
 def test_what_is_known_on_entry(tmp_path: Path) -> None:
-    with ReplaySource(load_session(Tiny(rows=12).write(tmp_path))) as source:
+    with FolderSource(load_session(Tiny(rows=12).write(tmp_path))) as source:
         assert source.epoch_count == 12
         assert source.span_s == pytest.approx((1.0, 2.1))
 
@@ -205,7 +205,7 @@ def test_the_bundled_session(landing_1: Path) -> None:
 
 def test_entering_without_anything_to_replay_leaves_no_thread(tmp_path: Path) -> None:
     folder = Tiny(rows=3, ptu_from_s=100.0, ptu_to_s=101.0).write(tmp_path)
-    source = ReplaySource(load_session(folder))
+    source = FolderSource(load_session(folder))
     said = complaint(SessionError, source.__enter__)
     assert (
         said

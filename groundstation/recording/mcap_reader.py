@@ -36,7 +36,7 @@ R = TypeVar("R", bound=McapRecord)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TopicMessage:
+class McapMessage:
     """One message: its channel and schema, its writer's number and stamp; ``offset`` of its chunk in the file."""
 
     channel: Channel
@@ -54,7 +54,7 @@ class TopicMessage:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Contents:
+class McapContents:
     """What stands in a file beside its messages: attached files, notes by name, and whether it was closed.
 
     ``fault`` is what ended the reading early, None in a closed file.
@@ -68,7 +68,7 @@ class Contents:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _RecordPlace:
+class _RecordSpan:
     """Where a record's content stands."""
 
     opcode: int
@@ -76,7 +76,7 @@ class _RecordPlace:
     length: int
 
 
-class ContainerReader:
+class McapReader:
     """One MCAP file, opened; raises `RecordingError` if it is none. A context manager.
 
     Nothing larger than `MAX_RECORD_BYTES` is ever held, packed or unpacked.
@@ -96,7 +96,7 @@ class ContainerReader:
             self._stream.close()
             raise RecordingError(str(path), got="a file that is no MCAP", wanted="a recording, .mcap")
 
-    def __enter__(self) -> "ContainerReader":
+    def __enter__(self) -> "McapReader":
         return self
 
     def __exit__(
@@ -104,7 +104,7 @@ class ContainerReader:
     ) -> None:
         self._stream.close()
 
-    def contents(self) -> Contents:
+    def contents(self) -> McapContents:
         """Go once through the file, passing over what is packed in chunks; a fault is in the answer."""
         attachments: dict[str, bytes] = {}
         metadata: dict[str, dict[str, str]] = {}
@@ -125,9 +125,9 @@ class ContainerReader:
                 end = place.offset + place.length
         except RecordingError as error:
             fault = error
-        return Contents(attachments=attachments, metadata=metadata, chunks=chunks, whole_bytes=end, fault=fault)
+        return McapContents(attachments=attachments, metadata=metadata, chunks=chunks, whole_bytes=end, fault=fault)
 
-    def messages(self, skip: Callable[[RecordingError], None] | None = None) -> Iterator[TopicMessage]:
+    def messages(self, skip: Callable[[RecordingError], None] | None = None) -> Iterator[McapMessage]:
         """Yield all messages in the file's order.
 
         Raises `RecordingError` at the first fault; a chunk that is damaged inside is told to ``skip`` and passed
@@ -147,14 +147,14 @@ class ContainerReader:
                     skip(fault)
 
     def _inside(
-        self, place: _RecordPlace, schemas: dict[int, Schema], channels: dict[int, Channel], budget: ReadBudget
-    ) -> Iterator[TopicMessage]:
+        self, place: _RecordSpan, schemas: dict[int, Schema], channels: dict[int, Channel], budget: ReadBudget
+    ) -> Iterator[McapMessage]:
         """Yield the messages of one chunk."""
         data, where = self._unpacked(place, budget), self._where(place.offset)
-        yield from _Inside(data, where, schemas, channels, budget).messages(place.offset)
+        yield from _ChunkReader(data, where, schemas, channels, budget).messages(place.offset)
 
     # ----------------------------------------------------------------------------------- the file's records
-    def _places(self) -> Iterator[_RecordPlace]:
+    def _places(self) -> Iterator[_RecordSpan]:
         """Yield the records up to the end of the data; raises `RecordingError` where the file ends before it."""
         at = len(MAGIC)
         while True:
@@ -167,7 +167,7 @@ class ContainerReader:
                 raise self._fault(at, "an unfinished record", "a recording that was closed")
             if length > MAX_RECORD_BYTES:
                 raise self._fault(at, f"a record of {length} bytes", f"at most {MAX_RECORD_BYTES >> 20} MiB")
-            yield _RecordPlace(opcode=opcode, offset=at, length=length)
+            yield _RecordSpan(opcode=opcode, offset=at, length=length)
             if opcode == Opcode.DATA_END:
                 break
             at += length
@@ -181,10 +181,10 @@ class ContainerReader:
         except OSError as fault:
             raise RecordingError(str(self.path), got=str(fault.strerror), wanted="a file that can be read") from fault
 
-    def _parsed(self, kind: type[R], place: _RecordPlace) -> R:
+    def _parsed(self, kind: type[R], place: _RecordSpan) -> R:
         return _parse(kind, self._read(place.offset, place.length), self._where(place.offset))
 
-    def _unpacked(self, place: _RecordPlace, budget: ReadBudget) -> bytes | memoryview:
+    def _unpacked(self, place: _RecordSpan, budget: ReadBudget) -> bytes | memoryview:
         """Return what a chunk holds; raises `RecordingError` if it is damaged or too large."""
         chunk = self._parsed(Chunk, place)
         if chunk.uncompressed_size > MAX_RECORD_BYTES:
@@ -206,7 +206,7 @@ class ContainerReader:
         return RecordingError(self._where(offset), got=got, wanted=wanted)
 
 
-class _Inside:
+class _ChunkReader:
     """The records of one unpacked chunk; schemas and channels hold for later chunks too."""
 
     def __init__(
@@ -224,7 +224,7 @@ class _Inside:
         self._schemas = schemas
         self._channels = channels
 
-    def messages(self, offset: int) -> Iterator[TopicMessage]:
+    def messages(self, offset: int) -> Iterator[McapMessage]:
         """Yield the messages; raises `RecordingError` where a record is damaged."""
         at, data = 0, self._data
         while at < len(data):
@@ -250,14 +250,14 @@ class _Inside:
             if len(self._channels) + len(self._schemas) > _MAX_CHANNELS:
                 raise self._fault("more channels", f"at most {_MAX_CHANNELS}")
 
-    def _message(self, content: memoryview, offset: int) -> TopicMessage:
+    def _message(self, content: memoryview, offset: int) -> McapMessage:
         if len(content) < _MESSAGE.size:
             raise self._fault("a message cut short")
         number, sequence, log_time, publish_time = _MESSAGE.unpack_from(content)
         channel = self._channels.get(number)
         if channel is None:
             raise self._fault(f"a message of channel {number}", "a channel that was announced")
-        return TopicMessage(
+        return McapMessage(
             channel=channel,
             schema=self._schemas.get(channel.schema_id),
             sequence=sequence,

@@ -1,6 +1,6 @@
 """Recorded windows of a picture: windows are merged if this adds no pixels."""
 
-from groundstation.recording.window_union import _joined
+from groundstation.recording.window_merging import _joined
 
 
 def test_windows_are_joined_where_one_around_them_is_no_larger() -> None:

@@ -43,7 +43,7 @@ class ImportRequest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Imported:
+class ImportResult:
     """The files written, and notes on their contents and on omitted data."""
 
     folder: Path

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from groundstation.errors import SessionError
 from groundstation.session import Medium, MediumKind, load_session
-from groundstation.sources import pictures
-from groundstation.sources.pictures import QUEUE_FRAMES, SEEK_BEYOND, PictureReader
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources import picture_reader
+from groundstation.sources.folder_source import FolderSource
+from groundstation.sources.picture_reader import QUEUE_FRAMES, SEEK_BEYOND, PictureReader
 from groundstation.sources.video_seek import seek
 from tests.session.folder import SIZE, Tiny, number_of, write_pictures, write_video
 
@@ -75,7 +75,7 @@ def test_identity_far_into_a_video(tmp_path: Path, name: str, monkeypatch: pytes
     """Expected: a seek lands on the very frame, so that few frames are decoded before it."""
     write_video(tmp_path / name, range(600), "MJPG" if name == "v.avi" else "mp4v")
     landed = []
-    monkeypatch.setattr(pictures, "seek", lambda *a: landed.append(seek(*a)) or landed[-1])
+    monkeypatch.setattr(picture_reader, "seek", lambda *a: landed.append(seek(*a)) or landed[-1])
     for first in (SEEK_BEYOND, 217, 431, 598):
         assert numbers(tmp_path / name, [first, 599]) == [first, 599]
     assert landed == [True] * 4
@@ -143,7 +143,7 @@ def test_a_seek_beyond_the_end_is_not_trusted(tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------------ life of threads
 def test_all_threads_end_with_the_session(tmp_path: Path) -> None:
     folder = Tiny(rows=12).write(tmp_path)
-    with ReplaySource(load_session(folder)) as source:
+    with FolderSource(load_session(folder)) as source:
         assert len(decoders()) > 0
         assert sum(1 for _ in source) > 0
     assert decoders() == []
@@ -151,14 +151,14 @@ def test_all_threads_end_with_the_session(tmp_path: Path) -> None:
 
 def test_all_threads_end_when_the_consumer_has_enough(tmp_path: Path) -> None:
     folder = Tiny(rows=60, ptu_to_s=9.0).write(tmp_path)
-    with ReplaySource(load_session(folder)) as source:
+    with FolderSource(load_session(folder)) as source:
         assert len(list(itertools.islice(source, 20))) == 20
         assert len(decoders()) == 2
     assert decoders() == []
 
 
 def test_all_threads_end_when_nothing_is_asked(tmp_path: Path) -> None:
-    with ReplaySource(load_session(Tiny(rows=60, ptu_to_s=9.0).write(tmp_path))):
+    with FolderSource(load_session(Tiny(rows=60, ptu_to_s=9.0).write(tmp_path))):
         pass
     assert decoders() == []
 
@@ -167,7 +167,7 @@ def test_all_threads_end_when_the_consumer_fails(tmp_path: Path) -> None:
     folder = Tiny(rows=60, ptu_to_s=9.0).write(tmp_path)
 
     def fail() -> None:
-        with ReplaySource(load_session(folder)) as source:
+        with FolderSource(load_session(folder)) as source:
             for number, _ in enumerate(source):
                 assert number < 30, "enough"
 
@@ -180,7 +180,7 @@ def test_all_threads_end_when_one_video_is_at_fault(tmp_path: Path) -> None:
     folder = Tiny(rows=60, ptu_to_s=9.0).write(tmp_path)
     session = load_session(folder)
     (folder / "left.avi").write_bytes(b"")
-    with ReplaySource(session) as source, pytest.raises(SessionError, match=r"left.avi: got no video"):
+    with FolderSource(session) as source, pytest.raises(SessionError, match=r"left.avi: got no video"):
         list(source)
     assert decoders() == []
 

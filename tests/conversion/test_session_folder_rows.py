@@ -2,12 +2,12 @@
 
 from array import array
 
-from groundstation.conversion.unpacked_folder import Unpacked, UnpackedFolder
+from groundstation.conversion.session_folder_writer import SessionFolderWriter, WrittenCounts
 
 
 def test_units_share_a_row_where_their_stamps_are_the_same_and_leave_cells_empty_elsewhere() -> None:
-    folder = UnpackedFolder.__new__(UnpackedFolder)
-    folder.done = Unpacked()
+    folder = SessionFolderWriter.__new__(SessionFolderWriter)
+    folder.done = WrittenCounts()
     folder._readings = {
         "left": array("d", [0.2, 3.0, 4.0, 0.1, 1.0, 2.0, 0.2, 5.0, 6.0]),
         "right": array("d", [0.1, 7.0, 8.0]),

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from groundstation.conversion.request import ImportRequest
+from groundstation.conversion.import_request import ImportRequest
 from groundstation.errors import InputError
 from groundstation.session.logs.gps_time import gps_from_text, utc_text
 from groundstation.session.logs.read import GnssLog
@@ -13,7 +13,7 @@ _MAX_S = 1e8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SessionClock:
+class ImportClock:
     """``epoch_gps_s`` is the GPS time of zero, None if unknown; ``starts_s`` by station."""
 
     epoch_gps_s: float | None
@@ -25,7 +25,7 @@ class SessionClock:
         return "unknown" if self.epoch_gps_s is None else utc_text(self.epoch_gps_s)
 
 
-def session_clock(request: ImportRequest, log: GnssLog | None) -> SessionClock:
+def import_clock(request: ImportRequest, log: GnssLog | None) -> ImportClock:
     """Settle the clock: the epoch asked for, else the whole second before the first video, else before the log.
 
     Raises `InputError` if a start is missing or no time, or if a UTC time has no epoch to refer to.
@@ -49,7 +49,7 @@ def session_clock(request: ImportRequest, log: GnssLog | None) -> SessionClock:
     if epoch is None and log is not None:
         epoch = float(math.floor(log.gps_s[0]))
     starts = {name: _since(epoch, *moment, f"--{name}-start") for name, moment in moments.items()}
-    return SessionClock(
+    return ImportClock(
         epoch_gps_s=epoch,
         starts_s=starts,
         ptu_start_s=0.0 if ptu is None else _since(epoch, *ptu, "--ptu-start"),

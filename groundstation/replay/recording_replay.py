@@ -4,13 +4,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from groundstation.conversion.recorded_session import header_of
+from groundstation.conversion.recording_header import build_header
 from groundstation.messages import Event, FilterReset, InitialState, ReferenceFix
-from groundstation.recording.contents import CONFIG
+from groundstation.recording.mcap_metadata import CONFIG
 from groundstation.recording.recorder import PATIENT, Recorder
 from groundstation.session import Session
-from groundstation.sources.recording import RecordingSource
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.folder_source import FolderSource
+from groundstation.sources.recording_source import RecordingSource
 from groundstation.tracking.config import Config, load_config
 
 
@@ -55,11 +55,11 @@ def recorder_for(
 
     Raises `InputError` if the file exists or cannot be created.
     """
-    header = header_of(session, rig, config, initial=initial, learns_from_reference=learns)
+    header = build_header(session, rig, config, initial=initial, learns_from_reference=learns)
     return Recorder(path, session.rig, header, PATIENT)
 
 
-def recording_notes(source: ReplaySource | RecordingSource, recorder: Recorder | None) -> list[str]:
+def recording_notes(source: FolderSource | RecordingSource, recorder: Recorder | None) -> list[str]:
     """Return notes on data missing from the recording that was read, and on faults of the one written."""
     notes = []
     if isinstance(source, RecordingSource) and source.missing:

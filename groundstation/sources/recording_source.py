@@ -17,19 +17,19 @@ from groundstation.files.image_header import MAX_PICTURE_PX
 from groundstation.files.read_budget import ReadBudget
 from groundstation.messages import Epoch, Event, Frame, PixelMeasurement
 from groundstation.picture import Kept, PartialPicture
-from groundstation.recording.container_reader import ContainerReader, TopicMessage
-from groundstation.recording.contents import EVENTS_TOPIC, STATES_TOPIC, TRACK_TOPIC
 from groundstation.recording.event_codec import (
     DroppedNote,
-    FrameHead,
+    FrameHeader,
     LostNote,
     Note,
-    Numbered,
+    NumberedEvent,
     PixelsNote,
     parse_line,
     part_inside,
 )
-from groundstation.recording.pixels import decoded
+from groundstation.recording.image_codec import decode_image
+from groundstation.recording.mcap_metadata import EVENTS_TOPIC, STATES_TOPIC, TRACK_TOPIC
+from groundstation.recording.mcap_reader import McapMessage, McapReader
 from groundstation.session import Session
 from groundstation.session.folder import RecordingInfo
 
@@ -41,8 +41,8 @@ _MAX_WAITING_BYTES = 128 * 2**20
 
 
 @dataclass(slots=True, kw_only=True)
-class Missing:
-    """Missing data of a recording: number of frames without pixels, of events, and the first epoch affected."""
+class MissingData:
+    """MissingData data of a recording: number of frames without pixels, of events, and the first epoch affected."""
 
     frames: int = 0
     events: int = 0
@@ -57,7 +57,7 @@ class _Waiting:
     """An event that is held back; a frame until its pixels are complete."""
 
     number: int
-    event: Event | FrameHead
+    event: Event | FrameHeader
     note: PixelsNote | None = None
     pictures: list[bytes] = field(default_factory=list)
     missing: bool = False
@@ -65,7 +65,7 @@ class _Waiting:
     @property
     def ready(self) -> bool:
         """Whether nothing more is to come for it."""
-        if not isinstance(self.event, FrameHead) or self.missing:
+        if not isinstance(self.event, FrameHeader) or self.missing:
             return True
         return self.note is not None and len(self.pictures) == len(self.note.parts)
 
@@ -79,7 +79,7 @@ class RecordingSource:
     Parameters
     ----------
     session : with ``recorded``.
-    on_answer : called with each recorded output of an epoch or a heartbeat, a line of JSON.
+    on_output : called with each recorded output of an epoch or a heartbeat, a line of JSON.
     """
 
     def __init__(
@@ -89,24 +89,24 @@ class RecordingSource:
         from_s: float | None = None,
         to_s: float | None = None,
         *,
-        on_answer: Callable[[bytes], None] = lambda line: None,
+        on_output: Callable[[bytes], None] = lambda line: None,
     ) -> None:
         self.epoch_count = 0
         self.span_s = (0.0, 0.0)
-        self.missing = Missing()
+        self.missing = MissingData()
         self._session = session
         self._recorded = recorded
         self._from = -np.inf if from_s is None else from_s
         self._to = np.inf if to_s is None else to_s
-        self._on_answer = on_answer
+        self._on_output = on_output
         self._sizes = {s.name: s.lens.image_size_px for s in session.rig.stations}
         self._open = ExitStack()
-        self._reader: ContainerReader
-        self._line: _EventLine
+        self._reader: McapReader
+        self._line: _EventReassembly
 
     def __enter__(self) -> "RecordingSource":
         with ExitStack() as opened:
-            self._reader = opened.enter_context(ContainerReader(self._recorded.path))
+            self._reader = opened.enter_context(McapReader(self._recorded.path))
             self._count_epochs()
             self._open = opened.pop_all()
         return self
@@ -119,13 +119,13 @@ class RecordingSource:
     def __iter__(self) -> Iterator[Event]:
         """Yield all events in the order in which they were recorded, then raise the fault of the file, if any."""
         budget = self._budget()
-        queue = _EventLine(self._sizes, self.missing, budget)
+        queue = _EventReassembly(self._sizes, self.missing, budget)
         fault: RecordingError | None = None
         try:
             for message in self._reader.messages():
                 if message.topic in (TRACK_TOPIC, STATES_TOPIC):
                     budget.line(len(message.data))
-                    self._on_answer(message.data)
+                    self._on_output(message.data)
                 else:
                     queue.take(message)
                     yield from self._asked(queue.ready())
@@ -156,7 +156,7 @@ class RecordingSource:
                 if message.topic == EVENTS_TOPIC and b'"kind":"epoch"' in message.data:
                     budget.line(len(message.data))
                     parsed = parse_line(message.data, self._sizes, self._reader.path.name)
-                    if isinstance(parsed, Numbered) and self._from <= parsed.event.t_s <= self._to:
+                    if isinstance(parsed, NumberedEvent) and self._from <= parsed.event.t_s <= self._to:
                         times.append(parsed.event.t_s)
         except RecordingError as error:
             # raised again where the events end; what is before it can be used
@@ -172,10 +172,10 @@ class RecordingSource:
         return ReadBudget(self._reader.path.name, self._reader.path.stat().st_size)
 
 
-class _EventLine:
+class _EventReassembly:
     """The events in their order, each leaving when it is whole and all before it have left."""
 
-    def __init__(self, sizes_px: dict[str, tuple[int, int]], missing: Missing, budget: ReadBudget) -> None:
+    def __init__(self, sizes_px: dict[str, tuple[int, int]], missing: MissingData, budget: ReadBudget) -> None:
         self._sizes = sizes_px
         self._missing = missing
         self._budget = budget
@@ -187,12 +187,12 @@ class _EventLine:
         self._bytes = 0
         self._touched = False
 
-    def take(self, message: TopicMessage) -> None:
+    def take(self, message: McapMessage) -> None:
         """Take one message of the file; those of others are passed over. Raises `RecordingError`."""
         if message.topic == EVENTS_TOPIC:
             self._budget.line(len(message.data))
             parsed = parse_line(message.data, self._sizes, self._where)
-            if isinstance(parsed, Numbered):
+            if isinstance(parsed, NumberedEvent):
                 self._enter(parsed)
             else:
                 self._note(parsed)
@@ -212,7 +212,7 @@ class _EventLine:
     def _crowded(self) -> bool:
         return len(self._line) > _MAX_WAITING or self._bytes > _MAX_WAITING_BYTES
 
-    def _enter(self, numbered: Numbered) -> None:
+    def _enter(self, numbered: NumberedEvent) -> None:
         if numbered.n < self._next:
             got, wanted = f"event {numbered.n} after event {self._next - 1}", "each once and in order"
             raise RecordingError(self._where, got=got, wanted=wanted)
@@ -220,7 +220,7 @@ class _EventLine:
         self._next = numbered.n + 1
         waiting = _Waiting(number=numbered.n, event=numbered.event)
         self._line.append(waiting)
-        if isinstance(numbered.event, FrameHead):
+        if isinstance(numbered.event, FrameHeader):
             self._frames[numbered.n] = waiting
 
     def _note(self, note: Note) -> None:
@@ -235,7 +235,7 @@ class _EventLine:
             frame.missing = True
             return
         head = frame.event
-        if not isinstance(head, FrameHead) or not all(part_inside(part, head.size_px) for part in note.parts):
+        if not isinstance(head, FrameHeader) or not all(part_inside(part, head.size_px) for part in note.parts):
             got = f"parts of frame {note.of} outside its picture"
             raise RecordingError(self._where, got=got, wanted="parts inside it")
         pixels = sum(part.w * part.h for part in note.parts)
@@ -246,10 +246,10 @@ class _EventLine:
         frame.note = note
         self._arriving = frame if note.parts else None
 
-    def _picture(self, frame: _Waiting, message: TopicMessage) -> None:
+    def _picture(self, frame: _Waiting, message: McapMessage) -> None:
         """Put a picture to its frame; they stand in the order of the note, right behind it."""
         note, head = frame.note, frame.event
-        if note is None or not isinstance(head, FrameHead):
+        if note is None or not isinstance(head, FrameHeader):
             return
         part = note.parts[len(frame.pictures)]
         topic = f"/stations/{head.station}/{part.topic}"
@@ -268,7 +268,7 @@ class _EventLine:
     def _leave(self, waiting: _Waiting) -> Iterator[Event]:
         """Yield the event, if it is whole."""
         event = waiting.event
-        if not isinstance(event, FrameHead):
+        if not isinstance(event, FrameHeader):
             if isinstance(event, Epoch) and self._touched and self._missing.first_epoch is None:
                 self._missing.first_epoch = event.epoch
             yield event
@@ -287,11 +287,11 @@ class _EventLine:
         )
 
 
-def _picture_of(head: FrameHead, note: PixelsNote, pictures: list[bytes], where: str) -> PartialPicture:
+def _picture_of(head: FrameHeader, note: PixelsNote, pictures: list[bytes], where: str) -> PartialPicture:
     """Return the picture composed of the recorded parts."""
     parts = []
     for part, data in zip(note.parts, pictures, strict=True):
         png = not part.topic.endswith("/raw")
-        pixels = decoded(data, png=png, size_px=(part.w, part.h), colour=note.colour, where=where)
+        pixels = decode_image(data, png=png, size_px=(part.w, part.h), colour=note.colour, where=where)
         parts.append(Kept(x=part.x, y=part.y, pixels=pixels))
     return PartialPicture(head.size_px, parts, head.pattern)

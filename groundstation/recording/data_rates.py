@@ -10,7 +10,7 @@ _PAUSE_S = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecordingRates:
+class DataRates:
     """Bytes written and seconds flown while ``tracking`` (or coasting) and while ``searching`` (anything else)."""
 
     tracking_bytes: int = 0
@@ -28,18 +28,18 @@ class RecordingRates:
         return ", ".join(said)
 
 
-class RateBook:
+class DataRateMeter:
     """Books what is written, answer by answer, in the writer's own order: what waits to be written blurs nothing.
 
     A chunk is written when it is full or 0.25 s old, so that much of one stretch may be booked to the next.
     """
 
     def __init__(self) -> None:
-        self._rates = RecordingRates()
+        self._rates = DataRates()
         self._last: tuple[float, int] | None = None
 
     @property
-    def rates(self) -> RecordingRates:
+    def rates(self) -> DataRates:
         """What was booked so far."""
         return self._rates
 
@@ -51,14 +51,14 @@ class RateBook:
         span_s, took = estimate.t_s - last[0], written_bytes - last[1]
         was = self._rates
         if estimate.status in _TRACKING:
-            self._rates = RecordingRates(
+            self._rates = DataRates(
                 tracking_bytes=was.tracking_bytes + took,
                 tracking_s=was.tracking_s + span_s,
                 searching_bytes=was.searching_bytes,
                 searching_s=was.searching_s,
             )
         else:
-            self._rates = RecordingRates(
+            self._rates = DataRates(
                 tracking_bytes=was.tracking_bytes,
                 tracking_s=was.tracking_s,
                 searching_bytes=was.searching_bytes + took,

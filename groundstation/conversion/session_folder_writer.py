@@ -26,7 +26,7 @@ _NEIGHBOURS = 64
 
 
 @dataclass(slots=True, kw_only=True)
-class Unpacked:
+class WrittenCounts:
     """Contents of the folder, and counts of data that a folder cannot represent."""
 
     frames: int = 0
@@ -38,7 +38,7 @@ class Unpacked:
     heartbeats: int = 0
 
 
-class UnpackedFolder:
+class SessionFolderWriter:
     """Writes events into ``folder``, new or empty; `finish` writes the tables.
 
     Raises `InputError` if the folder cannot be written, or has something in it.
@@ -51,7 +51,7 @@ class UnpackedFolder:
         self._rows: dict[int, dict[str, float]] = {}
         self._readings = {s.name: array("d") for s in session.rig.stations if not s.fixed}
         self._pixels: dict[str, list[tuple[float, float, float]]] = {}
-        self.done = Unpacked()
+        self.done = WrittenCounts()
         with _writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             if any(folder.iterdir()):

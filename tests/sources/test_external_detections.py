@@ -5,7 +5,7 @@ import pytest
 
 from groundstation.messages import PixelMeasurement
 from groundstation.session import load_session
-from groundstation.sources.replay import ReplaySource
+from groundstation.sources.folder_source import FolderSource
 from tests.session.folder import SESSION, Tiny, edit_line, rig_text
 from tests.sources.events import Played, play
 
@@ -69,7 +69,7 @@ def test_an_epoch_comes_after_every_pixel_of_its_instant(tmp_path: Path) -> None
 
 def test_a_part_in_session_time(tmp_path: Path) -> None:
     folder = labelled(tmp_path)
-    with ReplaySource(load_session(folder), 100.5, 101.0) as source:
+    with FolderSource(load_session(folder), 100.5, 101.0) as source:
         assert source.span_s == pytest.approx((100.5, 101.0), abs=0.021)
         assert source.epoch_count in (25, 26)
         assert all(100.5 <= e.t_s <= 101.0 for e in source)
@@ -106,7 +106,7 @@ def test_a_bad_row_ends_the_reading_there(tmp_path: Path, row: str, message: str
 def test_rows_of_stations_that_the_rig_leaves_out_are_passed_over(tmp_path: Path) -> None:
     folder = labelled(tmp_path / "a")
     (tmp_path / "two.toml").write_text(rig_text(("east", "south"), ("east", "south")))
-    with ReplaySource(load_session(folder, tmp_path / "two.toml")) as source:
+    with FolderSource(load_session(folder, tmp_path / "two.toml")) as source:
         events = list(source)
     kept = [e for e in play(folder).pixels if e.station != "north"]
     pixels = [e for e in events if isinstance(e, PixelMeasurement)]

@@ -15,18 +15,18 @@ from groundstation.errors import SessionError
 from groundstation.messages import Epoch, Event, Frame
 from groundstation.picture import BgrPicture
 from groundstation.session import Session
+from groundstation.sources.external_detections import detection_events, read_detections
 from groundstation.sources.frame_table import FrameTable, read_frames
-from groundstation.sources.labels import label_events, read_labels
-from groundstation.sources.pictures import PictureReader
+from groundstation.sources.picture_reader import PictureReader
 from groundstation.sources.ptu_readings import PtuReadings
 
-__all__ = ["FrameTable", "ReplaySource", "read_frames", "read_labels"]
+__all__ = ["FolderSource", "FrameTable", "read_detections", "read_frames"]
 
 # PTU rows from this long before the first frame to this long after the last are sent, so that all angles are known
 LEAD_S = 1.0
 
 
-class ReplaySource:
+class FolderSource:
     """Events of one session, or of the part of it between two session times.
 
     A context manager; iterate it once. ``epoch_count`` and ``span_s`` (first and last epoch) are known on entry.
@@ -52,7 +52,7 @@ class ReplaySource:
         if not self._from < self._to:
             raise SessionError(session.name, got=f"a part {self._asked()}", wanted="a start before the end")
 
-    def __enter__(self) -> "ReplaySource":
+    def __enter__(self) -> "FolderSource":
         self._readings = PtuReadings(self._session)
         if self._session.media:
             self._enter_frames()
@@ -88,7 +88,7 @@ class ReplaySource:
         """Return the frames or pixels and the epochs, each with the time that orders it."""
         if self._table is not None:
             return self._frame_events(self._table)
-        return label_events(self._labels, self._leader)
+        return detection_events(self._labels, self._leader)
 
     # ---------------------------------------------------------------------------------------- frames
     def _enter_frames(self) -> None:
@@ -182,7 +182,7 @@ class ReplaySource:
 
     def _enter_labels(self) -> None:
         """Read detections.csv and select the requested rows."""
-        labels, self._fault = read_labels(self._session)
+        labels, self._fault = read_detections(self._session)
         self._check_range("detections.csv", np.concatenate([a[:, 0] for a in labels.values()]))
         within = {n: a[(a[:, 0] >= self._from) & (a[:, 0] <= self._to)] for n, a in labels.items()}
         self._labels = {n: a for n, a in within.items() if len(a)}

@@ -13,7 +13,7 @@ from groundstation import __version__
 from groundstation.errors import RecordingError
 from groundstation.files.toml_table import TomlTable, quoted
 from groundstation.messages import InitialState
-from groundstation.recording.container_reader import Contents
+from groundstation.recording.mcap_reader import McapContents
 
 FORMAT = "groundstation-recording/1"
 ABOUT = "groundstation"
@@ -48,7 +48,7 @@ class RecordingHeader:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecordingEnd:
+class RecordingStatistics:
     """The closing record: number of events and epochs, and the stamps of the first and last epoch."""
 
     events: int
@@ -73,7 +73,7 @@ def header_values(header: RecordingHeader) -> dict[str, str]:
     return values | {name: version(name) for name in ("numpy", "scipy", "numba", "opencv-python-headless", "mcap")}
 
 
-def parse_header(contents: Contents, where: str) -> RecordingHeader:
+def parse_header(contents: McapContents, where: str) -> RecordingHeader:
     """Return the header of a file; raises `RecordingError` for a file of another format."""
     about = contents.metadata.get(ABOUT)
     if about is None or about.get("format") != FORMAT:
@@ -95,7 +95,7 @@ def parse_header(contents: Contents, where: str) -> RecordingHeader:
     )
 
 
-def end_values(end: RecordingEnd) -> dict[str, str]:
+def statistics_values(end: RecordingStatistics) -> dict[str, str]:
     """Return the closing record as text values."""
     return {
         "events": str(end.events),
@@ -105,13 +105,13 @@ def end_values(end: RecordingEnd) -> dict[str, str]:
     }
 
 
-def parse_end(contents: Contents) -> RecordingEnd | None:
+def parse_statistics(contents: McapContents) -> RecordingStatistics | None:
     """Return the closing record; None if it is missing or invalid."""
     values = contents.metadata.get(END)
     if contents.fault is not None or values is None:
         return None
     try:
-        end = RecordingEnd(
+        end = RecordingStatistics(
             events=int(values["events"]),
             epochs=int(values["epochs"]),
             first_s=float(values["first_s"]),

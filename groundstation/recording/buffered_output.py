@@ -41,7 +41,7 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-class RetriedOutput:
+class BufferedOutput:
     """Holds what is written until `commit` has brought all of it to the file.
 
     A commit that fails halfway goes on where it stopped, so the file is always a beginning of what was written.
@@ -101,6 +101,6 @@ class RetriedOutput:
         self._raw.close()
 
 
-def as_stream(output: RetriedOutput) -> IO[bytes]:
+def as_stream(output: BufferedOutput) -> IO[bytes]:
     """Return it as what a container's writer asks for: it writes, tells and flushes, and does nothing else."""
     return output  # type: ignore[return-value]

@@ -8,15 +8,15 @@ from pathlib import Path
 from mcap.writer import CompressionType, Writer
 
 from groundstation.errors import InputError, RecordingError
-from groundstation.recording.container_reader import ContainerReader, Contents, TopicMessage
-from groundstation.recording.contents import ABOUT, END, EVENTS_TOPIC, end_values
 from groundstation.recording.event_counter import EventCounter
+from groundstation.recording.mcap_metadata import ABOUT, END, EVENTS_TOPIC, statistics_values
+from groundstation.recording.mcap_reader import McapContents, McapMessage, McapReader
 
 _CHUNK_BYTES = 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recovered:
+class RecoveryResult:
     """Result of a recovery.
 
     Attributes
@@ -37,13 +37,13 @@ class Recovered:
     fault: str
 
 
-def recover(path: Path, out: Path | None = None) -> Recovered:
+def recover(path: Path, out: Path | None = None) -> RecoveryResult:
     """Copy all complete chunks of ``path`` into a new recording; the old one is not modified.
 
     ``out`` is a file that does not exist yet, by default NAME-recovered.mcap in the same folder. Raises `InputError`
     if nothing can be recovered, or if the new file does not read back as written.
     """
-    with ContainerReader(path) as reader:
+    with McapReader(path) as reader:
         out = path.with_name(f"{path.stem}-recovered.mcap") if out is None else out
         contents = reader.contents()
         skipped: list[RecordingError] = []
@@ -58,7 +58,7 @@ def recover(path: Path, out: Path | None = None) -> Recovered:
     if not written:
         out.unlink()
         raise RecordingError(str(path), got="no complete chunk", wanted="at least one")
-    with ContainerReader(out) as copy:
+    with McapReader(out) as copy:
         fault, counts = copy.contents().fault, _counted(copy, [])
     if fault is not None or counts != written:
         got = f"{sum(counts.values())} messages on reading it again"
@@ -66,8 +66,10 @@ def recover(path: Path, out: Path | None = None) -> Recovered:
     return _result(out, counts, contents, len(skipped), path.stat().st_size - contents.whole_bytes)
 
 
-def _result(out: Path | None, counts: Counter[str], contents: Contents, skipped: int, lost_bytes: int) -> Recovered:
-    return Recovered(
+def _result(
+    out: Path | None, counts: Counter[str], contents: McapContents, skipped: int, lost_bytes: int
+) -> RecoveryResult:
+    return RecoveryResult(
         out=out,
         messages=dict(sorted(counts.items())),
         chunks=contents.chunks,
@@ -77,7 +79,7 @@ def _result(out: Path | None, counts: Counter[str], contents: Contents, skipped:
     )
 
 
-def _counted(reader: ContainerReader, skipped: list[RecordingError]) -> Counter[str]:
+def _counted(reader: McapReader, skipped: list[RecordingError]) -> Counter[str]:
     """Count the messages of each topic."""
     counts: Counter[str] = Counter()
     for message in reader.messages(skipped.append):
@@ -85,7 +87,7 @@ def _counted(reader: ContainerReader, skipped: list[RecordingError]) -> Counter[
     return counts
 
 
-def _copy(reader: ContainerReader, contents: Contents, out: Path, skipped: list[RecordingError]) -> Counter[str]:
+def _copy(reader: McapReader, contents: McapContents, out: Path, skipped: list[RecordingError]) -> Counter[str]:
     """Copy all intact messages to a new file; returns the number of messages by topic."""
     counts: Counter[str] = Counter()
     end = EventCounter()
@@ -110,21 +112,21 @@ def _copy(reader: ContainerReader, contents: Contents, out: Path, skipped: list[
             # end of the intact data; its place is in `contents`
             pass
         if ABOUT in contents.metadata:
-            writer.add_metadata(END, end_values(end.result()))
+            writer.add_metadata(END, statistics_values(end.result()))
         writer.finish()
         file.flush()
         os.fsync(file.fileno())
     return counts
 
 
-def _announce(writer: Writer, message: TopicMessage) -> int:
+def _announce(writer: Writer, message: McapMessage) -> int:
     """Register a message's schema and channel in the new file."""
     channel, schema = message.channel, message.schema
     number = 0 if schema is None else writer.register_schema(schema.name, schema.encoding, schema.data)
     return writer.register_channel(channel.topic, channel.message_encoding, number, channel.metadata)
 
 
-def _add(writer: Writer, channel: int, message: TopicMessage) -> None:
+def _add(writer: Writer, channel: int, message: McapMessage) -> None:
     writer.add_message(
         channel_id=channel,
         log_time=message.log_time_ns,

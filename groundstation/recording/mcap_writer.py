@@ -10,19 +10,8 @@ from groundstation.errors import InputError
 from groundstation.geometry.rotation import wxyz_from_matrix
 from groundstation.messages import CameraReport, TrackEstimate, TrackEvent, TrackState
 from groundstation.picture import Kept, Picture
-from groundstation.recording import schemas
-from groundstation.recording.answer_codec import camera_values, estimate_values, state_values
-from groundstation.recording.contents import (
-    ABOUT,
-    CAMERAS_TOPIC,
-    END,
-    EVENTS_TOPIC,
-    STATES_TOPIC,
-    TRACK_TOPIC,
-    RecordingHeader,
-    end_values,
-    header_values,
-)
+from groundstation.recording import mcap_schemas
+from groundstation.recording.buffered_output import BufferedOutput, as_stream
 from groundstation.recording.event_codec import (
     DroppedNote,
     LostNote,
@@ -34,9 +23,20 @@ from groundstation.recording.event_codec import (
     stamp_ns,
 )
 from groundstation.recording.event_counter import EventCounter
-from groundstation.recording.pixels import encoded
-from groundstation.recording.recorder_output import RetriedOutput, as_stream
-from groundstation.recording.recorder_queue import EventLine, FramePixels, Item, QueueAnswer
+from groundstation.recording.image_codec import encode_image
+from groundstation.recording.mcap_metadata import (
+    ABOUT,
+    CAMERAS_TOPIC,
+    END,
+    EVENTS_TOPIC,
+    STATES_TOPIC,
+    TRACK_TOPIC,
+    RecordingHeader,
+    header_values,
+    statistics_values,
+)
+from groundstation.recording.output_codec import camera_values, estimate_values, state_values
+from groundstation.recording.write_queue import EventItem, OutputItem, PixelsItem, QueueItem
 from groundstation.rig.rig import Rig, Station
 
 _JSON_SCHEMA = b'{"type":"object"}'
@@ -50,7 +50,7 @@ _MAX_FILE_BYTES = 64 * 2**20
 _IDENTITY = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 
 
-class RecordingMessages:
+class McapWriter:
     """Writes the records of one run into a container.
 
     Parameters
@@ -58,7 +58,7 @@ class RecordingMessages:
     chunk_bytes : size at which a chunk is closed; `flush` closes it earlier.
     """
 
-    def __init__(self, output: RetriedOutput, rig: Rig, header: RecordingHeader, chunk_bytes: int) -> None:
+    def __init__(self, output: BufferedOutput, rig: Rig, header: RecordingHeader, chunk_bytes: int) -> None:
         self._geometries = {s.name: s.geometry() for s in rig.stations}
         self._fixed = {s.name for s in rig.stations if s.fixed}
         self._writer = Writer(as_stream(output), chunk_size=chunk_bytes, compression=CompressionType.LZ4)
@@ -80,15 +80,15 @@ class RecordingMessages:
         media = "application/toml" if name.endswith(".toml") else "text/csv"
         self._writer.add_attachment(0, self._now_ns, name, media, data)
 
-    def put(self, item: Item, *, png: bool) -> None:
+    def put(self, item: QueueItem, *, png: bool) -> None:
         """Write one item; pictures as PNG, or uncompressed without ``png``."""
-        if isinstance(item, EventLine):
+        if isinstance(item, EventItem):
             self._now_ns = stamp_ns(item.t_s)
             while self._uncalibrated:
                 self._calibration(self._uncalibrated.pop())
             self._end.add(item.values)
             self._json(EVENTS_TOPIC, item.values, self._now_ns, item.n)
-        elif isinstance(item, FramePixels):
+        elif isinstance(item, PixelsItem):
             self._pixels(item, png)
         else:
             self._answer(item)
@@ -103,11 +103,11 @@ class RecordingMessages:
 
     def finish(self) -> None:
         """Write the closing record and the index."""
-        self._writer.add_metadata(END, end_values(self._end.result()))
+        self._writer.add_metadata(END, statistics_values(self._end.result()))
         self._writer.finish()
 
     # -------------------------------------------------------------------------------------------- pictures
-    def _pixels(self, item: FramePixels, png: bool) -> None:
+    def _pixels(self, item: PixelsItem, png: bool) -> None:
         """Write a note on the recorded parts of a frame, then their pictures."""
         stamp = stamp_ns(item.t_s)
         if item.source is None:
@@ -124,11 +124,11 @@ class RecordingMessages:
         self._note(PixelsNote(of=item.of, parts=parts, colour=colour), stamp)
         for end, part in zip(ends, kept, strict=True):
             topic, frame = f"/stations/{item.station}/{end}", f"{item.station}/camera"
-            data = encoded(part.pixels, png=png, pattern=item.pattern, stamp_ns=stamp, frame_id=frame)
+            data = encode_image(part.pixels, png=png, pattern=item.pattern, stamp_ns=stamp, frame_id=frame)
             self._add(topic, "CompressedImage" if png else "RawImage", data, stamp, item.of)
 
     # --------------------------------------------------------------------------------------------- answers
-    def _answer(self, item: QueueAnswer) -> None:
+    def _answer(self, item: OutputItem) -> None:
         content = item.content
         if isinstance(content, TrackEstimate):
             stamp = stamp_ns(content.t_s)
@@ -143,7 +143,7 @@ class RecordingMessages:
             self._json(CAMERAS_TOPIC, camera_values(content), stamp, content.epoch)
             self._transform(content, stamp)
         elif isinstance(content, TrackEvent):
-            level = schemas.LOG_LEVELS.get(content.level, schemas.LOG_LEVELS["info"])
+            level = mcap_schemas.LOG_LEVELS.get(content.level, mcap_schemas.LOG_LEVELS["info"])
             self._standard("/log", "Log", stamp_ns(content.t_s), level=level, message=content.text, name="pipeline")
         else:
             name, data = content
@@ -199,10 +199,10 @@ class RecordingMessages:
         self._message(topic, _JSON_TOPICS[topic], "jsonschema", line(values), stamp, number)
 
     def _standard(self, topic: str, kind: str, stamp: int, **fields: Any) -> None:
-        self._add(topic, kind, schemas.encode(kind, stamp_ns=stamp, **fields), stamp, 0)
+        self._add(topic, kind, mcap_schemas.encode(kind, stamp_ns=stamp, **fields), stamp, 0)
 
     def _add(self, topic: str, kind: str, data: bytes, stamp: int, number: int) -> None:
-        self._message(topic, schemas.schema_name(kind), "protobuf", data, stamp, number)
+        self._message(topic, mcap_schemas.schema_name(kind), "protobuf", data, stamp, number)
 
     def _message(self, topic: str, schema: str, encoding: str, data: bytes, stamp: int, number: int) -> None:
         """Write a message; its schema and channel are registered before the first one."""
@@ -210,7 +210,7 @@ class RecordingMessages:
         if channel is None:
             json = encoding == "jsonschema"
             if schema not in self._schemas:
-                described = _JSON_SCHEMA if json else schemas.schema_data()
+                described = _JSON_SCHEMA if json else mcap_schemas.schema_data()
                 self._schemas[schema] = self._writer.register_schema(schema, encoding, described)
             channel = self._writer.register_channel(topic, "json" if json else encoding, self._schemas[schema])
             self._channels[topic] = channel

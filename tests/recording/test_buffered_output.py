@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from groundstation.recording.recorder_output import RetriedOutput
+from groundstation.recording.buffered_output import BufferedOutput
 
 
 def test_the_disk_is_asked_once_for_what_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synced: list[int] = []
     monkeypatch.setattr(os, "fdatasync", lambda number: synced.append(os.fstat(number).st_size))
     with (tmp_path / "part").open("wb", buffering=0) as raw:
-        output = RetriedOutput(raw)
+        output = BufferedOutput(raw)
         output.sync()
         assert synced == []
         output.write(b"abc")
