@@ -6,12 +6,12 @@ Input K of a reader depends on the seed, its name and K alone. What was done is 
 from there. `make fuzz`.
 
 A reader that runs a library in a child process, since it may abort, is run here without its child: the process that
-reads is then the child, its abort is a refusal, and the next inputs are read by another process. A process that ends
-because the library got no memory is an error.
+reads is then the child, its abort is a refusal, and the next inputs are read by another process.
 """
 
 import argparse
 import json
+import os
 import random
 import resource
 import select
@@ -29,6 +29,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from groundstation.errors import GroundstationError  # noqa: E402
+from groundstation.viewer.recording_check import ALLOCATOR, limit_memory  # noqa: E402
 from tests.hostile.mutation import mutated  # noqa: E402
 from tests.hostile.readers import Reader, readers  # noqa: E402
 from tests.session.damage import Parts  # noqa: E402
@@ -44,9 +45,8 @@ A_PROCESS = 5_000
 MOST_THREADS = 64
 MOST_KEPT = 20
 RECORDING = "flight.mcap"
-# readers with `Reader.in_child`, and what Rust's runtime prints before it aborts for want of memory
+# readers with `Reader.in_child`
 ABORTING = ("run.rrd",)
-NO_MEMORY = b"memory allocation of"
 
 
 def input_of(reader: str, found: Reader, k: int, seed: int, parts: Parts | None) -> None:
@@ -102,8 +102,11 @@ def read_part(reader: str, first: int, last: int, seed: int, folder: Path) -> No
     found.path.write_bytes(found.seeds[0])
     outcome_of(found)
     parts = Parts(found.path) if reader == RECORDING else None
-    most = mapped_bytes() + MOST_BYTES + MAPPED_BYTES
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    if found.in_child is None:
+        most = mapped_bytes() + MOST_BYTES + MAPPED_BYTES
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    else:
+        limit_memory(found.path.stat().st_size)
     for k in range(first, last):
         if threads() > MOST_THREADS:
             print("null", flush=True)
@@ -159,13 +162,14 @@ def read_apart(study: Study, reader: str, inputs: int, seed: int) -> None:
     """Read the next inputs in a process of their own; one that ends or hangs is counted, and its input kept."""
     first = study.of(reader)["done"]
     last = min(inputs, first + A_PROCESS)
-    with tempfile.TemporaryDirectory(prefix="reader_fuzz_") as folder, tempfile.TemporaryFile() as errors:
+    with tempfile.TemporaryDirectory(prefix="reader_fuzz_") as folder:
         part = json.dumps([reader, first, last, seed, folder])
         process = subprocess.Popen(
             [sys.executable, __file__, "--part", part],
             stdout=subprocess.PIPE,
-            stderr=errors if reader in ABORTING else subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
             text=True,
+            env={**os.environ, **ALLOCATOR},
         )
         assert process.stdout is not None
         silent, fresh = "", False
@@ -187,8 +191,7 @@ def read_apart(study: Study, reader: str, inputs: int, seed: int) -> None:
         code = process.wait()
         done = study.of(reader)["done"]
         if done < last and not fresh:
-            errors.seek(0)
-            refused = reader in ABORTING and code == -signal.SIGABRT and NO_MEMORY not in errors.read()
+            refused = reader in ABORTING and code == -signal.SIGABRT
             said = silent or f"the process ended, exit code {code}"
             study.add(reader, [done, "refused" if refused else "foreign", said, 0.0, 0])
     study.save()

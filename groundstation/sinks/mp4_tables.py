@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 # boxes that hold boxes, on the way to the tables, and beside them
 _HOLDERS = (b"moov", b"trak", b"mdia", b"minf", b"dinf", b"stbl", b"edts", b"udta", b"ilst", b"mvex", b"meta")
@@ -74,6 +75,8 @@ def _check(kind: bytes, body: bytes, file_bytes: int, depth: int) -> None:
         for inner, content in _boxes(body[skipped:], kind):
             # each note is a box with boxes
             _check(b"" if kind == b"ilst" else inner, content, file_bytes, depth + 1)
+        if kind == b"stbl":
+            _check_samples(dict(_boxes(body, kind)))
     elif kind == b"stsz" and len(body) >= 12:
         same, count = struct.unpack(">II", body[4:12])
         if count > file_bytes or (not same and 12 + 4 * count > len(body)):
@@ -114,3 +117,31 @@ def _check_table(kind: bytes, body: bytes, most: int) -> None:
         rows = np.frombuffer(body, ">u4", 3 * count, 8).reshape(-1, 3)[:, :2].astype(np.int64)
         if rows.max() > most or rows.min() < 1 or np.any(np.diff(rows[:, 0]) <= 0):
             raise _UntrueError("a table stsc of chunks that cannot be")
+
+
+def _check_samples(tables: dict[bytes, bytes]) -> None:
+    """Raise `_UntrueError` where the tables of a track, each possible in itself, do not describe the same samples.
+
+    Rerun's reader aborts the process at a sample beyond the end of the chunks or of the times.
+    """
+    if len(tables.get(b"stsz", b"")) < 12:
+        return
+    count = struct.unpack(">I", tables[b"stsz"][8:12])[0]
+    for name in (b"stts", b"ctts"):
+        if name in tables:
+            timed = int(_column(tables[name], 2, 0).sum())
+            if timed < count:
+                raise _UntrueError(f"a table {name.decode()} of {timed} samples, where {count} have a size")
+    chunks = max(len(_column(tables.get(b"stco", b""), 1, 0)), len(_column(tables.get(b"co64", b""), 2, 0)))
+    first, per_chunk = _column(tables.get(b"stsc", b""), 3, 0), _column(tables.get(b"stsc", b""), 3, 1)
+    if count and (len(first) == 0 or first[0] != 1 or first[-1] > chunks):
+        raise _UntrueError(f"a table stsc that does not fit {chunks} chunks")
+    placed = int(per_chunk @ np.diff([*first.tolist(), chunks + 1])) if count else 0
+    if placed < count:
+        raise _UntrueError(f"{chunks} chunks of {placed} samples, where {count} have a size")
+
+
+def _column(body: bytes, columns: int, column: int) -> NDArray[np.int64]:
+    """Return one column of a table's entries of four bytes each; nothing of a table that is not there."""
+    count = struct.unpack(">I", body[4:8])[0] if len(body) >= _HEAD else 0
+    return np.frombuffer(body, ">u4", columns * count, min(_HEAD, len(body)))[column::columns].astype(np.int64)

@@ -42,6 +42,11 @@ def spoilt(path: Path, kind: bytes, offset: int, value: int) -> Path:
         (b"stsz", 8, 2**32 - 1, "a table of 4294967295 sample sizes"),
         (b"stsc", 12, 2**32 - 1, "a table stsc of chunks that cannot be"),
         (b"stco", 4, 2**31, "a table stco of 2147483648 entries"),
+        # tables that contradict each other: the reader aborts the process
+        (b"stts", 8, 1, "a table stts of 1 samples, where 4 have a size"),
+        (b"stsc", 12, 1, "1 chunks of 1 samples, where 4 have a size"),
+        (b"stsc", 8, 2, "a table stsc that does not fit 1 chunks"),
+        (b"stsc", 4, 0, "a table stsc that does not fit 1 chunks"),
     ],
 )
 def test_what_cannot_be_is_said_and_not_read(tmp_path: Path, kind: bytes, offset: int, value: int, says: str) -> None:

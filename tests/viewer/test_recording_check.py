@@ -1,6 +1,7 @@
 """A Rerun recording is read to its end before it is shown, in a process that may end on it."""
 
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -44,3 +45,13 @@ def test_a_reader_that_ends_its_process_is_one_line(recording: Path, monkeypatch
     assert (
         said == f"{recording}: got a damaged recording, on which Rerun's reader ends; wanted a Rerun recording (.rrd)"
     )
+
+
+def test_a_reader_that_asks_for_too_much_memory_gets_none() -> None:
+    """Expected: a reader that believes a false length gets no memory for it."""
+    wanted = "import groundstation.viewer.recording_check as c, sys\nc.limit_memory(0)\nbytes(int(sys.argv[1]) << 20)"
+    codes = [
+        subprocess.run([sys.executable, "-c", wanted, str(megabytes)], capture_output=True, check=False).returncode
+        for megabytes in (64, 400)
+    ]
+    assert codes == [0, 1]
