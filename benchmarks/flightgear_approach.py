@@ -32,8 +32,8 @@ from groundstation.geometry.camera import Lens
 from groundstation.geometry.geodesy import enu_from_geodetic
 from groundstation.onboard.edges.pose import Attitude, NoseCameraPose, intrinsic_matrix, nose_pose, pixels_from_points
 from groundstation.onboard.pose.corners import refine_corners
+from groundstation.onboard.pose.pose_solver import PointCorrespondences, solve_pose
 from groundstation.onboard.pose.runway import rectangle
-from groundstation.onboard.pose.solve import SeenPoints, solve_pose
 
 ROOT = Path("/usr/share/games/flightgear")
 AIRPORT, LANDING, SIZE, FIELD_OF_VIEW_DEG = "BIKF", "29", (1280, 960), 30.0
@@ -210,7 +210,7 @@ def check(image: np.ndarray, pose: NoseCameraPose, corners_m: np.ndarray, lens: 
     found = refine_corners(grey, told, 5.0) if np.isfinite(told).all() else None
     if found is None:
         return [math.nan] * 11
-    seen = SeenPoints(
+    seen = PointCorrespondences(
         points_m=corners_m, pixels=found.pixels, covariance_px2=found.covariance_px2 + 0.25 * np.eye(2), lens=lens
     )
     solved = solve_pose(seen)

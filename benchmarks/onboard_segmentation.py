@@ -18,7 +18,7 @@ from onboard_edges_study import methods as study
 from groundstation.experiments.nose_alone import SCENES, changing_pavement, energies, errors_of
 from groundstation.experiments.nose_edges import GUESS, Step
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
-from groundstation.onboard.edges.descent import Energy
+from groundstation.onboard.edges.gradient_descent import Energy
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.scenes.sequences import SEQUENCES, Renderer, Sequence
 

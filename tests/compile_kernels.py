@@ -26,7 +26,7 @@ def ground() -> None:
 def aboard() -> None:
     """Compile those of the aircraft's own camera: a pose, with a start and without, and a flight of a few pictures."""
     from groundstation.cli.main import main
-    from groundstation.onboard.pose.solve import solve_pose
+    from groundstation.onboard.pose.pose_solver import solve_pose
     from tests.onboard.pose.approaches import pose_on_approach, quaternion, seen
 
     rng = np.random.default_rng(1)

@@ -34,7 +34,7 @@ LONGEST_FILES = (
     "evaluation/test_evaluate.py",
     "replay/test_late_data.py",
     "replay/test_recording_identity.py",
-    "onboard/approach/test_nose_flight.py",
+    "onboard/visual_inertial/test_nose_flight.py",
     "onboard/pose/test_solver.py",
     "replay/test_learning.py",
     "detection/test_birds.py",

@@ -115,7 +115,7 @@ class Function:
 def package_of(module: str) -> str:
     """The stratum of a module: a folder of ``groundstation``, its flat modules together, or a package of its own.
 
-    >>> package_of("groundstation.onboard.pose.solve"), package_of("groundstation.tracking.pipeline")
+    >>> package_of("groundstation.onboard.pose.pose_solver"), package_of("groundstation.tracking.pipeline")
     ('groundstation.onboard', 'groundstation')
     """
     parts = module.split(".")

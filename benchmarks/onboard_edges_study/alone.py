@@ -3,12 +3,12 @@
 import numpy as np
 
 from groundstation.experiments.nose_alone import band_px
-from groundstation.onboard.edges.descent import DescentConfig, Energy, descend
+from groundstation.onboard.edges.gradient_descent import DescentConfig, Energy, descend
 from groundstation.onboard.edges.kalman import picture_crossings, picture_state, predict_picture, update_picture
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
-from groundstation.onboard.edges.motion import VisualOdometry
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.search_band import across_direction
+from groundstation.onboard.edges.visual_odometry import VisualOdometry
 from groundstation.onboard.scenes.sequences import NoseFrame, Sequence
 from onboard_edges_study.methods import KAPPA, LOST_PX, Array, certain_truth, truth
 

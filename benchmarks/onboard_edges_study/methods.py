@@ -12,7 +12,7 @@ from groundstation.experiments.nose_alone import from_last
 from groundstation.experiments.nose_edges import rows_said
 from groundstation.onboard.edges.baselines import graph_cut_edges
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
-from groundstation.onboard.edges.descent import DescentConfig, Energy
+from groundstation.onboard.edges.gradient_descent import DescentConfig, Energy
 from groundstation.onboard.edges.lines import line_map, project_lines, shifted
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeReport

@@ -10,10 +10,10 @@ import numpy as np
 from groundstation.experiments.nose_pose import opencv_range
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
-from groundstation.onboard.pose.files import Runways, read_corners
-from groundstation.onboard.pose.label import ROUNDING_SIGMA_PX, solve_corners
-from groundstation.onboard.pose.paper import FOUR_SIDES, SIX_PAIRS, solve_paper
-from groundstation.onboard.pose.solve import KnownAttitude, RunwayPose, SeenPoints, solve_pose
+from groundstation.onboard.pose.coplanarity_solver import FOUR_SIDES, SIX_PAIRS, solve_coplanarity
+from groundstation.onboard.pose.corner_labelling import ROUNDING_SIGMA_PX, solve_corners
+from groundstation.onboard.pose.pose_files import Runways, read_corners
+from groundstation.onboard.pose.pose_solver import KnownAttitude, PointCorrespondences, RunwayPose, solve_pose
 
 FOCAL = 3401.6
 CENTRE = np.array([1224.0, 1324.0])
@@ -29,7 +29,7 @@ STEP_M = 18.52
 class Case:
     """One picture: its corners, our pose from them, the true range."""
 
-    seen: SeenPoints
+    seen: PointCorrespondences
     pose: RunwayPose
     true_m: float
 
@@ -46,9 +46,9 @@ def load(folder: Path) -> list[Case]:
     return cases
 
 
-def view(corners_m: np.ndarray, pixels: np.ndarray) -> SeenPoints:
+def view(corners_m: np.ndarray, pixels: np.ndarray) -> PointCorrespondences:
     covariance = np.broadcast_to(ROUNDING_SIGMA_PX**2 * np.eye(2), (4, 2, 2))
-    return SeenPoints(points_m=corners_m, pixels=pixels, covariance_px2=covariance, lens=LENS)
+    return PointCorrespondences(points_m=corners_m, pixels=pixels, covariance_px2=covariance, lens=LENS)
 
 
 def by_bin(true: np.ndarray, error: np.ndarray) -> dict[str, float]:
@@ -72,7 +72,7 @@ def corner_study(folder: Path) -> dict[str, object]:
         took.append(time.perf_counter() - start)
         ranges["ours"].append(pose.range_m)
         for name, pairs in (("six pairs", SIX_PAIRS), ("four sides", FOUR_SIDES)):
-            paper = solve_paper(case.seen, pairs)
+            paper = solve_coplanarity(case.seen, pairs)
             ranges[name].append(float(np.linalg.norm(paper.position_m)))
             if name == "six pairs":
                 steps.append(paper.steps)
@@ -139,7 +139,7 @@ def start_study(folder: Path) -> dict[str, object]:
             count += 1
             pose = solve_pose(case.seen, start=start)
             ours += pose is not None and pose.chi_square <= case.pose.chi_square + 1e-6
-            alone = solve_paper(case.seen, start=start)
+            alone = solve_coplanarity(case.seen, start=start)
             off = np.inf if alone is None else float(np.linalg.norm(alone.position_m - case.pose.position_m))
             paper += off < 0.1 * case.pose.range_m
     return {

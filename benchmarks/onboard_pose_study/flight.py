@@ -8,9 +8,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.geometry.rotation import matrix_from_wxyz
-from groundstation.onboard.pose.inertial import ATTITUDE, POSITION, VELOCITY, UpdateOutcome, rotation_vector
-from groundstation.onboard.pose.navigator import RunwayNavigator
-from groundstation.onboard.pose.paper import solve_paper
+from groundstation.onboard.pose.coplanarity_solver import solve_coplanarity
+from groundstation.onboard.pose.inertial_filter import ATTITUDE, POSITION, VELOCITY, UpdateOutcome, rotation_vector
+from groundstation.onboard.pose.runway_navigator import RunwayNavigator
 from groundstation.onboard.pose.simulated_approach import ApproachSetup, SimulatedApproach, default_setup, fly
 
 FROM_S, EVERY, LAGS = 5.0, 10, 10
@@ -196,7 +196,7 @@ def draw(folder: Path, setup: ApproachSetup, approach: SimulatedApproach, one: R
         all_axes[k, 0].plot(one.t_s, one.estimate[:, k], "C1--", lw=1)
         all_axes[k, 0].set_ylabel(f"{axis} / m")
         all_axes[k, 0].axvspan(*lost, color="C3", alpha=0.1)
-    steps = [(approach.t_s[j], solve_paper(seen).steps) for j, seen in approach.seen.items()]
+    steps = [(approach.t_s[j], solve_coplanarity(seen).steps) for j, seen in approach.seen.items()]
     all_axes[0, 1].plot(*np.array(steps).T, ".", ms=3)
     all_axes[0, 1].set_ylabel("steps, paper's cost")
     for k, name in ((1, "range"), (2, "height")):

@@ -13,9 +13,9 @@ from groundstation.geometry.rotation import (
     wxyz_from_matrix,
 )
 from groundstation.onboard.pose.corners import refine_corners
-from groundstation.onboard.pose.inertial import rotation_vector
+from groundstation.onboard.pose.inertial_filter import rotation_vector
+from groundstation.onboard.pose.pose_solver import KnownAttitude, pose_covariance, solve_pose
 from groundstation.onboard.pose.simulated_approach import RUNWAY_FROM_LEVEL_BODY, default_setup, see_runway
-from groundstation.onboard.pose.solve import KnownAttitude, pose_covariance, solve_pose
 from groundstation.onboard.pose.susan import susan_corner
 
 

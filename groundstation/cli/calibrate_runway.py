@@ -9,7 +9,7 @@ from calibration.landmarks.jobs import ComparisonOutcome
 from calibration.sightings import STANDING_DEG, Landmark, LandmarkSighting
 from groundstation.errors import InputError
 from groundstation.files.toml_table import quoted
-from groundstation.onboard.pose.solve import PoseStatus
+from groundstation.onboard.pose.pose_solver import PoseStatus
 from groundstation.onboard.pose.station_check import StationCheck, check_station
 from groundstation.rig.rig import Rig, Station
 

@@ -142,8 +142,8 @@ def _count(text: str) -> int:
 
 def run_fly(options: argparse.Namespace) -> int:
     """Follow the runway, print the summary and the paths; returns the exit code."""
-    from groundstation.onboard.approach.config import CornerMethod
     from groundstation.onboard.fly import FlyRequest, GroundTrack, fly_video, format_fly_summary
+    from groundstation.onboard.visual_inertial.config import CornerMethod
 
     ground = None
     if options.ground_track is not None:

@@ -68,10 +68,10 @@ def run_pose(options: argparse.Namespace) -> int:
     # imported here: --help and a wrong option answer at once
     from calibration.lens.lens_files import read_lens
     from groundstation.onboard.edges.camera_file import is_camera_file, load_nose_camera
-    from groundstation.onboard.pose.files import Runways, read_corners, write_poses
-    from groundstation.onboard.pose.label import solve_corners
+    from groundstation.onboard.pose.corner_labelling import solve_corners
+    from groundstation.onboard.pose.pose_files import Runways, read_corners, write_poses
+    from groundstation.onboard.pose.pose_solver import RunwayPose
     from groundstation.onboard.pose.runway import Runway
-    from groundstation.onboard.pose.solve import RunwayPose
 
     if options.out.is_dir():
         raise InputError(str(options.out), got="a folder", wanted="--out with a file's name")

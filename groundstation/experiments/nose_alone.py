@@ -30,7 +30,7 @@ from groundstation.experiments.nose_edges import (
 from groundstation.experiments.nose_pictures import panel, sheet
 from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
-from groundstation.onboard.edges.descent import DescentConfig, Energy, descend
+from groundstation.onboard.edges.gradient_descent import DescentConfig, Energy, descend
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines, shifted
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.search_band import across_direction

@@ -17,7 +17,7 @@ from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.onboard.edges.baselines import hough_edges
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
-from groundstation.onboard.edges.descent import Energy
+from groundstation.onboard.edges.gradient_descent import Energy
 from groundstation.onboard.edges.kalman import picture_crossings, picture_state, predict_picture, update_picture
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
 from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix

@@ -12,10 +12,8 @@ from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.geometry.rotation import matrix_from_wxyz
-from groundstation.onboard.approach.config import ApproachConfig, CornerMethod
-from groundstation.onboard.approach.navigator import NoseNavigator, NoseReport
 from groundstation.onboard.edges.pose import Attitude, nose_pose
-from groundstation.onboard.pose.inertial import rotation_vector
+from groundstation.onboard.pose.inertial_filter import rotation_vector
 from groundstation.onboard.scenes.nose_flight import (
     CAMERA_PITCH_DEG,
     NoseFlight,
@@ -24,6 +22,8 @@ from groundstation.onboard.scenes.nose_flight import (
     nose_setup,
 )
 from groundstation.onboard.scenes.sequences import SEQUENCES
+from groundstation.onboard.visual_inertial.config import ApproachConfig, CornerMethod
+from groundstation.onboard.visual_inertial.nose_navigator import NoseNavigator, NoseReport
 
 _SEED_STEP = 70_000
 _LONGEST_S = 13.0

@@ -13,7 +13,7 @@ from groundstation.experiments.experiment import Findings, PaperFigure
 from groundstation.experiments.nose_pose import DIFFERENCES, FlightErrors, follow
 from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
-from groundstation.onboard.pose.inertial import ATTITUDE, POSITION, VELOCITY
+from groundstation.onboard.pose.inertial_filter import ATTITUDE, POSITION, VELOCITY
 from groundstation.onboard.pose.simulated_approach import default_setup
 from groundstation.onboard.pose.simulated_passes import Passes, fly_passes
 

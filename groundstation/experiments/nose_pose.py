@@ -12,10 +12,11 @@ from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z
 from groundstation.onboard.edges.pose import intrinsic_matrix
-from groundstation.onboard.pose.inertial import ATTITUDE, POSITION, UpdateOutcome, rotation_vector
-from groundstation.onboard.pose.label import ROUNDING_SIGMA_PX
-from groundstation.onboard.pose.navigator import RunwayNavigator
-from groundstation.onboard.pose.paper import FOUR_SIDES, SIX_PAIRS, solve_paper
+from groundstation.onboard.pose.coplanarity_solver import FOUR_SIDES, SIX_PAIRS, solve_coplanarity
+from groundstation.onboard.pose.corner_labelling import ROUNDING_SIGMA_PX
+from groundstation.onboard.pose.inertial_filter import ATTITUDE, POSITION, UpdateOutcome, rotation_vector
+from groundstation.onboard.pose.pose_solver import PointCorrespondences, solve_pose
+from groundstation.onboard.pose.runway_navigator import RunwayNavigator
 from groundstation.onboard.pose.simulated_approach import (
     RUNWAY_FROM_LEVEL_BODY,
     ApproachSetup,
@@ -24,7 +25,6 @@ from groundstation.onboard.pose.simulated_approach import (
     fly,
     see_runway,
 )
-from groundstation.onboard.pose.solve import SeenPoints, solve_pose
 
 _SEED = 41
 _BINS_M = ((150, 500), (500, 1000), (1000, 1800))
@@ -52,7 +52,7 @@ def pose_range(recorded: TruthSession) -> Findings:
         seen = see_runway(setup, position, body, rng)
         if seen is None:
             continue
-        seen = SeenPoints(
+        seen = PointCorrespondences(
             points_m=seen.points_m,
             pixels=np.round(seen.pixels),
             covariance_px2=np.broadcast_to(ROUNDING_SIGMA_PX**2 * np.eye(2), (4, 2, 2)),
@@ -88,13 +88,13 @@ def _somewhere(rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     return position, RUNWAY_FROM_LEVEL_BODY @ rotation_z(yaw) @ rotation_y(pitch) @ rotation_x(roll)
 
 
-def _ranges(seen: SeenPoints) -> list[float]:
-    found = [solve_pose(seen), solve_paper(seen, SIX_PAIRS), solve_paper(seen, FOUR_SIDES)]
+def _ranges(seen: PointCorrespondences) -> list[float]:
+    found = [solve_pose(seen), solve_coplanarity(seen, SIX_PAIRS), solve_coplanarity(seen, FOUR_SIDES)]
     ranges = [np.nan if pose is None else float(np.linalg.norm(pose.position_m)) for pose in found]
     return [*ranges, opencv_range(seen)]
 
 
-def opencv_range(seen: SeenPoints) -> float:
+def opencv_range(seen: PointCorrespondences) -> float:
     """Return the range in m by OpenCV's solvePnP and its Levenberg-Marquardt, the better of two starts."""
     K, best, range_m = intrinsic_matrix(seen.lens), np.inf, np.nan
     for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_EPNP):
@@ -167,7 +167,7 @@ def follow(setup: ApproachSetup, approach: SimulatedApproach) -> FlightErrors:
         if k in approach.seen:
             seen = approach.seen[k]
             innovation = navigator.update(sample.t_s, seen).innovation
-            if k % (5 * EVERY) == 0 and (paper := solve_paper(seen, SIX_PAIRS)) is not None:
+            if k % (5 * EVERY) == 0 and (paper := solve_coplanarity(seen, SIX_PAIRS)) is not None:
                 steps.append((sample.t_s, paper.steps))
             if innovation is not None and innovation.outcome is UpdateOutcome.USED:
                 told.append((sample.t_s, innovation.value, np.sqrt(np.diag(innovation.covariance))))

@@ -22,7 +22,7 @@ from groundstation.experiments.nose_pictures import draw_line
 from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
 from groundstation.onboard.edges.config import paper_config
-from groundstation.onboard.edges.descent import Energy, descend
+from groundstation.onboard.edges.gradient_descent import Energy, descend
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines, shifted
 from groundstation.onboard.edges.report import Edges
 from groundstation.onboard.edges.search_band import band_widths

@@ -10,23 +10,23 @@ import numpy as np
 
 from groundstation.arrays import ImageArray
 from groundstation.errors import InputError
-from groundstation.onboard.approach.config import ApproachConfig, CornerMethod
-from groundstation.onboard.approach.corner_finder import FoundCorners
-from groundstation.onboard.approach.ground_track import read_ground_track
-from groundstation.onboard.approach.navigator import NoseFix, NoseNavigator, NoseReport
-from groundstation.onboard.approach.outcome_words import why_unused
-from groundstation.onboard.approach.track_file import NoseFiles, agreement_words, write_agreement
-from groundstation.onboard.approach.unit_file import has_poses, load_unit, read_samples
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
-from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
-from groundstation.onboard.edges.motion import VisualOdometry
 from groundstation.onboard.edges.pose import NoseCameraPose
+from groundstation.onboard.edges.undistortion import Undistorter
+from groundstation.onboard.edges.visual_odometry import VisualOdometry
 from groundstation.onboard.fly_sinks import FlyRecording, draw_sight
 from groundstation.onboard.pose.agreement import PositionTrack, compare_positions
-from groundstation.onboard.pose.files import Runways
-from groundstation.onboard.pose.inertial import ImuSample
+from groundstation.onboard.pose.inertial_filter import ImuSample
+from groundstation.onboard.pose.pose_files import Runways
 from groundstation.onboard.pose.runway import Runway, rectangle
+from groundstation.onboard.visual_inertial.config import ApproachConfig, CornerMethod
+from groundstation.onboard.visual_inertial.corner_finder import FoundCorners
+from groundstation.onboard.visual_inertial.ground_track import read_ground_track
+from groundstation.onboard.visual_inertial.inertial_unit_file import has_poses, load_unit, read_samples
+from groundstation.onboard.visual_inertial.nose_navigator import NoseFix, NoseNavigator, NoseReport
+from groundstation.onboard.visual_inertial.outcome_text import why_unused
+from groundstation.onboard.visual_inertial.track_file import NoseFiles, agreement_words, write_agreement
 from groundstation.sinks.overlay_video import OverlayVideo
 from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other_times
 
@@ -129,7 +129,7 @@ class _Flight:
     ) -> None:
         self._request, self._video, self._camera = request, video, camera
         self._navigator, self._log = navigator, log
-        self._flat = FlatPicture(camera.lens)
+        self._flat = Undistorter(camera.lens)
         self._odometry: VisualOdometry | None = None
         if log is None and camera.start is not None:
             self._odometry = VisualOdometry(self._flat.kappa, camera.start)
@@ -204,7 +204,7 @@ class _Flight:
         """Return a pose from the log, or from the pictures' motion as long as the filter needs one."""
         if self._log is not None:
             return self._log.pose(t_s)
-        if self._odometry is None or self._navigator.stands_alone:
+        if self._odometry is None or self._navigator.needs_no_external_pose:
             return None
         return self._odometry.step(image)
 

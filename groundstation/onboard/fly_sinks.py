@@ -10,12 +10,12 @@ import rerun.blueprint as rrb
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry.rotation import matrix_from_wxyz
-from groundstation.onboard.approach.navigator import NoseReport
 from groundstation.onboard.edges.edges_file import corner_pixels
-from groundstation.onboard.edges.flat_picture import FlatPicture
+from groundstation.onboard.edges.undistortion import Undistorter
 from groundstation.onboard.pose.agreement import PositionTrack
 from groundstation.onboard.pose.runway import CORNERS
 from groundstation.onboard.sinks import draw_edges, log_outline
+from groundstation.onboard.visual_inertial.nose_navigator import NoseReport
 
 _CORNER_BGR = (60, 60, 255)
 _CORNER_RGB = [255, 60, 60]
@@ -27,7 +27,7 @@ _NOSE_M = 8.0
 
 
 def draw_sight(
-    image: ImageArray, index: int, report: NoseReport, corners_px: FloatArray | None, flat: FlatPicture
+    image: ImageArray, index: int, report: NoseReport, corners_px: FloatArray | None, flat: Undistorter
 ) -> ImageArray:
     """Return a copy of a frame (h, w, 3) BGR with edges, corners (4, 2) px and what became of it."""
     picture = draw_edges(image, index, report.t_s, report.edges, _edge_ends(report, flat))
@@ -48,7 +48,7 @@ def draw_sight(
     return picture
 
 
-def _edge_ends(report: NoseReport, flat: FlatPicture) -> FloatArray | None:
+def _edge_ends(report: NoseReport, flat: Undistorter) -> FloatArray | None:
     edges = None if report.edges is None else report.edges.edges
     return None if edges is None else flat.original(corner_pixels(edges))
 
@@ -90,7 +90,7 @@ class FlyRecording:
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
         self._stream.disconnect()
 
-    def write(self, image: ImageArray, report: NoseReport, corners_px: FloatArray | None, flat: FlatPicture) -> None:
+    def write(self, image: ImageArray, report: NoseReport, corners_px: FloatArray | None, flat: Undistorter) -> None:
         """Send one frame (h, w, 3) BGR and what came of it."""
         send = self._stream
         send.set_time("time", duration=np.timedelta64(round(report.t_s * 1e9), "ns"))

@@ -9,8 +9,8 @@ import rerun.blueprint as rrb
 
 from groundstation.errors import InputError
 from groundstation.geometry.camera import Lens
+from groundstation.onboard.pose.pose_solver import PoseStatus, RunwayPose
 from groundstation.onboard.pose.runway import Runway
-from groundstation.onboard.pose.solve import PoseStatus, RunwayPose
 from groundstation.onboard.sinks import log_outline
 from groundstation.viewer.scene import BAD, DOUBTFUL, FRUSTUM_LENGTH, GOOD
 from groundstation.viewer.tree import XYZW

@@ -12,7 +12,6 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.files.overwriting import refuse_existing
 from groundstation.geometry.rotation import wxyz_from_matrix
-from groundstation.onboard.approach.unit_file import SAMPLE_COLUMNS
 from groundstation.onboard.scenes.nose_flight import (
     CAMERA_PITCH_DEG,
     NoseFlight,
@@ -22,6 +21,7 @@ from groundstation.onboard.scenes.nose_flight import (
     nose_setup,
 )
 from groundstation.onboard.scenes.sequences import SEQUENCES
+from groundstation.onboard.visual_inertial.inertial_unit_file import SAMPLE_COLUMNS
 
 _FFV1 = sum(ord(c) << 8 * i for i, c in enumerate("FFV1"))
 _LOG_COLUMNS = (*SAMPLE_COLUMNS, "roll_deg", "pitch_deg", "yaw_deg", "x_m", "y_m", "z_m")

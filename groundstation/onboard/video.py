@@ -10,12 +10,12 @@ from groundstation.errors import InputError
 from groundstation.onboard.edges.camera_file import CameraFileError, NoseCamera, load_nose_camera
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.edges_file import NO_POSE, EdgesFile, corner_pixels
-from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import PoseLog, load_imu
-from groundstation.onboard.edges.motion import VisualOdometry
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeReport
 from groundstation.onboard.edges.tracker import EdgeTracker
+from groundstation.onboard.edges.undistortion import Undistorter
+from groundstation.onboard.edges.visual_odometry import VisualOdometry
 from groundstation.onboard.sinks import EdgesRecording, draw_edges
 from groundstation.sinks.overlay_video import OverlayVideo
 from groundstation.sources.video_file import VideoFile, VideoFrame, refuse_other_times
@@ -87,13 +87,13 @@ class _EdgeCounts:
 class _Poses:
     """A pose for each frame: the log's, or from the pictures where there is no log."""
 
-    def __init__(self, camera: NoseCamera, log: PoseLog | None, flat: FlatPicture) -> None:
+    def __init__(self, camera: NoseCamera, log: PoseLog | None, flat: Undistorter) -> None:
         self._log = log
         self._odometry = None
         if log is None and camera.start is not None:
             self._odometry = VisualOdometry(flat.kappa, camera.start)
 
-    def of(self, frame: VideoFrame, picture: FlatPicture) -> NoseCameraPose | None:
+    def of(self, frame: VideoFrame, picture: Undistorter) -> NoseCameraPose | None:
         if self._log is not None:
             return self._log.pose(frame.t_s)
         return None if self._odometry is None else self._odometry.step(picture.flat(frame.image))
@@ -106,7 +106,7 @@ def _run(
     log: PoseLog | None,
     progress: Callable[[int, int | None], None],
 ) -> EdgesResult:
-    flat = FlatPicture(camera.lens)
+    flat = Undistorter(camera.lens)
     poses = _Poses(camera, log, flat)
     tracker = EdgeTracker(flat.kappa, camera.lens.image_size_px, TrackerConfig(guess=camera.guess))
     files = [request.out / "edges.csv", request.out / "edges.mp4"]

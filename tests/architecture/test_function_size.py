@@ -20,11 +20,11 @@ LONG: set[str] = {
     "groundstation.estimation.filter_core.FilterCore.__init__",
     "groundstation.evaluation.evaluate.evaluate_run",
     "groundstation.live.command._live",
-    "groundstation.onboard.approach.corner_finder.find_corners",
-    "groundstation.onboard.edges.ascent_kernel.best_displacements",
+    "groundstation.onboard.visual_inertial.corner_finder.find_corners",
+    "groundstation.onboard.edges.coordinate_ascent.best_displacements",
     "groundstation.onboard.edges.energy.spatially_variant",
     "groundstation.onboard.edges.profile_kernel.misfits",
-    "groundstation.onboard.scenes.kernels.render_ground",
+    "groundstation.onboard.scenes.ground_kernel.render_ground",
     "groundstation.replay.replay.replay",
 }
 MANY_ARGUMENTS: set[str] = {
@@ -34,10 +34,10 @@ MANY_ARGUMENTS: set[str] = {
     "groundstation.estimation.linearisation._add_speed_noise",
     "groundstation.estimation.measurement._fuse_angles",
     "groundstation.live.operation.Operation.__init__",
-    "groundstation.onboard.edges.descent._descend",
-    "groundstation.onboard.edges.line_kernel.look_kernel",
-    "groundstation.onboard.pose.kernel.levenberg_marquardt",
-    "groundstation.onboard.pose.kernel.rows",
+    "groundstation.onboard.edges.gradient_descent._descend",
+    "groundstation.onboard.edges.line_kernel.fill_frame_geometry",
+    "groundstation.onboard.pose.levenberg_marquardt.levenberg_marquardt",
+    "groundstation.onboard.pose.levenberg_marquardt.rows",
     "groundstation.simulation.render_kernels.surroundings",
 }
 

@@ -12,7 +12,7 @@ from landmark_study.simulated import morning, write_landmarks, write_sightings
 
 from calibration.lens.boards import parse_board
 from calibration.lens.fit import camera_matrix
-from groundstation.onboard.pose.files import Runways
+from groundstation.onboard.pose.pose_files import Runways
 from groundstation.onboard.render import render_flight
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.rig.rig import Rig

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.onboard.approach.unit_file import load_unit
 from groundstation.onboard.edges.camera_file import is_camera_file, load_nose_camera
+from groundstation.onboard.visual_inertial.inertial_unit_file import load_unit
 from tests.docs.pages import ROOT, text_of
 
 _PAGE = ROOT / "docs" / "onboard.md"

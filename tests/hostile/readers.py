@@ -12,11 +12,11 @@ from calibration.pictures import read_pictures
 from calibration.sightings import read_landmarks, read_sightings
 from groundstation.errors import SessionError
 from groundstation.live.station_file import load_station
-from groundstation.onboard.approach.ground_track import read_ground_track
-from groundstation.onboard.approach.unit_file import load_unit, read_samples
 from groundstation.onboard.edges.camera_file import load_nose_camera
 from groundstation.onboard.edges.imu_file import load_imu
-from groundstation.onboard.pose.files import Runways, read_corners
+from groundstation.onboard.pose.pose_files import Runways, read_corners
+from groundstation.onboard.visual_inertial.ground_track import read_ground_track
+from groundstation.onboard.visual_inertial.inertial_unit_file import load_unit, read_samples
 from groundstation.planning.site_file import load_site
 from groundstation.session.flight_log import load_flight_log
 from groundstation.session.logs.fixes import LogOptions

@@ -12,8 +12,8 @@ import pytest
 from groundstation.cli.main import main
 from groundstation.onboard.edges.camera_file import CameraFileError, load_nose_camera
 from groundstation.onboard.edges.edges_file import EDGE_COLUMNS
-from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import ImuFileError, load_imu
+from groundstation.onboard.edges.undistortion import Undistorter
 from groundstation.onboard.scenes.sequences import SEQUENCES, Renderer
 from tests.complaints import complaint
 from tests.damaged_video import damage
@@ -208,7 +208,7 @@ def test_places_on_earth_become_poses_over_the_threshold(tmp_path: Path) -> None
 def test_a_bent_lens_is_straightened_and_its_pixels_go_back(tmp_path: Path) -> None:
     (tmp_path / "nose.toml").write_text(LENS + "distortion = [-0.2, 0.05, 0.001, -0.001, 0.0]\n")
     lens = load_nose_camera(tmp_path / "nose.toml").lens
-    flat = FlatPicture(lens)
+    flat = Undistorter(lens)
     picture = np.zeros((480, 640, 3), np.uint8)
     picture[100:104, 90:94] = 255
     straight = flat.flat(picture)

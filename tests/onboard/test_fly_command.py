@@ -13,15 +13,15 @@ import pytest
 from groundstation.cli.main import main
 from groundstation.errors import InputError
 from groundstation.onboard import fly_sinks as onboard_fly_sinks
-from groundstation.onboard.approach.corner_finder import NoCorners
-from groundstation.onboard.approach.ground_track import GroundTrackError, read_ground_track
-from groundstation.onboard.approach.navigator import NoseFix, NoseReport
-from groundstation.onboard.approach.outcome_words import USED, WORDS, why_unused
-from groundstation.onboard.approach.track_file import PICTURE_COLUMNS, TRACK_COLUMNS
 from groundstation.onboard.edges.camera_file import load_nose_camera
-from groundstation.onboard.edges.flat_picture import FlatPicture
 from groundstation.onboard.edges.imu_file import load_imu
-from groundstation.onboard.pose.inertial import NavigationStatus, UpdateOutcome
+from groundstation.onboard.edges.undistortion import Undistorter
+from groundstation.onboard.pose.inertial_filter import NavigationStatus, UpdateOutcome
+from groundstation.onboard.visual_inertial.corner_finder import NoCorners
+from groundstation.onboard.visual_inertial.ground_track import GroundTrackError, read_ground_track
+from groundstation.onboard.visual_inertial.nose_navigator import NoseFix, NoseReport
+from groundstation.onboard.visual_inertial.outcome_text import USED, WORDS, why_unused
+from groundstation.onboard.visual_inertial.track_file import PICTURE_COLUMNS, TRACK_COLUMNS
 from groundstation.simulation import jsbsim_model
 from groundstation.sources.video_file import VideoFile
 from tests.complaints import complaint
@@ -99,8 +99,8 @@ def test_bad_input_is_one_line(flight: Path, tmp_path: Path, capsys: pytest.Capt
     head = "t_s,force_x_m_s2,force_y_m_s2,force_z_m_s2,rate_x_deg_s,rate_y_deg_s,rate_z_deg_s\n"
     plain.write_text(head + "0,0,0,-9.8,0,0,0\n1,0,0,-9.8,0,0,0\n")
     camera = tmp_path / "nose.toml"
-    told = (flight / "nose.toml").read_text()
-    camera.write_text(told[: told.index("[start]")] + told[told.index("[imu]") :])
+    text = (flight / "nose.toml").read_text()
+    camera.write_text(text[: text.index("[start]")] + text[text.index("[imu]") :])
     assert run(flight, out, camera=camera, imu=plain) == 1
     assert "a [start] table" in capsys.readouterr().err
     plain.write_text(head + "1,0,0,-9.8,0,0,0\n1,0,0,-9.8,0,0,0\n")
@@ -133,10 +133,10 @@ def test_the_runways_size_is_never_guessed(
 def test_a_flight_without_a_pose_is_no_success(
     flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Expected: told a runway of another size, exit code 1, and what the pictures had, as in pictures.csv."""
-    told = (flight / "nose.toml").read_text()
+    """Expected: given a runway of another size, exit code 1, and what the pictures had, as in pictures.csv."""
+    text = (flight / "nose.toml").read_text()
     camera = tmp_path / "nose.toml"
-    camera.write_text(re.sub(r"length_m = .*", "length_m = 1500.0", re.sub(r"width_m = .*", "width_m = 30.0", told)))
+    camera.write_text(re.sub(r"length_m = .*", "length_m = 1500.0", re.sub(r"width_m = .*", "width_m = 30.0", text)))
     assert run(flight, tmp_path / "out", "--no-rerun", camera=camera) == 1
     shown = capsys.readouterr()
     assert f"trajectory: waiting {FRAMES}" in shown.out
@@ -188,10 +188,10 @@ def test_what_is_drawn_into_the_pictures_can_be_drawn(flight: Path, monkeypatch:
         covariance=np.diag(np.array([0.3, 4.0, 0.2, *[1.0] * 6]) ** 2),
         status=NavigationStatus.AIDED,
     )
-    report = NoseReport(t_s=0.0, told=None, edges=None, corners=None, pose=None, innovation=None, fix=fix)
+    report = NoseReport(t_s=0.0, tracker_pose=None, edges=None, corners=None, pose=None, innovation=None, fix=fix)
     camera = load_nose_camera(flight / "nose.toml")
     picture = np.zeros((camera.lens.image_size_px[1], camera.lens.image_size_px[0], 3), np.uint8)
-    onboard_fly_sinks.draw_sight(picture, 3, report, None, FlatPicture(camera.lens))
+    onboard_fly_sinks.draw_sight(picture, 3, report, None, Undistorter(camera.lens))
     assert drawn[-1] == "no_pose  x 1.2  y 200  z 8.1 m, sigma 0.3  4  0.2"
     assert all(text.isascii() for text in drawn)
 

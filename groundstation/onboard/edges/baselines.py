@@ -1,6 +1,6 @@
 """What the tracker is compared with: the Hough transform on Canny's edges, and graph cuts (OpenCV's GrabCut).
 
-Both look at one picture alone, between the same rows as the tracker. Neither is told where the edges are; GrabCut is
+Both look at one picture alone, between the same rows as the tracker. Neither is given where the edges are; GrabCut is
 given the trapezoid in which to cut, as it needs seeds.
 """
 

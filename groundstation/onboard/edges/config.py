@@ -4,14 +4,14 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum
 
-from groundstation.onboard.edges.descent import DescentConfig, Energy
 from groundstation.onboard.edges.detection import EdgeDetectionConfig
+from groundstation.onboard.edges.gradient_descent import DescentConfig, Energy
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.search_band import RunwayGuess
 from groundstation.onboard.edges.strip import StripConfig
 
 
-class Measurement(Enum):
+class MeasurementModel(Enum):
     """The measurement of a picture: the paper's six numbers, or crossings with their own covariance."""
 
     LINES = "lines"
@@ -24,14 +24,14 @@ class TrackerConfig:
 
     Attributes
     ----------
-    measurement : what the filter is told.
+    measurement : what the filter measures.
     use_strip : search about the prediction before going down, and settle to a fraction of a pixel after it.
     bands_across : take the means along the image of a line across the runway; else along the lines' normals.
     profile : of the runway, the profile across each edge says where it is; None: the strip or the descent (crossings
         only).
-    paint_m : bright marks narrower than this are taken away first, painted lines and lamps; 0 for none.
+    paint_m : bright markings narrower than this are taken away first, painted lines and lamps; 0 for none.
     first_band_m : width of the neighbourhoods where a pair is first looked at, on the ground; wide ones are not held
-        by marks within the runway.
+        by markings within the runway.
     band_m, least_band_px, most_band_px : width of the neighbourhoods on the ground, and its limits in the picture.
     attitude_sigma_rad, position_sigma_m : what a pose may be wrong by, anew in each frame (crossings only).
     lasting_attitude_rad, lasting_height_m : and for good: roll and pitch, and height; estimated (crossings only).
@@ -50,14 +50,14 @@ class TrackerConfig:
     edge_sigma_m, edge_sigma_px : what the seen edge and the pavement's may lie apart, for paint, lamps and shoulders,
         alike along an edge, and for blur and haze at either end; it does not average out, and is added to what is
         reported (crossings only).
-    profile_sigma_m, profile_sigma_px : the same where a profile says what its marks leave open.
+    profile_sigma_m, profile_sigma_px : the same where a profile says what its markings leave open.
     plain_contrast : contrast (0 to 1) below which an edge is faint, and ``edge_sigma_px`` grows as it falls.
     gate : largest normalised innovation squared of an accepted measurement, 4 degrees of freedom.
     coast_frames : how long the lines are predicted alone before they are sought anew.
     line_noise, process_noise : the paper's U and Q, per element (lines only).
     """
 
-    measurement: Measurement = Measurement.CROSSINGS
+    measurement: MeasurementModel = MeasurementModel.CROSSINGS
     use_strip: bool = True
     bands_across: bool = True
     guess: RunwayGuess = field(default_factory=RunwayGuess)
@@ -104,7 +104,7 @@ class TrackerConfig:
 def paper_config(guess: RunwayGuess, energy: Energy = Energy.AS_PRINTED) -> TrackerConfig:
     """Return the paper's tracker: gradient descent from the prediction, U and Q as printed, nothing doubted."""
     return TrackerConfig(
-        measurement=Measurement.LINES,
+        measurement=MeasurementModel.LINES,
         use_strip=False,
         bands_across=False,
         profile=None,

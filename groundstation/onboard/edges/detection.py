@@ -39,7 +39,7 @@ class EdgeDetectionConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Detected:
+class DetectedPairs:
     """Pairs of edges, the lowest energy first: crossings (k, 4) px with the rows, their weighted energies (k,).
 
     Besides, of the search itself: response (w,) and candidates (n, 2) u, angle.
@@ -137,7 +137,7 @@ def detect(
     px_per_m: FloatArray,
     config: EdgeDetectionConfig,
     plausible: Callable[[FloatArray], float],
-) -> Detected | NoPair:
+) -> DetectedPairs | NoPair:
     """Run Algorithm 1 between two rows.
 
     Parameters
@@ -172,7 +172,7 @@ def detect(
     if not found:
         return NoPair(response=profile, candidates=candidates)
     found.sort(key=lambda pair: pair[0])
-    return Detected(
+    return DetectedPairs(
         pairs_px=np.array([ends for _, ends in found]),
         energies=np.array([energy for energy, _ in found]),
         response=profile,

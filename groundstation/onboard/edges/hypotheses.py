@@ -12,12 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.config import Measurement, TrackerConfig
-from groundstation.onboard.edges.descent import descend
+from groundstation.onboard.edges.config import MeasurementModel, TrackerConfig
 from groundstation.onboard.edges.detection import NoPair, detect
-from groundstation.onboard.edges.follow import Followed, follow, plain_edges, profiled
-from groundstation.onboard.edges.found import FoundEdges
+from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
+from groundstation.onboard.edges.frame_geometry import (
+    TrackerCamera,
+    edge_noise,
+    geometry_between_rows,
+    pose_noise,
+    widths_of,
+)
+from groundstation.onboard.edges.gradient_descent import descend
 from groundstation.onboard.edges.kalman import LineState, update_crossings
+from groundstation.onboard.edges.line_tracking import TrackingStep, plain_edges, profiled, track_lines
 from groundstation.onboard.edges.lines import (
     C,
     D,
@@ -27,14 +34,13 @@ from groundstation.onboard.edges.lines import (
     project_lines,
     state_from_crossings,
 )
-from groundstation.onboard.edges.look import Lookout, edge_noise, look_between, pose_noise, widths_of
-from groundstation.onboard.edges.marks import Marks
-from groundstation.onboard.edges.paint import without_paint
-from groundstation.onboard.edges.plausible import plausible
+from groundstation.onboard.edges.marking_removal import remove_markings
+from groundstation.onboard.edges.markings import Markings
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeMiss, Edges
+from groundstation.onboard.edges.runway_plausibility import pair_weight
 from groundstation.onboard.edges.search_band import NoBand, across_direction, band_rows
-from groundstation.onboard.edges.strip import find_edges, search_edges, settle
+from groundstation.onboard.edges.strip import find_edges, refine_edges, search_edges
 
 # sigma of a detected pair's crossings
 _FIRST_SIGMA_PX = 3.0
@@ -46,7 +52,7 @@ _FIRST_PAIRS, _MORE_PAIRS = 4, 2
 _SAME_PX, _SAME_SHARE = 3.0, 0.08
 _MOST_NIS = 25.0
 # of a pair that was not measured yet: as expected of four crossings
-USUAL_NIS = 4.0
+EXPECTED_NIS = 4.0
 # sigma of c and d of a pair that was only detected, m
 _ANYWHERE_M = 10.0
 # what the parts of a score weigh: agreement of the edges' colours, misfit to the pose, frames without edges
@@ -63,8 +69,8 @@ class Hypothesis:
     ----------
     state, edges : the lines, and what the last frame showed of them.
     frames, missed : since they were found; without edges since they were last seen.
-    agreement, nis, lost : means over the last frames: see `found.FoundEdges`, NIS at most 25, share without edges.
-    marks : paint and lamps beside its edges, where it was followed by profiles.
+    agreement, nis, lost : means over the last frames: see `EdgeMeasurement`, NIS at most 25, share without edges.
+    markings : paint and lamps beside its edges, where it was followed by profiles.
     """
 
     state: LineState
@@ -74,9 +80,9 @@ class Hypothesis:
     agreement: float
     nis: float
     lost: float
-    marks: Marks | None = None
+    markings: Markings | None = None
 
-    def after(self, step: Followed) -> "Hypothesis":
+    def after(self, step: TrackingStep) -> "Hypothesis":
         """Return the hypothesis after a step."""
         weight = 1.0 / min(self.frames + 1, _MEMORY)
         seen = step.found is not None
@@ -92,7 +98,9 @@ class Hypothesis:
             agreement=agreement,
             nis=nis,
             lost=self.lost + weight * (float(not seen) - self.lost),
-            marks=step.found.marks if step.found is not None and step.found.marks is not None else self.marks,
+            markings=step.found.markings
+            if step.found is not None and step.found.markings is not None
+            else self.markings,
         )
 
 
@@ -135,19 +143,19 @@ class PairSearch:
     miss: EdgeMiss
 
 
-def find_pairs(lookout: Lookout, image: ImageArray, pose: NoseCameraPose) -> list[Hypothesis] | EdgeMiss:
+def find_pairs(camera: TrackerCamera, image: ImageArray, pose: NoseCameraPose) -> list[Hypothesis] | EdgeMiss:
     """Run Algorithm 1, and return what its best pairs look like from near by; or why there is none."""
-    search = begin_search(lookout, image, pose, [])
-    look_on(lookout, search, len(search.waiting))
+    search = begin_search(camera, image, pose, [])
+    continue_search(camera, search, len(search.waiting))
     return search.found or search.miss
 
 
-def begin_search(lookout: Lookout, image: ImageArray, pose: NoseCameraPose, known: list[Hypothesis]) -> PairSearch:
+def begin_search(camera: TrackerCamera, image: ImageArray, pose: NoseCameraPose, known: list[Hypothesis]) -> PairSearch:
     """Run Algorithm 1; its pairs, and the announced runway, wait to be looked at in this very picture, which is kept.
 
     Pairs that are ``known`` already are left out, and fewer are looked at where there are such.
     """
-    config, kappa = lookout.config, lookout.kappa
+    config, kappa = camera.config, camera.kappa
     e, middle = line_map(pose, kappa), np.zeros(4)
     search = PairSearch(
         painted=image,
@@ -161,7 +169,7 @@ def begin_search(lookout: Lookout, image: ImageArray, pose: NoseCameraPose, know
         found=[],
         miss=EdgeMiss.NONE,
     )
-    rows = band_rows(pose, kappa, lookout.image_size_px, config.guess)
+    rows = band_rows(pose, kappa, camera.image_size_px, config.guess)
     if isinstance(rows, NoBand):
         search.miss = EdgeMiss.NO_BAND
         return search
@@ -170,8 +178,8 @@ def begin_search(lookout: Lookout, image: ImageArray, pose: NoseCameraPose, know
     px_per_m = np.abs(search.middle[2:] - search.middle[:2]) / (2.0 * half)
     # a picture that is looked at later is not the caller's, who may write the next one into it
     search.painted = image.copy()
-    search.image = without_paint(search.painted, rows, config.paint_m * float(px_per_m[1]))
-    pairs = detect(search.image, rows, px_per_m, config.detection, lambda x: plausible(x, rows, pose, kappa, config))
+    search.image = remove_markings(search.painted, rows, config.paint_m * float(px_per_m[1]))
+    pairs = detect(search.image, rows, px_per_m, config.detection, lambda x: pair_weight(x, rows, pose, kappa, config))
     wanted = (_MORE_PAIRS if known else _FIRST_PAIRS) if config.confirm_frames > 1 else 1
     if config.use_strip and config.confirm_frames > 1:
         search.waiting.append(search.middle)
@@ -181,19 +189,19 @@ def begin_search(lookout: Lookout, image: ImageArray, pose: NoseCameraPose, know
     return search
 
 
-def look_on(lookout: Lookout, search: PairSearch, looks: int) -> None:
+def continue_search(camera: TrackerCamera, search: PairSearch, looks: int) -> None:
     """Take so many looks at pairs that wait, if as many do, and keep what is seen."""
     for _ in range(min(looks, len(search.waiting))):
         crossings = search.waiting.pop(0)
         if crossings is search.middle:
-            near = _announced(lookout, search.image, search.rows, search.pose)
+            near = _announced(camera, search.image, search.rows, search.pose)
             near = None if near is not None and _known(search, near.crossings_px) else near
         else:
-            near = _first_look(lookout, search.image, crossings, search.rows, search.pose, search.e)
+            near = _first_look(camera, search.image, crossings, search.rows, search.pose, search.e)
         if near is not None:
             # a picture's first pairs are reported, and are worth a profile
             painted = None if search.known else search.painted
-            search.found.append(_started(lookout, painted, near, crossings, search.rows, search.pose))
+            search.found.append(_started(camera, painted, near, crossings, search.rows, search.pose))
 
 
 def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
@@ -201,30 +209,30 @@ def _known(search: PairSearch, crossings_px: FloatArray) -> bool:
     return any(one.edges is not None and same_lines_px(one.edges, crossings_px, search.rows) for one in search.known)
 
 
-def followed(
-    lookout: Lookout, image: ImageArray, pose: NoseCameraPose, old: list[Hypothesis], new: list[Hypothesis]
+def track_hypotheses(
+    camera: TrackerCamera, image: ImageArray, pose: NoseCameraPose, old: list[Hypothesis], new: list[Hypothesis]
 ) -> list[Hypothesis]:
     """Return every pair one frame later, without those that were not seen for long, and without doubles.
 
     ``old`` with the best first; ``new`` were seen in a picture before this one and have not been followed yet.
     """
     # one of several is given up sooner than the runway
-    profile, most = lookout.config.profile, lookout.config.coast_frames // 2
+    profile, most = camera.config.profile, camera.config.coast_frames // 2
     # what is reported is the best one's, for which alone there is time to take profiles
     best, layouts = (None, 0) if profile is None else (old[0], profile.layouts_beside)
     moved = [
         [
-            h.after(follow(lookout, image, pose, h.state, thorough=h is best, marks=h.marks, layouts=layouts))
+            h.after(track_lines(camera, image, pose, h.state, thorough=h is best, markings=h.markings, layouts=layouts))
             for h in hypotheses
         ]
         for hypotheses in (old, new)
     ]
-    return merged(lookout, *([h for h in hypotheses if h.missed <= most] for hypotheses in moved))
+    return merge_hypotheses(camera, *([h for h in hypotheses if h.missed <= most] for hypotheses in moved))
 
 
-def merged(lookout: Lookout, old: list[Hypothesis], new: list[Hypothesis]) -> list[Hypothesis]:
+def merge_hypotheses(camera: TrackerCamera, old: list[Hypothesis], new: list[Hypothesis]) -> list[Hypothesis]:
     """Return the best of both lists, at most as many as configured, the best first; of two alike the earlier."""
-    config, kept = lookout.config, list[Hypothesis]()
+    config, kept = camera.config, list[Hypothesis]()
     for one in sorted(old, key=lambda h: -score(h, config)) + new:
         if not any(same_lines(one, other) for other in kept):
             kept.append(one)
@@ -245,28 +253,35 @@ def same_lines_px(edges: Edges, crossings_px: FloatArray, rows_px: FloatArray) -
     return bool(np.abs(there - crossings_px).max() < apart)
 
 
-def _announced(lookout: Lookout, image: ImageArray, rows: FloatArray, pose: NoseCameraPose) -> FoundEdges | None:
+def _announced(
+    camera: TrackerCamera, image: ImageArray, rows: FloatArray, pose: NoseCameraPose
+) -> EdgeMeasurement | None:
     """Return what is seen about where the announced runway lies by the pose, to within what both may be off by."""
-    config = lookout.config
+    config = camera.config
     half = 0.5 * config.guess.width_m
     state = _prior(config, np.array([1.0, 0.0, -half, half]))
     state.covariance[C, C] = state.covariance[D, D] = _ANNOUNCED_M**2
-    look = look_between(lookout, pose, state, rows)
+    look = geometry_between_rows(camera, pose, state, rows)
     prior = look.h @ state.covariance @ look.h.T + pose_noise(config, look)
     widths = widths_of(config, state.mean[:4], look.e, rows, look.predicted, config.band_m)
     wide = search_edges(image, look.predicted, rows, widths, look.across, prior, config.strip)
     if wide is None:
         return None
     down = descend(image, wide, rows, widths, config.descent, look.across)
-    return settle(image, down.crossings_px, rows, widths, look.across, config.strip)
+    return refine_edges(image, down.crossings_px, rows, widths, look.across, config.strip)
 
 
 def _first_look(
-    lookout: Lookout, image: ImageArray, crossings: FloatArray, rows: FloatArray, pose: NoseCameraPose, e: FloatArray
-) -> FoundEdges | None:
+    camera: TrackerCamera,
+    image: ImageArray,
+    crossings: FloatArray,
+    rows: FloatArray,
+    pose: NoseCameraPose,
+    e: FloatArray,
+) -> EdgeMeasurement | None:
     """Return a detected pair, made better by what follows it in every other frame."""
-    config = lookout.config
-    mean = state_from_crossings(crossings, rows, pose, lookout.kappa)
+    config = camera.config
+    mean = state_from_crossings(crossings, rows, pose, camera.kappa)
     if not np.isfinite(mean).all():
         return None
     widths = widths_of(config, mean, e, rows, project_lines(mean, e, rows)[0], config.first_band_m)
@@ -279,13 +294,13 @@ def _first_look(
     down = descend(image, crossings, rows, widths, config.descent, across if config.bands_across else None)
     if not config.use_strip:
         return plain_edges(down.crossings_px)
-    return settle(image, down.crossings_px, rows, widths, across, config.strip)
+    return refine_edges(image, down.crossings_px, rows, widths, across, config.strip)
 
 
 def _started(
-    lookout: Lookout,
+    camera: TrackerCamera,
     painted: ImageArray | None,
-    found: FoundEdges,
+    found: EdgeMeasurement,
     detected: FloatArray,
     rows: FloatArray,
     pose: NoseCameraPose,
@@ -294,23 +309,14 @@ def _started(
 
     With a picture that has its paint, the edges are those of the profiles.
     """
-    config = lookout.config
-    state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, lookout.kappa))
-    look = look_between(lookout, pose, state, rows)
+    config = camera.config
+    state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, camera.kappa))
+    look = geometry_between_rows(camera, pose, state, rows)
     if config.profile is not None and painted is not None:
         prior = _FIRST_SIGMA_PX**2 * np.eye(4)
-        found = profiled(
-            config.profile,
-            painted,
-            look,
-            state,
-            found.crossings_px,
-            prior,
-            None,
-            layouts=0,
-        )
-        state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, lookout.kappa))
-        look = look_between(lookout, pose, state, rows)
+        found = profiled(config.profile, painted, look, state, found.crossings_px, prior, None, layouts=0)
+        state = _prior(config, state_from_crossings(found.crossings_px, rows, pose, camera.kappa))
+        look = geometry_between_rows(camera, pose, state, rows)
     noise = found.covariance_px2 + pose_noise(config, look)
     update = update_crossings(state, look.predicted, look.h, found.crossings_px, noise)
     lasting = edge_noise(config, found.crossings_px, rows, update.state.mean, found)
@@ -319,7 +325,7 @@ def _started(
         rows_px=rows,
         crossings_px=found.crossings_px,
         covariance_px2=found.covariance_px2 + lasting,
-        lasting_px2=lasting,
+        systematic_px2=lasting,
         predicted_px=detected,
         measured_px=found.crossings_px,
         nis=math.nan,
@@ -330,9 +336,9 @@ def _started(
         frames=1,
         missed=0,
         agreement=found.agreement,
-        nis=USUAL_NIS,
+        nis=EXPECTED_NIS,
         lost=0.0,
-        marks=found.marks,
+        markings=found.markings,
     )
 
 
@@ -342,6 +348,6 @@ def _prior(config: TrackerConfig, mean: FloatArray) -> LineState:
         [0.0, 0.0, *[_ANYWHERE_M**2] * 2, *[config.lasting_attitude_rad**2] * 2, config.lasting_height_m**2]
     )
     prior[:2, :2] = config.start_turn_rad**2 * np.outer([-mean[1], mean[0]], [-mean[1], mean[0]])
-    if config.measurement is Measurement.LINES:
+    if config.measurement is MeasurementModel.LINES:
         return LineState(mean=mean, covariance=prior[:4, :4])
     return LineState(mean=np.concatenate([mean, np.zeros(3)]), covariance=prior)

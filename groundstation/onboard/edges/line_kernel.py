@@ -1,4 +1,4 @@
-"""Compiled arithmetic of two lines on the ground and in the picture, for `lines`, `look` and `search_band`.
+"""Compiled arithmetic of two lines on the ground and in the picture, for `lines`, `frame_geometry` and `search_band`.
 
 Each function is a few dozen multiplications, for which a call of numpy takes ten times as long as the arithmetic.
 The equations are named where the functions are documented, in `lines`; rotation is threshold_from_camera (3, 3),
@@ -228,7 +228,7 @@ def correlated_part(by_pose: FloatArray, rotation: FloatArray, out: FloatArray) 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def look_kernel(
+def fill_frame_geometry(
     rotation: FloatArray,
     position: FloatArray,
     kappa: FloatArray,
@@ -242,7 +242,7 @@ def look_kernel(
     widths: FloatArray,
     across: FloatArray,
 ) -> FloatArray:
-    """Fill what `look.Look` holds of lines (4,) or (7,) between rows (2,); returns the line map E (3, 3)."""
+    """Fill the arrays of `FrameGeometry` for lines (4,) or (7,) between rows (2,); returns the line map E (3, 3)."""
     e = line_map_of(rotation, position, kappa)
     project(mean, e, rows, predicted, h)
     move_with_pose(predicted, rows, rotation, position, kappa, by_pose)

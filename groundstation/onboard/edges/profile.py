@@ -9,7 +9,7 @@ gives the block's likelihood, profiled over its noise; a line through all blocks
 block perhaps one of something else. The prior chooses among the likely places; mean and covariance are the
 likelihood's own: where darkness hides the far end it is wide, and near rows and filter hold it. Not in the paper.
 
-Where line and lamps are, and how bright, is remembered and doubted in `marks`.
+Where line and lamps are, and how bright, is remembered and doubted in `markings`.
 """
 
 from dataclasses import replace
@@ -17,19 +17,27 @@ from dataclasses import replace
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.found import FoundEdges
-from groundstation.onboard.edges.marks import Change, Marks, compared, first_marks, layout_at, unsettled_m2, usual
+from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
+from groundstation.onboard.edges.markings import (
+    Change,
+    Markings,
+    compared,
+    expected_excess,
+    initial_markings,
+    layout_at,
+    unsettled_m2,
+)
 from groundstation.onboard.edges.profile_config import ProfileConfig
 from groundstation.onboard.edges.profile_fit import (
     OUTWARDS,
-    Fit,
-    Raised,
-    Straightened,
-    fitted,
+    EdgeProfiles,
+    LampParallax,
+    ProfileFit,
+    best_displacement,
+    edge_profiles,
+    fit_layouts,
     levels_at,
-    likeliest,
     noise_at,
-    straightened,
 )
 from groundstation.onboard.edges.profile_kernel import moments
 
@@ -37,7 +45,7 @@ from groundstation.onboard.edges.profile_kernel import moments
 # `paint` 95 of 255 grey levels, well above night (60 to 80) and below day (from 125 on); dusk lies on either side
 _DARK_COLOUR = 0.37
 # lamps that are seen where they stand
-_ON_GROUND = Raised()
+_ON_GROUND = LampParallax()
 
 
 def reach_px(px_per_m: FloatArray, config: ProfileConfig) -> FloatArray:
@@ -52,53 +60,55 @@ def edges_by_profile(
     px_per_m: FloatArray,
     predicted_px: FloatArray,
     prior_px2: FloatArray,
-    marks: Marks | None,
+    markings: Markings | None,
     config: ProfileConfig,
     *,
     layouts: int,
-    raised: Raised = _ON_GROUND,
-) -> FoundEdges:
+    lamp_parallax: LampParallax = _ON_GROUND,
+) -> EdgeMeasurement:
     """Return the edges about a guess (4,) by the profiles of a picture (h, w, 3) with its paint.
 
     ``px_per_m`` (2,) across the runway at the upper and the lower row. The prior, crossings (4,) of covariance (4, 4),
-    chooses among likely places and is no part of the result. ``marks`` of the picture before, None of a first one.
-    So many other ``layouts`` are compared, and other lines; with none neither. ``raised`` is where lamps are seen.
+    chooses among likely places and is no part of the result. ``markings`` of the picture before, None of a first one.
+    ``layouts``: how many other layouts are compared, with other lines; 0 for neither. ``lamp_parallax``: of lamps.
     """
     weight = np.asarray(np.linalg.inv(prior_px2 * np.outer(OUTWARDS, OUTWARDS)), np.float64)
     offset = OUTWARDS * (predicted_px - guess_px)
-    wide = _profiles(image, guess_px, rows_px, px_per_m, raised, (2.0, config.wide), config)
-    if marks is None:
+    wide = _profiles(image, guess_px, rows_px, px_per_m, lamp_parallax, (2.0, config.wide), config)
+    if markings is None:
         dark = float(np.median(wide.total.sum(axis=3) / np.maximum(3.0 * wide.weight, 1e-9))) < _DARK_COLOUR
-        marks = first_marks(config, dark=dark)
-    fit = _fitted(wide, marks, config.wide, config)
-    moved, change = likeliest(fit, offset, weight).moved_px, Change.NONE
-    if layouts > 0 and marks.frames > 0:
-        comparison = compared(marks, wide, moved, px_per_m, layouts, config)
-        marks, moved, change = comparison.marks, comparison.moved_px, comparison.change
+        markings = initial_markings(config, dark=dark)
+    fit = _fitted(wide, markings, config.wide, config)
+    moved, change = best_displacement(fit, offset, weight).moved_px, Change.NONE
+    if layouts > 0 and markings.frames > 0:
+        comparison = compared(markings, wide, moved, px_per_m, layouts, config)
+        markings, moved, change = comparison.markings, comparison.moved_px, comparison.change
         if change is not Change.NONE:
-            fit = _fitted(wide, marks, config.wide, config)
-    if marks.frames == 0:
-        marks = _first_guess(marks, fit, moved, config)
+            fit = _fitted(wide, markings, config.wide, config)
+    if markings.frames == 0:
+        markings = _first_guess(markings, fit, moved, config)
     crossings, light = guess_px + OUTWARDS * moved, _excess(fit, moved)[1]
-    fine = _profiles(image, crossings, rows_px, px_per_m, raised, (1.0, config.fine), config)
-    fit = _fitted(fine, marks, config.fine, config)
-    return _result(fit, crossings, px_per_m, marks, light, config, change=change)
+    fine = _profiles(image, crossings, rows_px, px_per_m, lamp_parallax, (1.0, config.fine), config)
+    fit = _fitted(fine, markings, config.fine, config)
+    return _result(fit, crossings, px_per_m, markings, light, config, change=change)
 
 
-def _fitted(profiles: Straightened, marks: Marks, reach: int, config: ProfileConfig) -> Fit:
-    return fitted(profiles, [layout_at(marks.places, config)], usual(marks, config), reach, config.values_as_one)[0]
+def _fitted(profiles: EdgeProfiles, markings: Markings, reach: int, config: ProfileConfig) -> ProfileFit:
+    return fit_layouts(
+        profiles, [layout_at(markings.places, config)], expected_excess(markings, config), reach, config.values_as_one
+    )[0]
 
 
 def _result(
-    fit: Fit,
+    fit: ProfileFit,
     crossings: FloatArray,
     px_per_m: FloatArray,
-    marks: Marks,
+    markings: Markings,
     light: FloatArray,
     config: ProfileConfig,
     *,
     change: Change,
-) -> FoundEdges:
+) -> EdgeMeasurement:
     """Return mean and covariance of the last fit, about crossings (4,), and what was seen with it.
 
     But for the ``light`` (blocks, 3) of lamps: near by the fine window, 2 m to either side, does not reach them.
@@ -113,15 +123,15 @@ def _result(
     lengths = np.sqrt((between**2).sum(axis=(1, 2)))
     excess = _excess(fit, moved)
     excess[1] = light
-    marks = _remembered(marks, excess, noise_at(fit, moved), config)
+    markings = _remembered(markings, excess, noise_at(fit, moved), config)
     scale = OUTWARDS * np.tile(px_per_m, 2)
-    return FoundEdges(
+    return EdgeMeasurement(
         crossings_px=crossings + OUTWARDS * moved,
         covariance_px2=covariance,
         contrast=np.sqrt(np.median((between**2).mean(axis=2), axis=1)),
         agreement=float((between[0] * between[1]).sum()) / max(float(lengths[0] * lengths[1]), 1e-9),
-        marks=marks,
-        unsettled_px2=unsettled_m2(marks, config) * np.outer(scale, scale),
+        markings=markings,
+        unsettled_px2=unsettled_m2(markings, config) * np.outer(scale, scale),
         change=change,
     )
 
@@ -135,29 +145,31 @@ def _profiles(
     x: FloatArray,
     rows: FloatArray,
     px_per_m: FloatArray,
-    raised: Raised,
+    lamp_parallax: LampParallax,
     scale_reach: tuple[float, int],
     config: ProfileConfig,
-) -> Straightened:
+) -> EdgeProfiles:
     scale, reach = scale_reach
     sizes = (config.blocks, 2 * (reach + config.beside) + 1)
     steps = scale * _steps(px_per_m, config)
-    return straightened(image, x, rows, px_per_m, steps, sizes, config.blur_px, scale, raised)
+    return edge_profiles(image, x, rows, px_per_m, steps, sizes, config.blur_px, scale, lamp_parallax)
 
 
-def _excess(fit: Fit, moved: FloatArray) -> FloatArray:
+def _excess(fit: ProfileFit, moved: FloatArray) -> FloatArray:
     """Return the excess (2, blocks, 3) of line and lamps, the mean of both edges, as far as paint and light go."""
     return np.asarray(np.clip(levels_at(fit, moved)[:, :, 2:].mean(axis=0).transpose(1, 0, 2), 0.0, 1.0))
 
 
-def _remembered(marks: Marks, own: FloatArray, noise: float, config: ProfileConfig) -> Marks:
-    """Return marks after a picture with the excess ``own`` (2, blocks, 3)."""
-    part = 1.0 / min(marks.frames + 1, config.mark_frames)
-    return replace(marks, excess=marks.excess + part * (own - marks.excess), noise=noise, frames=marks.frames + 1)
+def _remembered(markings: Markings, own: FloatArray, noise: float, config: ProfileConfig) -> Markings:
+    """Return markings after a picture with the excess ``own`` (2, blocks, 3)."""
+    part = 1.0 / min(markings.frames + 1, config.mark_frames)
+    return replace(
+        markings, excess=markings.excess + part * (own - markings.excess), noise=noise, frames=markings.frames + 1
+    )
 
 
-def _first_guess(marks: Marks, fit: Fit, moved: FloatArray, config: ProfileConfig) -> Marks:
-    """Return marks of a picture's wide fit, for its fine one: the paint is taken to be that of the near half."""
+def _first_guess(markings: Markings, fit: ProfileFit, moved: FloatArray, config: ProfileConfig) -> Markings:
+    """Return markings of a picture's wide fit, for its fine one: the paint is taken to be that of the near half."""
     own = _excess(fit, moved)
     own[0] = np.clip(np.median(levels_at(fit, moved)[:, config.blocks // 2 :, 2], axis=(0, 1)), 0.0, 1.0)
-    return replace(marks, excess=own, noise=noise_at(fit, moved))
+    return replace(markings, excess=own, noise=noise_at(fit, moved))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.ascent_kernel import best_displacements
+from groundstation.onboard.edges.coordinate_ascent import best_displacements
 from groundstation.onboard.edges.profile_kernel import (
     gather,
     line_likelihood,
@@ -22,10 +22,10 @@ _LEAST_BLUR = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Raised:
-    """Where lamps, which stand higher than the ground, are seen on it: ``scale`` times as far out, and farther.
+class LampParallax:
+    """Displacement of lamps, which are higher than the ground, in their projection onto it.
 
-    ``shift_m`` of the left and the right line.
+    Outwards from the edge: ``scale`` times the distance, plus ``shift_m`` of the left and of the right line.
     """
 
     scale: float = 1.0
@@ -33,12 +33,17 @@ class Raised:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Straightened:
-    """Profiles of both lines: sums of colours (2, blocks, bins, 3), weights (2, blocks, bins).
+class EdgeProfiles:
+    """Profiles across both edges, straightened along them.
 
-    Besides steps (2,) px of a bin at the upper and the lower row, and of each block: bins in a metre (blocks,), sigma
-    of the picture in bins (2, blocks); ``coarse`` is how many of the finest steps a bin has; ``raised`` where lamps
-    are seen.
+    Attributes
+    ----------
+    total, weight : sums of colours (2, blocks, bins, 3), and weights (2, blocks, bins).
+    steps : (2,) px of a bin at the upper and the lower row.
+    bins_per_m : (blocks,).
+    blurs : (2, blocks) sigma of the picture's blur, in bins.
+    coarse : how many of the finest steps a bin has.
+    lamp_parallax : displacement of lamps on the ground.
     """
 
     total: FloatArray
@@ -47,7 +52,7 @@ class Straightened:
     bins_per_m: FloatArray
     blurs: FloatArray
     coarse: float
-    raised: Raised
+    lamp_parallax: LampParallax
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,16 +64,16 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Usual:
-    """The usual excess (2, blocks, 3) of line and lamps, and how stiffly each (2,) is held to it, in pixels."""
+class ExpectedExcess:
+    """Expected excess (2, blocks, 3) of line and lamps, and the weight (2,) of this prior, in pixels."""
 
     excess: FloatArray
     stiffness: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
-    """Log-likelihoods of both lines (2, trials, trials), relative to ``base``, and what the best levels are.
+class ProfileFit:
+    """Log-likelihoods of both lines (2, trials, trials), relative to ``base``, and the best levels.
 
     ``levels`` (2, blocks, trials, 4, 3): pavement, ground, excess of line and lamps; ``misfit`` (2, blocks, trials) in
     pixels, ``freedom`` (2, blocks) how many these are; ``steps`` (2,) px between trials.
@@ -83,14 +88,14 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Likeliest:
+class BestDisplacement:
     """Outward displacements of both lines (4,) px on the grid, and their log-likelihood, the prior's part included."""
 
     moved_px: FloatArray
     evidence: float
 
 
-def straightened(
+def edge_profiles(
     image: ImageArray,
     x: FloatArray,
     rows: FloatArray,
@@ -99,28 +104,34 @@ def straightened(
     sizes: tuple[int, int],
     blur_px: float,
     coarse: float,
-    raised: Raised,
-) -> Straightened:
+    lamp_parallax: LampParallax,
+) -> EdgeProfiles:
     """Return the profiles about lines x (4,), of (blocks, bins) ``sizes``; ``steps`` (2,) px of a bin at both rows."""
     total, weight = np.zeros((2, *sizes, 3)), np.zeros((2, *sizes))
     gather(image, x, rows, steps, total, weight)
     step, m = _along(sizes[0], steps), _along(sizes[0], px_per_m)
     lean = np.hypot(1.0, (x[1::2] - x[::2]) / (rows[1] - rows[0]))
     blurs = np.hypot(blur_px * lean[:, None] / step, _LEAST_BLUR)
-    return Straightened(
-        total=total, weight=weight, steps=steps, bins_per_m=m / step, blurs=blurs, coarse=coarse, raised=raised
+    return EdgeProfiles(
+        total=total,
+        weight=weight,
+        steps=steps,
+        bins_per_m=m / step,
+        blurs=blurs,
+        coarse=coarse,
+        lamp_parallax=lamp_parallax,
     )
 
 
-def fitted(
-    profiles: Straightened, layouts: list[Layout], usual: Usual | None, reach: int, values_as_one: float
-) -> list[Fit]:
+def fit_layouts(
+    profiles: EdgeProfiles, layouts: list[Layout], usual: ExpectedExcess | None, reach: int, values_as_one: float
+) -> list[ProfileFit]:
     """Return of each layout the likelihood of displacements of ``reach`` bins to either side.
 
     So many values err as one. What is ``usual`` is that of the first layout; None: any paint and light.
     """
     blocks, trials, count = profiles.weight.shape[1], 2 * reach + 1, len(layouts)
-    sides_m = np.array([[_sides(layout, profiles.raised, line) for layout in layouts] for line in range(2)])
+    sides_m = np.array([[_sides(layout, profiles.lamp_parallax, line) for layout in layouts] for line in range(2)])
     bars = sides_m[:, :, :, None, :] * profiles.bins_per_m[:, None]
     there = bars[0, 0, :, 0, 0] < bars[0, 0, :, 0, 1]
     misfit, levels = np.empty((2, count, blocks, trials)), np.zeros((2, count, blocks, trials, 4, 3))
@@ -141,7 +152,7 @@ def fitted(
             line_likelihood(curves[k], profiles.steps, _OUTLIER, grids[k, line])
         bases -= (power * np.log(least / np.maximum(freedom[line], 1.0))).sum(axis=1)
     return [
-        Fit(
+        ProfileFit(
             grids=grids[k],
             base=float(bases[k]),
             levels=levels[:, k],
@@ -153,37 +164,37 @@ def fitted(
     ]
 
 
-def _sides(layout: Layout, raised: Raised, line: int) -> list[tuple[float, float]]:
+def _sides(layout: Layout, lamp_parallax: LampParallax, line: int) -> list[tuple[float, float]]:
     """Return inner and outer side of line and lamps, m outwards on the ground; of no width where there are none."""
     sides = [layout.line_m or (0.0, 0.0), (0.0, 0.0)]
     if layout.lamps_m is not None:
-        seen_m = raised.scale * layout.lamps_m + raised.shift_m[line]
+        seen_m = lamp_parallax.scale * layout.lamps_m + lamp_parallax.shift_m[line]
         sides[1] = (seen_m - _LAMP_M, seen_m + _LAMP_M)
     return sides
 
 
-def likeliest(fit: Fit, offset_px: FloatArray, weight: FloatArray) -> Likeliest:
+def best_displacement(fit: ProfileFit, offset_px: FloatArray, weight: FloatArray) -> BestDisplacement:
     """Return the likeliest displacement; the prior's mean is at ``offset_px`` (4,), its inverse covariance (4, 4)."""
     moved = np.zeros(4)
     evidence = float(best_displacements(fit.grids, -np.inf, fit.steps, offset_px, weight, moved))
-    return Likeliest(moved_px=moved, evidence=evidence + fit.base)
+    return BestDisplacement(moved_px=moved, evidence=evidence + fit.base)
 
 
-def likelihood_at(fit: Fit, moved_px: FloatArray) -> float:
+def likelihood_at(fit: ProfileFit, moved_px: FloatArray) -> float:
     """Return the log-likelihood of both lines displaced outwards by (4,) px, as of the nearest place on the grid."""
     trials = fit.grids.shape[1]
     at = np.clip(np.round(moved_px / np.tile(fit.steps, 2)) + trials // 2, 0, trials - 1).astype(np.intp)
     return float(fit.grids[0, at[0], at[1]] + fit.grids[1, at[2], at[3]]) + fit.base
 
 
-def levels_at(fit: Fit, moved_px: FloatArray) -> FloatArray:
+def levels_at(fit: ProfileFit, moved_px: FloatArray) -> FloatArray:
     """Return the levels (2, blocks, 4, 3) of both lines, displaced outwards by (4,) px."""
     out = np.empty((*fit.misfit.shape[:2], 4, 3))
     picked_levels(fit.levels, fit.steps, moved_px, out)
     return out
 
 
-def noise_at(fit: Fit, moved_px: FloatArray) -> float:
+def noise_at(fit: ProfileFit, moved_px: FloatArray) -> float:
     """Return the usual variance of a pixel about its profile, both lines displaced outwards by (4,) px."""
     picked = np.empty(fit.misfit.shape[:2], np.int64)
     picked_trials(fit.misfit.shape[2], fit.steps, moved_px, picked)

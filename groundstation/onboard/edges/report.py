@@ -36,7 +36,7 @@ class Edges:
         estimated, the pose's lasting errors of roll, pitch and height.
     rows_px : upper and lower row (2,) between which they were looked at.
     crossings_px, covariance_px2 : of the estimate with these rows, (4,) and (4, 4).
-    lasting_px2 : the part of that covariance (4, 4) that more pictures do not average out.
+    systematic_px2 : the part of that covariance (4, 4) that more pictures do not average out.
     predicted_px : before the picture was looked at, (4,).
     measured_px : what the picture alone says (4,), None where it says nothing that was accepted.
     nis : normalised innovation squared of what was measured, NaN where nothing was.
@@ -46,7 +46,7 @@ class Edges:
     rows_px: FloatArray
     crossings_px: FloatArray
     covariance_px2: FloatArray
-    lasting_px2: FloatArray
+    systematic_px2: FloatArray
     predicted_px: FloatArray
     measured_px: FloatArray | None
     nis: float

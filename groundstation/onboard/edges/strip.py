@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray, ImageArray
-from groundstation.onboard.edges.ascent_kernel import best_displacements
-from groundstation.onboard.edges.found import FoundEdges
+from groundstation.onboard.edges.coordinate_ascent import best_displacements
+from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
 from groundstation.onboard.edges.strip_kernel import (
     displacement_scores,
     edges_agree,
@@ -61,10 +61,10 @@ def find_edges(
     across: FloatArray,
     prior_px2: FloatArray,
     config: StripConfig,
-) -> FoundEdges | None:
+) -> EdgeMeasurement | None:
     """Search both edges about a guess (4,), wide first, and settle; None where one of them is not seen."""
     crossings = search_edges(image, guess_px, rows_px, widths_px, across, prior_px2, config)
-    return None if crossings is None else settle(image, crossings, rows_px, widths_px, across, config)
+    return None if crossings is None else refine_edges(image, crossings, rows_px, widths_px, across, config)
 
 
 def search_edges(
@@ -78,7 +78,7 @@ def search_edges(
 ) -> FloatArray | None:
     """Return where both edges are (4,), to a step, about a guess (4,) of covariance (4, 4); None: not seen.
 
-    ``widths_px`` (2, 2) and ``across`` (2,) as for `descent.descend`.
+    ``widths_px`` (2, 2) and ``across`` (2,) as for `gradient_descent.descend`.
     """
     prior = prior_px2 + _LEAST_SIGMA_PX**2 * np.eye(4)
     reach = float(np.clip(3.0 * np.sqrt(prior.diagonal().max()) + 1.0, 3.0, config.most_px))
@@ -93,14 +93,14 @@ def search_edges(
     return guess_px + displaced if math.isfinite(best) else None
 
 
-def settle(
+def refine_edges(
     image: ImageArray,
     crossings_px: FloatArray,
     rows_px: FloatArray,
     widths_px: FloatArray,
     across: FloatArray,
     config: StripConfig,
-) -> FoundEdges | None:
+) -> EdgeMeasurement | None:
     """Return the edges next to crossings (4,) to a fraction of a pixel; None where one is too faint or too short."""
     strip = _strip(
         image, crossings_px, rows_px, widths_px, across, config.window_px + 1.0, config.step_px, config.places
@@ -120,7 +120,7 @@ def settle(
         covariance[own, own] = config.block * spread**2 * block + config.floor_px**2 * np.eye(2)
     if contrast.min() < config.least_contrast:
         return None
-    return FoundEdges(
+    return EdgeMeasurement(
         crossings_px=found, covariance_px2=covariance, contrast=contrast, agreement=_agreement(strip, config.block)
     )
 

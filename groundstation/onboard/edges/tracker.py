@@ -15,21 +15,21 @@ from dataclasses import replace
 
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.onboard.edges.config import TrackerConfig
-from groundstation.onboard.edges.follow import follow, side_lines_of
+from groundstation.onboard.edges.frame_geometry import TrackerCamera
 from groundstation.onboard.edges.hypotheses import (
-    USUAL_NIS,
+    EXPECTED_NIS,
     Hypothesis,
     PairSearch,
     begin_search,
+    continue_search,
     find_pairs,
-    followed,
-    look_on,
-    merged,
+    merge_hypotheses,
     same_lines,
     score,
+    track_hypotheses,
 )
 from groundstation.onboard.edges.kalman import LineState
-from groundstation.onboard.edges.look import Lookout
+from groundstation.onboard.edges.line_tracking import side_lines_of, track_lines
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 
@@ -49,7 +49,7 @@ class EdgeTracker:
     def __init__(self, kappa: FloatArray, image_size_px: tuple[int, int], config: TrackerConfig) -> None:
         if config.profile is not None:
             config = replace(config, profile=side_lines_of(config.profile, config.guess))
-        self._lookout = Lookout(kappa=kappa, image_size_px=image_size_px, config=config)
+        self._lookout = TrackerCamera(kappa=kappa, image_size_px=image_size_px, config=config)
         self._config = config
         self._runway: Hypothesis | None = None
         self._open: list[Hypothesis] = []
@@ -60,7 +60,9 @@ class EdgeTracker:
 
     def start(self, state: LineState) -> None:
         """Go on from lines that are known."""
-        self._runway = Hypothesis(state=state, edges=None, frames=1, missed=0, agreement=1.0, nis=USUAL_NIS, lost=0.0)
+        self._runway = Hypothesis(
+            state=state, edges=None, frames=1, missed=0, agreement=1.0, nis=EXPECTED_NIS, lost=0.0
+        )
         self._forget()
         self._unchecked = 0
 
@@ -70,7 +72,7 @@ class EdgeTracker:
             return self._track(self._runway, image, pose)
         if self._open:
             work, new = len(self._open) + len(self._arrived), self._arrived
-            self._open, self._arrived = followed(self._lookout, image, pose, self._open, new), []
+            self._open, self._arrived = track_hypotheses(self._lookout, image, pose, self._open, new), []
             if self._open:
                 return self._compare(image, pose, work)
         return self._seek(image, pose)
@@ -84,7 +86,9 @@ class EdgeTracker:
         # a search takes the time in which other layouts are compared
         searching = self._search is not None or self._due(runway, self._unchecked + 1)
         layouts = 0 if searching or self._config.profile is None else self._config.profile.layouts
-        step = follow(self._lookout, image, pose, runway.state, thorough=True, marks=runway.marks, layouts=layouts)
+        step = track_lines(
+            self._lookout, image, pose, runway.state, thorough=True, markings=runway.markings, layouts=layouts
+        )
         runway = runway.after(step)
         self._unchecked += 1
         if runway.missed > self._config.coast_frames:
@@ -132,7 +136,7 @@ class EdgeTracker:
         if self._search is None and left > 0:
             self._search, left = begin_search(self._lookout, image, pose, known), left - 1
         if self._search is not None:
-            look_on(self._lookout, self._search, left)
+            continue_search(self._lookout, self._search, left)
         return self._search
 
     def _seek(self, image: ImageArray, pose: NoseCameraPose) -> EdgeReport:
@@ -141,7 +145,7 @@ class EdgeTracker:
         found = find_pairs(self._lookout, image, pose)
         if isinstance(found, EdgeMiss):
             return EdgeReport(status=EdgeStatus.SEARCHING, miss=found, edges=None)
-        self._open, self._compared = merged(self._lookout, [], found), 1
+        self._open, self._compared = merge_hypotheses(self._lookout, [], found), 1
         return self._chosen()
 
     def _compare(self, image: ImageArray, pose: NoseCameraPose, work: int) -> EdgeReport:

@@ -81,7 +81,7 @@ def refine_corners(image: FloatArray, start: FloatArray, reach_px: float = 6.0) 
 
 
 def fit_side(image: FloatArray, start: FloatArray, end: FloatArray, reach_px: float) -> Side | None:
-    """Fit a line to the edge between two corners (2,) px: found coarsely, then once more along what was found.
+    """ProfileFit a line to the edge between two corners (2,) px: found coarsely, then once more along what was found.
 
     None where no edge of one sign lies within ``reach_px`` of the line between them.
     """
@@ -101,7 +101,7 @@ def fit_side(image: FloatArray, start: FloatArray, end: FloatArray, reach_px: fl
 
 
 def _fit_once(image: FloatArray, middle: FloatArray, along: FloatArray, length: float, reach: float) -> Side | None:
-    """Fit offset and slope of the strongest edge of one sign within ``reach`` of a line."""
+    """ProfileFit offset and slope of the strongest edge of one sign within ``reach`` of a line."""
     half = 0.5 * length - _END_PX
     count = int(np.clip(round(2.0 * half), _LEAST_PROFILES, _MOST_PROFILES))
     stations = np.linspace(-half, half, count)
@@ -130,7 +130,7 @@ def _fit_once(image: FloatArray, middle: FloatArray, along: FloatArray, length: 
 
 
 def _line(x: FloatArray, place: FloatArray, middle: FloatArray, along: FloatArray, contrast: float) -> Side:
-    """Fit place = offset + slope · x robustly."""
+    """ProfileFit place = offset + slope · x robustly."""
     # neighbours share pixels and blur: profiles a pixel apart or closer are not independent
     independent = max(1.0, len(x) / max(1.0, float(np.ptp(x)) / (2.0 * _SMOOTH_PX)))
 

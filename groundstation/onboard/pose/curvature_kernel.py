@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.pose.view_kernel import pose_of
+from groundstation.onboard.pose.camera_kernel import pose_of
 
 _STEP = 0.1
 

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.pose.view_kernel import matrix_of
+from groundstation.onboard.pose.camera_kernel import matrix_of
 
 STATE_SIZE = 15
 GRAVITY_M_S2 = 9.80665

@@ -7,10 +7,10 @@ import numpy as np
 from groundstation.arrays import FloatArray
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_x, rotation_y, rotation_z, wxyz_from_matrix
-from groundstation.onboard.pose.inertial import CameraMount, ImuSample, InertialConfig, rotation_vector
+from groundstation.onboard.pose.inertial_filter import CameraMount, ImuSample, InertialConfig, rotation_vector
 from groundstation.onboard.pose.inertial_kernel import GRAVITY_M_S2
+from groundstation.onboard.pose.pose_solver import PointCorrespondences
 from groundstation.onboard.pose.runway import Runway, rectangle
-from groundstation.onboard.pose.solve import SeenPoints
 
 # a body flying level towards the runway: x forward is −y, y right is −x, z down
 RUNWAY_FROM_LEVEL_BODY = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -80,7 +80,7 @@ class SimulatedApproach:
     force_bias: FloatArray
     rate_bias: FloatArray
     samples: list[ImuSample]
-    seen: dict[int, SeenPoints]
+    seen: dict[int, PointCorrespondences]
 
 
 def fly(setup: ApproachSetup, rng: np.random.Generator) -> SimulatedApproach:
@@ -140,7 +140,7 @@ def motion_of(
 
 def see_runway(
     setup: ApproachSetup, position_m: FloatArray, runway_from_body: FloatArray, rng: np.random.Generator
-) -> SeenPoints | None:
+) -> PointCorrespondences | None:
     """Return the noisy corner pixels; None where a corner is outside the picture or behind."""
     camera = position_m + runway_from_body @ setup.mount.camera_in_body_m
     x = (setup.runway.corners_m - camera) @ (runway_from_body @ setup.mount.body_from_camera)
@@ -150,7 +150,7 @@ def see_runway(
     if (exact < 0).any() or (exact > np.array(setup.lens.image_size_px) - 1.0).any():
         return None
     sigma = setup.corner_sigma_px
-    return SeenPoints(
+    return PointCorrespondences(
         points_m=setup.runway.corners_m,
         pixels=exact + sigma * rng.standard_normal(exact.shape),
         covariance_px2=np.broadcast_to(sigma**2 * np.eye(2), (4, 2, 2)),

@@ -8,8 +8,8 @@ from scipy.stats import chi2
 from groundstation.arrays import FloatArray
 from groundstation.geometry.calibration import CALIBRATION_PARAMETERS, parameter_indices
 from groundstation.geometry.rotation import matrix_from_wxyz
-from groundstation.onboard.pose.inertial import rotation_vector
-from groundstation.onboard.pose.solve import PoseStatus, RunwayPose, SeenPoints, solve_pose
+from groundstation.onboard.pose.inertial_filter import rotation_vector
+from groundstation.onboard.pose.pose_solver import PointCorrespondences, PoseStatus, RunwayPose, solve_pose
 from groundstation.rig.rig import Station
 
 FALSE_ALARM = 0.01
@@ -68,7 +68,7 @@ def check_station(
     covariance = np.asarray(sigma_px)[:, None, None] ** 2 * np.eye(2)
     if corner_sigma_m is not None:
         covariance = covariance + _survey_in_pixels(station, pan_rad, tilt_rad, corners_m, corner_sigma_m)
-    seen = SeenPoints(points_m=corners_m, pixels=pixels, covariance_px2=covariance, lens=station.lens)
+    seen = PointCorrespondences(points_m=corners_m, pixels=pixels, covariance_px2=covariance, lens=station.lens)
     pose = solve_pose(seen)
     threshold = float(chi2.isf(FALSE_ALARM, 6))
     if pose is None:

@@ -9,7 +9,7 @@ import numpy as np
 from groundstation.arrays import FloatArray, ImageArray
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_y, wxyz_from_matrix
 from groundstation.onboard.edges.pose import NoseCameraPose
-from groundstation.onboard.pose.inertial import CameraMount, InertialConfig
+from groundstation.onboard.pose.inertial_filter import CameraMount, InertialConfig
 from groundstation.onboard.pose.runway import Runway, rectangle
 from groundstation.onboard.pose.simulated_approach import (
     BODY_FROM_FORWARD_CAMERA,

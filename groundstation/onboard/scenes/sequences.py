@@ -12,7 +12,7 @@ from groundstation.geometry.camera import Lens
 from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix, nose_pose, pixels_from_points
 from groundstation.onboard.scenes.flight import PoseSeries, Sensors, StraightApproach, fly, measured
 from groundstation.onboard.scenes.ground import Airfield, Surfaces, edge_lamps, patches
-from groundstation.onboard.scenes.kernels import add_lamps, render_ground
+from groundstation.onboard.scenes.ground_kernel import add_lamps, render_ground
 from groundstation.onboard.scenes.light import DAY, DUSK, HAZE, NIGHT, Light
 
 NOSE_LENS = Lens(

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from groundstation.onboard.edges.descent import DescentConfig, Energy, clutter, descend, far_sides
 from groundstation.onboard.edges.energy import non_variant, spatially_variant, spatially_variant_as_printed
+from groundstation.onboard.edges.gradient_descent import DescentConfig, Energy, clutter, descend, far_sides
 from groundstation.onboard.edges.lines import line_map, project_lines
 from tests.onboard.edges.seen import KAPPA, ROWS, RUNWAY, approach, numeric, painted_runway, smooth_picture
 

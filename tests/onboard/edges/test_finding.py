@@ -3,11 +3,18 @@
 import numpy as np
 
 from groundstation.onboard.edges.baselines import graph_cut_edges, hough_edges
-from groundstation.onboard.edges.detection import Detected, EdgeDetectionConfig, NoPair, detect, lowest_minima, response
+from groundstation.onboard.edges.detection import (
+    DetectedPairs,
+    EdgeDetectionConfig,
+    NoPair,
+    detect,
+    lowest_minima,
+    response,
+)
 from groundstation.onboard.edges.lines import line_map, project_lines, shifted
-from groundstation.onboard.edges.paint import bridge, lamp_mask, without_paint
+from groundstation.onboard.edges.marking_removal import bridge, lamp_mask, remove_markings
 from groundstation.onboard.edges.search_band import across_direction, band_widths
-from groundstation.onboard.edges.strip import StripConfig, find_edges, settle
+from groundstation.onboard.edges.strip import StripConfig, find_edges, refine_edges
 from tests.onboard.edges.seen import KAPPA, ROWS, RUNWAY, approach, painted_runway
 
 POSE = approach()
@@ -47,7 +54,7 @@ def test_minima_are_the_lowest_and_apart() -> None:
 def test_algorithm_1_finds_the_runway_and_says_when_no_pair_will_do() -> None:
     picture = painted_runway(POSE)
     found = detect(picture, ROWS, PX_PER_M, EdgeDetectionConfig(), lambda x: 1.0)
-    assert isinstance(found, Detected)
+    assert isinstance(found, DetectedPairs)
     assert np.abs(found.crossings_px - TRUTH).max() < 3.0
     assert len(found.candidates) <= 5
     assert isinstance(detect(picture, ROWS, PX_PER_M, EdgeDetectionConfig(), lambda x: 0.0), NoPair)
@@ -69,13 +76,13 @@ def test_the_strip_finds_edges_from_afar_to_a_fraction_of_a_pixel() -> None:
 def test_edges_agree_about_a_runway_and_not_about_the_ground_beside_one() -> None:
     """From the runway's right edge on, the ground is inside at the left line and outside at the right one."""
     picture = painted_runway(POSE)
-    both = settle(picture, TRUTH, ROWS, WIDTHS, ACROSS, StripConfig())
+    both = refine_edges(picture, TRUTH, ROWS, WIDTHS, ACROSS, StripConfig())
     assert both is not None
     assert both.agreement > 0.9
     u = np.arange(640)[None, :, None]
     t = ((np.arange(480) - ROWS[0]) / (ROWS[1] - ROWS[0]))[:, None, None]
     half = np.where(u > 0.5 * ((TRUTH[0] + TRUTH[2]) * (1 - t) + (TRUTH[1] + TRUTH[3]) * t), 255 - picture, picture)
-    other = settle(half.astype(np.uint8), TRUTH, ROWS, WIDTHS, ACROSS, StripConfig())
+    other = refine_edges(half.astype(np.uint8), TRUTH, ROWS, WIDTHS, ACROSS, StripConfig())
     assert other is not None
     assert other.agreement < -0.9
 
@@ -89,11 +96,11 @@ def test_narrow_paint_goes_and_wide_regions_stay() -> None:
     picture = np.full((480, 640, 3), 100, np.uint8)
     picture[:, 300:400] = 160
     picture[:, 200:204] = 250
-    cleaned = without_paint(picture, ROWS, 5.0)
+    cleaned = remove_markings(picture, ROWS, 5.0)
     assert np.all(cleaned[280, 190:210] == 100)
     assert np.array_equal(cleaned[280, 290:410], picture[280, 290:410])
     assert np.array_equal(cleaned[100], picture[100])
-    assert without_paint(picture, ROWS, 0.0) is picture
+    assert remove_markings(picture, ROWS, 0.0) is picture
 
 
 def test_lamps_by_night_are_bridged_from_side_to_side() -> None:

@@ -6,12 +6,12 @@ import pytest
 
 from groundstation.onboard.edges.config import TrackerConfig
 from groundstation.onboard.edges.detection import line_energies
+from groundstation.onboard.edges.frame_geometry import TrackerCamera, geometry_between_rows, pose_noise
 from groundstation.onboard.edges.kalman import LineState, update_crossings
 from groundstation.onboard.edges.kalman_kernel import between
 from groundstation.onboard.edges.line_kernel import seen_rows
 from groundstation.onboard.edges.lines import bias_jacobian, line_map, pose_jacobian, project_lines, state_from_ground
-from groundstation.onboard.edges.look import Lookout, look_between, pose_noise
-from groundstation.onboard.edges.paint import median_grey
+from groundstation.onboard.edges.marking_removal import median_grey
 from groundstation.onboard.edges.pose import NoseCameraPose, ground_from_pixels
 from groundstation.onboard.edges.strip_kernel import (
     displacement_scores,
@@ -47,9 +47,9 @@ def test_lines_of_the_ground_in_the_picture(seed: int) -> None:
     up = by_pose[:, 3:] @ pose.threshold_from_camera[2]
     np.testing.assert_allclose(bias_jacobian(by_pose, pose), np.stack([by_pose[:, 2], by_pose[:, 0], up], axis=1))
     config = TrackerConfig()
-    lookout = Lookout(kappa=KAPPA, image_size_px=SIZE, config=config)
+    camera = TrackerCamera(kappa=KAPPA, image_size_px=SIZE, config=config)
     known = LineState(mean=np.concatenate([state, np.zeros(3)]), covariance=np.eye(7))
-    look = look_between(lookout, pose, known, ROWS)
+    look = geometry_between_rows(camera, pose, known, ROWS)
     np.testing.assert_allclose(look.predicted, crossings, rtol=1e-9)
     np.testing.assert_allclose(look.h, np.hstack([h, bias_jacobian(by_pose, pose)]), rtol=1e-9, atol=1e-9)
     sigmas = np.array([config.attitude_sigma_rad] * 3 + list(config.position_sigma_m))

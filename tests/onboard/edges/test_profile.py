@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import FloatArray
-from groundstation.onboard.edges.ascent_kernel import best_displacements
-from groundstation.onboard.edges.found import FoundEdges
+from groundstation.onboard.edges.coordinate_ascent import best_displacements
+from groundstation.onboard.edges.edge_measurement import EdgeMeasurement
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
-from groundstation.onboard.edges.marks import Change, Marks, first_marks, unsettled_m2
+from groundstation.onboard.edges.markings import Change, Markings, initial_markings, unsettled_m2
 from groundstation.onboard.edges.pose import intrinsic_matrix
 from groundstation.onboard.edges.profile import edges_by_profile
 from groundstation.onboard.edges.profile_config import ProfileConfig
@@ -41,36 +41,36 @@ def seen(
     return frame, rows, crossings, np.abs(crossings[2:] - crossings[:2]) / (2.0 * half)
 
 
-def followed(
+def track_profiles(
     scene: int, off_px: FloatArray, pictures: int, config: ProfileConfig, inset_m: float = 0.5, stripe_m: float = 0.45
-) -> tuple[list[FoundEdges], FloatArray, FloatArray]:
+) -> tuple[list[EdgeMeasurement], FloatArray, FloatArray]:
     """Return what comes of so many looks at one picture, begun off by (4,) px outwards; truth (4,), px per m (2,)."""
     frame, rows, wanted, px_per_m = seen(scene, 61, 24, inset_m, stripe_m)
-    guess, marks, prior, found = wanted + OUTWARDS * off_px, None, 9.0 * np.eye(4), list[FoundEdges]()
+    guess, markings, prior, found = wanted + OUTWARDS * off_px, None, 9.0 * np.eye(4), list[EdgeMeasurement]()
     for _ in range(pictures):
-        found.append(edges_by_profile(frame.image, guess, rows, px_per_m, guess, prior, marks, config, layouts=5))
-        guess, marks = found[-1].crossings_px, found[-1].marks
+        found.append(edges_by_profile(frame.image, guess, rows, px_per_m, guess, prior, markings, config, layouts=5))
+        guess, markings = found[-1].crossings_px, found[-1].markings
     return found, wanted, px_per_m
 
 
-def off_by(found: FoundEdges, wanted: FloatArray) -> float:
+def off_by(found: EdgeMeasurement, wanted: FloatArray) -> float:
     """Return the squared error over all that is stated, of 4."""
     assert found.unsettled_px2 is not None
     error = found.crossings_px - wanted
     return float(error @ np.linalg.solve(found.covariance_px2 + found.unsettled_px2, error))
 
 
-def learned(found: FoundEdges, config: ProfileConfig) -> tuple[float | None, float | None]:
+def learned(found: EdgeMeasurement, config: ProfileConfig) -> tuple[float | None, float | None]:
     """Return where the outer side of the line and the lamps are taken to be, m."""
-    assert found.marks is not None
-    return config.lines_m[found.marks.places[0]], config.lamps_m[found.marks.places[1]]
+    assert found.markings is not None
+    return config.lines_m[found.markings.places[0]], config.lamps_m[found.markings.places[1]]
 
 
 @pytest.mark.parametrize("scene", [HAZE, NIGHT], ids=["haze", "night"])
 @pytest.mark.parametrize("off_px", [-3.0, 3.0])
 def test_neither_paint_nor_lamps_draw_an_edge_aside(scene: int, off_px: float) -> None:
     """On the paint's inner side both were 2 to 4 px off in haze, by night 1 to 5 px outwards, towards the lamps."""
-    found, wanted, _ = followed(scene, np.full(4, off_px), 4, ProfileConfig())
+    found, wanted, _ = track_profiles(scene, np.full(4, off_px), 4, ProfileConfig())
     error = OUTWARDS * (found[-1].crossings_px - wanted)
     assert np.abs(error).max() < 1.5, error
     assert float(error @ np.linalg.solve(found[-1].covariance_px2, error)) < 18.5
@@ -78,18 +78,18 @@ def test_neither_paint_nor_lamps_draw_an_edge_aside(scene: int, off_px: float) -
 
 def test_where_lamps_stand_is_learned() -> None:
     config = ProfileConfig(lamps_m=(None, 3.0, 2.0, 1.0))
-    found, wanted, _ = followed(NIGHT, np.zeros(4), 12, config)
+    found, wanted, _ = track_profiles(NIGHT, np.zeros(4), 12, config)
     assert learned(found[-1], config)[1] == 1.0
     assert np.abs(found[-1].crossings_px - wanted).max() < 1.5
-    no_light = followed(HAZE, np.zeros(4), 10, config)[0]
+    no_light = track_profiles(HAZE, np.zeros(4), 10, config)[0]
     assert learned(no_light[-1], config)[1] is None
 
 
 @pytest.mark.parametrize("inset_m", [0.0, 0.5, 1.0])
-def test_where_the_side_line_is_is_learned_and_stated_until_then(inset_m: float) -> None:
-    """It was told, half a metre inside: a line at the edge drew both edges half a metre out, and nothing said so."""
+def test_place_of_the_side_line_is_estimated_and_covered_by_the_covariance(inset_m: float) -> None:
+    """Expected: at any inset of the side line its place is found, and the edges' covariance covers it until then."""
     config = ProfileConfig()
-    found, wanted, px_per_m = followed(HAZE, np.zeros(4), 12, config, inset_m)
+    found, wanted, px_per_m = track_profiles(HAZE, np.zeros(4), 12, config, inset_m)
     line_m = learned(found[-1], config)[0]
     assert line_m is not None
     assert abs(line_m + inset_m) < 0.3
@@ -104,15 +104,15 @@ def test_lamps_that_were_taken_for_paint_are_known_again() -> None:
     """
     config, prior = ProfileConfig(), 0.25 * np.eye(4)
     frame, rows, wanted, px_per_m = seen(NIGHT, 61, 24, 0.5, 0.0)
-    guess, marks, errors = (
+    guess, markings, errors = (
         wanted + OUTWARDS * 1.7 * np.tile(px_per_m, 2),
-        first_marks(config, dark=False),
+        initial_markings(config, dark=False),
         list[float](),
     )
     for _ in range(8):
-        found = edges_by_profile(frame.image, guess, rows, px_per_m, guess, prior, marks, config, layouts=5)
-        assert found.marks is not None
-        guess, marks = found.crossings_px, found.marks
+        found = edges_by_profile(frame.image, guess, rows, px_per_m, guess, prior, markings, config, layouts=5)
+        assert found.markings is not None
+        guess, markings = found.crossings_px, found.markings
         errors.append(float(np.abs(guess - wanted).max()))
     assert errors[0] > 3.0
     assert learned(found, config) == (None, 1.0)
@@ -125,9 +125,9 @@ def test_what_layouts_leave_open_is_stated() -> None:
     The one that is held was counted twice, and a third was stated.
     """
     config = ProfileConfig(lines_m=(None,), lamps_m=(None, 1.0))
-    marks = first_marks(config, dark=False)
+    markings = initial_markings(config, dark=False)
     moved = np.array([[[0.0] * 4, [0.4, 0.8, 0.4, 0.8]]])
-    even = replace(marks, moved_m=moved)
+    even = replace(markings, moved_m=moved)
     np.testing.assert_allclose(unsettled_m2(even, config), np.outer(moved[0, 1], moved[0, 1]) / 2.0)
     hopeless = replace(even, gains=np.array([[0.0, -1000.0]]))
     np.testing.assert_allclose(unsettled_m2(hopeless, config), 0.0, atol=1e-12)
@@ -138,11 +138,11 @@ def test_lines_that_strayed_come_back_though_the_prior_holds_them() -> None:
     config, prior = ProfileConfig(), 0.04 * np.eye(4)
     # on the runway, two metres inside the left edge, and sure of it
     held = wanted - 2.0 * np.repeat(px_per_m[None], 2, axis=0).ravel() * np.array([-1.0, -1.0, 0.0, 0.0])
-    marks: Marks | None = None
+    markings: Markings | None = None
     back = 0
     for _ in range(12):
-        found = edges_by_profile(frame.image, held, rows, px_per_m, held, prior, marks, config, layouts=5)
-        marks = found.marks
+        found = edges_by_profile(frame.image, held, rows, px_per_m, held, prior, markings, config, layouts=5)
+        markings = found.markings
         if found.change is Change.LINES:
             back += 1
             assert np.abs(found.crossings_px - wanted).max() < 1.5
@@ -244,13 +244,13 @@ def test_no_light_is_remembered_that_was_not_measured() -> None:
     assert not isinstance(rows, NoBand)
     wanted = project_lines(np.array([1.0, 0.0, -half, half]), line_map(frame.truth, KAPPA), rows)[0]
     px_per_m = np.abs(wanted[2:] - wanted[:2]) / (2.0 * half)
-    config, marks = ProfileConfig(lines_m=(-0.5,), lamps_m=(None, 3.0)), None
+    config, markings = ProfileConfig(lines_m=(-0.5,), lamps_m=(None, 3.0)), None
     for _ in range(3):
         found = edges_by_profile(
-            frame.image, wanted, rows, px_per_m, wanted, np.eye(4), marks, config, layouts=0
+            frame.image, wanted, rows, px_per_m, wanted, np.eye(4), markings, config, layouts=0
         )  # fmt: skip
-        marks = found.marks
-        assert marks is not None
-        light = marks.excess[1].mean(axis=1)
+        markings = found.markings
+        assert markings is not None
+        light = markings.excess[1].mean(axis=1)
         assert light.min() >= 0.0
         assert 0.02 < light.max() < 0.3

@@ -1,4 +1,4 @@
-"""Straightened profiles about two lines: the outermost bin has no pixel of its own."""
+"""EdgeProfiles profiles about two lines: the outermost bin has no pixel of its own."""
 
 import numpy as np
 

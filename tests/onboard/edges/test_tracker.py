@@ -11,10 +11,10 @@ from groundstation.onboard.edges import hypotheses
 from groundstation.onboard.edges import tracker as tracker_module
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
 from groundstation.onboard.edges.detection import NoPair
-from groundstation.onboard.edges.follow import plain_edges
+from groundstation.onboard.edges.frame_geometry import edge_noise
 from groundstation.onboard.edges.kalman import LineState
+from groundstation.onboard.edges.line_tracking import plain_edges
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines
-from groundstation.onboard.edges.look import edge_noise
 from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix
 from groundstation.onboard.edges.report import EdgeMiss, EdgeReport, EdgeStatus
 from groundstation.onboard.edges.search_band import RunwayGuess
@@ -126,8 +126,8 @@ def test_a_comparison_is_spread_over_frames_by_counted_work(monkeypatch: pytest.
     """Following is one piece (the runway three), Algorithm 1 one, a look one; no frame has more than configured."""
     config, done = TrackerConfig(guess=replace(GUESS, width_m=18.0)), dict[str, int]()
     for module, name, pieces in (
-        (tracker_module, "follow", 3),
-        (hypotheses, "follow", 1),
+        (tracker_module, "track_lines", 3),
+        (hypotheses, "track_lines", 1),
         (hypotheses, "detect", 1),
         (hypotheses, "_first_look", 1),
         (hypotheses, "_announced", 1),
@@ -144,7 +144,7 @@ def test_a_comparison_is_spread_over_frames_by_counted_work(monkeypatch: pytest.
     assert EdgeStatus.ACQUIRING in statuses
     assert statuses[-1] is EdgeStatus.TRACKING
     assert max(sum(one.values()) for one in each) <= config.work
-    assert {name for one in each for name in one} == {"follow", "detect", "_first_look", "_announced"}
+    assert {name for one in each for name in one} == {"track_lines", "detect", "_first_look", "_announced"}
     # the pairs of one picture are looked at in the next frame too
     assert any("_first_look" in one and "detect" not in one for one in each)
 

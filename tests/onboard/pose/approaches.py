@@ -4,9 +4,9 @@ import numpy as np
 
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import rotation_x, rotation_y, rotation_z, wxyz_from_matrix
+from groundstation.onboard.pose.pose_solver import PointCorrespondences
 from groundstation.onboard.pose.runway import Runway, rectangle
 from groundstation.onboard.pose.simulated_approach import BODY_FROM_FORWARD_CAMERA, RUNWAY_FROM_LEVEL_BODY
-from groundstation.onboard.pose.solve import SeenPoints
 
 RUNWAY = rectangle(900.0, 30.0)
 LENS = Lens(
@@ -47,10 +47,10 @@ def project(points_m: np.ndarray, position: np.ndarray, runway_from_camera: np.n
 
 def seen(
     rng: np.random.Generator, pose: tuple[np.ndarray, np.ndarray], sigma_px: float, runway: Runway = RUNWAY
-) -> SeenPoints:
+) -> PointCorrespondences:
     """The corners with noise."""
     exact = project(runway.corners_m, *pose, LENS)
-    return SeenPoints(
+    return PointCorrespondences(
         points_m=runway.corners_m,
         pixels=exact + sigma_px * rng.standard_normal(exact.shape),
         covariance_px2=np.broadcast_to(max(sigma_px, 1e-3) ** 2 * np.eye(2), (len(exact), 2, 2)),

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
-from groundstation.onboard.pose.inertial import (
+from groundstation.onboard.pose.inertial_filter import (
     ATTITUDE,
     FORCE_BIAS,
     POSITION,
@@ -22,7 +22,7 @@ from groundstation.onboard.pose.inertial import (
     rotation_vector,
 )
 from groundstation.onboard.pose.inertial_kernel import STATE_SIZE, strapdown, transition, turned
-from groundstation.onboard.pose.navigator import RunwayNavigator
+from groundstation.onboard.pose.runway_navigator import RunwayNavigator
 from groundstation.onboard.pose.simulated_approach import SimulatedApproach, default_setup, fly
 
 SETUP = default_setup(corner_sigma_px=0.5, lost_s=(12.0, 22.0))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from groundstation.onboard.pose.kernel import UNIT_ROOT_WEIGHT, unit_rows
+from groundstation.onboard.pose.levenberg_marquardt import UNIT_ROOT_WEIGHT, unit_rows
 
 
 def rows(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

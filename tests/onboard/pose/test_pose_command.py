@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from groundstation.cli.main import main
 from groundstation.geometry.rotation import matrix_from_wxyz
-from groundstation.onboard.pose.files import POSE_COLUMNS, Runways
+from groundstation.onboard.pose.pose_files import POSE_COLUMNS, Runways
 from groundstation.onboard.pose.runway import orders_by_row, rectangle, runway_from_geodetic
 from tests.onboard.pose.approaches import LENS, pose_on_approach, project
 
@@ -43,7 +43,7 @@ def work(tmp_path: Path, rng: np.random.Generator) -> dict[str, Path]:
     camera.write_text(CAMERA)
     runways = write_runways(tmp_path / "runways.json")
     runway = Runways(runways).find("ABCD", "36")
-    with (tmp_path / "corners.csv").open("w") as stream, (tmp_path / "truth.csv").open("w") as told:
+    with (tmp_path / "corners.csv").open("w") as stream, (tmp_path / "truth.csv").open("w") as truth_file:
         stream.write("filename," + ",".join(f"{axis}_{name}" for name in "ABCD" for axis in "xy") + "\n")
         for k in range(12):
             truth = pose_on_approach(rng)
@@ -51,7 +51,7 @@ def work(tmp_path: Path, rng: np.random.Generator) -> dict[str, Path]:
             shuffled = pixels[rng.permutation(4)]
             cells = ",".join(f"{value:.6f}" for value in shuffled.ravel())
             stream.write(f"ABCD_36_{k:02d}.png,{cells}\n")
-            told.write(",".join(f"{value:.9f}" for value in (*truth[0], *truth[1].ravel())) + "\n")
+            truth_file.write(",".join(f"{value:.9f}" for value in (*truth[0], *truth[1].ravel())) + "\n")
         stream.write("ABCD_36_99.png,,,,,,,,\n")
     return {"corners": tmp_path / "corners.csv", "runways": runways, "camera": camera, "out": tmp_path / "o" / "p.csv"}
 

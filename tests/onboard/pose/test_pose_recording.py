@@ -10,7 +10,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from groundstation.geometry.rotation import matrix_from_wxyz
-from groundstation.onboard.pose.files import Runways
+from groundstation.onboard.pose.pose_files import Runways
 from groundstation.onboard.pose_sinks import CAMERA, IMAGE, PLACE, RANGE, REPROJECTION, TIMELINE
 from tests.onboard.pose.approaches import LENS, project
 from tests.onboard.pose.test_pose_command import run, work
@@ -63,9 +63,9 @@ def test_each_pose_is_drawn_where_the_table_says(work: dict[str, Path], capsys: 
         seen = [[float(cell) for cell in row[1:]] for row in list(csv.reader(stream))[1:13]]
     assert list(translations) == list(quaternions) == list(places) == list(ranges) == list(errors) == list(range(12))
     for k, row in enumerate(table[:12]):
-        told = np.array([float(row[name]) for name in ("x_m", "y_m", "z_m")])
-        np.testing.assert_allclose(translations[k][0], told, atol=1e-3)
-        np.testing.assert_allclose(places[k][0], told, atol=1e-3)
+        position = np.array([float(row[name]) for name in ("x_m", "y_m", "z_m")])
+        np.testing.assert_allclose(translations[k][0], position, atol=1e-3)
+        np.testing.assert_allclose(places[k][0], position, atol=1e-3)
         xyzw = np.array(quaternions[k][0])
         R = matrix_from_wxyz(np.array([float(row[name]) for name in ("qw", "qx", "qy", "qz")]))
         drawn_R = matrix_from_wxyz(xyzw[[3, 0, 1, 2]])

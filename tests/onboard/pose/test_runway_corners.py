@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from groundstation.geometry.camera import Lens
-from groundstation.onboard.pose.files import Runways, read_corners
-from groundstation.onboard.pose.label import ROUNDING_SIGMA_PX, solve_corners
-from groundstation.onboard.pose.paper import solve_paper
-from groundstation.onboard.pose.solve import PoseStatus, SeenPoints
+from groundstation.onboard.pose.coplanarity_solver import solve_coplanarity
+from groundstation.onboard.pose.corner_labelling import ROUNDING_SIGMA_PX, solve_corners
+from groundstation.onboard.pose.pose_files import Runways, read_corners
+from groundstation.onboard.pose.pose_solver import PointCorrespondences, PoseStatus
 
 FOCAL = 3401.6
 STEP_M = 18.52
@@ -57,8 +57,8 @@ def ranges(shared_data: Path) -> dict[str, np.ndarray]:
         assert found.pose.status is PoseStatus.OK
         pixels = row.pixels[found.order]
         covariance = np.broadcast_to(np.eye(2) / 12, (4, 2, 2))
-        seen = SeenPoints(points_m=runway.corners_m, pixels=pixels, covariance_px2=covariance, lens=LENS)
-        paper = solve_paper(seen)
+        seen = PointCorrespondences(points_m=runway.corners_m, pixels=pixels, covariance_px2=covariance, lens=LENS)
+        paper = solve_coplanarity(seen)
         assert paper is not None
         P = found.pose.covariance[:3, :3]
         along = found.pose.position_m / found.pose.range_m

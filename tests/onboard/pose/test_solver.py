@@ -7,15 +7,15 @@ from scipy.stats import chi2
 
 from groundstation.geometry.dual_quaternion import from_pose, quaternion_conjugate, translation_of
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
-from groundstation.onboard.pose import solve
-from groundstation.onboard.pose.inertial import rotation_vector
-from groundstation.onboard.pose.kernel import PAPER, WEIGHTED, rows
-from groundstation.onboard.pose.paper import FOUR_SIDES, SIX_PAIRS, dual_part, solve_paper
-from groundstation.onboard.pose.solve import (
+from groundstation.onboard.pose import pose_solver
+from groundstation.onboard.pose.coplanarity_solver import FOUR_SIDES, SIX_PAIRS, dual_part, solve_coplanarity
+from groundstation.onboard.pose.inertial_filter import rotation_vector
+from groundstation.onboard.pose.levenberg_marquardt import COPLANARITY, REPROJECTION, rows
+from groundstation.onboard.pose.pose_solver import (
     KnownAttitude,
+    PointCorrespondences,
     PoseStatus,
     RunwayPose,
-    SeenPoints,
     SolverInput,
     attitude_rows,
     pair_normals,
@@ -26,7 +26,7 @@ from tests.onboard.pose.approaches import LENS, RUNWAY, pose_on_approach, projec
 
 
 def evaluate(kind: int, q: np.ndarray, view: SolverInput, attitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    count = 2 * len(SIX_PAIRS) + 2 if kind == PAPER else 2 * len(view.points) + len(attitude) + 2
+    count = 2 * len(SIX_PAIRS) + 2 if kind == COPLANARITY else 2 * len(view.points) + len(attitude) + 2
     r, J = np.empty(count), np.empty((count, 8))
     normals = pair_normals(view.rays, SIX_PAIRS)
     good = rows(
@@ -42,7 +42,7 @@ def error_of(pose: RunwayPose, truth: tuple[np.ndarray, np.ndarray]) -> np.ndarr
     return np.concatenate([truth[0] - pose.position_m, rotation_vector(truth[1] @ R.T)])
 
 
-@pytest.mark.parametrize("kind", [PAPER, WEIGHTED])
+@pytest.mark.parametrize("kind", [COPLANARITY, REPROJECTION])
 @pytest.mark.parametrize("range_m", [200.0, 900.0, 4000.0])
 def test_jacobians_against_differences(kind: int, range_m: float, rng: np.random.Generator) -> None:
     """Away from the solution and off the unit length, near and far."""
@@ -60,7 +60,7 @@ def test_jacobians_against_differences(kind: int, range_m: float, rng: np.random
             np.testing.assert_allclose(J[:, k], (more - less) / (2 * step), rtol=1e-5, atol=1e-5 * np.abs(J).max())
 
 
-@pytest.mark.parametrize("kind", [PAPER, WEIGHTED])
+@pytest.mark.parametrize("kind", [COPLANARITY, REPROJECTION])
 def test_the_compiled_solver_ends_where_scipy_ends(kind: int, rng: np.random.Generator) -> None:
     for _ in range(15):
         truth = pose_on_approach(rng)
@@ -74,13 +74,13 @@ def test_the_compiled_solver_ends_where_scipy_ends(kind: int, rng: np.random.Gen
             lambda q: evaluate(kind, q, view, none)[1],  # noqa: B023
             method="lm", x_scale="jac", xtol=1e-13, ftol=1e-13, gtol=1e-13, max_nfev=500,
         )  # fmt: skip
-        if kind == WEIGHTED:
+        if kind == REPROJECTION:
             ours = solve_pose(picture)
             assert ours is not None
             assert ours.chi_square == pytest.approx(2 * theirs.cost, rel=1e-6, abs=1e-9)
             position = ours.position_m
         else:
-            paper = solve_paper(picture)
+            paper = solve_coplanarity(picture)
             assert paper is not None
             assert paper.converged
             position = paper.position_m
@@ -92,7 +92,7 @@ def test_the_compiled_solver_ends_where_scipy_ends(kind: int, rng: np.random.Gen
 def test_exact_pixels_give_the_exact_pose(rng: np.random.Generator) -> None:
     for _ in range(50):
         truth = pose_on_approach(rng)
-        for pose in (solve_pose(seen(rng, truth, 0.0)), solve_paper(seen(rng, truth, 0.0))):
+        for pose in (solve_pose(seen(rng, truth, 0.0)), solve_coplanarity(seen(rng, truth, 0.0))):
             assert pose is not None
             np.testing.assert_allclose(pose.position_m, truth[0], atol=1e-3 * np.linalg.norm(truth[0]) / 100)
 
@@ -119,7 +119,7 @@ def test_points_out_of_a_plane_and_more_than_four(rng: np.random.Generator) -> N
         points = np.vstack([RUNWAY.corners_m, rng.uniform([-60, -400, 0], [60, 0, 25], (5, 3))])
         pixels = project(points, *truth, LENS) + 0.3 * rng.standard_normal((9, 2))
         pose = solve_pose(
-            SeenPoints(
+            PointCorrespondences(
                 points_m=points, pixels=pixels, covariance_px2=np.broadcast_to(0.09 * np.eye(2), (9, 2, 2)), lens=LENS
             )
         )
@@ -161,7 +161,7 @@ def test_far_away_the_covariance_counts_that_range_bends_the_rest(
         e = error_of(pose, truth)
         shipped.append(e @ np.linalg.solve(pose.covariance, e))
         with monkeypatch.context() as patch:
-            patch.setattr(solve, "second_order", lambda *view: np.zeros((6, 6)))
+            patch.setattr(pose_solver, "second_order", lambda *view: np.zeros((6, 6)))
             P = pose_covariance(picture, pose.position_m, pose.runway_from_camera_wxyz)
         plain.append(e @ np.linalg.solve(P, e))
     low, high = chi2.ppf([0.0005, 0.9995], 6 * count) / count
@@ -176,9 +176,9 @@ def test_a_known_horizon_makes_the_pose_better_and_stays_consistent(rng: np.rand
         truth = pose_on_approach(rng, 1500.0)
         picture = seen(rng, truth, 0.5)
         turn = np.array([*(sigma * rng.standard_normal(2)), rng.uniform(-0.2, 0.2)])
-        # truth = told · exp(δ) in camera_from_runway
-        told = wxyz_from_matrix(rotation_from_vector(turn) @ truth[1])
-        known = KnownAttitude(runway_from_camera_wxyz=told, sigma_rad=np.array([*sigma, np.inf]))
+        # truth = known · exp(δ) in camera_from_runway
+        attitude = wxyz_from_matrix(rotation_from_vector(turn) @ truth[1])
+        known = KnownAttitude(runway_from_camera_wxyz=attitude, sigma_rad=np.array([*sigma, np.inf]))
         alone, helped = solve_pose(picture), solve_pose(picture, known)
         assert alone is not None
         assert helped is not None
@@ -204,7 +204,7 @@ def test_the_dual_part_is_linear_in_the_attitude(rng: np.random.Generator) -> No
 def test_the_two_constraints_hold_at_the_truth(rng: np.random.Generator) -> None:
     truth = pose_on_approach(rng)
     view = SolverInput(seen(rng, truth, 0.0))
-    r, _ = evaluate(PAPER, view.dual(quaternion(truth), truth[0]), view, np.zeros((0, 4)))
+    r, _ = evaluate(COPLANARITY, view.dual(quaternion(truth), truth[0]), view, np.zeros((0, 4)))
     np.testing.assert_allclose(r, 0.0, atol=1e-6)
 
 
@@ -212,7 +212,9 @@ def test_corners_on_one_line_have_no_pose() -> None:
     points = np.array([[0.0, -k, 0.0] for k in range(4)])
     pixels = np.array([[600.0 + k, 400.0] for k in range(4)])
     covariance = np.broadcast_to(np.eye(2), (4, 2, 2))
-    assert solve_pose(SeenPoints(points_m=points, pixels=pixels, covariance_px2=covariance, lens=LENS)) is None
+    assert (
+        solve_pose(PointCorrespondences(points_m=points, pixels=pixels, covariance_px2=covariance, lens=LENS)) is None
+    )
 
 
 def test_wrong_corners_are_said_to_be(rng: np.random.Generator) -> None:
@@ -235,4 +237,6 @@ def test_pixels_that_are_none_are_refused(bad: float, rng: np.random.Generator) 
 
 def test_three_corners_are_refused() -> None:
     with pytest.raises(ValueError, match="wanted"):
-        SeenPoints(points_m=np.zeros((3, 3)), pixels=np.zeros((3, 2)), covariance_px2=np.zeros((3, 2, 2)), lens=LENS)
+        PointCorrespondences(
+            points_m=np.zeros((3, 3)), pixels=np.zeros((3, 2)), covariance_px2=np.zeros((3, 2, 2)), lens=LENS
+        )

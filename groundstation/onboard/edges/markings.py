@@ -1,0 +1,308 @@
+"""Markings next to the edges, accumulated over pictures: where paint and lamps are, and how bright.
+
+Paint half a metre inside one place of the edge may be lamps a metre outside another, in one picture, and a bright bar
+fits something anywhere. So the places of a side line and of lamps (a layout) are hypotheses: by turns others are fitted
+beside the one that is held, all with any paint and light; each mark has to be worth what it is free to fit, and to look
+like what it is. A wrong layout moves both edges alike out or in, and other lines may have the same layout. What
+another is likelier by adds up over pictures; above a margin it takes the place of the one that is held. Until then
+edges are reported with what the layouts leave open: the second moment of where others put the lines, about these.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from groundstation.arrays import FloatArray
+from groundstation.onboard.edges.profile_config import ProfileConfig
+from groundstation.onboard.edges.profile_fit import (
+    EdgeProfiles,
+    ExpectedExcess,
+    Layout,
+    ProfileFit,
+    best_displacement,
+    fit_layouts,
+    levels_at,
+    likelihood_at,
+)
+
+# part of what was seen of a layout that stays when it is compared again, and the most that a picture may say of it
+_FORGET, _MOST = 0.9, 300.0
+# a layout that is worse by so many nats waits so many pictures longer for its turn
+_HOPELESS, _SELDOM = 150.0, 12.0
+# pictures over which it is taken where another layout puts the lines
+_MEMORY = 4.0
+# by how many of its sigmas paint has to be more than none, and what there is of light more than of darkness
+_BRIGHT = 3.0
+# by how much paint is brighter than the ground at least, as a part of what it is brighter by than pavement
+_OVER_GROUND = 0.2
+# a layout that will take the place of the one that is held, in a picture or two, is stated as e² times as likely
+_DOUBLE = 2.0
+# pictures in which every layout is compared first, in the dark: as many as are needed to take another
+_SURVEYS = 2
+# line and lamps of two layouts are as far apart to half a step of the lamps' places
+_AS_FAR_M = 0.3
+# crossings (4,) of both lines with the same row
+_SAME_ROW = np.tile(np.eye(2), (2, 2))
+
+# which of the configuration's places a line and lamps have
+Places = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Markings:
+    """What is beside the edges.
+
+    Attributes
+    ----------
+    excess : usual excess (2, blocks, 3) of painted line and lamps, 0 to 1, alike at both edges.
+    noise : variance of a pixel about its profile.
+    frames : of how many pictures these are.
+    surveyed : in how many pictures every layout was compared; not again where another was taken since.
+    places : which of the configuration's places the line and the lamps have.
+    gains : log-likelihood (lines, lamps) that each layout is better by, of late; of the own one: other lines with it.
+    moved_m : (lines, lamps, 4) outwards, where each has put the crossings against those that are held.
+    tried, times : (lines, lamps) in which picture each was compared last, −1 for never, and in how many.
+    """
+
+    excess: FloatArray
+    noise: float
+    frames: int
+    surveyed: int
+    places: Places
+    gains: FloatArray
+    moved_m: FloatArray
+    tried: FloatArray
+    times: FloatArray
+
+
+class Change(Enum):
+    """What a picture changed: nothing; where line and lamps are, and the lines with them; the lines alone."""
+
+    NONE = "none"
+    LAYOUT = "layout"
+    LINES = "lines"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MarkingComparison:
+    """Markings after it, what has proved better than what was held, and if so how far the lines moved, (4,) px."""
+
+    markings: Markings
+    change: Change
+    moved_px: FloatArray
+
+
+def initial_markings(config: ProfileConfig, *, dark: bool) -> Markings:
+    """Return markings of which nothing is known; in the dark there are lamps until something else is seen."""
+    lamps = next((k for k, at in enumerate(config.lamps_m) if (at is None) != dark), 0)
+    shape = len(config.lines_m), len(config.lamps_m)
+    return Markings(
+        excess=np.zeros((2, config.blocks, 3)),
+        noise=0.0,
+        frames=0,
+        # by day what there is of light is not worth the time
+        surveyed=0 if dark else _SURVEYS,
+        places=(0, lamps),
+        gains=np.zeros(shape),
+        moved_m=_apart_m((0, lamps), config),
+        tried=np.full(shape, -1.0),
+        times=np.zeros(shape),
+    )
+
+
+def layout_at(places: Places, config: ProfileConfig) -> Layout:
+    """Return the layout of places of the configuration."""
+    line, lamps = config.lines_m[places[0]], config.lamps_m[places[1]]
+    return Layout(line_m=None if line is None else (line - config.line_width_m, line), lamps_m=lamps)
+
+
+def expected_excess(markings: Markings, config: ProfileConfig) -> ExpectedExcess:
+    """Return what is expected beside the edges: of the first picture's own wide fit the paint alone, else both."""
+    held = markings.noise / config.mark_sigma**2
+    stiffness = np.array([held, held if markings.frames > 0 else 0.0])
+    return ExpectedExcess(excess=markings.excess, stiffness=stiffness)
+
+
+def unsettled_m2(markings: Markings, config: ProfileConfig) -> FloatArray:
+    """Return the second moment (4, 4) m², outwards, of where layouts put the lines against the one that is held."""
+    open_to = markings.times >= 1.0
+    for places in _others(markings, config):
+        open_to[places] = True
+    open_to[markings.places] = False
+    weights = np.where(open_to, np.exp(np.minimum(markings.gains / config.layout_alike, _DOUBLE)), 0.0)
+    # the one that is held counts once: with the lines that are held or, its own entry, with others that are likelier
+    stray = math.exp(min(float(markings.gains[markings.places]) / config.layout_alike, _DOUBLE))
+    whole = max(1.0, stray) + float(weights.sum())
+    weights[markings.places] = stray
+    moved_m = markings.moved_m.reshape(-1, 4)
+    return np.asarray((weights.reshape(-1, 1) * moved_m).T @ moved_m / whole)
+
+
+def compared(
+    markings: Markings,
+    profiles: EdgeProfiles,
+    moved_px: FloatArray,
+    px_per_m: FloatArray,
+    count: int,
+    config: ProfileConfig,
+) -> MarkingComparison:
+    """Compare so many other layouts, those first that have waited longest, with lines held at (4,) px outwards.
+
+    Nothing changes before each has been tried; a layout has to be better in two pictures at least. In the dark all are
+    compared in the first two: from lamps a metre out to others, with another line, no step is better than none.
+    """
+    survey = markings.surveyed < _SURVEYS
+    count = markings.gains.size if survey else count
+    scale, turn = np.tile(px_per_m, 2), _turn(markings, config)
+    gains, moved_m, tried, times = (
+        a.copy() for a in (markings.gains, markings.moved_m, markings.tried, markings.times)
+    )
+    there = dict[Places, FloatArray]()
+    for rival in _rivals(markings, profiles, moved_px, scale, turn[:count], config):
+        at = rival.places
+        gains[at] = _FORGET * gains[at] + float(np.clip(rival.better, -_MOST, _MOST))
+        moved_m[at] += ((rival.moved_px - moved_px) / scale - moved_m[at]) / min(times[at] + 1.0, _MEMORY)
+        tried[at], there[at] = markings.frames, rival.moved_px
+        times[at] += 1.0
+    after = replace(
+        markings, surveyed=markings.surveyed + int(survey), gains=gains, moved_m=moved_m, tried=tried, times=times
+    )
+    new = max([markings.places, *turn], key=lambda places: gains[places] if times[places] > 1.0 else -math.inf)
+    untried = any(times[places] < 1.0 for places in turn)
+    if untried or times[new] < 2.0 or gains[new] <= config.layout_margin:
+        return MarkingComparison(markings=after, change=Change.NONE, moved_px=moved_px)
+    change = Change.LINES if new == markings.places else Change.LAYOUT
+    moved_px = there.get(new, moved_px + scale * moved_m[new])
+    return MarkingComparison(markings=_anew(after, new, config), change=change, moved_px=moved_px)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Rival:
+    """A layout fitted to a picture: where it puts the lines, (4,) px outwards, and by what it is better than held."""
+
+    places: Places
+    moved_px: FloatArray
+    better: float
+
+
+def _rivals(
+    markings: Markings,
+    profiles: EdgeProfiles,
+    moved_px: FloatArray,
+    scale: FloatArray,
+    others: list[Places],
+    config: ProfileConfig,
+) -> list[_Rival]:
+    """Return other layouts, and other lines with the one that is held, against it; all with any paint and light.
+
+    A wrong layout has both edges alike too far out or in: others are looked for there. Other lines may be anywhere.
+    """
+    apart = np.diag(np.maximum(config.apart_m * scale, config.least_step_px) ** 2)
+    alike = np.asarray(np.linalg.inv(apart + config.outwards_m**2 * np.outer(scale, scale) * _SAME_ROW), np.float64)
+    layouts = [layout_at(places, config) for places in (markings.places, *others)]
+    own, *fits = fit_layouts(profiles, layouts, None, config.wide, config.values_as_one)
+    loose = np.diag(1.0 / (config.stray_steps * np.tile(profiles.steps, 2)) ** 2)
+    stray = best_displacement(own, np.zeros(4), loose)
+    held = _worth(own, layouts[0], likelihood_at(own, moved_px), moved_px, config)
+    held += config.stray_cost - 0.5 * float(moved_px @ loose @ moved_px)
+    better = _worth(own, layouts[0], stray.evidence, stray.moved_px, config) - held
+    found = [_Rival(places=markings.places, moved_px=stray.moved_px, better=better)]
+    best = best_displacement(own, moved_px, alike)
+    held = _worth(own, layouts[0], best.evidence, best.moved_px, config)
+    for places, layout, fit in zip(others, layouts[1:], fits, strict=True):
+        best = best_displacement(fit, moved_px, alike)
+        better = _worth(fit, layout, best.evidence, best.moved_px, config) - held
+        found.append(_Rival(places=places, moved_px=best.moved_px, better=better))
+    return found
+
+
+def _turn(markings: Markings, config: ProfileConfig) -> list[Places]:
+    """Return the other layouts in the order in which they are compared: untried ones first, hopeless ones seldom."""
+    waited = markings.tried + np.clip(-markings.gains / _HOPELESS, 0.0, 1.0) * _SELDOM
+    waited = np.where(markings.times < 1.0, -math.inf, waited)
+    return sorted(_others(markings, config), key=lambda places: waited[places])
+
+
+def _anew(markings: Markings, places: Places, config: ProfileConfig) -> Markings:
+    """Return markings with another layout, whose paint and light are not known; what was seen of others is kept."""
+    tried = markings.times >= 1.0
+    gains = np.where(tried, markings.gains - markings.gains[places], 0.0)
+    gains[places] = 0.0
+    moved_m = np.where(tried[..., None], markings.moved_m - markings.moved_m[places], _apart_m(places, config))
+    if places != markings.places:
+        gains[markings.places] = -markings.gains[places]
+        moved_m[markings.places] = -markings.moved_m[places]
+    return replace(
+        markings,
+        excess=np.zeros_like(markings.excess),
+        noise=0.0,
+        frames=0,
+        places=places,
+        gains=gains,
+        moved_m=moved_m,
+        tried=np.minimum(markings.tried, 0.0),
+        times=np.minimum(markings.times, 1.0),
+    )
+
+
+def _apart_m(held: Places, config: ProfileConfig) -> FloatArray:
+    """Return where layouts may put the crossings (lines, lamps, 4) against those of one, m outwards, before a picture.
+
+    Lamps that stand farther out are the same light with both edges as much farther in, and so is a line.
+    """
+    apart_m = np.full((len(config.lines_m), len(config.lamps_m), 4), config.untried_m)
+    held_line, held_lamps = config.lines_m[held[0]], config.lamps_m[held[1]]
+    for k, line in enumerate(config.lines_m):
+        for j, lamps in enumerate(config.lamps_m):
+            if lamps is not None and held_lamps is not None and lamps != held_lamps:
+                apart_m[k, j] = held_lamps - lamps
+            elif line is not None and held_line is not None and lamps == held_lamps:
+                apart_m[k, j] = held_line - line
+    return apart_m
+
+
+def _others(markings: Markings, config: ProfileConfig) -> list[Places]:
+    """Return the layouts that are compared with the one that is held.
+
+    Another place of line or lamps; only one of them, anywhere; both as far apart, farther out or in: of these only
+    where the ground begins says which it is. All of them while they are surveyed.
+    """
+    (line, lamps), (lines, places) = markings.places, markings.gains.shape
+    if markings.surveyed < _SURVEYS:
+        return [other for other in np.ndindex(lines, places) if other != markings.places]
+    near = [(k, lamps) for k in range(lines)] + [(line, k) for k in range(places)]
+    for k in range(lines):
+        near += [(k, j) for j in range(places) if (config.lines_m[k] is None) != (config.lamps_m[j] is None)]
+    held_line, held_lamps = config.lines_m[line], config.lamps_m[lamps]
+    for k, outer in enumerate(config.lines_m):
+        for j, out in enumerate(config.lamps_m):
+            if outer is None or out is None or held_line is None or held_lamps is None:
+                continue
+            if abs(out - outer - (held_lamps - held_line)) < _AS_FAR_M:
+                near.append((k, j))
+    return [other for other in dict.fromkeys(near) if other != markings.places]
+
+
+def _worth(fit: ProfileFit, layout: Layout, likelihood: float, moved_px: FloatArray, config: ProfileConfig) -> float:
+    """Return a log-likelihood less the cost of markings, which can fit anything, and of an unlikely appearance."""
+    levels = levels_at(fit, moved_px).mean(axis=3)
+    if layout.line_m is not None:
+        # paint is brighter than what it lies on, and by a part of that than the ground
+        paint, ground = levels[:, :, 2], levels[:, :, 1] - levels[:, :, 0]
+        seen = _bright(paint) and _bright((1.0 - _OVER_GROUND) * paint - ground)
+        likelihood -= config.line_cost + config.dim_cost * float(not seen)
+    if layout.lamps_m is not None:
+        likelihood -= config.lamps_cost + config.dim_cost * float(not _lit(levels[:, :, 3]))
+    return likelihood
+
+
+def _bright(paint: FloatArray) -> bool:
+    """Return whether paint (2, blocks), which is alike all along, is there beyond chance."""
+    return bool(paint.mean() >= _BRIGHT * paint.std() / math.sqrt(paint.size))
+
+
+def _lit(light: FloatArray) -> bool:
+    """Return whether the light of lamps (2, blocks), which is not in every block, is more than darkness."""
+    return bool(np.maximum(light, 0.0).sum() >= _BRIGHT * np.maximum(-light, 0.0).sum())

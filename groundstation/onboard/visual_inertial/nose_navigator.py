@@ -1,0 +1,349 @@
+"""The nose camera and the inertial unit together: picture by picture edges, corners, pose, filter, and where it is.
+
+The edge tracker takes an external pose (a navigation log, or visual odometry) as long as there is one: with the
+filter's pose, edges and filter would confirm each other. Where there is none, it takes the filter's, once that is
+trusted.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from groundstation.arrays import FloatArray, ImageArray
+from groundstation.geometry.camera import Lens
+from groundstation.geometry.rotation import matrix_from_wxyz
+from groundstation.onboard.edges.config import TrackerConfig
+from groundstation.onboard.edges.kalman import LineState
+from groundstation.onboard.edges.lines import PITCH, ROLL, UP, C, D
+from groundstation.onboard.edges.pose import NoseCameraPose, intrinsic_matrix
+from groundstation.onboard.edges.report import EdgeReport, Edges
+from groundstation.onboard.edges.search_band import RunwayGuess
+from groundstation.onboard.edges.tracker import EdgeTracker
+from groundstation.onboard.pose.inertial_filter import (
+    ATTITUDE,
+    POSITION,
+    VELOCITY,
+    CameraMount,
+    ImuSample,
+    InertialFilter,
+    Navigation,
+    NavigationStatus,
+    PoseInnovation,
+    PoseObservation,
+    UpdateOutcome,
+)
+from groundstation.onboard.pose.pose_solver import PointCorrespondences, PoseStatus, RunwayPose, solve_pose
+from groundstation.onboard.pose.runway import Runway
+from groundstation.onboard.visual_inertial.config import ApproachConfig
+from groundstation.onboard.visual_inertial.consider_parameters import ConsiderFilterBank
+from groundstation.onboard.visual_inertial.corner_errors import edge_mode_count, mode_count
+from groundstation.onboard.visual_inertial.corner_finder import FoundCorners, NoCorners, find_corners
+from groundstation.onboard.visual_inertial.pose_sensitivity import pixel_jacobian_of_pose, pose_jacobian_of_pixels
+
+# how far the edges may seem to lie from their surveyed place when the filter takes over
+_START_TURN_RAD = 0.02
+_START_SHIFT_M = 1.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoseFix:
+    """Where the camera is: runway frame.
+
+    Attributes
+    ----------
+    position_m, velocity_m_s : (3,) of the camera; the velocity is the body's.
+    runway_from_body_wxyz : (4,).
+    covariance : (9, 9) of position (m), rotation vector (rad, R_true = exp([δθ]×) R) and velocity (m/s): what the
+        filter knows of the runway as it is seen, and what the seen edges and the pavement's may lie apart for good.
+    status : of the filter.
+    """
+
+    t_s: float
+    position_m: FloatArray
+    velocity_m_s: FloatArray
+    runway_from_body_wxyz: FloatArray
+    covariance: FloatArray
+    status: NavigationStatus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoseReport:
+    """What came of a picture; each part is None where the one before gave nothing for it.
+
+    ``tracker_pose`` is what the edge tracker was given, ``edges`` its report; ``corners``, ``pose`` and ``innovation``
+    follow; ``fix`` is None until poses confirm the filter's start.
+    """
+
+    t_s: float
+    tracker_pose: NoseCameraPose | None
+    edges: EdgeReport | None
+    corners: FoundCorners | NoCorners | None
+    pose: RunwayPose | None
+    innovation: PoseInnovation | None
+    fix: NoseFix | None
+
+    @property
+    def outcome(self) -> str:
+        """Return in one word what became of the picture: the filter's outcome, or what was missing."""
+        if self.tracker_pose is None:
+            return "no_pose"
+        if self.edges is None or self.edges.edges is None:
+            return "no_edges"
+        if self.corners is None or isinstance(self.corners, NoCorners):
+            return "edges_alone" if self.corners is None else self.corners.value
+        if self.innovation is None:
+            return "no_fit"
+        return self.innovation.outcome.value
+
+
+class NoseNavigator:
+    """Takes inertial samples and pictures without distortion, in order of time.
+
+    Parameters
+    ----------
+    runway : its surveyed corners.
+    lens : of the camera; its distortion is left out, as pictures come without.
+    mount : of the camera on the body.
+    """
+
+    def __init__(self, runway: Runway, lens: Lens, mount: CameraMount, config: ApproachConfig | None = None) -> None:
+        self._runway, self._mount = runway, mount
+        self._config = config or ApproachConfig()
+        self._lens = replace(lens, distortion=np.zeros(5))
+        self._kappa = intrinsic_matrix(lens)
+        guess = RunwayGuess(width_m=runway.width_m, length_m=runway.length_m)
+        self._tracker_config = TrackerConfig(guess=guess)
+        self._tracker = EdgeTracker(self._kappa, lens.image_size_px, self._tracker_config)
+        self._inside = self._alone = self._confirmed = False
+        self._used = 0
+        self._in_a_row = 0
+        self._scatter = 1.0
+        self._last: ImuSample | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        """Make the filters new; the next pose starts them."""
+        self._filter = InertialFilter(self._config.inertial, self._mount)
+        self._edge_modes = edge_mode_count(self._config.corners)
+        count = mode_count(self._config.corners) + 2 * self._edge_modes
+        self._lasting = ConsiderFilterBank(self._config.inertial, self._mount, count)
+        self._used = self._refused = 0
+        self._confirmed = False
+        self._scatter = 1.0
+        if self._last is not None:
+            self.process_imu(self._last)
+
+    @property
+    def runway(self) -> Runway:
+        """Return the runway that it was made for."""
+        return self._runway
+
+    @property
+    def needs_no_external_pose(self) -> bool:
+        """Return whether it needs no pose from outside any more."""
+        return self._inside
+
+    def process_imu(self, sample: ImuSample) -> None:
+        """Take an inertial sample."""
+        self._filter.process_imu(sample)
+        self._lasting.process_imu(sample)
+        self._last = sample
+
+    def update(self, t_s: float, image: ImageArray, outside: NoseCameraPose | None) -> NoseReport:
+        """Take a picture (h, w, 3) uint8 BGR, with a pose from outside as far as there is one."""
+        if self._last is not None and t_s > self._last.t_s:
+            # the sample before holds until the next: the state is brought to the picture's time
+            self.process_imu(replace(self._last, t_s=t_s))
+        tracker_pose = self._choose_tracker_pose(outside)
+        if tracker_pose is None:
+            return self._report(t_s, None, None, None, None, None)
+        edges = self._tracker.step(image, tracker_pose)
+        if edges.edges is None or edges.edges.measured_px is None:
+            self._in_a_row = 0
+            return self._report(t_s, tracker_pose, edges, None, None, None)
+        if not self._settled(edges.edges):
+            return self._report(t_s, tracker_pose, edges, None, None, None)
+        own = self._own() if self._inside else None
+        corners = find_corners(
+            image, edges.edges, own or tracker_pose, self._runway, self._kappa, self._config,
+            None if own is None else self._row_sigmas(own),
+        )  # fmt: skip
+        if isinstance(corners, NoCorners):
+            return self._report(t_s, tracker_pose, edges, corners, None, None)
+        pose = self._solve(corners)
+        innovation = None
+        if pose is not None and pose.status is PoseStatus.OK:
+            innovation = self._correct(t_s, corners, pose)
+        return self._report(t_s, tracker_pose, edges, corners, pose, innovation)
+
+    def _choose_tracker_pose(self, outside: NoseCameraPose | None) -> NoseCameraPose | None:
+        """Return the pose for the tracker: that from outside as long as there is one, so that nothing feeds itself.
+
+        With the first of the filter's own the tracker begins anew, where the survey says.
+        """
+        if not self._inside and self._trusted():
+            self._inside = True
+        if outside is not None or not self._inside:
+            self._alone = False
+            return outside
+        own = self._own()
+        if own is not None and not self._alone:
+            self._alone = True
+            self._tracker = EdgeTracker(self._kappa, self._lens.image_size_px, self._tracker_config)
+            self._tracker.start(self._surveyed())
+        return own
+
+    def _own(self) -> NoseCameraPose | None:
+        """Return where the filter puts the camera; None below the ground."""
+        position, wxyz = self._filter.camera_pose()
+        if position[2] <= 0.0:
+            return None
+        return NoseCameraPose(threshold_from_camera=matrix_from_wxyz(wxyz), camera_threshold_m=position)
+
+    def _surveyed(self) -> LineState:
+        """Return the edges' place by the survey: in the filter's own frame they lie there, to what it is wrong by."""
+        tracker, half = self._tracker_config, 0.5 * self._runway.width_m
+        covariance = np.zeros((7, 7))
+        covariance[1, 1] = _START_TURN_RAD**2
+        covariance[C, C] = covariance[D, D] = _START_SHIFT_M**2
+        covariance[ROLL, ROLL] = covariance[PITCH, PITCH] = tracker.lasting_attitude_rad**2
+        covariance[UP, UP] = tracker.lasting_height_m**2
+        return LineState(mean=np.array([1.0, 0.0, -half, half, 0.0, 0.0, 0.0]), covariance=covariance)
+
+    def _row_sigmas(self, predicted: NoseCameraPose) -> FloatArray | None:
+        """Return sigmas (2,) px of the predicted rows of the thresholds; None while the filter is not trusted."""
+        fix = self._fix(self._filter.navigation, 0.0) if self._inside else None
+        H = None
+        if fix is not None:
+            H = pixel_jacobian_of_pose(
+                self._runway.corners_m, self._kappa, predicted.camera_threshold_m, predicted.threshold_from_camera
+            )
+        if fix is None or H is None:
+            return None
+        rows = np.sqrt(np.einsum("ij,jk,ik->i", H[1::2], fix.covariance[:6, :6], H[1::2]))
+        return np.array([max(rows[0], rows[3]), max(rows[1], rows[2])])
+
+    def _settled(self, edges: Edges) -> bool:
+        """Return whether the edges may start a filter, or go on with one that is trusted."""
+        self._in_a_row += 1
+        mean = edges.state.mean
+        wide = abs(float(mean[C] - mean[D])) / self._runway.width_m
+        close = abs(wide - 1.0) < self._config.width_share
+        return close and (self._inside or self._in_a_row > self._config.settled_after)
+
+    def _trusted(self) -> bool:
+        config, now = self._config, self._filter.navigation
+        if self._used < config.trusted_after:
+            return False
+        sigma = np.sqrt(np.diag(now.P))
+        far = float(np.linalg.norm(now.position_m))
+        return bool(
+            sigma[ATTITUDE].max() < config.trusted_attitude_rad
+            and np.linalg.norm(sigma[POSITION]) < config.trusted_share * far
+        )
+
+    def _solve(self, corners: FoundCorners) -> RunwayPose | None:
+        """Return the pose of corners, each weighed by all that it may be wrong by."""
+        try:
+            return solve_pose(
+                PointCorrespondences(
+                    points_m=self._runway.corners_m,
+                    pixels=corners.pixels,
+                    covariance_px2=corners.whole_covariance_px2,
+                    lens=self._lens,
+                )
+            )
+        except ValueError:
+            return None
+
+    def _correct(self, t_s: float, corners: FoundCorners, pose: RunwayPose) -> PoseInnovation | None:
+        """Hand the pose to the filter with the part of its covariance that each picture has anew; keep the rest."""
+        anew = self._scatter * corners.covariance_px2
+        D = self._sensitivity(pose, corners)
+        if D is None:
+            return None
+        covariance = sum((D[:, 2 * k : 2 * k + 2] @ anew[k] @ D[:, 2 * k : 2 * k + 2].T for k in range(4)), np.zeros(1))
+        lasting = D @ self._in_time(t_s, corners.systematic_px)
+        observation = PoseObservation(
+            t_s=t_s,
+            position_m=pose.position_m,
+            runway_from_camera_wxyz=pose.runway_from_camera_wxyz,
+            covariance=np.asarray(covariance),
+            lasting=lasting @ lasting.T,
+        )
+        innovation = self._filter.update(observation)
+        self._lasting.update(observation, lasting)
+        self._learn_scatter(innovation, observation)
+        if innovation.outcome in (UpdateOutcome.USED, UpdateOutcome.STARTED, UpdateOutcome.RESTARTED):
+            self._used += 1
+            self._confirmed = self._confirmed or self._used >= self._config.confirmed_after
+        self._refused = self._refused + 1 if innovation.outcome is UpdateOutcome.GATED else 0
+        if not self._inside and self._refused >= self._config.give_up_after:
+            self._begin()
+        if innovation.outcome is UpdateOutcome.RESTARTED:
+            # its velocity is unknown again: the tracker goes back to the external pose
+            self._used, self._inside, self._confirmed = 1, False, False
+        return innovation
+
+    def _in_time(self, t_s: float, systematic_px: FloatArray) -> FloatArray:
+        """Return what lasts, and beside it the edges' part that comes and goes within the flight: two phases of a wave.
+
+        A constant error of an edge may cancel in the state; one that is there for some seconds does not.
+        """
+        config, edges = self._config, systematic_px[:, : self._edge_modes]
+        angle = 2.0 * np.pi * t_s / config.changing_s
+        waves = [config.changing_share * float(wave) * edges for wave in (np.cos(angle), np.sin(angle))]
+        return np.hstack([systematic_px, *waves])
+
+    def _learn_scatter(self, innovation: PoseInnovation, observation: PoseObservation) -> None:
+        """Let the covariance that each picture has anew follow what innovations show, never below what fits say."""
+        if innovation.outcome not in (UpdateOutcome.USED, UpdateOutcome.GATED) or observation.lasting is None:
+            return
+        value = innovation.value
+        share = float(value @ np.linalg.solve(innovation.covariance - observation.lasting, value)) / value.size
+        step = self._config.scatter_share * (min(share, self._config.most_share) - 1.0)
+        self._scatter = float(np.clip(self._scatter * (1.0 + step), 1.0, self._config.most_scatter))
+
+    def _sensitivity(self, pose: RunwayPose, corners: FoundCorners) -> FloatArray | None:
+        """Return how the pose moves with its pixels; at the filter's pose where that has the smaller covariance."""
+        weights = corners.whole_covariance_px2
+        position, wxyz = pose.position_m, pose.runway_from_camera_wxyz
+        if self._filter.started:
+            P = self._filter.navigation.P
+            ours = np.trace(P[POSITION, POSITION]) + pose.range_m**2 * np.trace(P[ATTITUDE, ATTITUDE])
+            theirs = np.trace(pose.covariance[:3, :3]) + pose.range_m**2 * np.trace(pose.covariance[3:, 3:])
+            if ours <= theirs:
+                position, wxyz = self._filter.camera_pose()
+        return pose_jacobian_of_pixels(self._runway.corners_m, self._kappa, position, matrix_from_wxyz(wxyz), weights)
+
+    def _report(
+        self,
+        t_s: float,
+        tracker_pose: NoseCameraPose | None,
+        edges: EdgeReport | None,
+        corners: FoundCorners | NoCorners | None,
+        pose: RunwayPose | None,
+        innovation: PoseInnovation | None,
+    ) -> NoseReport:
+        fix = self._fix(self._filter.navigation, t_s) if self._confirmed else None
+        return NoseReport(
+            t_s=t_s, tracker_pose=tracker_pose, edges=edges, corners=corners, pose=pose, innovation=innovation, fix=fix
+        )
+
+    def _fix(self, now: Navigation, t_s: float) -> NoseFix:
+        """Return the camera's place with the whole covariance."""
+        position, _ = self._filter.camera_pose()
+        arm = matrix_from_wxyz(now.runway_from_body_wxyz) @ self._mount.camera_in_body_m
+        G = np.zeros((9, now.P.shape[0]))
+        G[:3, POSITION] = G[3:6, ATTITUDE] = G[6:, VELOCITY] = np.eye(3)
+        G[:3, ATTITUDE] = [[0.0, arm[2], -arm[1]], [-arm[2], 0.0, arm[0]], [arm[1], -arm[0], 0.0]]
+        S = self._lasting.sensitivity(now)
+        S[:3] += G[:3, ATTITUDE] @ S[3:6]
+        return NoseFix(
+            t_s=t_s,
+            position_m=position,
+            velocity_m_s=now.velocity_m_s,
+            runway_from_body_wxyz=now.runway_from_body_wxyz,
+            covariance=G @ now.P @ G.T + S @ S.T,
+            status=now.status,
+        )

@@ -1,0 +1,42 @@
+"""What became of a flight's pictures, in words: why no trajectory came of them (docs/onboard-fly.md)."""
+
+from collections.abc import Mapping
+
+from groundstation.onboard.pose.inertial_filter import UpdateOutcome
+from groundstation.onboard.visual_inertial.corner_finder import NoCorners
+
+USED = frozenset({UpdateOutcome.STARTED.value, UpdateOutcome.USED.value, UpdateOutcome.RESTARTED.value})
+WORDS: Mapping[str, str] = {
+    "no_pose": "no pose to look for edges by",
+    "no_edges": "no edges found",
+    "edges_alone": "edges that were not trusted yet, or were only predicted",
+    "no_fit": "corners that fit no pose",
+    NoCorners.OUT_OF_PICTURE: "edges, but the runway's corners outside the picture",
+    NoCorners.FLAT: "edges, but a runway seen too flat",
+    NoCorners.NO_NEAR: "edges, but no near threshold seen where it would be",
+    NoCorners.NO_THRESHOLD: "edges, but neither threshold seen where it would be",
+    NoCorners.NO_CORNER: "edges, but no corner at their ends",
+    NoCorners.TURNED: "edges, but corners far from their ends",
+    UpdateOutcome.GATED: "a pose that the filter refused",
+    UpdateOutcome.LATE: "a pose that came too late",
+}
+# these have nothing to do with what runway was announced
+_NOT_THE_RUNWAYS = frozenset({"no_pose", UpdateOutcome.LATE.value})
+
+
+def why_unused(outcomes: Mapping[str, int], length_m: float, width_m: float) -> str:
+    """Return why no picture's pose went into the filter, most frequent reasons first; empty where one did.
+
+    ``outcomes`` are counts by `NoseReport.outcome`; the length and width are of the runway that was announced, m.
+    """
+    if any(outcomes.get(name) for name in USED):
+        return ""
+    pictures = sum(outcomes.values())
+    if not pictures:
+        return "there was no picture, so there is no trajectory"
+    often = sorted(outcomes.items(), key=lambda item: (-item[1], item[0]))
+    said = f"no pose was used, so there is no trajectory; of {pictures} pictures "
+    said += "; ".join(f"{count} had {WORDS[name]} ({name})" for name, count in often)
+    if not _NOT_THE_RUNWAYS.issuperset(outcomes):
+        said += f". Is the runway {width_m:g} m wide and {length_m:g} m long?"
+    return said

@@ -1,0 +1,53 @@
+"""A rendered approach of a few pictures, made once."""
+
+from functools import cache
+
+import numpy as np
+
+from groundstation.arrays import ImageArray
+from groundstation.onboard.edges.pose import Attitude, nose_pose
+from groundstation.onboard.fly import series_of
+from groundstation.onboard.pose.agreement import PositionTrack
+from groundstation.onboard.scenes.nose_flight import (
+    CAMERA_PITCH_DEG,
+    NoseFlight,
+    navigation_poses,
+    nose_flight,
+    nose_setup,
+)
+from groundstation.onboard.scenes.sequences import SEQUENCES
+from groundstation.onboard.visual_inertial.nose_navigator import NoseNavigator
+
+FRAMES = 24
+
+
+@cache
+def night_flight() -> tuple[NoseFlight, list[ImageArray]]:
+    """Return the first pictures of a flight by night from 150 m on."""
+    flight = nose_flight(SEQUENCES[3], nose_setup(SEQUENCES[3], 1.4, from_m=150.0))
+    return flight, [picture for _, picture in flight.pictures()]
+
+
+@cache
+def short_flight() -> tuple[NoseFlight, list[ImageArray]]:
+    """Return a flight by day from 200 m before the threshold on, and its pictures."""
+    flight = nose_flight(SEQUENCES[0], nose_setup(SEQUENCES[0], FRAMES / 10.0, from_m=200.0))
+    return flight, [picture for _, picture in flight.pictures()]
+
+
+def ground_series(flight: NoseFlight, pictures: list[ImageArray]) -> PositionTrack:
+    """Return the aircraft's own positions of the flight."""
+    navigator = NoseNavigator(flight.runway, flight.setup.lens, flight.setup.mount)
+    attitude, place = navigation_poses(flight, np.random.default_rng(5))
+    mount = Attitude(pitch_rad=float(np.radians(CAMERA_PITCH_DEG)))
+    fixes, fed = [], 0
+    for sample, picture in zip(flight.frames, pictures, strict=True):
+        while fed <= sample:
+            navigator.process_imu(flight.motion.samples[fed])
+            fed += 1
+        roll, pitch, yaw = (float(a) for a in attitude[sample])
+        said = nose_pose(place[sample], Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw), mount)
+        fix = navigator.update(float(flight.motion.t_s[sample]), picture, said).fix
+        if fix is not None:
+            fixes.append(fix)
+    return series_of(fixes)
