@@ -21,8 +21,12 @@ _NOTE = "made of track.csv: pictures, stations and references are in the session
 def write_results_recording(folder: Path, path: Path, name: str) -> None:
     """Write a recording of the tables in ``folder``; a track without an estimate gives its statuses only.
 
-    Raises `InputError` if track.csv is missing or unreadable.
+    Raises `InputError` if track.csv is missing or unreadable, before anything is written.
     """
+    # the tables are read to their end first: a stream that is opened leaves a file and two threads
+    estimates = list(_estimates(folder / "track.csv"))
+    smoothed = folder / "smoothed.csv"
+    rows = [e for e in _estimates(smoothed) if e.kinematics is not None] if smoothed.is_file() else []
     stream = rr.RecordingStream("groundstation", send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
@@ -32,7 +36,7 @@ def write_results_recording(folder: Path, path: Path, name: str) -> None:
     log_styles(stream)
     channel = TrackChannel()
     newest_s = 0.0
-    for estimate in _estimates(folder / "track.csv"):
+    for estimate in estimates:
         newest_s = estimate.t_s
         channel.add_estimate(estimate)
         if len(channel) >= _FLUSH_EPOCHS:
@@ -41,12 +45,10 @@ def write_results_recording(folder: Path, path: Path, name: str) -> None:
     _send(stream, channel)
     outline = RunwayOutline(left_m=-_HALF_WIDTH_M, right_m=_HALF_WIDTH_M)
     log_runway(stream, long_enough(outline, max(float(channel.upper_m[1]), 0.0)))
-    if (folder / "smoothed.csv").is_file():
-        rows = [e for e in _estimates(folder / "smoothed.csv") if e.kinematics is not None]
-        points = [e.kinematics.position_runway_m for e in rows if e.kinematics is not None]
-        if points:
-            t_s = np.array([e.t_s for e in rows])
-            log_reference_line(stream, ReferenceLine(name="smoothed", t_s=t_s, position_runway_m=np.array(points)))
+    points = [e.kinematics.position_runway_m for e in rows if e.kinematics is not None]
+    if points:
+        t_s = np.array([e.t_s for e in rows])
+        log_reference_line(stream, ReferenceLine(name="smoothed", t_s=t_s, position_runway_m=np.array(points)))
     stream.flush()
     stream.disconnect()
 
