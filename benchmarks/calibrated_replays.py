@@ -21,8 +21,8 @@ from drawn_rigs import unit_of
 
 from calibration.flight.calibrate import FlightRequest, calibrate_flight
 from groundstation.evaluation.config import EvaluationConfig
-from groundstation.evaluation.reference_check import covers, find_glitches
-from groundstation.evaluation.series import interpolate, reference_from_fixes
+from groundstation.evaluation.position_series import interpolate, reference_from_fixes
+from groundstation.evaluation.reference_exclusion import covers, find_glitches
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.rig.covariance import ParameterCovariance
 from groundstation.rig.rig import ClockModel, Rig, load_rig

@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from groundstation.evaluation.figures_of_run import FigureChange, figures_of
+from groundstation.evaluation.key_figures import FigureChange, figures_of
 from groundstation.replay.replay import ReplayRequest, replay
 
 ROOT = Path(__file__).resolve().parent.parent

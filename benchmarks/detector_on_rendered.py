@@ -19,8 +19,8 @@ import numpy as np
 from detector_against_truth import Key, true_pixels
 
 from groundstation.experiments.detection_tables import flown_table
-from groundstation.experiments.looks import DetectorOutcome, FrameTruth, judged
-from groundstation.experiments.scenes import Silhouettes, background_at
+from groundstation.experiments.detector_outcomes import DetectorOutcome, FrameTruth, judged
+from groundstation.experiments.truth_scenes import SilhouetteArchive, background_at
 from groundstation.messages import Frame
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.session import load_session
@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parent.parent
 def flown(folder: Path) -> list[DetectorOutcome]:
     """Replay a session and return its looks, judged, those in whose frame the nose is in view, in order of time."""
     session, noses = load_session(folder), true_pixels(folder)
-    silhouettes = Silhouettes(session)
+    silhouettes = SilhouetteArchive(session)
     outcomes: dict[Key, DetectorOutcome] = {}
     look = CameraTracker.detect
 

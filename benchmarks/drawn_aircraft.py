@@ -26,7 +26,7 @@ from scipy.stats import t as t_of
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.covariance_parts import noise_chi_square
 from groundstation.experiments.detection_tables import stated_errors
-from groundstation.experiments.looks import DetectorOutcome
+from groundstation.experiments.detector_outcomes import DetectorOutcome
 from groundstation.simulation.airframe import REST_HEIGHT_PER_SPAN, AirframeShape, trainer
 from groundstation.simulation.attitude import AircraftPose, pose_at
 from groundstation.simulation.flights import SPAN_M, FlightName, flight, rendered_scenario, site_rig

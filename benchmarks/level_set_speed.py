@@ -31,9 +31,9 @@ from groundstation.detection.detector import Detector
 from groundstation.detection.local_fitting import evolve_local
 from groundstation.detection.roi import place_roi
 from groundstation.experiments.detection_plots import draw_cost
-from groundstation.experiments.looks import segmentation_input
-from groundstation.experiments.scenes import scenes
+from groundstation.experiments.detector_outcomes import segmentation_input
 from groundstation.experiments.tables import Cell, ResultTable
+from groundstation.experiments.truth_scenes import scenes
 from groundstation.messages import Roi
 from groundstation.session import Session, load_session
 from groundstation.tracking.warm_up import warm_up

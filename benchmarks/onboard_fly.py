@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import ImageArray
-from groundstation.experiments.nose_flights import FollowedFlight, follow
+from groundstation.experiments.onboard_flights import FollowedFlight, follow
 from groundstation.onboard.scenes.nose_flight import NoseFlight, nose_flight, nose_setup
 from groundstation.onboard.scenes.sequences import SEQUENCES, varied
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from onboard_edges_study import methods as study
 
-from groundstation.experiments.nose_alone import SCENES, changing_pavement, energies, errors_of
-from groundstation.experiments.nose_edges import GUESS, Step
+from groundstation.experiments.onboard_edges import GUESS, Step
+from groundstation.experiments.onboard_energies import SCENES, changing_pavement, energies, errors_of
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
 from groundstation.onboard.edges.gradient_descent import Energy
 from groundstation.onboard.edges.pose import NoseCameraPose

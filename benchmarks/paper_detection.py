@@ -8,7 +8,7 @@
 
 For each session with exact truth (truth.csv and masks.npz), default the bundled landing, the tables are printed, and
 written with the pictures into DIR/SESSION, default out/paper-detection. Predictions are the truth with seeded noise
-(groundstation/experiments/scenes.py), so all but the times repeats to the last digit.
+(groundstation/experiments/truth_scenes.py), so all but the times repeats to the last digit.
 One thread; times are its processor time. Some five minutes for the bundled landing.
 """
 
@@ -30,9 +30,9 @@ from groundstation.experiments.detection_set_up import (
     SEED,
     SWEEP,
 )
-from groundstation.experiments.looks import DetectorOutcome, watch
-from groundstation.experiments.scenes import scenes
+from groundstation.experiments.detector_outcomes import DetectorOutcome, watch
 from groundstation.experiments.tables import ResultTable
+from groundstation.experiments.truth_scenes import scenes
 from groundstation.session import load_session
 from groundstation.tracking.warm_up import warm_up
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from groundstation.viewer.view import RerunSink, VideoAsset
+from groundstation.viewer.rerun_sink import RerunSink, VideoAsset
 from tests.viewer.synthetic import STATIONS, Landing
 
 ROOT = Path(__file__).resolve().parent.parent

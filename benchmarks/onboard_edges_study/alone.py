@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from groundstation.experiments.nose_alone import band_px
+from groundstation.experiments.onboard_energies import band_px
 from groundstation.onboard.edges.gradient_descent import DescentConfig, Energy, descend
 from groundstation.onboard.edges.kalman import picture_crossings, picture_state, predict_picture, update_picture
 from groundstation.onboard.edges.lines import crossings_at, line_map, project_lines

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from groundstation.experiments import nose_edges
-from groundstation.experiments.nose_alone import from_last
-from groundstation.experiments.nose_edges import rows_said
+from groundstation.experiments import onboard_edges
+from groundstation.experiments.onboard_edges import rows_said
+from groundstation.experiments.onboard_energies import from_last
 from groundstation.onboard.edges.baselines import graph_cut_edges
 from groundstation.onboard.edges.config import TrackerConfig, paper_config
 from groundstation.onboard.edges.gradient_descent import DescentConfig, Energy
@@ -20,7 +20,7 @@ from groundstation.onboard.edges.search_band import NoBand, RunwayGuess, band_ro
 from groundstation.onboard.edges.tracker import EdgeTracker
 from groundstation.onboard.scenes.sequences import NOSE_LENS, NoseFrame, Sequence
 
-KAPPA, GUESS, LOST_PX = nose_edges.KAPPA, nose_edges.GUESS, nose_edges.LOST_PX
+KAPPA, GUESS, LOST_PX = onboard_edges.KAPPA, onboard_edges.GUESS, onboard_edges.LOST_PX
 SIZE = NOSE_LENS.image_size_px
 Array = NDArray[np.float64]
 Step = Callable[[NoseFrame], tuple[Array, Array] | None]
@@ -91,6 +91,6 @@ def methods(sequence: Sequence, first: NoseCameraPose, reports: list[EdgeReport]
         "non-variant, our filter": tracked(plain(Energy.NON_VARIANT)),
         "spatially variant, last frame": from_last(sequence, first, Energy.AS_PRINTED, across=False),
         "non-variant, last frame": from_last(sequence, first, Energy.NON_VARIANT, across=False),
-        "Hough and Canny": nose_edges.hough,
+        "Hough and Canny": onboard_edges.hough,
         "GrabCut": graph_cut,
     }

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from groundstation.experiments.nose_pose import opencv_range
+from groundstation.experiments.onboard_pose import opencv_range
 from groundstation.geometry.camera import Lens
 from groundstation.geometry.rotation import matrix_from_wxyz, rotation_from_vector, wxyz_from_matrix
 from groundstation.onboard.pose.coplanarity_solver import FOUR_SIDES, SIX_PAIRS, solve_coplanarity

@@ -167,6 +167,14 @@ def whiteness(done: list[Run]) -> dict[str, object]:
 def draw(folder: Path, setup: ApproachSetup, approach: SimulatedApproach, one: Run) -> None:
     """Write the paper's figures 4 to 7 for one approach."""
     mpl.use("Agg")
+    _draw_path(folder / "onboard-pose-path.png", setup, approach, one)
+    _draw_position(folder / "onboard-pose-position.png", setup, approach, one)
+    _draw_errors(folder / "onboard-pose-errors.png", setup, one)
+    _draw_innovations(folder / "onboard-pose-innovations.png", one)
+
+
+def _draw_path(path: Path, setup: ApproachSetup, approach: SimulatedApproach, one: Run) -> None:
+    """Write the true and the estimated path in space and from above (figure 4)."""
     from matplotlib import pyplot as plt
 
     lost = setup.lost_s
@@ -188,8 +196,14 @@ def draw(folder: Path, setup: ApproachSetup, approach: SimulatedApproach, one: R
     flat.set(xlabel="y / m", ylabel="x / m")
     flat.invert_xaxis()
     flat.legend(fontsize=8)
-    _save(figure, folder / "onboard-pose-path.png")
+    _save(figure, path)
 
+
+def _draw_position(path: Path, setup: ApproachSetup, approach: SimulatedApproach, one: Run) -> None:
+    """Write the position, the steps of the paper's cost and the errors in range and height over time (figure 5)."""
+    from matplotlib import pyplot as plt
+
+    lost = setup.lost_s
     figure, all_axes = plt.subplots(3, 2, figsize=(10, 6), sharex="col")
     for k, axis in enumerate("xyz"):
         all_axes[k, 0].plot(approach.t_s, approach.position_m[:, k], "k-", lw=1)
@@ -205,8 +219,14 @@ def draw(folder: Path, setup: ApproachSetup, approach: SimulatedApproach, one: R
         all_axes[k, 1].set_ylabel(f"{name} error / m")
     for ax in all_axes[2]:
         ax.set_xlabel("t / s")
-    _save(figure, folder / "onboard-pose-position.png")
+    _save(figure, path)
 
+
+def _draw_errors(path: Path, setup: ApproachSetup, one: Run) -> None:
+    """Write the errors in velocity and attitude with their 2 sigma bounds over time (figure 6)."""
+    from matplotlib import pyplot as plt
+
+    lost = setup.lost_s
     figure, all_axes = plt.subplots(3, 2, figsize=(10, 6), sharex=True)
     for column, (part, unit, scale) in enumerate(
         ((VELOCITY, "v / (m/s)", 1.0), (ATTITUDE, "θ / deg", np.degrees(1.0)))
@@ -219,7 +239,12 @@ def draw(folder: Path, setup: ApproachSetup, approach: SimulatedApproach, one: R
             ax.axvspan(*lost, color="C3", alpha=0.1)
             ax.set_ylabel(f"{'xyz'[k]}: {unit}")
         all_axes[2, column].set_xlabel("t / s")
-    _save(figure, folder / "onboard-pose-errors.png")
+    _save(figure, path)
+
+
+def _draw_innovations(path: Path, one: Run) -> None:
+    """Write the innovations with their 2 sigma bounds over time (figure 7)."""
+    from matplotlib import pyplot as plt
 
     figure, all_axes = plt.subplots(3, 2, figsize=(10, 6), sharex=True)
     for column, (unit, scale) in enumerate((("m", 1.0), ("deg", np.degrees(1.0)))):
@@ -231,7 +256,7 @@ def draw(folder: Path, setup: ApproachSetup, approach: SimulatedApproach, one: R
             ax.plot(one.innovation_t_s, -sigma, "C3.", ms=1)
             ax.set_ylabel(f"{'position' if column == 0 else 'attitude'} {'xyz'[k]} / {unit}")
         all_axes[2, column].set_xlabel("t / s")
-    _save(figure, folder / "onboard-pose-innovations.png")
+    _save(figure, path)
 
 
 def _save(figure: "mpl.figure.Figure", path: Path) -> None:

@@ -12,8 +12,8 @@ from calibration.flight.smoothing_spline import smoothing_spline
 from groundstation.arrays import FloatArray
 from groundstation.errors import RigError, SessionError
 from groundstation.evaluation.config import EvaluationConfig
-from groundstation.evaluation.reference_check import covers, find_frozen, find_gaps, find_glitches
-from groundstation.evaluation.series import reference_from_fixes
+from groundstation.evaluation.position_series import reference_from_fixes
+from groundstation.evaluation.reference_exclusion import covers, find_frozen, find_gaps, find_glitches
 from groundstation.files.csv_table import CsvTable
 from groundstation.files.toml_table import quoted
 from groundstation.rig.rig import Station

@@ -9,7 +9,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from calibration.flight.smoothing_spline import smoothing_spline
 from groundstation.arrays import FloatArray, MaskArray
-from groundstation.evaluation.series import ReferenceSeries, smooth_velocity
+from groundstation.evaluation.position_series import ReferenceSeries, smooth_velocity
 
 _CUBIC = 3
 _LEAST_FIXES = _CUBIC + 1

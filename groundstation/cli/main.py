@@ -249,7 +249,7 @@ def _track(options: argparse.Namespace) -> int:
 def _plan(options: argparse.Namespace) -> int:
     """Print the forecast and the paths."""
     from groundstation.planning.plan import plan
-    from groundstation.planning.table import format_plan
+    from groundstation.planning.plan_table import format_plan
 
     result = plan(options.site, options.out)
     print(format_plan(result.site, result.forecast))
@@ -271,9 +271,9 @@ def _config(options: argparse.Namespace) -> int:
 def _replay(options: argparse.Namespace) -> int:
     """Replay, print the table and the paths; 1 if the recording was cut short by a fault."""
     # imported here, so that --help and usage errors respond without delay
-    from groundstation.evaluation.table import format_accuracy_table
+    from groundstation.evaluation.accuracy_table import format_accuracy_table
     from groundstation.replay.replay import ReplayRequest, replay
-    from groundstation.viewer.viewer import open_viewer, video_notice
+    from groundstation.viewer.viewer_process import open_viewer, video_notice
 
     request = ReplayRequest(
         session=options.session,

@@ -66,8 +66,8 @@ def add_view(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
 def run_view(options: argparse.Namespace) -> int:
     """Prepare the recording and show it until the viewer is closed, or Ctrl-C; returns the exit code."""
     from groundstation.replay.view import ViewRequest, names_line, prepare_view
-    from groundstation.viewer.merge import Align
-    from groundstation.viewer.viewer import ViewerError, has_display
+    from groundstation.viewer.merge_recordings import RunAlignment
+    from groundstation.viewer.viewer_process import ViewerError, has_display
 
     if options.save is not None and options.save.suffix != ".rrd":
         raise UsageError("--save", got=str(options.save), wanted="a name that ends in .rrd, which the viewer opens")
@@ -81,7 +81,7 @@ def run_view(options: argparse.Namespace) -> int:
             work=options.out or Path(folder),
             configs=tuple(options.config),
             rig=options.rig,
-            align=None if options.align is None else Align(options.align),
+            align=None if options.align is None else RunAlignment(options.align),
             save=options.save,
         )
         lines: dict[str, ProgressLine] = {}
@@ -105,8 +105,8 @@ def run_view(options: argparse.Namespace) -> int:
 
 def _show(recording: Path, *, web: bool) -> None:
     """Show it and wait for the end of the viewer or of the user's patience."""
-    from groundstation.viewer import viewer as rerun_viewer
-    from groundstation.viewer.viewer import has_display, open_viewer, serve_recording, stop_viewer
+    from groundstation.viewer import viewer_process as rerun_viewer
+    from groundstation.viewer.viewer_process import has_display, open_viewer, serve_recording, stop_viewer
 
     notice = rerun_viewer.browser_notice(recording) if web else rerun_viewer.video_notice(os.environ)
     if notice:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundstation.arrays import FloatArray
-from groundstation.evaluation.series import BoolArray
+from groundstation.evaluation.position_series import BoolArray
 from groundstation.geometry.station import StationGeometry
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from groundstation.evaluation.figures_of_run import AXES, FigureChange, figures_of
+from groundstation.evaluation.key_figures import AXES, FigureChange, figures_of
 
 _REFERENCES = {"truth": "the truth", "dgps": "DGPS"}
 _MOST_SETTINGS = 12

@@ -12,12 +12,18 @@ from numpy.typing import NDArray
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.evaluation.bounds import BoundSeries, StationView, fix_covariance, fix_information, posterior_bounds
+from groundstation.evaluation.checked_reference import CheckedReference, check_reference
 from groundstation.evaluation.collector import DETECTION_STATUSES, TRIANGULATION_STATUSES, ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.metrics import Comparison
-from groundstation.evaluation.reference import CheckedReference, check_reference
+from groundstation.evaluation.position_series import (
+    BoolArray,
+    InterpolatedReference,
+    PositionSeries,
+    ReferenceSeries,
+    interpolate,
+)
 from groundstation.evaluation.run_description import RunDescription, TruthLike
-from groundstation.evaluation.series import BoolArray, PositionSeries, ReferenceSeries, interpolate
 from groundstation.evaluation.summary import build_summary, smoothed_table
 from groundstation.files.output_names import below
 from groundstation.messages import DgpsFix, TriangulationStatus
@@ -51,6 +57,19 @@ class Evaluation:
     smoothed: NDArray[Any] | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _ReferenceComparisons:
+    """Comparisons by reference ("truth", "dgps") of the estimates and of the smoothed estimates, and the references.
+
+    ``checked`` is the DGPS log without its excluded spans, ``truth`` the exact positions; None where there is none.
+    """
+
+    comparisons: dict[str, Comparison]
+    smoothed: dict[str, Comparison]
+    checked: CheckedReference | None
+    truth: ReferenceSeries | None
+
+
 def evaluate_run(
     collector: ResultCollector,
     run: RunDescription,
@@ -61,22 +80,58 @@ def evaluate_run(
     truth: TruthLike | None = None,
     smoothed: ResultCollector | None = None,
 ) -> Evaluation:
-    """Compare a run, and ``smoothed``, its epochs smoothed, with the references there are and with what is possible."""
+    """Compare a run, and its epochs after smoothing (``smoothed``), with the available references and the bounds."""
     epochs, cameras = collector.epochs(), collector.cameras()
-    reference = None
-    comparisons: dict[str, Comparison] = {}
-    later: dict[str, Comparison] = {}
-    after, exact = None if smoothed is None else smoothed.epochs(), None
+    after = None if smoothed is None else smoothed.epochs()
+    found = _compare_with_references(epochs, after, run, config, dgps, truth)
+    bounds = _bounds(epochs, cameras, collector.stations, rig, run, config, found.comparisons.get("truth"))
+    summary = build_summary(
+        epochs=epochs,
+        cameras=cameras,
+        stations=collector.stations,
+        comparisons=found.comparisons,
+        reference=found.checked,
+        fixes=len(dgps),
+        channels=collector.channels(),
+        bounds=bounds,
+        config=config,
+        run=run,
+    )
+    for name, comparison in found.smoothed.items():
+        summary["accuracy"][name]["smoothed"] = smoothed_table(found.comparisons[name], comparison)
+    return Evaluation(
+        summary=summary,
+        run=run,
+        epochs=epochs,
+        cameras=cameras,
+        stations=collector.stations,
+        comparisons=found.comparisons,
+        reference=found.checked,
+        truth=found.truth,
+        bounds=bounds,
+        events=tuple(collector.events),
+        smoothed=after,
+    )
+
+
+def _compare_with_references(
+    epochs: NDArray[Any],
+    smoothed: NDArray[Any] | None,
+    run: RunDescription,
+    config: EvaluationConfig,
+    dgps: Sequence[DgpsFix],
+    truth: TruthLike | None,
+) -> _ReferenceComparisons:
+    """Compare the epochs, and the smoothed ones, with the exact positions and with the DGPS log."""
+    references: dict[str, InterpolatedReference] = {}
+    checked, exact = None, None
     if truth is not None and len(truth.t_s):
         exact = ReferenceSeries(
             t_s=truth.t_s, position_m=truth.position_runway_m, sigma_m=np.zeros_like(truth.position_runway_m)
         )
-        at = interpolate(exact, epochs["t_s"], config.max_interpolation_gap_s)
-        comparisons["truth"] = _compare(epochs, at.position_m, at.usable, at.sigma_m)
-        if after is not None:
-            later["truth"] = _compare(after, at.position_m, at.usable, at.sigma_m)
+        references["truth"] = interpolate(exact, epochs["t_s"], config.max_interpolation_gap_s)
     if len(dgps) >= 2 and np.any(_estimated(epochs)):
-        reference = check_reference(
+        checked = check_reference(
             dgps,
             track_series(epochs),
             triangulated_series(epochs),
@@ -84,37 +139,16 @@ def evaluate_run(
             config,
             run.clocks_given,
         )
-        at = reference.at(epochs["t_s"])
-        comparisons["dgps"] = _compare(epochs, at.position_m, at.usable, at.sigma_m)
-        if after is not None:
-            later["dgps"] = _compare(after, at.position_m, at.usable, at.sigma_m)
-    bounds = _bounds(epochs, cameras, collector.stations, rig, run, config, comparisons.get("truth"))
-    summary = build_summary(
-        epochs=epochs,
-        cameras=cameras,
-        stations=collector.stations,
-        comparisons=comparisons,
-        reference=reference,
-        fixes=len(dgps),
-        channels=collector.channels(),
-        bounds=bounds,
-        config=config,
-        run=run,
-    )
-    for name, comparison in later.items():
-        summary["accuracy"][name]["smoothed"] = smoothed_table(comparisons[name], comparison)
-    return Evaluation(
-        summary=summary,
-        run=run,
-        epochs=epochs,
-        cameras=cameras,
-        stations=collector.stations,
-        comparisons=comparisons,
-        reference=reference,
+        references["dgps"] = checked.at(epochs["t_s"])
+
+    def compare(rows: NDArray[Any]) -> dict[str, Comparison]:
+        return {name: _compare(rows, at.position_m, at.usable, at.sigma_m) for name, at in references.items()}
+
+    return _ReferenceComparisons(
+        comparisons=compare(epochs),
+        smoothed={} if smoothed is None else compare(smoothed),
+        checked=checked,
         truth=exact,
-        bounds=bounds,
-        events=tuple(collector.events),
-        smoothed=after,
     )
 
 
@@ -241,7 +275,7 @@ def _bounds(
     if truth is not None:
         place[truth.usable] = truth.reference_m[truth.usable]
     fix_sigma, fix_known, information = np.zeros((n, 3)), np.zeros(n, dtype=np.bool_), np.zeros((n, 3, 3))
-    views = _Views(cameras, stations, rig)
+    views = _EpochViews(cameras, stations, rig)
     for k in range(n):
         if not np.all(np.isfinite(place[k])):
             continue
@@ -266,7 +300,7 @@ def _bounds(
     return BoundSeries(fix_sigma_m=fix_sigma, fix_known=fix_known, track_sigma_m=track_sigma, track_known=track_known)
 
 
-class _Views:
+class _EpochViews:
     """The looks with an accepted pixel, by epoch number; made when asked for, since an hour has 70,000 of them."""
 
     def __init__(self, cameras: NDArray[Any], stations: tuple[str, ...], rig: Rig) -> None:

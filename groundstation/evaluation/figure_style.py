@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.metrics import PhaseLike
-from groundstation.evaluation.series import BoolArray
+from groundstation.evaluation.position_series import BoolArray
 
 # Okabe and Ito's palette, told apart with any colour vision; markers and line styles tell the series apart besides
 EKF, TRIANGULATION, DGPS, TRUTH, BOUND, SMOOTHED = "#0072B2", "#E69F00", "#009E73", "#000000", "#CC79A7", "#D55E00"
@@ -61,7 +61,7 @@ class ReportFigure:
     draw: Callable[[Figure], None]
     height_in: float
 
-    def drawn(self) -> "Drawn":
+    def drawn(self) -> "RenderedFigure":
         """Draw it, once for both kinds of file; the same each time."""
         with mpl.rc_context(_STYLE):
             figure = Figure(figsize=(_WIDTH_IN, self.height_in), layout="constrained")
@@ -77,11 +77,11 @@ class ReportFigure:
         svg = text.getvalue()
         label = escape(f"{self.title}. {self.alt}", quote=True)
         element = svg[svg.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
-        return Drawn(picture=self, svg=element, png=pixels.getvalue())
+        return RenderedFigure(picture=self, svg=element, png=pixels.getvalue())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drawn:
+class RenderedFigure:
     """A figure as an SVG element that says what it shows, and as a PNG file."""
 
     picture: ReportFigure

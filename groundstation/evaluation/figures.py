@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from groundstation.evaluation.checked_reference import CheckedReference
 from groundstation.evaluation.collector import TRIANGULATION_STATUSES
 from groundstation.evaluation.consistency_figures import consistency_pictures
 from groundstation.evaluation.evaluate import Evaluation
@@ -24,7 +25,6 @@ from groundstation.evaluation.figure_style import (
     stride,
 )
 from groundstation.evaluation.metrics import Comparison, in_bin, range_bins
-from groundstation.evaluation.reference import CheckedReference
 from groundstation.messages import TriangulationStatus
 
 _AXES = ("x", "y", "z")

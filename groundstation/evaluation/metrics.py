@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from groundstation.arrays import FloatArray
-from groundstation.evaluation.series import BoolArray
+from groundstation.evaluation.position_series import BoolArray
 
 CONFIDENCE = 0.95
 

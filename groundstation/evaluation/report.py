@@ -10,7 +10,7 @@ from typing import Any
 from groundstation.errors import InputError
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation
-from groundstation.evaluation.figure_style import Drawn, ReportFigure
+from groundstation.evaluation.figure_style import RenderedFigure, ReportFigure
 from groundstation.evaluation.figures import pictures
 from groundstation.evaluation.page_tables import Column, page_table, plain
 from groundstation.evaluation.plain_summary import plain_summary
@@ -95,7 +95,7 @@ def report_page(evaluation: Evaluation, config: EvaluationConfig) -> str:
     return "".join(_page(evaluation, (picture.drawn() for picture in pictures(evaluation, config.range_bins_m))))
 
 
-def _in_turn(shown: Sequence[ReportFigure], folder: Path, *, long: bool) -> Iterator[Drawn]:
+def _in_turn(shown: Sequence[ReportFigure], folder: Path, *, long: bool) -> Iterator[RenderedFigure]:
     """Draw each figure when it is asked for; of a ``long`` flight, sweep up after each."""
     for picture in shown:
         yield _kept(picture.drawn(), folder)
@@ -104,7 +104,7 @@ def _in_turn(shown: Sequence[ReportFigure], folder: Path, *, long: bool) -> Iter
             gc.collect()
 
 
-def _kept(drawn: Drawn, folder: Path) -> Drawn:
+def _kept(drawn: RenderedFigure, folder: Path) -> RenderedFigure:
     """Write a figure's two files and hand it on."""
     name = drawn.picture.name
     below(folder, f"{name}.svg").write_text(f"<?xml version='1.0' encoding='utf-8'?>\n{drawn.svg}", encoding="utf-8")
@@ -112,7 +112,7 @@ def _kept(drawn: Drawn, folder: Path) -> Drawn:
     return drawn
 
 
-def _page(evaluation: Evaluation, shown: Iterable[Drawn]) -> Iterator[str]:
+def _page(evaluation: Evaluation, shown: Iterable[RenderedFigure]) -> Iterator[str]:
     """Return the page piece by piece."""
     summary = evaluation.summary
     name = escape(str(summary["session"]["name"]))
@@ -185,7 +185,7 @@ def _tiles(summary: dict[str, Any]) -> str:
     return f"<div class='tiles'>{cells}</div>"
 
 
-def _gallery(shown: Iterable[Drawn]) -> Iterator[str]:
+def _gallery(shown: Iterable[RenderedFigure]) -> Iterator[str]:
     """Return the pictures with their captions, one after the other."""
     start = "<h2>Pictures</h2><div class='pictures'>"
     for d in shown:

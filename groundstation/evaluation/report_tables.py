@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from html import escape
 from typing import Any
 
+from groundstation.evaluation.accuracy_table import FEW_EPOCHS, shown_unit
 from groundstation.evaluation.page_tables import Column, axes_cell, page_table, plain
-from groundstation.evaluation.table import FEW_EPOCHS, shown_unit
 
 _REFERENCES = {"truth": "Against the truth", "dgps": "Against DGPS"}
 _ACCURACY = (

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.bounds import BoundSeries
+from groundstation.evaluation.checked_reference import CheckedReference
 from groundstation.evaluation.collector import (
     DETECTION_STATUSES,
     MISS_REASONS,
@@ -32,10 +33,9 @@ from groundstation.evaluation.metrics import (
     range_bins,
     statistics,
 )
-from groundstation.evaluation.reference import CheckedReference
+from groundstation.evaluation.position_series import BoolArray
+from groundstation.evaluation.reference_time_offset import TimeOffset
 from groundstation.evaluation.run_description import RunDescription
-from groundstation.evaluation.series import BoolArray
-from groundstation.evaluation.time_offset import TimeOffset
 
 SUMMARY_FORMAT = "groundstation-summary/1"
 AXES = ("x", "y", "z")

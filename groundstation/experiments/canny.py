@@ -8,8 +8,8 @@ import numpy as np
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
+from groundstation.experiments.truth_session import TruthSession
 from groundstation.messages import Frame
 from groundstation.sources.folder_source import FolderSource
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from groundstation.experiments.detection_tables import WIDTHS_PX, of_phase
-from groundstation.experiments.looks import DetectorOutcome
+from groundstation.experiments.detector_outcomes import DetectorOutcome
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")

@@ -10,7 +10,7 @@ from groundstation.arrays import FloatArray
 from groundstation.evaluation.correlation import correlated_chi_square, lag_one
 from groundstation.evaluation.covariance_parts import ErrorsWithCovariance, flights_chi_square, noise_chi_square
 from groundstation.evaluation.metrics import ChiSquareMean
-from groundstation.experiments.looks import DetectorOutcome
+from groundstation.experiments.detector_outcomes import DetectorOutcome
 from groundstation.experiments.tables import Cell, ResultTable
 
 PHASES = ("sky", "mixed", "ground")

@@ -10,10 +10,10 @@ from groundstation.evaluation.metrics import phase_masks
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments import detection_tables as found
 from groundstation.experiments.detection_set_up import FULL, OURS, PAPER_METHODS, PAPER_ROI, SWEEP
+from groundstation.experiments.detector_outcomes import DetectorOutcome
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.looks import DetectorOutcome
-from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
+from groundstation.experiments.truth_session import TruthSession
 from groundstation.tracking.config import Config
 
 _TRACED = (OURS, "snake", "GVF snake")

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
-from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import ResultTable
+from groundstation.experiments.truth_session import TruthSession
 
 
 class Paper(StrEnum):

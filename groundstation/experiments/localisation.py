@@ -9,12 +9,12 @@ import numpy as np
 
 from groundstation.arrays import FloatArray
 from groundstation.evaluation.metrics import phase_masks
-from groundstation.evaluation.series import BoolArray
+from groundstation.evaluation.position_series import BoolArray
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.detection_set_up import SEED
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
+from groundstation.experiments.truth_session import TruthSession
 from groundstation.tracking.config import Config
 
 # of the part that is studied: where the failing stretch begins and how long it lasts

@@ -10,8 +10,8 @@ from groundstation.errors import InputError
 from groundstation.evaluation.summary import versions
 from groundstation.experiments.experiment import Experiment, Findings
 from groundstation.experiments.page import paper_page
-from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.registry import EXPERIMENTS, named
+from groundstation.experiments.truth_session import TruthSession
 from groundstation.files.output_names import below
 from groundstation.tracking.warm_up import warm_up
 

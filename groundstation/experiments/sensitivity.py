@@ -10,8 +10,8 @@ from groundstation.estimation.triangulation import TriangulationView, triangulat
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments.detection_set_up import SEED
 from groundstation.experiments.experiment import Findings, PaperFigure
-from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.tables import Cell, ResultTable
+from groundstation.experiments.truth_session import TruthSession
 from groundstation.geometry.aim import aim_at
 from groundstation.tracking.config import Config
 

@@ -39,8 +39,8 @@ def open_screen(
     """Open the operator's screen, "desktop", "browser" or "none"; returns what it has to say of itself."""
     if kind == "none":
         return lambda: ""
-    from groundstation.viewer.live import LiveView
-    from groundstation.viewer.viewer import open_live_stream, open_web_stream, stop_viewer
+    from groundstation.viewer.live_view import LiveView
+    from groundstation.viewer.viewer_process import open_live_stream, open_web_stream, stop_viewer
 
     if kind == "desktop":
         stream = open_live_stream("groundstation", os.environ, "--web shows the same in a browser")

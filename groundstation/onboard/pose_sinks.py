@@ -12,8 +12,8 @@ from groundstation.geometry.camera import Lens
 from groundstation.onboard.pose.pose_solver import PoseStatus, RunwayPose
 from groundstation.onboard.pose.runway import Runway
 from groundstation.onboard.sinks import log_outline
+from groundstation.viewer.entity_paths import XYZW
 from groundstation.viewer.scene import BAD, DOUBTFUL, FRUSTUM_LENGTH, GOOD
-from groundstation.viewer.tree import XYZW
 
 TIMELINE = "picture"
 CAMERA, IMAGE, PLACE = "threshold/camera", "threshold/camera/image", "threshold/place"

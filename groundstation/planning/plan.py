@@ -9,10 +9,10 @@ from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
 from groundstation.files.output_names import below
 from groundstation.planning.forecast import Forecast, forecast, site_map
-from groundstation.planning.picture import draw_plan
+from groundstation.planning.plan_figure import draw_plan
+from groundstation.planning.plan_table import plan_csv
 from groundstation.planning.site import Site
 from groundstation.planning.site_file import load_site
-from groundstation.planning.table import plan_csv
 
 # the map's grid: enough for smooth contours, a second to compute
 _MAP_COLUMNS, _MAP_ROWS = 31, 50

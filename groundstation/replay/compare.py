@@ -11,7 +11,7 @@ from typing import Any
 
 from groundstation.errors import InputError
 from groundstation.evaluation.comparison_text import ScoredRun, format_comparison, scored
-from groundstation.evaluation.figures_of_run import moved_figures
+from groundstation.evaluation.key_figures import moved_figures
 from groundstation.evaluation.summary import SUMMARY_FORMAT
 from groundstation.files.toml_table import quoted, shown
 from groundstation.replay.run_planning import (

@@ -38,7 +38,7 @@ from groundstation.tracking.config import Config, TrackStart, config_to_mapping
 from groundstation.tracking.count_descriptions import describe_counts
 from groundstation.tracking.pipeline import Pipeline
 from groundstation.tracking.warm_up import warm_up
-from groundstation.viewer.session import reference_tracks, session_view
+from groundstation.viewer.session_view import reference_tracks, session_view
 
 # standard deviation of an unknown DGPS clock offset, for the initial position of a start from DGPS
 _DGPS_CLOCK_SIGMA_S = 0.5

@@ -17,15 +17,15 @@ from groundstation.replay.run_planning import (
     run_results,
 )
 from groundstation.session import load_session
-from groundstation.viewer.compare import (
-    ShownRun,
+from groundstation.viewer.comparison_recording import (
+    ComparedRun,
     event_at,
     event_text,
     overlap_in_time,
     read_runs,
     write_comparison,
 )
-from groundstation.viewer.merge import Align
+from groundstation.viewer.merge_recordings import RunAlignment
 from groundstation.viewer.recording_check import check_recording
 from groundstation.viewer.results_recording import write_results_recording
 from groundstation.viewer.session_recording import write_session_recording
@@ -44,7 +44,7 @@ class ViewRequest:
     work: Path
     configs: tuple[Path, ...] = ()
     rig: Path | None = None
-    align: Align | None = None
+    align: RunAlignment | None = None
     save: Path | None = None
 
 
@@ -58,7 +58,7 @@ class ViewResult:
 
     recording: Path
     names: tuple[str, ...]
-    align: Align
+    align: RunAlignment
     notes: tuple[str, ...]
     event_s: float | None = None
     event: str = ""
@@ -87,15 +87,15 @@ def prepare_view(
         if name not in made:
             check_recording(path)
     # a recording made from tables has no blueprint
-    if len(recordings) == 1 and request.align in (None, Align.NONE) and runs[0].name not in made:
+    if len(recordings) == 1 and request.align in (None, RunAlignment.NONE) and runs[0].name not in made:
         path = next(iter(recordings.values()))
         return ViewResult(
-            recording=_kept(path, request.save), names=tuple(recordings), align=Align.NONE, notes=tuple(notes)
+            recording=_kept(path, request.save), names=tuple(recordings), align=RunAlignment.NONE, notes=tuple(notes)
         )
-    shown = read_runs(recordings, request.align or Align.NONE)
-    align = request.align or Align.NONE
+    shown = read_runs(recordings, request.align or RunAlignment.NONE)
+    align = request.align or RunAlignment.NONE
     if request.align is None and not overlap_in_time(shown):
-        align = Align.START
+        align = RunAlignment.START
         notes.append("the runs have no time in common: shown from each one's start (--align none keeps their times)")
         shown = read_runs(recordings, align)
     notes += _missing([run for run in shown if run.name not in unplayed], align)
@@ -151,12 +151,12 @@ def _unplayed(run: PlannedRun, request: ViewRequest, why: InputError, notes: lis
     return made
 
 
-def _missing(shown: Sequence[ShownRun], align: Align) -> list[str]:
+def _missing(shown: Sequence[ComparedRun], align: RunAlignment) -> list[str]:
     """Return notes on runs without a track or a touchdown, and on their alignment."""
-    where = "" if align is Align.NONE else ", put by the first time in it"
+    where = "" if align is RunAlignment.NONE else ", put by the first time in it"
     notes = [f"{run.name}: no estimate in it, so no track{where}" for run in shown if not len(run.track)]
     for run in shown:
-        if align is Align.TOUCHDOWN and len(run.track) and not run.track.touches_down:
+        if align is RunAlignment.TOUCHDOWN and len(run.track) and not run.track.touches_down:
             lowest_m = float(run.track.position_runway_m[:, 2].min())
             notes.append(
                 f"{run.name}: no touchdown in it, the track is never below {lowest_m:.0f} m: put by the time at which "

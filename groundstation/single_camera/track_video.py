@@ -231,7 +231,7 @@ def _open_sinks(
     if request.view:
         # imported here: nobody else has to wait for Rerun
         from groundstation.viewer.live_track import APPLICATION, LiveTrackView
-        from groundstation.viewer.viewer import open_live_stream
+        from groundstation.viewer.viewer_process import open_live_stream
 
         stream = open_live_stream(APPLICATION, environment or {}, "--save-video writes the same pictures into a file")
         view = opened.enter_context(LiveTrackView(stream, request.video.name))

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 
 from groundstation.arrays import FloatArray
-from groundstation.evaluation.series import nose_from_antenna, reference_from_fixes
+from groundstation.evaluation.position_series import nose_from_antenna, reference_from_fixes
 from groundstation.messages import DgpsFix, Event, ReferenceFix
 
 

@@ -37,9 +37,9 @@ from groundstation.messages import (
 from groundstation.picture import as_picture
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
-from groundstation.tracking.epoch import EpochBuffer, EpochView
+from groundstation.tracking.epoch_buffer import EpochBuffer, EpochView
 from groundstation.tracking.station_health import StationHealth
-from groundstation.tracking.synchronise import AngleFault, AnglesAt, ReadyFrame
+from groundstation.tracking.synchronise import AngleFault, InterpolatedAngles, ReadyFrame
 from groundstation.tracking.track_manager import TrackManager
 
 _MISS_STATUS = {
@@ -186,12 +186,12 @@ class FrameUpdate:
             return None
         pan, tilt = self._ekf.angles(record.station)
         doubt = self._encoders.sigma_rad(record.station)
-        if isinstance(angles, AnglesAt) and not self._encoders.is_doubtful(record.station):
+        if isinstance(angles, InterpolatedAngles) and not self._encoders.is_doubtful(record.station):
             sigma = self._encoders.noise_rad(record.station) * angles.variance_share**0.5
             off = max(abs(wrap_rad(angles.pan_rad - pan)), abs(wrap_rad(angles.tilt_rad - tilt)))
             if off <= self._config.estimation.encoder_gate_sigma * math.hypot(sigma, doubt):
                 return _Angles(pan_rad=angles.pan_rad, tilt_rad=angles.tilt_rad, sigma_rad=sigma)
-        if isinstance(angles, AnglesAt):
+        if isinstance(angles, InterpolatedAngles):
             return _Angles(pan_rad=pan, tilt_rad=tilt, sigma_rad=doubt)
         age = self._encoders.age_s(record.station, record.t_s)
         if angles is AngleFault.ENDED and age <= self._config.synchronise.max_gap_s:

@@ -34,7 +34,7 @@ from groundstation.messages import (
 from groundstation.rig.rig import Rig
 from groundstation.tracking.camera_tracker import CameraTracker, SpanModel
 from groundstation.tracking.config import Config
-from groundstation.tracking.epoch import EpochBuffer
+from groundstation.tracking.epoch_buffer import EpochBuffer
 from groundstation.tracking.frame_update import FrameUpdate, span_prior_sigma
 from groundstation.tracking.log_throttle import LogThrottle
 from groundstation.tracking.pending_report import PendingReport

@@ -12,7 +12,7 @@ from groundstation.integrity.leave_one_out import subtract_rig_errors
 from groundstation.integrity.solution_separation import PixelResidual
 from groundstation.integrity.station_exclusion import IntegrityConfig, IntegrityMonitor, StationVerdict, VerdictChange
 from groundstation.messages import TrackEvent
-from groundstation.tracking.epoch import EpochView, EpochViews
+from groundstation.tracking.epoch_buffer import EpochView, EpochViews
 
 
 class StationHealth:

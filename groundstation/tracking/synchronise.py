@@ -62,7 +62,7 @@ class AngleFault(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnglesAt:
+class InterpolatedAngles:
     """Pan and tilt at an instant, by linear interpolation; ``variance_share`` of one reading's variance."""
 
     pan_rad: float
@@ -80,7 +80,7 @@ class ReadyFrame:
     """
 
     record: Frame | PixelMeasurement
-    angles: AnglesAt | AngleFault | None
+    angles: InterpolatedAngles | AngleFault | None
     following: PtuSample | None
     late: bool = False
     revisited: bool = False
@@ -173,7 +173,7 @@ class Synchroniser:
         """Return all waiting records, at the end of the input."""
         return self._drain(final=True)
 
-    def angles_at(self, station: str, t_s: float) -> AnglesAt | AngleFault | None:
+    def angles_at(self, station: str, t_s: float) -> InterpolatedAngles | AngleFault | None:
         """Return interpolated angles at ``t_s``; None for a fixed station, which has none."""
         history = self._history.get(station)
         return None if history is None else interpolate(history, t_s, self._config.max_gap_s)
@@ -273,12 +273,12 @@ class Synchroniser:
         return None
 
 
-def interpolate(readings: Sequence[PtuSample], t_s: float, max_gap_s: float) -> AnglesAt | AngleFault:
+def interpolate(readings: Sequence[PtuSample], t_s: float, max_gap_s: float) -> InterpolatedAngles | AngleFault:
     """Interpolate pan and tilt at ``t_s`` between the two readings around it (sorted by time)."""
     after = next((i for i in range(len(readings) - 1, -1, -1) if readings[i].t_s < t_s), -1) + 1
     if after < len(readings) and readings[after].t_s == t_s:
         hit = readings[after]
-        return AnglesAt(pan_rad=hit.pan_rad, tilt_rad=hit.tilt_rad, variance_share=1.0)
+        return InterpolatedAngles(pan_rad=hit.pan_rad, tilt_rad=hit.tilt_rad, variance_share=1.0)
     if after == 0:
         return AngleFault.NO_READING
     if after == len(readings):
@@ -287,7 +287,7 @@ def interpolate(readings: Sequence[PtuSample], t_s: float, max_gap_s: float) -> 
     if b.t_s - a.t_s > max_gap_s:
         return AngleFault.GAP
     w = (t_s - a.t_s) / (b.t_s - a.t_s)
-    return AnglesAt(
+    return InterpolatedAngles(
         pan_rad=a.pan_rad + w * wrap_rad(b.pan_rad - a.pan_rad),
         tilt_rad=a.tilt_rad + w * wrap_rad(b.tilt_rad - a.tilt_rad),
         variance_share=(1.0 - w) ** 2 + w**2,

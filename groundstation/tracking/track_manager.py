@@ -120,7 +120,7 @@ class TrackManager:
         with self._ekf.predicted_ahead(t_s):
             if self.state_machine.is_lost(t_s, self._ekf, self._cameras):
                 return True
-        if self.state_machine.is_overdue(t_s):
+        if self.state_machine.confirmation.is_overdue(t_s):
             self.log(t_s, "warning", "what was found has had no pictures to prove itself: dropped")
             return True
         self._set_status(t_s, self.state_machine.update(False, self._ekf))
@@ -138,7 +138,7 @@ class TrackManager:
             self.state_machine.add_fix(t_s)
         if self.state_machine.is_lost(t_s, self._ekf, self._cameras):
             self.drop(t_s)
-        elif self.state_machine.is_false(t_s, self._ekf):
+        elif self.state_machine.confirmation.is_false_track(t_s, self._ekf):
             self.log(t_s, "warning", "what was found does not move as an aircraft does: dropped")
             self.drop(t_s)
         else:

@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 
 from groundstation.arrays import FloatArray
 from groundstation.rig.rig import Rig
-from groundstation.viewer import tree
+from groundstation.viewer import entity_paths
 
 MAX_NIS_SHOWN = 12.0
 # the eye looks across the runway from the right, behind the stations; all in lengths of what is to be seen
@@ -57,7 +57,7 @@ def blueprint(rig: Rig, *, eye: Eye, loop_s: tuple[float, float] | None, errors_
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
             state="collapsed",
-            timeline=tree.TIMELINE,
+            timeline=entity_paths.TIMELINE,
             play_state="Playing",
             loop_mode="All" if selection is None else "Selection",
             time_selection=selection,
@@ -69,20 +69,24 @@ def blueprint(rig: Rig, *, eye: Eye, loop_s: tuple[float, float] | None, errors_
 
 def live_blueprint(rig: Rig, eye: Eye) -> rrb.Blueprint:
     """Return the operator's screen: pictures and words large, the newest always in view."""
-    words = rrb.TextDocumentView(origin=f"/{tree.WORDS}", name="Station")
+    words = rrb.TextDocumentView(origin=f"/{entity_paths.WORDS}", name="Station")
     plots = rrb.Horizontal(
-        _plot(tree.LATENCY, "Delay [ms]"),
-        _plot(tree.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
-        _plot(tree.PTU, "Pan and tilt [°]", [f"{tree.PTU}/{s}/{kind}" for s in rig.names for kind in ("pan", "tilt")]),
+        _plot(entity_paths.LATENCY, "Delay [ms]"),
+        _plot(entity_paths.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
+        _plot(
+            entity_paths.PTU,
+            "Pan and tilt [°]",
+            [f"{entity_paths.PTU}/{s}/{kind}" for s in rig.names for kind in ("pan", "tilt")],
+        ),
     )
     left = rrb.Vertical(words, _scene(eye), plots, row_shares=[3, 6, 3])
-    right = rrb.Vertical(_images(rig), rrb.TextLogView(origin=f"/{tree.LOG}", name="Log"), row_shares=[4, 1])
+    right = rrb.Vertical(_images(rig), rrb.TextLogView(origin=f"/{entity_paths.LOG}", name="Log"), row_shares=[4, 1])
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1]),
         rrb.TopPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=tree.TIMELINE, play_state="Following"),
+        rrb.TimePanel(state="collapsed", timeline=entity_paths.TIMELINE, play_state="Following"),
         auto_layout=False,
         auto_views=False,
     )
@@ -91,7 +95,7 @@ def live_blueprint(rig: Rig, eye: Eye) -> rrb.Blueprint:
 def _so_far() -> rrb.VisibleTimeRanges:
     """Everything from the beginning to the cursor."""
     return rrb.VisibleTimeRanges(
-        timeline=tree.TIMELINE,
+        timeline=entity_paths.TIMELINE,
         start=rrb.TimeRangeBoundary.infinite(),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
@@ -101,17 +105,17 @@ def _scene(eye: Eye) -> rrb.Spatial3DView:
     """The 3-D view."""
     return rrb.Spatial3DView(
         origin="/",
-        contents=["+ /world/**", f"+ /{tree.AIRCRAFT}/**"],
+        contents=["+ /world/**", f"+ /{entity_paths.AIRCRAFT}/**"],
         name="Runway",
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=eye.position_m, look_target=eye.target_m, eye_up=[0.0, 0.0, 1.0]
         ),
-        background=tree.BACKGROUND,
+        background=entity_paths.BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=True, spacing=10.0, color=[120, 120, 120, 50]),
         overrides={
-            tree.EKF_PATH: _so_far(),
-            tree.EKF_ELLIPSOIDS: _so_far(),
-            tree.TRIANGULATION: _so_far(),
+            entity_paths.EKF_PATH: _so_far(),
+            entity_paths.EKF_ELLIPSOIDS: _so_far(),
+            entity_paths.TRIANGULATION: _so_far(),
         },
     )
 
@@ -120,7 +124,7 @@ def _images(rig: Rig) -> rrb.Container:
     """One picture for each station, one below the other; beyond two, in a grid."""
     views = [
         rrb.Spatial2DView(
-            origin=f"/{tree.image(s.name)}",
+            origin=f"/{entity_paths.image(s.name)}",
             name=s.name,
             visual_bounds=rrb.VisualBounds2D(
                 x_range=[0, s.lens.image_size_px[0]], y_range=[0, s.lens.image_size_px[1]]
@@ -134,8 +138,8 @@ def _images(rig: Rig) -> rrb.Container:
 def _states() -> rrb.Container:
     """The lanes of status, and the log."""
     return rrb.Tabs(
-        rrb.StateTimelineView(origin=f"/{tree.STATUS}", name="Status"),
-        rrb.TextLogView(origin=f"/{tree.LOG}", name="Log"),
+        rrb.StateTimelineView(origin=f"/{entity_paths.STATUS}", name="Status"),
+        rrb.TextLogView(origin=f"/{entity_paths.LOG}", name="Log"),
     )
 
 
@@ -154,15 +158,17 @@ def _plot(origin: str, name: str, contents: Sequence[str] = (), top: float | Non
 def _plots(rig: Rig, errors_against: str) -> rrb.Container:
     """Errors, consistency with latency, and pointing, side by side."""
     against = {"": "reference", "dgps": "DGPS"}.get(errors_against, errors_against)
-    errors = rrb.Vertical(*(_plot(f"{tree.ERROR}/{a}", f"{a} − {against}, ±2σ [m]") for a in tree.AXES))
+    errors = rrb.Vertical(*(_plot(f"{entity_paths.ERROR}/{a}", f"{a} − {against}, ±2σ [m]") for a in entity_paths.AXES))
     consistency = rrb.Vertical(
-        _plot(tree.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
-        _plot(tree.LATENCY, "Latency: pair, detections [ms]"),
+        _plot(entity_paths.NIS, "NIS and 95 % bounds", top=MAX_NIS_SHOWN),
+        _plot(entity_paths.LATENCY, "Latency: pair, detections [ms]"),
     )
-    ptu = {kind: [f"{tree.PTU}/{s}/{kind}" for s in rig.names] for kind in ("pan", "tilt", "pan_rate", "tilt_rate")}
+    ptu = {
+        kind: [f"{entity_paths.PTU}/{s}/{kind}" for s in rig.names] for kind in ("pan", "tilt", "pan_rate", "tilt_rate")
+    }
     pointing = rrb.Vertical(
-        _plot(tree.PTU, "Pan [°]", ptu["pan"]),
-        _plot(tree.PTU, "Tilt [°]", ptu["tilt"]),
-        _plot(tree.PTU, "Pan and tilt rates [°/s]", ptu["pan_rate"] + ptu["tilt_rate"]),
+        _plot(entity_paths.PTU, "Pan [°]", ptu["pan"]),
+        _plot(entity_paths.PTU, "Tilt [°]", ptu["tilt"]),
+        _plot(entity_paths.PTU, "Pan and tilt rates [°/s]", ptu["pan_rate"] + ptu["tilt_rate"]),
     )
     return rrb.Horizontal(errors, consistency, pointing)

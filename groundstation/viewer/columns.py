@@ -8,7 +8,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from groundstation.arrays import FloatArray
-from groundstation.viewer import tree
+from groundstation.viewer import entity_paths
 
 # Rerun puts (0, 0) at the upper-left corner of the first pixel, we at its centre
 CORNER_FROM_CENTRE_PX = 0.5
@@ -18,7 +18,7 @@ _CIRCLE = np.stack([np.cos(np.linspace(0.0, 2.0 * np.pi, 33)), np.sin(np.linspac
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Batch:
+class ColumnBatch:
     """Rows of one entity: its path, the session time (n,) of each row in s, and the columns."""
 
     entity: str
@@ -28,15 +28,19 @@ class Batch:
     def send(self, stream: rr.RecordingStream) -> None:
         """Write the rows; a batch without rows writes nothing."""
         if len(self.t_s):
-            stream.send_columns(self.entity, indexes=[tree.time_column(self.t_s)], columns=self.columns, strict=True)
+            stream.send_columns(
+                self.entity, indexes=[entity_paths.time_column(self.t_s)], columns=self.columns, strict=True
+            )
 
 
-def scalars(entity: str, t_s: Sequence[float] | FloatArray, values: Sequence[Sequence[float]] | FloatArray) -> Batch:
+def scalars(
+    entity: str, t_s: Sequence[float] | FloatArray, values: Sequence[Sequence[float]] | FloatArray
+) -> ColumnBatch:
     """Return rows of k numbers each; ``values`` is (n, k)."""
     table = np.array(values, dtype=np.float64).reshape(len(t_s), len(values[0]) if len(values) else 1)
     lengths = np.full(len(t_s), table.shape[1])
     columns = rr.Scalars.columns(scalars=table.ravel()).partition(lengths)
-    return Batch(entity=entity, t_s=np.array(t_s), columns=columns)
+    return ColumnBatch(entity=entity, t_s=np.array(t_s), columns=columns)
 
 
 def present(rows: Sequence[object]) -> NDArray[np.int64]:

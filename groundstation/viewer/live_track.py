@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from groundstation.arrays import ImageArray
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.messages import Detection, TrackStatus
-from groundstation.viewer import tree
+from groundstation.viewer import entity_paths
 from groundstation.viewer.columns import CORNER_FROM_CENTRE_PX, outline_pieces
 
 APPLICATION = "groundstation"
@@ -42,11 +42,13 @@ class LiveTrackView:
                 collapse_panels=True,
             )
         )
-        for entity, colour in (("roi", tree.ROI_COLOUR), ("contour", tree.CONTOUR_COLOUR)):
+        for entity, colour in (("roi", entity_paths.ROI_COLOUR), ("contour", entity_paths.CONTOUR_COLOUR)):
             style = rr.Boxes2D if entity == "roi" else rr.LineStrips2D
             stream.log(f"{PICTURE}/{entity}", style.from_fields(colors=[colour]), static=True)
-        stream.log(f"{PICTURE}/box", rr.Boxes2D.from_fields(colors=[tree.EKF_COLOUR]), static=True)
-        stream.log(f"{PICTURE}/target", rr.Points2D.from_fields(colors=[tree.TARGET_COLOUR], radii=[-4.0]), static=True)
+        stream.log(f"{PICTURE}/box", rr.Boxes2D.from_fields(colors=[entity_paths.EKF_COLOUR]), static=True)
+        stream.log(
+            f"{PICTURE}/target", rr.Points2D.from_fields(colors=[entity_paths.TARGET_COLOUR], radii=[-4.0]), static=True
+        )
 
     def __enter__(self) -> "LiveTrackView":
         return self
@@ -57,7 +59,7 @@ class LiveTrackView:
     def write(self, image: ImageArray, track: PixelTrack) -> None:
         """Send one frame (h, w, 3) BGR and its track."""
         send = self._stream
-        send.set_time(tree.TIMELINE, duration=np.timedelta64(round(track.t_s * 1e9), "ns"))
+        send.set_time(entity_paths.TIMELINE, duration=np.timedelta64(round(track.t_s * 1e9), "ns"))
         picture = rr.Image(image, color_model=rr.ColorModel.BGR).compress(jpeg_quality=_JPEG_QUALITY)
         send.log(PICTURE, picture)
         found = track.result if isinstance(track.result, Detection) else None

@@ -67,7 +67,7 @@ class LoadedVideo:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ShownVideo:
+class EmbeddedVideo:
     """A video in a recording, whole or in parts: ``entities`` are those of its parts, one after the other.
 
     ``timestamps_ns`` (n,) int64 is each frame's presentation timestamp in its part, ``part`` (n,) the number of that.
@@ -102,7 +102,7 @@ def load_video(video: VideoAsset) -> LoadedVideo:
     return LoadedVideo(asset=asset, timestamps_ns=_timestamps_ns(asset, path))
 
 
-def log_video(stream: rr.RecordingStream, entity: str, video: VideoAsset) -> ShownVideo:
+def log_video(stream: rr.RecordingStream, entity: str, video: VideoAsset) -> EmbeddedVideo:
     """Log a video file, a large one in parts; raises `SessionError` if it cannot be embedded."""
     _check_video(video.path)
     if video.path.stat().st_size > PART_BYTES and video.frame_timestamps_ns is None:
@@ -115,14 +115,14 @@ def log_video(stream: rr.RecordingStream, entity: str, video: VideoAsset) -> Sho
             return _log_parts(stream, entity, samples)
     loaded = load_video(video)
     _send(stream, entity, loaded.asset)
-    return ShownVideo(
+    return EmbeddedVideo(
         entities=(entity,),
         timestamps_ns=loaded.timestamps_ns,
         part=np.zeros(len(loaded.timestamps_ns), dtype=np.int64),
     )
 
 
-def _log_parts(stream: rr.RecordingStream, entity: str, samples: Mp4Samples) -> ShownVideo:
+def _log_parts(stream: rr.RecordingStream, entity: str, samples: Mp4Samples) -> EmbeddedVideo:
     """Log a video as several; raises `SessionError` where a part is too large, before anything is logged."""
     parts = samples.parts(PART_BYTES)
     largest = max(int(samples.size[part].sum()) for part in parts)
@@ -135,7 +135,7 @@ def _log_parts(stream: rr.RecordingStream, entity: str, samples: Mp4Samples) -> 
         times.append(_timestamps_ns(asset, str(samples.path)))
         entities.append(f"{entity}/part/{number:04d}")
         _send(stream, entities[-1], asset)
-    return ShownVideo(
+    return EmbeddedVideo(
         entities=tuple(entities),
         timestamps_ns=np.concatenate(times),
         part=np.repeat(np.arange(len(parts)), [len(t) for t in times]),

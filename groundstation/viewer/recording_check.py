@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from groundstation.errors import InputError
-from groundstation.viewer.merge import chunks
+from groundstation.viewer.merge_recordings import chunks
 
 # a file of 200 MB is read in some seconds
 _WITHIN_S = 600.0

@@ -9,9 +9,9 @@ import rerun as rr
 from groundstation.files.csv_table import CsvTable
 from groundstation.messages import Kinematics, TrackEstimate, TrackEvent, TrackStatus, TriangulationStatus
 from groundstation.sinks.track_files import TRACK_COLUMNS
-from groundstation.viewer.reference import ReferenceLine, log_reference_line
+from groundstation.viewer.reference_lines import ReferenceLine, log_reference_line
 from groundstation.viewer.scene import RunwayOutline, log_runway, log_styles, long_enough
-from groundstation.viewer.track import TrackChannel
+from groundstation.viewer.track_channel import TrackChannel
 
 _HALF_WIDTH_M = 5.0
 _FLUSH_EPOCHS = 200

@@ -9,7 +9,7 @@ import rerun as rr
 from groundstation.arrays import FloatArray
 from groundstation.messages import DetectionStatus, TrackStatus
 from groundstation.rig.rig import Rig, Station
-from groundstation.viewer import tree
+from groundstation.viewer import entity_paths
 
 DEFAULT_RUNWAY_LENGTH_M = 600.0
 RUNWAY_MARGIN_M = 50.0
@@ -74,7 +74,7 @@ def log_runway(stream: rr.RecordingStream, outline: RunwayOutline) -> None:
     left, right, end = outline.left_m, outline.right_m, outline.length_m
     corners = np.array([[left, 0, 0], [right, 0, 0], [right, end, 0], [left, end, 0]])
     stream.log(
-        f"{tree.RUNWAY}/surface",
+        f"{entity_paths.RUNWAY}/surface",
         rr.Mesh3D(
             vertex_positions=corners - [0, 0, 0.05], triangle_indices=[[0, 1, 2], [0, 2, 3]], albedo_factor=PAVEMENT
         ),
@@ -88,12 +88,14 @@ def log_runway(stream: rr.RecordingStream, outline: RunwayOutline) -> None:
         *(np.array([[left, y, 0.0], [right, y, 0.0]]) for y in ticks_m[1:]),
     ]
     stream.log(
-        f"{tree.RUNWAY}/lines", rr.LineStrips3D(lines, colors=MARKING, radii=rr.Radius.ui_points(0.8)), static=True
+        f"{entity_paths.RUNWAY}/lines",
+        rr.LineStrips3D(lines, colors=MARKING, radii=rr.Radius.ui_points(0.8)),
+        static=True,
     )
     labelled_m = ticks_m[LABEL_EVERY::LABEL_EVERY]
     places = np.column_stack([np.full(len(labelled_m), right + 2.0), labelled_m, np.zeros(len(labelled_m))])
     stream.log(
-        f"{tree.RUNWAY}/distance",
+        f"{entity_paths.RUNWAY}/distance",
         rr.Points3D(
             places,
             labels=[f"{y:.0f} m" for y in labelled_m],
@@ -111,14 +113,14 @@ def log_pedestal(stream: rr.RecordingStream, station: Station, number: int, midd
     ``middle_m`` (3,) is the middle of all stations; names stand outside of it, clear of each other.
     """
     x, y, z = (float(v) for v in station.ptu_position_m)
-    colour = tree.station_colour(number)
+    colour = entity_paths.station_colour(number)
     stream.log(
-        f"{tree.STATIONS}/{station.name}/pedestal",
+        f"{entity_paths.STATIONS}/{station.name}/pedestal",
         rr.LineStrips3D([[[x, y, 0.0], [x, y, z]]], colors=colour, radii=rr.Radius.ui_points(3.0)),
         static=True,
     )
     stream.log(
-        f"{tree.STATIONS}/{station.name}/name",
+        f"{entity_paths.STATIONS}/{station.name}/name",
         rr.Points3D(
             [middle_m + LABEL_OUTWARD * (station.ptu_position_m - middle_m)],
             labels=[station.name],
@@ -133,14 +135,14 @@ def log_pedestal(stream: rr.RecordingStream, station: Station, number: int, midd
 def log_station(stream: rr.RecordingStream, station: Station, number: int, middle_m: FloatArray) -> None:
     """Draw a station's pedestal and name (`log_pedestal`), and the frustum that its camera's pose will turn."""
     log_pedestal(stream, station, number, middle_m)
-    colour = tree.station_colour(number)
+    colour = entity_paths.station_colour(number)
     _log_frames(stream, station)
     width, height = station.lens.image_size_px
     stream.log(
-        tree.camera(station.name),
+        entity_paths.camera(station.name),
         rr.Pinhole(
-            parent_frame=tree.frame(station.name, "camera"),
-            child_frame=tree.frame(station.name, "image"),
+            parent_frame=entity_paths.frame(station.name, "camera"),
+            child_frame=entity_paths.frame(station.name, "image"),
             focal_length=station.lens.focal_px,
             principal_point=station.lens.principal_point_px + 0.5,
             resolution=[width, height],
@@ -157,8 +159,10 @@ def log_world(stream: rr.RecordingStream) -> None:
     """Log the axes of the scene, which are those of the runway frame."""
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     stream.log(
-        tree.WORLD,
-        rr.Transform3D(translation=np.zeros(3), parent_frame=tree.ROOT_FRAME, child_frame=tree.RUNWAY_FRAME),
+        entity_paths.WORLD,
+        rr.Transform3D(
+            translation=np.zeros(3), parent_frame=entity_paths.ROOT_FRAME, child_frame=entity_paths.RUNWAY_FRAME
+        ),
         static=True,
     )
 
@@ -167,23 +171,23 @@ def _log_frames(stream: rr.RecordingStream, station: Station) -> None:
     """Log a station's two static frames: its base in the runway frame, its camera in the head frame."""
     name = station.name
     stream.log(
-        tree.base(name),
+        entity_paths.base(name),
         rr.Transform3D(
             translation=station.ptu_position_m,
-            quaternion=rr.Quaternion(xyzw=station.runway_from_base_wxyz[tree.XYZW]),
-            parent_frame=tree.RUNWAY_FRAME,
-            child_frame=tree.frame(name, "base"),
+            quaternion=rr.Quaternion(xyzw=station.runway_from_base_wxyz[entity_paths.XYZW]),
+            parent_frame=entity_paths.RUNWAY_FRAME,
+            child_frame=entity_paths.frame(name, "base"),
         ),
         rr.TransformAxes3D(axis_length=0.0),
         static=True,
     )
     stream.log(
-        tree.camera(name),
+        entity_paths.camera(name),
         rr.Transform3D(
             translation=station.camera_in_head_m,
-            quaternion=rr.Quaternion(xyzw=station.head_from_camera_wxyz[tree.XYZW]),
-            parent_frame=tree.frame(name, "head"),
-            child_frame=tree.frame(name, "camera"),
+            quaternion=rr.Quaternion(xyzw=station.head_from_camera_wxyz[entity_paths.XYZW]),
+            parent_frame=entity_paths.frame(name, "head"),
+            child_frame=entity_paths.frame(name, "camera"),
         ),
         static=True,
     )
@@ -195,26 +199,26 @@ def fit_frustum(stream: rr.RecordingStream, station: Station, lower_m: FloatArra
         np.linalg.norm(np.maximum(np.abs(upper_m - station.ptu_position_m), np.abs(lower_m - station.ptu_position_m)))
     )
     fitted = rr.Pinhole.from_fields(image_plane_distance=FRUSTUM_LENGTH * furthest_m)
-    stream.log(tree.camera(station.name), fitted, static=True)
+    stream.log(entity_paths.camera(station.name), fitted, static=True)
 
 
 def log_styles(stream: rr.RecordingStream) -> None:
     """Log the styles of the moving entities of the 3-D view."""
     thin = rr.Radius.ui_points(1.0)
     styles: dict[str, rr.AsComponents] = {
-        tree.EKF: rr.Points3D.from_fields(colors=tree.EKF_COLOUR, radii=rr.Radius.ui_points(6.0)),
-        tree.EKF_PATH: rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(2.2)),
-        tree.EKF_ELLIPSOID: rr.Ellipsoids3D.from_fields(
-            colors=tree.EKF_COLOUR, line_radii=thin, fill_mode=rr.components.FillMode.MajorWireframe
+        entity_paths.EKF: rr.Points3D.from_fields(colors=entity_paths.EKF_COLOUR, radii=rr.Radius.ui_points(6.0)),
+        entity_paths.EKF_PATH: rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(2.2)),
+        entity_paths.EKF_ELLIPSOID: rr.Ellipsoids3D.from_fields(
+            colors=entity_paths.EKF_COLOUR, line_radii=thin, fill_mode=rr.components.FillMode.MajorWireframe
         ),
-        tree.EKF_ELLIPSOIDS: rr.Ellipsoids3D.from_fields(
-            colors=(*tree.EKF_COLOUR, 110), line_radii=thin, fill_mode=rr.components.FillMode.MajorWireframe
+        entity_paths.EKF_ELLIPSOIDS: rr.Ellipsoids3D.from_fields(
+            colors=(*entity_paths.EKF_COLOUR, 110), line_radii=thin, fill_mode=rr.components.FillMode.MajorWireframe
         ),
-        tree.TRIANGULATION: rr.Points3D.from_fields(radii=rr.Radius.ui_points(1.4)),
-        tree.TRACK_STATUS: _states(TRACK_STATES),
-        tree.PAIR_LATENCY: rr.SeriesLines(colors=tree.EKF_COLOUR, names="pair", widths=1.5),
-        tree.NIS_BOUNDS: rr.SeriesLines(
-            colors=[tree.BOUND_COLOUR] * 2, names=["95 % lower", "95 % upper"], widths=[1.0, 1.0]
+        entity_paths.TRIANGULATION: rr.Points3D.from_fields(radii=rr.Radius.ui_points(1.4)),
+        entity_paths.TRACK_STATUS: _states(TRACK_STATES),
+        entity_paths.PAIR_LATENCY: rr.SeriesLines(colors=entity_paths.EKF_COLOUR, names="pair", widths=1.5),
+        entity_paths.NIS_BOUNDS: rr.SeriesLines(
+            colors=[entity_paths.BOUND_COLOUR] * 2, names=["95 % lower", "95 % upper"], widths=[1.0, 1.0]
         ),
     }
     for entity, style in styles.items():
@@ -224,32 +228,36 @@ def log_styles(stream: rr.RecordingStream) -> None:
 def log_camera_styles(stream: rr.RecordingStream, rigged: Station, number: int) -> None:
     """Log the styles of a camera's overlay and plots, and the border of its picture."""
     station, (width, height) = rigged.name, rigged.lens.image_size_px
-    base = tree.image(station)
-    colour = tree.station_colour(number)
+    base = entity_paths.image(station)
+    colour = entity_paths.station_colour(number)
     styles: dict[str, rr.AsComponents] = {
         f"{base}/border": rr.Boxes2D(
             centers=[width / 2, height / 2],
             half_sizes=[width / 2, height / 2],
-            colors=tree.BOUND_COLOUR,
+            colors=entity_paths.BOUND_COLOUR,
             radii=rr.Radius.ui_points(0.5),
         ),
-        f"{base}/roi": rr.Boxes2D.from_fields(colors=tree.ROI_COLOUR, radii=rr.Radius.ui_points(1.0)),
-        f"{base}/contour": rr.LineStrips2D.from_fields(colors=tree.CONTOUR_COLOUR, radii=rr.Radius.ui_points(0.8)),
+        f"{base}/roi": rr.Boxes2D.from_fields(colors=entity_paths.ROI_COLOUR, radii=rr.Radius.ui_points(1.0)),
+        f"{base}/contour": rr.LineStrips2D.from_fields(
+            colors=entity_paths.CONTOUR_COLOUR, radii=rr.Radius.ui_points(0.8)
+        ),
         f"{base}/target": rr.Points2D.from_fields(radii=rr.Radius.ui_points(2.0)),
         f"{base}/prediction": rr.LineStrips2D.from_fields(
-            colors=tree.PREDICTION_COLOUR, radii=rr.Radius.ui_points(0.8)
+            colors=entity_paths.PREDICTION_COLOUR, radii=rr.Radius.ui_points(0.8)
         ),
         f"{base}/prediction/ellipse": rr.LineStrips2D.from_fields(
-            colors=tree.PREDICTION_COLOUR, radii=rr.Radius.ui_points(0.8)
+            colors=entity_paths.PREDICTION_COLOUR, radii=rr.Radius.ui_points(0.8)
         ),
-        f"{tree.NIS}/{station}": rr.SeriesPoints(colors=colour, names=station, markers="circle", marker_sizes=1.5),
-        f"{tree.NIS}/{station}/refused": rr.SeriesPoints(
-            colors=tree.REFUSED_COLOUR, names=f"{station} refused", markers="cross", marker_sizes=3.0
+        f"{entity_paths.NIS}/{station}": rr.SeriesPoints(
+            colors=colour, names=station, markers="circle", marker_sizes=1.5
         ),
-        f"{tree.LATENCY}/{station}": rr.SeriesLines(colors=colour, names=f"{station} detection", widths=1.0),
-        f"{tree.STATUS}/{station}": _states(DETECTION_STATES),
+        f"{entity_paths.NIS}/{station}/refused": rr.SeriesPoints(
+            colors=entity_paths.REFUSED_COLOUR, names=f"{station} refused", markers="cross", marker_sizes=3.0
+        ),
+        f"{entity_paths.LATENCY}/{station}": rr.SeriesLines(colors=colour, names=f"{station} detection", widths=1.0),
+        f"{entity_paths.STATUS}/{station}": _states(DETECTION_STATES),
         **{
-            f"{tree.PTU}/{station}/{name}": rr.SeriesLines(
+            f"{entity_paths.PTU}/{station}/{name}": rr.SeriesLines(
                 colors=shade, names=f"{station} {name.replace('_', ' ')}", widths=1.2
             )
             for name, shade in (("pan", colour), ("tilt", colour), ("pan_rate", colour), ("tilt_rate", _paler(colour)))
@@ -268,7 +276,7 @@ def _states(
     )
 
 
-def _paler(colour: tree.Colour) -> tuple[int, int, int]:
+def _paler(colour: entity_paths.Colour) -> tuple[int, int, int]:
     """Return a lighter shade."""
     r, g, b = colour
     return (r + 255) // 2, (g + 255) // 2, (b + 255) // 2

@@ -12,11 +12,11 @@ from groundstation.session import MediumKind, Session, load_dgps, load_truth
 from groundstation.session.media import image_files, read_image
 from groundstation.sources.frame_table import read_frames
 from groundstation.sources.video_file import VideoFile
-from groundstation.viewer import tree
-from groundstation.viewer.columns import Batch
+from groundstation.viewer import entity_paths
+from groundstation.viewer.columns import ColumnBatch
 from groundstation.viewer.media import VideoAsset, log_video
-from groundstation.viewer.pictures import PictureChannel
-from groundstation.viewer.reference import ReferenceLine, log_reference_line
+from groundstation.viewer.picture_channel import PictureChannel
+from groundstation.viewer.reference_lines import ReferenceLine, log_reference_line
 from groundstation.viewer.scene import log_pedestal, log_runway, log_world, long_enough, outline_between
 
 
@@ -98,7 +98,7 @@ def _log_video(
 ) -> None:
     """Log a station's video as it is, or picture by picture where Rerun cannot read it."""
     try:
-        video = log_video(stream, tree.image(name), VideoAsset(path=path))
+        video = log_video(stream, entity_paths.image(name), VideoAsset(path=path))
     except SessionError:
         channel, wanted = (
             PictureChannel(name, expected=len(numbers)),
@@ -111,7 +111,7 @@ def _log_video(
         return
     inside = numbers < len(video)
     columns = video.references(numbers[inside])
-    Batch(entity=tree.image(name), t_s=stamps_s[inside], columns=columns).send(stream)
+    ColumnBatch(entity=entity_paths.image(name), t_s=stamps_s[inside], columns=columns).send(stream)
 
 
 def _send(stream: rr.RecordingStream, channel: PictureChannel, t_s: float, number: int, picture: ImageArray) -> None:

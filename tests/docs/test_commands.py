@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from groundstation.cli.main import build_parser, main
-from groundstation.viewer import viewer as rerun_viewer
+from groundstation.viewer import viewer_process as rerun_viewer
 from tests.docs.inputs import prepare
 from tests.docs.pages import PAGES, ROOT, Block, arguments, blocks, spoken_commands, text_of
 

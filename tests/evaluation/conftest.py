@@ -7,7 +7,7 @@ import pytest
 
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.evaluate import track_series, triangulated_series
-from groundstation.evaluation.series import PositionSeries
+from groundstation.evaluation.position_series import PositionSeries
 from groundstation.messages import DgpsFix
 from groundstation.rig.rig import Rig, load_rig
 from tests.evaluation.synthetic import Path3D, fixes_of, read_path, run_on

@@ -2,7 +2,7 @@
 
 import json
 
-from groundstation.evaluation.table import _accuracy_block
+from groundstation.evaluation.accuracy_table import _accuracy_block
 from tests.conftest import ROOT
 
 

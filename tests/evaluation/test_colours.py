@@ -8,8 +8,8 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 
 from groundstation.evaluation import figure_style
 from groundstation.experiments.detection_plots import COLOURS
-from groundstation.viewer import tree
-from groundstation.viewer.compare import RUN_COLOURS
+from groundstation.viewer import entity_paths
+from groundstation.viewer.comparison_recording import RUN_COLOURS
 
 # Machado, Oliveira and Fernandes 2009, table 1, whole severity: linear RGB to linear RGB
 VISIONS = {
@@ -44,7 +44,13 @@ PALETTES = {
     "experiments": from_hex(*COLOURS),
     "runs in Rerun": np.array(RUN_COLOURS),
     "tracks in Rerun": np.array(
-        [tree.EKF_COLOUR, tree.TRIANGULATION_COLOUR, tree.DGPS_COLOUR, tree.TRUTH_COLOUR, tree.SMOOTHED_COLOUR]
+        [
+            entity_paths.EKF_COLOUR,
+            entity_paths.TRIANGULATION_COLOUR,
+            entity_paths.DGPS_COLOUR,
+            entity_paths.TRUTH_COLOUR,
+            entity_paths.SMOOTHED_COLOUR,
+        ]
     ),
 }
 

@@ -15,9 +15,9 @@ import pytest
 
 from groundstation.cli.main import main
 from groundstation.errors import InputError
+from groundstation.evaluation.accuracy_table import format_accuracy_table
 from groundstation.evaluation.comparison_text import format_comparison
-from groundstation.evaluation.figures_of_run import FigureChange, figures_of, moved_figures
-from groundstation.evaluation.table import format_accuracy_table
+from groundstation.evaluation.key_figures import FigureChange, figures_of, moved_figures
 from groundstation.replay.compare import CompareRequest, compare, comparison_csv, comparison_json, load_summary
 from groundstation.simulation import case_b, simulate
 from groundstation.simulation.approach import GlideApproach

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from groundstation.errors import InputError
+from groundstation.evaluation.accuracy_table import format_accuracy_table
 from groundstation.evaluation.collector import ResultCollector
 from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation, evaluate_run, write_summary
 from groundstation.evaluation.report import report_page, write_report
 from groundstation.evaluation.run_description import RunDescription
-from groundstation.evaluation.table import format_accuracy_table
 from groundstation.messages import DgpsFix, StepReport, TrackEvent
 from groundstation.rig.rig import Rig
 from tests.evaluation.synthetic import PSD, Path3D, Phase, approach, blind_report, fixes_of, reports_on, run_on

@@ -1,7 +1,7 @@
 """Ratios of a summary, and the words about what was learnt."""
 
+from groundstation.evaluation.accuracy_table import _calibration_lines
 from groundstation.evaluation.summary import _ratio
-from groundstation.evaluation.table import _calibration_lines
 
 
 def test_where_there_is_nothing_to_divide_by_there_is_no_ratio() -> None:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from groundstation.experiments.localisation import _against_dgps
-from groundstation.experiments.recorded import TruthSession
+from groundstation.experiments.truth_session import TruthSession
 
 
 def test_the_ends_belong_to_it() -> None:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from groundstation.evaluation.checked_reference import CheckedReference, check_reference
 from groundstation.evaluation.config import EvaluationConfig, OffsetSource
 from groundstation.evaluation.evaluate import track_series, triangulated_series
-from groundstation.evaluation.reference import CheckedReference, check_reference
-from groundstation.evaluation.reference_check import ExcludedSpan, ExclusionReason
-from groundstation.evaluation.series import PositionSeries
-from groundstation.evaluation.time_offset import NoOffset, TimeOffset
+from groundstation.evaluation.position_series import PositionSeries
+from groundstation.evaluation.reference_exclusion import ExcludedSpan, ExclusionReason
+from groundstation.evaluation.reference_time_offset import NoOffset, TimeOffset
 from groundstation.messages import DgpsFix
 from groundstation.rig.rig import Rig, load_rig
 from tests.evaluation.synthetic import Path3D, fixes_of, read_path, run_on

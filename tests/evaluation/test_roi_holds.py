@@ -2,7 +2,7 @@
 
 import pytest
 
-from groundstation.experiments.looks import _holds
+from groundstation.experiments.detector_outcomes import _holds
 from groundstation.messages import Roi
 
 

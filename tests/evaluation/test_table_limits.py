@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from groundstation.evaluation.accuracy_table import FEW_EPOCHS
 from groundstation.evaluation.collector import MAX_EVENTS, ResultCollector
 from groundstation.evaluation.report_tables import _accuracy_row
-from groundstation.evaluation.table import FEW_EPOCHS
 
 
 def test_events_beyond_the_most_are_counted_and_not_kept() -> None:

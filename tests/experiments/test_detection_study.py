@@ -11,8 +11,8 @@ from groundstation.detection.detector import warm_up
 from groundstation.errors import SessionError
 from groundstation.experiments import detection_plots as plots
 from groundstation.experiments import detection_tables as findings
-from groundstation.experiments.looks import DetectorOutcome, watch
-from groundstation.experiments.scenes import Scene, scenes
+from groundstation.experiments.detector_outcomes import DetectorOutcome, watch
+from groundstation.experiments.truth_scenes import Scene, scenes
 from groundstation.messages import Roi
 from groundstation.session import load_session
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from groundstation.errors import InputError
-from groundstation.experiments import nose_edges, reproduce
-from groundstation.experiments.leaving import _Draw
+from groundstation.experiments import onboard_edges, reproduce
+from groundstation.experiments.leaving_view import _Realisation
 
 
 class Filter:
@@ -23,8 +23,8 @@ class Filter:
         self.state = 0.5 * self.state
 
 
-def seen(mass: float) -> _Draw:
-    draw = _Draw.__new__(_Draw)
+def seen(mass: float) -> _Realisation:
+    draw = _Realisation.__new__(_Realisation)
     draw._ekf, draw._station, draw._truth_m = Filter(), "left", np.array([0.5, 0.0, 0.0])
     draw.mass, draw.detected = mass, np.zeros(2)
     return draw
@@ -47,13 +47,13 @@ def test_without_the_bundled_recording_one_has_to_be_named(tmp_path: Path, monke
 def test_edges_are_stated_with_root_mean_square_and_median(monkeypatch: pytest.MonkeyPatch) -> None:
     own = np.array([[0.0, 1.0, -1.0, 30.0]])
 
-    def track(sequence: object, count: int) -> nose_edges._Tracked:
+    def track(sequence: object, count: int) -> onboard_edges._Tracked:
         found = {"ours": [None, object()]}
-        return nose_edges._Tracked(sequence=sequence, frames=[], errors={"ours": own}, found=found)
+        return onboard_edges._Tracked(sequence=sequence, frames=[], errors={"ours": own}, found=found)
 
-    monkeypatch.setattr(nose_edges, "_track", track)
-    monkeypatch.setattr(nose_edges, "_rms_and_spread", lambda errors: [])
-    findings = nose_edges.edges(SimpleNamespace(at_most_s=lambda seconds: seconds))
+    monkeypatch.setattr(onboard_edges, "_track", track)
+    monkeypatch.setattr(onboard_edges, "_rms_and_spread", lambda errors: [])
+    findings = onboard_edges.edges(SimpleNamespace(at_most_s=lambda seconds: seconds))
     (numbers,) = [table for table in findings.tables if table.name == "runway_edges_numbers"]
     assert len(numbers.rows) == 4
     for row in numbers.rows:

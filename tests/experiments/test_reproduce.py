@@ -15,13 +15,13 @@ from groundstation.errors import InputError
 from groundstation.experiments.canny import canny_edges
 from groundstation.experiments.experiment import Findings
 from groundstation.experiments.localisation import failing
-from groundstation.experiments.nose_alone import FLAT, HOUGH, PRINTED, Alone, deciding, order_words
-from groundstation.experiments.nose_pictures import PANEL_PX, panel, sheet
+from groundstation.experiments.onboard_energies import FLAT, HOUGH, PRINTED, EnergyApproach, deciding, order_words
+from groundstation.experiments.onboard_pictures import PANEL_PX, panel, sheet
 from groundstation.experiments.page import paper_page
-from groundstation.experiments.recorded import TruthSession
 from groundstation.experiments.registry import EXPERIMENTS, named
 from groundstation.experiments.reproduce import ReproduceRequest, reproduce
 from groundstation.experiments.tables import ResultTable
+from groundstation.experiments.truth_session import TruthSession
 from groundstation.onboard.edges.pose import NoseCameraPose
 from groundstation.onboard.scenes.sequences import NoseFrame
 from tests.docs.pages import ROOT
@@ -270,12 +270,12 @@ def test_an_obstructed_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert f"{tmp_path / 'taken'}: got File exists; wanted a folder" in capsys.readouterr().err
 
 
-def followed(name: str, variant_px: float, flat_px: float, hough_px: float = 50.0) -> Alone:
+def followed(name: str, variant_px: float, flat_px: float, hough_px: float = 50.0) -> EnergyApproach:
     """An approach with such errors in each of four pictures."""
     sizes = {PRINTED: variant_px, FLAT: flat_px, HOUGH: hough_px}
     picture = np.zeros((480, 640, 3), np.uint8)
     pose = NoseCameraPose(threshold_from_camera=np.eye(3), camera_threshold_m=np.zeros(3))
-    return Alone(
+    return EnergyApproach(
         scene=name,
         seed=1,
         last=NoseFrame(index=0, t_s=0.0, image=picture, truth=pose, said=pose),

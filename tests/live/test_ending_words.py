@@ -16,7 +16,7 @@ from groundstation.live.out_folder import written_files
 from groundstation.live.shutdown import Shutdown
 from groundstation.simulation.simulated_station_file import simulated_station_file
 from groundstation.simulation.standard_cases import standard_rig
-from groundstation.viewer.viewer import ViewerError
+from groundstation.viewer.viewer_process import ViewerError
 
 
 def ended(*, epochs: int = 40, tracked: int = 20, p50_ms: float = 9.0, tracking_p50_ms: float = 7.5) -> LiveResult:

@@ -28,7 +28,7 @@ from groundstation.sources.cameras.live_camera import LiveCamera
 from groundstation.tracking.config import Config
 from groundstation.tracking.count_descriptions import describe_counts
 from groundstation.tracking.pipeline import Pipeline
-from groundstation.viewer.live import LiveView
+from groundstation.viewer.live_view import LiveView
 from tests.recording.recorded import events, header, looked_at, small_rig
 
 

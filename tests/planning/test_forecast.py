@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from groundstation.errors import InputError, RigError, SiteError
 from groundstation.planning.forecast import Forecast, forecast, site_map
 from groundstation.planning.observer import Observer
+from groundstation.planning.plan_table import format_plan, plan_csv, verdict
 from groundstation.planning.site import Site
 from groundstation.planning.site_file import load_site
-from groundstation.planning.table import format_plan, plan_csv, verdict
 from groundstation.rig.rig import ClockModel, Rig
 from tests.complaints import complaint, only
 from tests.mutation import damaged

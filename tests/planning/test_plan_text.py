@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from groundstation.planning import table
+from groundstation.planning import plan_table
 from groundstation.planning.forecast import forecast
+from groundstation.planning.plan_table import format_plan
 from groundstation.planning.site_file import load_site
-from groundstation.planning.table import format_plan
 from tests.conftest import ROOT
 
 
@@ -16,10 +16,10 @@ def test_notes_and_verdicts_stand_apart(notes: list[str], verdicts: list[str], m
     site = type("Site", (), {name: getattr(site, name) for name in dir(site) if not name.startswith("__")})()
     site.required = verdicts
     f = forecast(load_site(ROOT / "docs" / "site-example.toml"))
-    monkeypatch.setattr(table, "_notes", lambda site, f: notes)
-    monkeypatch.setattr(table, "verdict", lambda f, wanted: wanted)
+    monkeypatch.setattr(plan_table, "_notes", lambda site, f: notes)
+    monkeypatch.setattr(plan_table, "verdict", lambda f, wanted: wanted)
     lines = format_plan(site, f).split("\n")
     added = [*notes, *verdicts]
-    rows = len(f.range_m) + len(table._HEAD)
+    rows = len(f.range_m) + len(plan_table._HEAD)
     assert lines[3 + rows :] == (["", *added] if added else [])
     assert np.isfinite(f.range_m).all()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from groundstation.errors import InputError
-from groundstation.evaluation.table import format_accuracy_table
+from groundstation.evaluation.accuracy_table import format_accuracy_table
 from groundstation.messages import PixelMeasurement, PtuSample
 from groundstation.replay.replay import ReplayRequest, replay
 from tests.stereo_rig import BASELINE_M, FOCAL_PX, STEP_RAD, flight_events, glide, make_rig

@@ -26,7 +26,7 @@ from groundstation.session import load_session
 from groundstation.sources.folder_source import FolderSource
 from groundstation.tracking.config import Config
 from groundstation.tracking.pipeline import Pipeline
-from groundstation.tracking.synchronise import AnglesAt, ReadyFrame, SynchroniseConfig, Synchroniser
+from groundstation.tracking.synchronise import InterpolatedAngles, ReadyFrame, SynchroniseConfig, Synchroniser
 from tests.stereo_rig import flight_events, glide, make_rig
 
 RECORDING = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
@@ -177,7 +177,7 @@ def test_a_receiver_whose_clock_is_ahead_hurries_nothing() -> None:
     synchroniser = Synchroniser(["left"], SynchroniseConfig(hold_s=0.15), cameras=["left"])
     passed = [item for event in (readings[0], frame, fix, readings[1]) for item in synchroniser.push(event)]
     (ready,) = [item for item in passed if isinstance(item, ReadyFrame)]
-    assert isinstance(ready.angles, AnglesAt)
+    assert isinstance(ready.angles, InterpolatedAngles)
     assert ready.angles.pan_rad == pytest.approx(0.05)
     assert list(synchroniser.finish())[-1] is fix
 

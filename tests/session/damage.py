@@ -15,7 +15,7 @@ from groundstation.conversion.import_clock import ImportClock
 from groundstation.conversion.video_stamps import read_video_stamps
 from groundstation.errors import InputError, RecordingError, SessionError
 from groundstation.evaluation.comparison_text import format_comparison
-from groundstation.experiments.scenes import Silhouettes
+from groundstation.experiments.truth_scenes import SilhouetteArchive
 from groundstation.messages import Event, Frame
 from groundstation.picture import PictureError
 from groundstation.recording.mcap_reader import McapReader
@@ -116,7 +116,7 @@ def session_targets(folder: Path) -> dict[str, Callable[[], object]]:
         "session.toml": lambda: load_session(folder),
         "config.toml": lambda: load_config(folder / "config.toml"),
         "angles.csv": lambda: ptu_csv(folder / "angles.csv", session.rig, clock, 1.0, 1.3),
-        "masks.npz": lambda: Silhouettes(session).find("left", 0),
+        "masks.npz": lambda: SilhouetteArchive(session).find("left", 0),
         "left/000001.png": lambda: _played(folder),
         "flight.mcap": lambda: _recovered(folder / "flight.mcap"),
         SUMMARY: lambda: _compared((folder / SUMMARY).parent),

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from groundstation.errors import ScenarioError
-from groundstation.evaluation.series import nose_from_antenna, reference_from_fixes
+from groundstation.evaluation.position_series import nose_from_antenna, reference_from_fixes
 from groundstation.simulation.approach import bound_glide
 from groundstation.simulation.dgps import DgpsModel, antenna_positions, take_fixes
 from groundstation.simulation.flight_window import FlightWindow

@@ -14,10 +14,10 @@ from groundstation.session import load_session
 from groundstation.sinks.mp4_parts import Mp4Samples, mp4_samples
 from groundstation.sinks.mp4_tables import mp4_fault
 from groundstation.viewer import media as rerun_media
-from groundstation.viewer.merge import Align
+from groundstation.viewer.merge_recordings import RunAlignment
 from groundstation.viewer.session_recording import write_session_recording
 from tests.session.folder import write_video
-from tests.viewer.test_view import Recording
+from tests.viewer.test_rerun_sink import Recording
 
 LANDING = Path(__file__).resolve().parents[2] / "recordings" / "landing-1"
 # a decoder can begin at two frames of it; it has frames that are shown in another order than decoded
@@ -90,7 +90,7 @@ def test_each_frame_refers_to_its_part_also_beside_another_run(tmp_path: Path, m
     monkeypatch.setattr(rerun_media, "PART_BYTES", 1_000_000)
     session, path = load_session(LANDING), tmp_path / "parts.rrd"
     assert "pictures of left and right" in write_session_recording(session, path)
-    made = prepare_view(ViewRequest(sources=(path, path), work=tmp_path / "work", align=Align.START))
+    made = prepare_view(ViewRequest(sources=(path, path), work=tmp_path / "work", align=RunAlignment.START))
     for run, recording in (("", Recording(path)), (f"/{made.names[1]}", Recording(made.recording))):
         image = f"{run}/cameras/left/image"
         parts = [f"{image}/part/{k:04d}" for k in (0, 1)]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from groundstation.messages import Epoch, PixelMeasurement, PtuSample
 from groundstation.tracking.synchronise import (
     AngleFault,
-    AnglesAt,
+    InterpolatedAngles,
     LateReading,
     ReadyFrame,
     SynchroniseConfig,
@@ -32,7 +32,7 @@ def drive(synchroniser: Synchroniser, events) -> list:
 
 def test_angles_are_interpolated_between_the_readings_around_the_exposure() -> None:
     found = interpolate([reading(0.0, 0.0), reading(0.02, 0.01), reading(0.04, 0.03)], 0.03, 0.25)
-    assert isinstance(found, AnglesAt)
+    assert isinstance(found, InterpolatedAngles)
     assert found.pan_rad == pytest.approx(0.02)
     assert found.tilt_rad == pytest.approx(-0.02)
     assert found.variance_share == pytest.approx(0.5)
@@ -40,7 +40,7 @@ def test_angles_are_interpolated_between_the_readings_around_the_exposure() -> N
 
 def test_interpolation_goes_the_short_way_round() -> None:
     found = interpolate([reading(0.0, 3.13), reading(0.1, -3.13)], 0.05, 0.25)
-    assert isinstance(found, AnglesAt)
+    assert isinstance(found, InterpolatedAngles)
     assert abs(np.cos(found.pan_rad) + 1) < 1e-6
 
 
@@ -48,7 +48,7 @@ def test_interpolation_goes_the_short_way_round() -> None:
 def test_a_steady_turn_is_reproduced_exactly(t: float, start: float, rate: float) -> None:
     readings = [reading(k * 0.1, start + rate * k * 0.1) for k in range(11)]
     found = interpolate(readings, t, 0.25)
-    assert isinstance(found, AnglesAt)
+    assert isinstance(found, InterpolatedAngles)
     assert found.pan_rad == pytest.approx(start + rate * t, abs=1e-12)
 
 
@@ -66,7 +66,7 @@ def test_a_frame_waits_for_the_reading_after_it() -> None:
     (ready,) = s.push(reading(0.02, 0.2))
     assert isinstance(ready, ReadyFrame)
     assert ready.following == reading(0.02, 0.2)
-    assert isinstance(ready.angles, AnglesAt)
+    assert isinstance(ready.angles, InterpolatedAngles)
     assert ready.angles.pan_rad == pytest.approx(0.1)
     # the reading went with the frame and is not passed on twice; the next one comes when the camera is as far
     assert list(s.push(reading(0.04))) == []
@@ -134,7 +134,7 @@ def test_an_epoch_comes_after_its_frames_and_everything_is_in_order() -> None:
         if isinstance(r, ReadyFrame):
             seen[r.record.epoch] = seen.get(r.record.epoch, 0) + 1
             times.append(r.record.t_s)
-            assert isinstance(r.angles, AnglesAt)
+            assert isinstance(r.angles, InterpolatedAngles)
         elif isinstance(r, Epoch):
             assert seen[r.epoch] == 2
         else:
@@ -177,5 +177,5 @@ def test_many_readings_during_a_hold_are_not_forgotten() -> None:
     readings = [reading(k * 0.001, 1e-4 * k, station="right") for k in range(600)]
     events = sorted([*readings, frame(0.3, "right")], key=lambda e: e.t_s)
     (found,) = [r for r in drive(s, events) if isinstance(r, ReadyFrame)]
-    assert isinstance(found.angles, AnglesAt)
+    assert isinstance(found.angles, InterpolatedAngles)
     assert found.angles.pan_rad == pytest.approx(0.03, abs=1e-9)

@@ -31,16 +31,16 @@ def move(ekf: StationEkf, y_m: float) -> None:
 def test_no_fix_within_the_time_for_it_is_false() -> None:
     life, ekf = started(found=True)
     assert life.update(False, ekf) is TrackStatus.ACQUIRING, "no estimate before the first fix"
-    assert not life.is_false(0.9, ekf)
-    assert life.is_false(1.1, ekf)
+    assert not life.confirmation.is_false_track(0.9, ekf)
+    assert life.confirmation.is_false_track(1.1, ekf)
 
 
 def test_fixes_without_motion_are_false_after_a_while() -> None:
     life, ekf = started(found=True)
     for k in range(30):
         life.add_fix(k * 0.1)
-    assert not life.is_false(3.0, ekf)
-    assert life.is_false(4.5, ekf)
+    assert not life.confirmation.is_false_track(3.0, ekf)
+    assert life.confirmation.is_false_track(4.5, ekf)
 
 
 def test_what_has_moved_away_is_believed_for_good() -> None:
@@ -48,16 +48,16 @@ def test_what_has_moved_away_is_believed_for_good() -> None:
     for k in range(5):
         life.add_fix(k * 0.1)
     move(ekf, -15.0)
-    assert not life.is_false(2.0, ekf)
+    assert not life.confirmation.is_false_track(2.0, ekf)
     move(ekf, 15.0)
-    assert not life.is_false(60.0, ekf)
+    assert not life.confirmation.is_false_track(60.0, ekf)
 
 
 def proved(life: TrackStateMachine, ekf: StationEkf) -> None:
     for k in range(5):
         life.add_fix(k * 0.1)
     move(ekf, -15.0)
-    assert not life.is_false(2.0, ekf)
+    assert not life.confirmation.is_false_track(2.0, ekf)
 
 
 def test_what_has_moved_and_then_gets_nowhere_is_dropped() -> None:
@@ -68,7 +68,7 @@ def test_what_has_moved_and_then_gets_nowhere_is_dropped() -> None:
     for k in range(21, 90):
         life.add_fix(0.1 * k)
         move(ekf, 1.2 if k // 10 % 2 else -1.2)
-        if life.is_false(0.1 * k, ekf):
+        if life.confirmation.is_false_track(0.1 * k, ekf):
             false_at.append(0.1 * k)
     assert false_at[0] == pytest.approx(7.1, abs=0.3)
 
@@ -79,18 +79,18 @@ def test_the_slowest_approach_does_not_stand_still() -> None:
     for k in range(21, 600):
         life.add_fix(k * 0.1)
         move(ekf, -0.5)
-        assert not life.is_false(k * 0.1, ekf)
+        assert not life.confirmation.is_false_track(k * 0.1, ekf)
 
 
 def test_a_given_target_may_stand_still() -> None:
     life, ekf = started(found=False)
     move(ekf, -15.0)
-    assert not any(life.is_false(float(t_s), ekf) for t_s in np.arange(0.0, 60.0, 0.5))
+    assert not any(life.confirmation.is_false_track(float(t_s), ekf) for t_s in np.arange(0.0, 60.0, 0.5))
 
 
 def test_a_given_target_needs_no_proof() -> None:
     life, ekf = started(found=False)
-    assert not life.is_false(100.0, ekf)
+    assert not life.confirmation.is_false_track(100.0, ekf)
     assert life.update(False, ekf) is TrackStatus.COASTING
 
 
@@ -158,15 +158,15 @@ def test_pictures_that_come_once_a_second_are_confirmed_by_the_next() -> None:
 def test_time_alone_ends_a_find_that_proves_nothing() -> None:
     """Expected: after ``proof_s`` with too few fixes, after ``false_target_s`` with enough; never a given target."""
     life, _ = started(found=True)
-    assert not life.is_overdue(1.0)
-    assert life.is_overdue(1.001)
+    assert not life.confirmation.is_overdue(1.0)
+    assert life.confirmation.is_overdue(1.001)
     for k in range(3):
-        assert life.is_overdue(1.001)
+        assert life.confirmation.is_overdue(1.001)
         life.add_fix(0.1 * k)
-    assert not life.is_overdue(4.0)
-    assert life.is_overdue(4.001)
+    assert not life.confirmation.is_overdue(4.0)
+    assert life.confirmation.is_overdue(4.001)
     given, _ = started(found=False)
-    assert not given.is_overdue(60.0)
+    assert not given.confirmation.is_overdue(60.0)
 
 
 def test_unseen_is_counted_from_the_newest_pixel() -> None:

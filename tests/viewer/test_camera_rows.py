@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import pytest
 
 from groundstation.messages import DetectionStatus
-from groundstation.viewer import cameras as rerun_cameras
+from groundstation.viewer import camera_channel as rerun_cameras
 from groundstation.viewer.blueprint import _states
-from groundstation.viewer.cameras import CameraChannel
+from groundstation.viewer.camera_channel import CameraChannel
 
 
 def channel() -> CameraChannel:

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundstation.messages import Kinematics, TrackEstimate, TrackState, TrackStatus, TriangulationStatus
-from groundstation.viewer.cameras import nis_bounds
+from groundstation.viewer.camera_channel import nis_bounds
 from groundstation.viewer.columns import MAX_CONTOUR_POINTS, crosses, ellipses, outline_pieces
-from groundstation.viewer.track import TrackChannel
+from groundstation.viewer.track_channel import TrackChannel
 
 
 @given(

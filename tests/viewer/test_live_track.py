@@ -8,10 +8,10 @@ import rerun as rr
 
 from groundstation.detection.pixel_track import PixelTrack
 from groundstation.messages import Detection, Miss, MissReason, Roi, TrackStatus
-from groundstation.viewer import viewer as rerun_viewer
+from groundstation.viewer import viewer_process as rerun_viewer
 from groundstation.viewer.live_track import APPLICATION, PICTURE, STATUS, LiveTrackView
-from groundstation.viewer.viewer import ViewerError, live_viewer_command, open_live_stream
-from tests.viewer.test_view import Recording
+from groundstation.viewer.viewer_process import ViewerError, live_viewer_command, open_live_stream
+from tests.viewer.test_rerun_sink import Recording
 
 SEEN = Detection(
     u_px=20.0,

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 
-from groundstation.viewer.viewer import stop_viewer
+from groundstation.viewer.viewer_process import stop_viewer
 
 DEAF = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(1, flush=True); time.sleep(600)"
 

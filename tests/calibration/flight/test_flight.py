@@ -11,7 +11,7 @@ from calibration.flight.problem import FlightProblem, left_jacobian
 from calibration.flight.reference_track import ReferenceTrack
 from groundstation.cli.main import main
 from groundstation.errors import GroundstationError
-from groundstation.evaluation.series import ReferenceSeries
+from groundstation.evaluation.position_series import ReferenceSeries
 from groundstation.geometry.rotation import rotation_from_vector
 from groundstation.rig.rig import load_rig
 from groundstation.simulation import StationErrors, simulate

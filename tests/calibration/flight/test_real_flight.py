@@ -11,7 +11,7 @@ import pytest
 from calibrated_replays import HEXACOPTER, of_stations, track_error, without_positions
 
 from calibration.flight.calibrate import FlightRequest, calibrate_flight
-from groundstation.evaluation.series import interpolate, reference_from_fixes
+from groundstation.evaluation.position_series import interpolate, reference_from_fixes
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml

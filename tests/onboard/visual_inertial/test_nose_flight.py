@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from groundstation.arrays import FloatArray
-from groundstation.experiments.nose_flights import follow
+from groundstation.experiments.onboard_flights import follow
 from groundstation.geometry.rotation import (
     matrix_from_wxyz,
     rotation_from_vector,
