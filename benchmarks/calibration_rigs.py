@@ -199,8 +199,8 @@ def bounding(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> Path
 
 def _bound(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> np.ndarray:
     """Return one sigma (p,) that the noise put in allows."""
-    jacobian = bounding(fit, exact, true_change).jacobian(true_change)
-    return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    information = bounding(fit, exact, true_change).fit_problem().linearise(true_change).information
+    return np.sqrt(np.diag(np.linalg.inv(information)))
 
 
 def _noise_put_in(problem: FlightProblem, name: str, change: np.ndarray) -> float:

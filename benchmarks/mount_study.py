@@ -16,8 +16,9 @@ import numpy as np
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from calibration.information import inverse
 from calibration.mount.calibrate import calibrate_station
-from calibration.mount.covariance import information, scaled_inverse
+from calibration.mount.covariance import information
 from calibration.mount.parameters import USUAL_WORDS, choose_mount
 from calibration.mount.pointing import pointing_sigma
 from calibration.mount.problem import MountProblem
@@ -126,7 +127,7 @@ def bounds(rigs: int) -> None:
                 problem = MountProblem(station=true, sightings=seen, marks=marks, names=tuple(free), prior_sigma=prior)
                 known = information(problem, np.zeros(len(prior)), np.ones(len(seen), dtype=np.bool_))
                 with np.errstate(divide="ignore"):
-                    covariance = scaled_inverse(known + np.diag(1.0 / prior**2))
+                    covariance = inverse(known + np.diag(1.0 / prior**2))
                 places = [problem.names.index(f"head_from_camera.{axis}") for axis in "xyz"]
                 variances.append(np.diag(covariance)[places])
             sigma = np.degrees(np.sqrt(np.mean(variances, axis=0)))

@@ -24,7 +24,7 @@ from drawn_rigs import draw, errors, waves
 from scipy.stats import chi2
 
 from calibration.flight.calibrate import FlightCalibration, FlightRequest, calibrate_flight
-from calibration.flight.fit import moved_by_point
+from calibration.flight.covariance import moved_by_point
 from calibration.flight.observations import FlightData, gather_flight
 from calibration.flight.problem import DGPS_OFFSET
 from groundstation.session import load_session
@@ -88,8 +88,7 @@ def one_flight(seed: int) -> ClockErrors:
         error = errors(fit, found.rig, drawn)
         truth = error + fit.change
         joint = bounding(fit, exact, truth)
-        jacobian = joint.jacobian(truth)
-        bound = np.linalg.inv(jacobian.T @ jacobian)
+        bound = np.linalg.inv(joint.fit_problem().linearise(truth).information)
         by_point = POINT_M * moved_by_point(joint, truth, bound)
     places = [fit.problem.names.index(name) for name in CLOCKS]
     against = np.zeros((len(CLOCKS), len(error)))

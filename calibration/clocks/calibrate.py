@@ -8,7 +8,8 @@ import numpy as np
 
 from calibration.clocks.fit import TimingFit, solve_timing
 from calibration.clocks.image_motion import StationMotion, gather_motion
-from calibration.flight.fit import FlightFit, solve_flight
+from calibration.flight.covariance import solve_flight
+from calibration.flight.fit import FlightFit
 from calibration.flight.observations import gather_flight
 from calibration.flight.parameters import FLOOR_CLOCK_S, KNOWN_CLOCK_S, choose_parameters
 from calibration.flight.problem import DGPS_OFFSET, FlightProblem

@@ -12,6 +12,7 @@ import numpy as np
 
 from calibration.clocks.image_motion import ImageMotion
 from calibration.clocks.motion_spline import CUBIC, MotionSpline
+from calibration.robust_fit import OUTLIER_SIGMA, noise_factor
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
 
@@ -20,7 +21,6 @@ LEAST_S = 1.5
 _SPACINGS_S = (0.4, 0.2, 0.1, 0.05)
 _MOST_KNOTS = 700
 _SEARCH_S, _SEARCH_STEP_S = 0.3, 0.02
-_GROSS_SIGMA = 4.5
 _VARIANCE_ROUNDS = 4
 _BLOCK_S = 1.0
 _LEAST_BLOCKS = 8
@@ -190,8 +190,7 @@ def _solved(
         criterion = _criterion(model, left, n, m, sigma)
         before, sigma = sigma, float(np.sqrt(np.sum(off_reading**2) / max(n - taken[0], 1.0)))
         white = np.hypot(*left[n : n + m].reshape(2, -1))
-        usual = max(float(np.median(white)) / 1.1774, 1e-9)
-        good = white < _GROSS_SIGMA * max(usual, 1.0)
+        good = white < OUTLIER_SIGMA * noise_factor(white)
         places = np.flatnonzero(kept)
         kept[places[~good]] = False
         # what the windows' own agreement does not know of, the same for all pairs

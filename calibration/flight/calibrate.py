@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.flight.fit import FlightFit, FlightFitError, FlightSolution, find_solution, judged
+from calibration.flight.covariance import with_covariance
+from calibration.flight.fit import FlightFit, FlightFitError, FlightSolution, find_solution
 from calibration.flight.observations import FlightData, gather_flight
 from calibration.flight.page import FlightPage, write_flight_page
 from calibration.flight.parameters import (
@@ -92,7 +93,7 @@ def calibrate_flight(request: FlightRequest) -> FlightCalibration:
             found, note = _doubted(session, start, found, (*words, *doubted))
             notes += note
     usual_m = POINT_SIGMA_M if request.detections is not None else 0.0
-    fit = judged(found, usual_m if request.point_sigma_m is None else request.point_sigma_m)
+    fit = with_covariance(found, usual_m if request.point_sigma_m is None else request.point_sigma_m)
     _require_fit(session, fit)
     rig = solved_rig(session.rig, fit, session.name, antenna)
     verdict = judge_flight(rig, fit)

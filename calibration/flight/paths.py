@@ -18,6 +18,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from calibration.flight.problem import SLOW_S, AngleCurve, FlightProblem, Predicted
 from calibration.flight.smooth_path import PathBasis, Smoothness, find_smoothness, path_basis
+from calibration.robust_fit import FitProblem, Linearisation, whitening_of
 from groundstation.arrays import FloatArray, MaskArray
 
 # knots of a head stand so many readings apart; where these are slow, so long: what a head does between two of them is
@@ -162,7 +163,7 @@ class PathResiduals:
     """Residuals in sigmas and their derivatives by a change (p,) of the calibration, the paths found on the way.
 
     ``factors`` are the pixels' noise found over assumed and ``kept`` the looks, by station; ``at`` is the change at
-    which the pixels' weights are taken. Rows: pixels by station, then what is known of the paths, then the priors.
+    which the pixels' weights are taken. Rows: pixels by station, then the paths' samples and smoothness.
     """
 
     problem: FlightProblem
@@ -188,28 +189,29 @@ class PathResiduals:
         along = self._along(self._alone)
         for name in along.looks:
             own = along.predict(name, self.at).own_px2[self.kept[name]] * self.factors[name] ** 2
-            self._white[name] = np.linalg.inv(np.linalg.cholesky(own))
+            self._white[name] = whitening_of(own)
 
     @property
     def base(self) -> float:
         """What fixes, readings and smoothness leave over without the pixels, in squared sigmas."""
         return float(np.sum((self._known @ self._alone - self._data) ** 2))
 
-    def residual(self, change: FloatArray) -> FloatArray:
-        """Return all residuals."""
-        at = self._solve(change)
-        known = np.isfinite(self.problem.prior_sigma)
-        paths = self._known @ at.theta - self._data
-        return np.concatenate([at.linear.residual, paths, (change / self.problem.prior_sigma)[known]])
+    def fit_problem(self) -> FitProblem:
+        """Return the fit of the calibration (p,), with its priors."""
+        return FitProblem(
+            evaluate=self.linearise, prior_sigma=self.problem.prior_sigma, step_scale=self.problem.step_scale
+        )
 
-    def jacobian(self, change: FloatArray) -> FloatArray:
-        """Return their derivatives (n, p) with the paths following."""
+    def linearise(self, change: FloatArray) -> Linearisation:
+        """Return the residuals of pixels and paths, and their derivatives with the paths following."""
         at = self._solve(change)
         linear = at.linear
         moved = at.root.solve(np.asarray(linear.by_path.T @ linear.by_change))
-        prior = np.diag(1.0 / self.problem.prior_sigma)[np.isfinite(self.problem.prior_sigma)]
         pixels = linear.by_change - linear.by_path @ moved
-        return np.vstack([pixels, -(self._known @ moved), prior])
+        return Linearisation(
+            residual=np.concatenate([linear.residual, self._known @ at.theta - self._data]),
+            jacobian=np.vstack([pixels, -(self._known @ moved)]),
+        )
 
     def noise(self, change: FloatArray) -> dict[str, float]:
         """Return each station's noise found over assumed: what its pixels leave over, and may."""
@@ -261,7 +263,7 @@ class PathResiduals:
         _, block = np.unique(np.floor((times - times.min()) / block_s), return_inverse=True)
         block = np.repeat(block, 2)
         count, p = int(block.max()) + 1, len(change)
-        projected = self.jacobian(change)[: len(linear.residual)]
+        projected = self.linearise(change).jacobian[: len(linear.residual)]
         seen, expected = np.zeros((count, p)), np.zeros((count, p, p))
         for k in range(count):
             own = np.flatnonzero(block == k)

@@ -31,6 +31,16 @@ _TURNS = (slice(0, 3), slice(6, 9))
 # what moves exposures past readings
 _TIMES = ("camera_clock.offset", "camera_clock.drift", "ptu_clock.offset", "readout")
 _SMALL_TURN = 1e-6
+# rad, m, s/s, px
+_STEP_SCALES = {
+    "runway_from_base": 1e-3,
+    "head_from_camera": 1e-3,
+    "ptu_position": 0.1,
+    "drift": 1e-5,
+    "focal": 1.0,
+    "principal": 1.0,
+}
+_OTHER_STEP = 0.01
 # readings further apart than this, usually, tell little of what a head does between them
 SLOW_S = 0.035
 
@@ -176,6 +186,13 @@ class FlightProblem:
     antenna_in_body_m: FloatArray
     names: tuple[str, ...]
     prior_sigma: FloatArray
+
+    @property
+    def step_scale(self) -> FloatArray:
+        """Typical steps (p,) of the parameters, for the trust region of the fit."""
+        return np.array(
+            [next((s for part, s in _STEP_SCALES.items() if part in name), _OTHER_STEP) for name in self.names]
+        )
 
     def own(self, station: str) -> list[tuple[int, str]]:
         """Return place and short name of one station's parameters."""

@@ -8,14 +8,16 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
+from calibration.information import inverse_with_floor
 from calibration.landmarks.angles import LandmarkObservations, gather_observations
 from calibration.landmarks.check_correction import Turn, corrected_rig
-from calibration.landmarks.fit import LandmarkFit, inverted, solve_landmarks
+from calibration.landmarks.fit import LandmarkFit, solve_landmarks
 from calibration.landmarks.problem import AXES, MOVED_SIGMA_RAD, pose_problem
-from calibration.landmarks.rejection import GROSS_SIGMA, LandmarkFitError
+from calibration.landmarks.rejection import LandmarkFitError
 from calibration.landmarks.survey import inlier_landmarks, require_lens, require_most_kept, seen_landmarks
 from calibration.landmarks.survey_start import ONE_BEARING_RAD
 from calibration.rig_reach import moved_by_m
+from calibration.robust_fit import OUTLIER_SIGMA
 from calibration.sightings import Landmark, LandmarkSighting, require_consistent
 from groundstation.arrays import FloatArray
 from groundstation.geometry.rotation import matrix_from_wxyz
@@ -169,7 +171,7 @@ def _best(solve: Callable[[frozenset[str]], LandmarkFit], turning: Sequence[str]
 def _cost(fit: LandmarkFit) -> float:
     """Return the sum of squares in sigmas, of what was left out as much as just stays in."""
     known = fit.unknowns[fit.problem.known]
-    return float((np.minimum(fit.length, GROSS_SIGMA) ** 2).sum() + known @ known)
+    return float((np.minimum(fit.length, OUTLIER_SIGMA) ** 2).sum() + known @ known)
 
 
 def _require_two(looks: LandmarkObservations, landmarks: Sequence[Landmark], station: Station) -> None:
@@ -213,7 +215,8 @@ def _movement(fit: LandmarkFit, station: Station, false_alarm: float) -> Station
     rest = [k for k in range(len(fit.unknowns)) if k not in unknowns]
     across = fit.information[np.ix_(unknowns, rest)]
     marginal = (
-        fit.information[np.ix_(unknowns, unknowns)] - across @ inverted(fit.information[np.ix_(rest, rest)]) @ across.T
+        fit.information[np.ix_(unknowns, unknowns)]
+        - across @ inverse_with_floor(fit.information[np.ix_(rest, rest)]) @ across.T
     )
     # what was known of the turn before, which is no evidence, is taken out again
     by_looks = (marginal - np.eye(3)) / MOVED_SIGMA_RAD**2 / fit.raised**2

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
+from calibration.information import inverse_with_floor
 from calibration.landmarks.problem import LandmarkProblem
 from calibration.landmarks.rejection import LandmarkFitError, find_outlier, single_sightings
-from calibration.landmarks.solver import Weighted, solve_kept, white_residuals, whitening_of
+from calibration.landmarks.solver import linearised, solve_kept, white_residuals
 from groundstation.arrays import FloatArray, MaskArray
 
 _MOST_REJECTIONS = 60
 # a fit is worse than its noise allows, and its sigmas are raised, if chance does it this rarely
 _MISFIT_PROBABILITY = 0.01
-_LEAST_INFORMATION = 1e-14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,18 +80,16 @@ def solve_landmarks(problem: LandmarkProblem, start: FloatArray | None = None) -
 def _finished(
     problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray, rejected: dict[str, float]
 ) -> LandmarkFit:
-    whitening = whitening_of(problem, unknowns)
-    weighted = Weighted(problem=problem, whitening=whitening, kept=kept)
-    residual, jacobian = weighted.residual(unknowns), weighted.jacobian(unknowns)
-    information = jacobian.T @ jacobian
-    chi_square, freedom = float(residual @ residual), len(residual) - len(unknowns)
+    solution = linearised(problem, unknowns, kept)
+    information = solution.information
+    chi_square, freedom = solution.chi_square, len(solution.residual) - len(unknowns)
     misfit = freedom > 0 and chi_square > chi2.ppf(1.0 - _MISFIT_PROBABILITY, freedom)
     raised = float(np.sqrt(chi_square / freedom)) if misfit else 1.0
     return LandmarkFit(
         problem=problem,
         unknowns=unknowns,
         change=problem.spread @ unknowns,
-        covariance=problem.spread @ inverted(information) @ problem.spread.T * raised**2,
+        covariance=problem.spread @ inverse_with_floor(information) @ problem.spread.T * raised**2,
         information=information,
         kept=kept,
         length=np.linalg.norm(white_residuals(problem, unknowns), axis=1),
@@ -101,13 +99,6 @@ def _finished(
         freedom=freedom,
         raised=raised,
     )
-
-
-def inverted(information: FloatArray) -> FloatArray:
-    """Return the inverse of an information (q, q); where nothing is known, a variance far beyond all others."""
-    values, vectors = np.linalg.eigh(information)
-    values = np.maximum(values, _LEAST_INFORMATION * max(float(values.max()), 1e-300))
-    return np.asarray(vectors / values @ vectors.T)
 
 
 def information_with(

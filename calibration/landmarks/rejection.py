@@ -10,13 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.landmarks.problem import LandmarkProblem
-from calibration.landmarks.solver import Weighted, solve_kept, white_residuals, whitening_of
+from calibration.landmarks.solver import linearised, solve_kept, white_residuals
+from calibration.robust_fit import OUTLIER_SIGMA, noise_factor
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
 
-# of a two-dimensional normal length one in 25 000 exceeds this; of a landmark's three coordinates one in 6000
-GROSS_SIGMA = 4.5
-_MEDIAN_LENGTH = 1.1774
 _LEAST_GROUP = 3
 _MOST_TRIED = 40
 # chi-square by which another explanation must be worse to be none, and by which leaving out more must be better
@@ -62,8 +60,7 @@ def single_sightings(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskA
         own = group & kept & ~off
         if own.sum() >= _LEAST_GROUP:
             length = np.linalg.norm(white[own] - np.median(white[own], axis=0), axis=1)
-            scale = max(1.0, float(np.median(length)) / _MEDIAN_LENGTH)
-            off[np.flatnonzero(own)[length > GROSS_SIGMA * scale]] = True
+            off[np.flatnonzero(own)[length > OUTLIER_SIGMA * noise_factor(length)]] = True
     return off
 
 
@@ -128,10 +125,9 @@ def _lengths(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) ->
 
 def _gross(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> bool:
     groups, shifts = _lengths(problem, unknowns, kept)
-    scale = max(
-        1.0, float(np.median(np.linalg.norm(white_residuals(problem, unknowns)[kept], axis=1))) / _MEDIAN_LENGTH
-    )
-    return bool(groups.max(initial=0.0) > GROSS_SIGMA * scale or shifts.max(initial=0.0) > GROSS_SIGMA)
+    scale = noise_factor(np.linalg.norm(white_residuals(problem, unknowns)[kept], axis=1))
+    # of a landmark's three coordinates one in 6000 exceeds it
+    return bool(groups.max(initial=0.0) > OUTLIER_SIGMA * scale or shifts.max(initial=0.0) > OUTLIER_SIGMA)
 
 
 def _parts(problem: LandmarkProblem, unknowns: FloatArray, kept: MaskArray) -> Iterator[tuple[int, MaskArray, bool]]:
@@ -155,12 +151,12 @@ def _try(
 ) -> _Left:
     rest = kept & ~looks
     solved = solve_kept(problem, unknowns, rest, robust=False)
-    residual = Weighted(problem=problem, whitening=whitening_of(problem, solved), kept=rest).residual(solved)
+    left = linearised(problem, solved, rest)
     return _Left(
         looks=looks,
         landmark=landmark,
         whole=whole,
-        excess=float(residual @ residual) - len(residual),
+        excess=left.chi_square - len(left.residual),
         clean=not _gross(problem, solved, rest),
     )
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.landmarks.fit import information_with, inverted
+from calibration.information import inverse_with_floor
+from calibration.landmarks.fit import information_with
 from calibration.landmarks.survey import Survey, inlier_landmarks
 from calibration.rig_reach import RANGES_M, approach_point, good_to_m, posed, reach_at, reach_gain, relative_sigma_rad
 from groundstation.arrays import FloatArray
@@ -106,7 +107,7 @@ def _remedies(survey: Survey) -> list[str]:
     along = along @ problem.spread
 
     def sigma(information: FloatArray) -> float:
-        return float(np.sqrt(along @ inverted(information) @ along)) * fit.raised
+        return float(np.sqrt(along @ inverse_with_floor(information) @ along)) * fit.raised
 
     now, settles = stated.along_m, stated.along_m**2 - sigma(fit.information) ** 2
     data = fit.information - np.diag(problem.known.astype(np.float64))
@@ -117,7 +118,7 @@ def _remedies(survey: Survey) -> list[str]:
         columns = problem.known & (np.abs(problem.spread[rows]).sum(axis=0) > 0.0) if rows else problem.known & False
         half = np.where(columns, 0.5, 1.0)
         information = half[:, None] * data * half + np.diag(problem.known.astype(np.float64))
-        return float(np.sqrt((along * half) @ inverted(information) @ (along * half))) * fit.raised
+        return float(np.sqrt((along * half) @ inverse_with_floor(information) @ (along * half))) * fit.raised
 
     surveyed = [k for k, name in enumerate(problem.names) if ".ptu_position." in name]
     placed = problem.spread[surveyed].T @ problem.spread[surveyed] / _SURVEYED_M**2

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from calibration.landmarks.fit import LandmarkFit
-from calibration.landmarks.rejection import GROSS_SIGMA
 from calibration.landmarks.survey import Survey, inlier_landmarks, looks_of
 from calibration.landmarks.survey_advice import TABLE_HEAD, SurveyAdvice, advise_survey
 from calibration.landmarks.survey_pictures import survey_pictures
 from calibration.report.page import report_figure, report_list, report_page, report_table
+from calibration.robust_fit import OUTLIER_SIGMA
 from groundstation.errors import InputError
 from groundstation.files.output_names import below
 
@@ -100,7 +100,7 @@ def rejected(fit: LandmarkFit) -> list[str]:
                 length = fit.length[start + k]
                 why = f"{length:.0f} sigma off" if np.isfinite(length) else "behind the camera"
                 single.append(
-                    f"line {sighting.line}, {looks.station} to {sighting.landmark}: {why}, {GROSS_SIGMA:g} allowed"
+                    f"line {sighting.line}, {looks.station} to {sighting.landmark}: {why}, {OUTLIER_SIGMA:g} allowed"
                 )
         start += len(looks)
     more = [f"{len(single) - _MOST_REJECTED} more sightings"] if len(single) > _MOST_REJECTED else []

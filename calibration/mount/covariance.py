@@ -3,9 +3,11 @@
 import numpy as np
 
 from calibration.flight.problem import left_jacobian
+from calibration.information import inverse, inverse_with_unobservable
 from calibration.landmarks.angles import reading_variances
 from calibration.mount.problem import MountProblem, PredictedSightings
 from calibration.mount.standstills import with_shared_error
+from calibration.robust_fit import Linearisation
 from groundstation.arrays import FloatArray, MaskArray
 
 # a parameter is determined if it is known so much better than before, and to this
@@ -15,8 +17,8 @@ BORESIGHT = tuple(f"head_from_camera.{axis}" for axis in "xyz")
 BASE = tuple(f"runway_from_base.{axis}" for axis in "xyz")
 
 
-def whitened(problem: MountProblem, sought: PredictedSightings, kept: MaskArray) -> tuple[FloatArray, FloatArray]:
-    """Return residuals and Jacobian of what is kept, in sigmas and uncorrelated, and behind them what was known."""
+def whitened(problem: MountProblem, sought: PredictedSightings, kept: MaskArray) -> Linearisation:
+    """Return residuals and Jacobian of what is kept, in sigmas and uncorrelated."""
     seen = problem.sightings
     own = np.flatnonzero(kept)
     own = own[np.argsort(seen.pointing[own], kind="stable")]
@@ -38,26 +40,12 @@ def whitened(problem: MountProblem, sought: PredictedSightings, kept: MaskArray)
     white = np.concatenate(parts)
     if lasting > 0.0:
         white[:, :-2] = with_shared_error(white[:, :-2], white[:, -2:], np.concatenate(stands), lasting)
-    return white[:, 0], white[:, 1:-2]
+    return Linearisation(residual=white[:, 0], jacobian=white[:, 1:-2])
 
 
 def information(problem: MountProblem, change: FloatArray, kept: MaskArray) -> FloatArray:
     """Return the information (p, p) of the kept sightings about the free parameters, without the prior's."""
-    _, jacobian = whitened(problem, problem.predict(change), kept)
-    return np.asarray(jacobian.T @ jacobian)
-
-
-def _inverse(known: FloatArray) -> FloatArray:
-    """Return the inverse, infinite variances where there is none."""
-    scale = np.sqrt(np.maximum(np.diag(known), 1e-300))
-    unit = known / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(unit)
-    bad = values < 1e-13
-    inverse = (vectors[:, ~bad] / values[~bad]) @ vectors[:, ~bad].T
-    lost = np.abs(vectors[:, bad]).max(axis=1, initial=0.0) > 1e-3
-    inverse = inverse / np.outer(scale, scale)
-    inverse[lost, lost] = np.inf
-    return np.asarray(inverse)
+    return whitened(problem, problem.predict(change), kept).information
 
 
 def undetermined(problem: MountProblem, change: FloatArray, kept: MaskArray) -> dict[str, float]:
@@ -72,7 +60,7 @@ def undetermined(problem: MountProblem, change: FloatArray, kept: MaskArray) -> 
     free = [k for k, name in enumerate(problem.names)]
     own = [k for k, name in enumerate(problem.names) if not name.startswith(("mark ", "ptu_position"))]
     while True:
-        covariance = _inverse(known[np.ix_(free, free)])
+        covariance = inverse_with_unobservable(known[np.ix_(free, free)])
         worst, worst_ratio = None, 1.0
         for place, k in enumerate(free):
             if k not in own:
@@ -105,7 +93,7 @@ def considered(
     own = known[np.ix_(places, places)]
     with np.errstate(divide="ignore"):
         own = own + np.diag(1.0 / freed.prior_sigma**2)
-    covariance = np.linalg.pinv(own, hermitian=True, rcond=1e-16) if not well_conditioned(own) else scaled_inverse(own)
+    covariance = inverse(own)
     lasting = [problem.names.index(name) for name in held]
     gain = covariance @ known[np.ix_(places, lasting)]
     held_covariance = np.diag(np.square(np.array(list(held.values()), dtype=np.float64)))
@@ -117,15 +105,3 @@ def considered(
         if len(where) == 3:
             turned[np.ix_(where, where)] = left_jacobian(change[where])
     return np.asarray(turned @ covariance @ turned.T)
-
-
-def well_conditioned(known: FloatArray) -> bool:
-    """Return whether an information matrix can be inverted, its parameters scaled to unit diagonal."""
-    scale = np.sqrt(np.diag(known))
-    return bool(np.all(scale > 0) and np.linalg.cond(known / np.outer(scale, scale)) < 1e13)
-
-
-def scaled_inverse(known: FloatArray) -> FloatArray:
-    """Return the inverse of an information matrix."""
-    scale = np.sqrt(np.diag(known))
-    return np.asarray(np.linalg.inv(known / np.outer(scale, scale)) / np.outer(scale, scale))

@@ -3,32 +3,34 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
+from calibration.information import inverse, well_conditioned
 from calibration.mount.covariance import (
     BASE,
     BORESIGHT,
     considered,
     information,
-    scaled_inverse,
     undetermined,
-    well_conditioned,
     whitened,
 )
-from calibration.mount.problem import MountProblem, PredictedSightings
+from calibration.mount.problem import MountProblem
+from calibration.robust_fit import (
+    OUTLIER_SIGMA,
+    FitProblem,
+    Loss,
+    fit_reweighted,
+    minimise,
+    noise_factor,
+    pixel_linearisation,
+    whitened_length,
+    whitening_of,
+)
 from groundstation.arrays import FloatArray, MaskArray
 from groundstation.errors import GroundstationError
 
 _ROBUST_ROUNDS = 4
 _FINAL_ROUNDS = 3
-# soft-L1 bends here, in sigmas; an outlier is what one normal pair in 25 000 exceeds
-_BEND_SIGMA = 1.5
-_GROSS_SIGMA = 4.5
-_MEDIAN_LENGTH = 1.1774
-# within one standstill the readings' errors are common: a mark that alone is off stands out from the others'
 _LEAST_KEPT_SHARE = 0.6
-_SCALES = {"mark": 0.01, "camera_in_head": 0.01, "ptu_position": 0.01, "scale": 1e-4}
-_OTHER_SCALE = 1e-3
 # every fifth standstill is kept apart to judge by
 _HELD_OUT_EACH = 5
 _LEAST_STANDSTILLS = 4
@@ -102,7 +104,7 @@ class MountFit:
 
 def solve_mount(problem: MountProblem, start: FloatArray) -> MountFit:
     """Find the parameters from a start (p,); raises `MountFitError` where the sightings cannot."""
-    change, kept, reasons = _robust(problem, start)
+    change, kept = _robust(problem, start)
     held = undetermined(problem, change, kept)
     if missing := [name for name in (*BORESIGHT, *BASE) if held.get(name) == np.inf]:
         wanted = "known marks or directions far apart in pan, and some 20 deg or more apart in tilt"
@@ -110,14 +112,15 @@ def solve_mount(problem: MountProblem, start: FloatArray) -> MountFit:
     freed = problem.without(tuple(held))
     at = np.array([change[problem.names.index(name)] for name in freed.names])
     # held means: as the rig says, not where the fit had drawn it
+    reasons: dict[int, str] = {}
     for _ in range(2):
-        at = _linear(freed, at, kept)
-        kept, reasons = _judge(freed, at)
-    at = _linear(freed, at, kept)
+        at = minimise(kept_problem(freed, kept), at).parameters
+        kept, reasons = find_outliers(freed, at)
+    at = minimise(kept_problem(freed, kept), at).parameters
     sought = freed.predict(at)
-    residual, _ = whitened(freed, sought, kept)
-    free = max(len(residual) - len(at), 1)
-    factor = max(1.0, float(np.sqrt(residual @ residual / free)))
+    left = whitened(freed, sought, kept)
+    free = max(len(left.residual) - len(at), 1)
+    factor = max(1.0, float(np.sqrt(left.chi_square / free)))
     joint = considered(problem, freed, at, kept, held, factor)
     return MountFit(
         problem=freed,
@@ -134,51 +137,67 @@ def solve_mount(problem: MountProblem, start: FloatArray) -> MountFit:
     )
 
 
-def _robust(problem: MountProblem, start: FloatArray) -> tuple[FloatArray, MaskArray, dict[int, str]]:
-    """Return a solution that outliers have not drawn, and what fits it."""
-    change = start
-    n = len(problem.sightings)
-    for round_ in range(_ROBUST_ROUNDS):
-        sought = problem.predict(change)
-        white = _inverse_root(problem.covariance_px2(sought.by_angle))
-        length = _lengths(problem, sought, white)
-        factor = max(1.0, float(np.median(length[sought.usable])) / _MEDIAN_LENGTH) if sought.usable.any() else 1.0
-        change = _least_squares(problem, change, white / factor, np.ones(n, dtype=np.bool_), "soft_l1")
-        if round_ and factor == 1.0:
-            break
-    kept, reasons = _judge(problem, change)
+def _robust(problem: MountProblem, start: FloatArray) -> tuple[FloatArray, MaskArray]:
+    """Return a solution that is not drawn by outliers, and which sightings (n,) fit it."""
+    change = fit_reweighted(_RobustMountRounds(problem).weighted_at, start, _ROBUST_ROUNDS)
+    kept, _ = find_outliers(problem, change)
     for _ in range(_FINAL_ROUNDS):
-        change = _linear(problem, change, kept)
-        before = kept
-        kept, reasons = _judge(problem, change)
+        change = minimise(kept_problem(problem, kept), change).parameters
+        before, (kept, _) = kept, find_outliers(problem, change)
         if np.array_equal(before, kept):
             break
-    share = float(kept.mean())
-    if share < _LEAST_KEPT_SHARE:
-        got = f"{n - int(kept.sum())} of {n} sightings that do not fit the others"
+    if float(kept.mean()) < _LEAST_KEPT_SHARE:
+        got = f"{int((~kept).sum())} of {len(kept)} sightings that do not fit the others"
         wanted = (
             "marks that stand still, each with one name, and angles in degrees with the signs of docs/conventions.md"
         )
         raise MountFitError(f"station {problem.station.name}: got {got}; wanted {wanted}")
-    return change, kept, reasons
+    return change, kept
 
 
-def _lengths(problem: MountProblem, sought: PredictedSightings, white: FloatArray) -> FloatArray:
-    off = sought.pixel_px - problem.sightings.pixel_px
-    return np.asarray(np.linalg.norm(np.einsum("nij,nj->ni", white, off), axis=1))
+@dataclass(slots=True, eq=False)
+class _RobustMountRounds:
+    """Rounds of the robust fit: no sighting is left out, each is as uncertain as pixel and readings are together."""
+
+    problem: MountProblem
+    _round: int = 0
+    _noise_factor: float = np.inf
+
+    def weighted_at(self, change: FloatArray) -> FitProblem | None:
+        """Return the problem with the noise as it is at a change (p,); None once it is as assumed."""
+        if self._round > 1 and self._noise_factor == 1.0:
+            return None
+        problem, seen_px = self.problem, self.problem.sightings.pixel_px
+        predicted = problem.predict(change)
+        covariance = problem.covariance_px2(predicted.by_angle)
+        length = whitened_length(predicted.pixel_px - seen_px, covariance)
+        self._noise_factor = noise_factor(length[predicted.usable])
+        self._round += 1
+        whitening = whitening_of(covariance) / self._noise_factor
+        everything = np.ones(len(seen_px), dtype=np.bool_)
+        return FitProblem(
+            evaluate=lambda at: pixel_linearisation(problem.predict(at), seen_px, whitening, everything),
+            prior_sigma=problem.prior_sigma,
+            step_scale=problem.step_scale,
+            loss=Loss.SOFT_L1,
+        )
 
 
-def _inverse_root(covariance: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+def kept_problem(problem: MountProblem, kept: MaskArray) -> FitProblem:
+    """Return the fit of the kept sightings (n,), with each standstill's common errors."""
+    return FitProblem(
+        evaluate=lambda at: whitened(problem, problem.predict(at), kept),
+        prior_sigma=problem.prior_sigma,
+        step_scale=problem.step_scale,
+    )
 
 
-def _judge(problem: MountProblem, change: FloatArray) -> tuple[MaskArray, dict[int, str]]:
+def find_outliers(problem: MountProblem, change: FloatArray) -> tuple[MaskArray, dict[int, str]]:
     """Return which sightings fit a solution, and why the others do not."""
     sought, seen = problem.predict(change), problem.sightings
     off = sought.pixel_px - seen.pixel_px
-    length = _lengths(problem, sought, _inverse_root(problem.covariance_px2(sought.by_angle)))
-    usual = max(1.0, float(np.median(length)) / _MEDIAN_LENGTH)
-    gross = (length > _GROSS_SIGMA * usual) | ~sought.usable
+    length = whitened_length(off, problem.covariance_px2(sought.by_angle))
+    gross = (length > OUTLIER_SIGMA * noise_factor(length)) | ~sought.usable
     reasons = {int(k): f"{np.hypot(*off[k]):.1f} px off, {length[k]:.0f} sigma" for k in np.flatnonzero(gross)}
     alone = np.zeros(len(seen))
     for number in np.unique(seen.pointing):
@@ -191,71 +210,12 @@ def _judge(problem: MountProblem, change: FloatArray) -> tuple[MaskArray, dict[i
             alone[own] = np.linalg.norm(off[own] - (common @ shift).reshape(-1, 2), axis=1) / seen.sigma_px[own]
     several = alone > 0
     if several.any():
-        limit = _GROSS_SIGMA * max(1.0, float(np.median(alone[several])) / _MEDIAN_LENGTH)
+        limit = OUTLIER_SIGMA * noise_factor(alone[several])
         for k in np.flatnonzero(alone > limit):
             reasons[int(k)] = f"{alone[k]:.0f} sigma off the other marks of its picture"
     kept = np.ones(len(seen), dtype=np.bool_)
     kept[list(reasons)] = False
     return kept, reasons
-
-
-def _prior(problem: MountProblem, change: FloatArray) -> tuple[FloatArray, FloatArray]:
-    known = np.isfinite(problem.prior_sigma)
-    return (change / problem.prior_sigma)[known], np.diag(1.0 / problem.prior_sigma)[known]
-
-
-def _linear(problem: MountProblem, change: FloatArray, kept: MaskArray) -> FloatArray:
-    """Return the solution of what is kept, each standstill's common errors allowed for."""
-
-    def both(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        residual, jacobian = whitened(problem, problem.predict(x), kept)
-        behind, below = _prior(problem, x)
-        return np.concatenate([residual, behind]), np.concatenate([jacobian, below])
-
-    return _minimised(problem, change, both, "linear")
-
-
-def _least_squares(
-    problem: MountProblem, change: FloatArray, white: FloatArray, kept: MaskArray, loss: str
-) -> FloatArray:
-    def both(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        sought = problem.predict(x)
-        # a mark behind the camera pulls nowhere
-        usable = (kept & sought.usable)[:, None, None]
-        off = np.einsum("nij,nj->ni", white * usable, sought.pixel_px - problem.sightings.pixel_px)
-        behind, below = _prior(problem, x)
-        jacobian = (white @ sought.jacobian).reshape(-1, len(x))
-        return np.concatenate([off.ravel(), behind]), np.concatenate([jacobian, below])
-
-    return _minimised(problem, change, both, loss)
-
-
-def _minimised(problem: MountProblem, change: FloatArray, both: object, loss: str) -> FloatArray:
-    if not len(change):
-        return change
-    memory: dict[bytes, tuple[FloatArray, FloatArray]] = {}
-
-    def computed(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        key = x.tobytes()
-        if key not in memory:
-            memory.clear()
-            memory[key] = both(x)  # type: ignore[operator]
-        return memory[key]
-
-    found = least_squares(
-        lambda x: computed(x)[0],
-        change,
-        jac=lambda x: computed(x)[1],
-        loss=loss,
-        f_scale=_BEND_SIGMA,
-        x_scale=np.array([_scale(name) for name in problem.names]),
-        max_nfev=60,
-    )
-    return np.asarray(found.x, dtype=np.float64)
-
-
-def _scale(name: str) -> float:
-    return next((value for part, value in _SCALES.items() if part in name), _OTHER_SCALE)
 
 
 def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor: float) -> HeldOutStandstills | None:
@@ -266,7 +226,7 @@ def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor
     rest = kept & ~apart
     if not apart.any() or len(stands) < 2 * _HELD_OUT_EACH or not set(seen.mark[apart]) <= set(seen.mark[rest]):
         return None
-    at = _linear(problem, change, rest)
+    at = minimise(kept_problem(problem, rest), change).parameters
     sought = problem.predict(at)
     known = information(problem, at, rest)
     with np.errstate(divide="ignore"):
@@ -275,7 +235,7 @@ def _held_out(problem: MountProblem, change: FloatArray, kept: MaskArray, factor
         return None
     noise = problem.covariance_px2(sought.by_angle)[apart]
     jacobian = sought.jacobian[apart]
-    expected = noise + jacobian @ scaled_inverse(known) @ np.swapaxes(jacobian, 1, 2)
+    expected = noise + jacobian @ inverse(known) @ np.swapaxes(jacobian, 1, 2)
     residual = (seen.pixel_px - sought.pixel_px)[apart]
     return HeldOutStandstills(
         rms_px=float(np.sqrt(np.mean(residual**2))),

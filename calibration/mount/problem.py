@@ -25,6 +25,9 @@ from groundstation.rig.rig import Station
 
 AXES = ("pan_zero", "tilt_zero", "pan_scale", "tilt_scale", "lean", "pan_backlash", "tilt_backlash")
 _FAR_M = 1e8
+# m, rad
+_STEP_SCALES = {"mark": 0.01, "camera_in_head": 0.01, "ptu_position": 0.01, "scale": 1e-4}
+_OTHER_STEP = 1e-3
 _TURNS = (slice(0, 3), slice(6, 9))
 
 
@@ -184,6 +187,13 @@ class MountProblem:
     def __post_init__(self) -> None:
         seen = self.sightings
         object.__setattr__(self, "stand", standstills(seen.reading_rad, seen.sense, self.station))
+
+    @property
+    def step_scale(self) -> FloatArray:
+        """Typical steps (p,) of the parameters, for the trust region of the fit."""
+        return np.array(
+            [next((s for part, s in _STEP_SCALES.items() if part in name), _OTHER_STEP) for name in self.names]
+        )
 
     def value(self, change: FloatArray, name: str) -> float:
         """Return one parameter of a change (p,); 0 where it is not free."""

@@ -1,0 +1,124 @@
+"""How well a flight determines its calibration: (JᵀWJ)⁻¹, with an allowance for errors that last."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from calibration.flight.fit import FlightFit, FlightSolution, find_solution
+from calibration.flight.paths import PathResiduals
+from calibration.flight.problem import ANTENNA, FlightProblem, left_jacobian
+from calibration.information import inverse, unit_diagonal
+from groundstation.arrays import FloatArray
+
+# errors that last are seen as blocks of time that do not average out
+_BLOCK_S = 1.0
+_LEAST_BLOCKS = 6
+# in this share of flights chance alone raises none of the combinations
+_CHANCE = 0.95
+_ROTATIONS = (("runway_from_base", slice(0, 3)), ("head_from_camera", slice(6, 9)))
+
+
+def solve_flight(problem: FlightProblem, start: FloatArray | None = None) -> FlightFit:
+    """Find parameters and covariance from a start (p,), zero by default; raises `FlightFitError` as `find_solution`."""
+    return with_covariance(find_solution(problem, start))
+
+
+def with_covariance(solution: FlightSolution, point_sigma_m: float = 0.0) -> FlightFit:
+    """Return the fit with (JᵀWJ)⁻¹, the flight's part of it raised by the reduced chi-square and by what lasts.
+
+    ``point_sigma_m``: so far along the body the point seen may lie from where it is taken to be, the same all the time.
+    """
+    joint, change, fits = solution.joint, solution.change, solution.stations
+    problem = joint.problem
+    linearised = joint.fit_problem().linearise(change)
+    known = np.isfinite(problem.prior_sigma)
+    prior = np.diag(np.where(known, 1.0 / problem.prior_sigma, 0.0) ** 2)
+    flown = linearised.information - prior
+    count = 2 * sum(int(fit.kept.sum()) for fit in fits.values()) + int(known.sum())
+    # what the pixels add to that which fixes and readings leave over by themselves
+    chi_square = (linearised.chi_square - joint.base) / max(count - len(change), 1)
+    covariance = inverse(flown / max(1.0, chi_square) + prior)
+    alone = np.sqrt(np.diag(covariance))
+    by_point = point_sigma_m * moved_by_point(joint, change, covariance)
+    covariance = _raised(joint, change, covariance, flown / max(1.0, chi_square))
+    lasting = np.sqrt(np.diag(covariance)) / alone
+    covariance += np.outer(by_point, by_point)
+    turned = _about_solution(problem, change)
+    return FlightFit(
+        problem=problem,
+        change=change,
+        covariance=turned @ covariance @ turned.T,
+        reduced_chi_square=chi_square,
+        lasting_factor=lasting,
+        point_sigma_m=0.0 if ANTENNA[0] in problem.names else point_sigma_m,
+        condition=float(np.linalg.cond(unit_diagonal(linearised.information))),
+        stations=dict(fits),
+        parts=joint.parts,
+    )
+
+
+def _about_solution(problem: FlightProblem, change: FloatArray) -> FloatArray:
+    """Return T (p, p) from rotation vectors added to the rig's to small rotations about the solution."""
+    turned = np.eye(len(change))
+    for name in problem.looks:
+        station = problem.station_change(change, name)
+        for group, part in _ROTATIONS:
+            places = [k for k, n in enumerate(problem.names) if n.startswith(f"{name}.{group}.")]
+            if len(places) == 3:
+                turned[np.ix_(places, places)] = left_jacobian(station[part])
+    return turned
+
+
+def moved_by_point(joint: PathResiduals, change: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return what the solution (p,) makes of a point seen 1 m behind where it is taken to be.
+
+    It is considered, not solved for: a clock that is late puts an aircraft that flies straight just as far behind. Zero
+    where the place of the antenna is to be found, which is the same.
+    """
+    problem = joint.problem
+    if ANTENNA[0] in problem.names:
+        return np.zeros(len(change))
+    wider = replace(problem, names=(*problem.names, ANTENNA[0]), prior_sigma=np.append(problem.prior_sigma, np.inf))
+    at = np.append(change, 0.0)
+    jacobian = PathResiduals(wider, joint.factors, joint.kept, at, joint.parts).linearise(at).jacobian
+    return np.asarray(-covariance @ (jacobian[:, :-1].T @ jacobian[:, -1]))
+
+
+def _raised(joint: PathResiduals, change: FloatArray, covariance: FloatArray, flown: FloatArray) -> FloatArray:
+    """Return the covariance (p, p), raised by what lasts: combination by combination, never parameter by parameter.
+
+    Parameters that go together are known in combinations a thousand times better than alone: to raise one of them by
+    itself would turn the combination, and state another one as well known. What was known before the flight, and is not
+    in ``flown`` (p, p), the information of the flight alone, has no errors that last.
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    size, axes = np.linalg.eigh(covariance / np.outer(sigma, sigma))
+    size = np.maximum(size, 1e-15)
+    combined = axes / sigma[:, None]
+    gain = covariance @ combined
+    factor = _lasting_factor(joint, change, covariance, gain)
+    share = np.clip(np.einsum("ik,ij,jk->k", gain, flown, gain) / size, 0.0, 1.0)
+    spread = sigma[:, None] * axes
+    return np.asarray((spread * (size * (1.0 + (factor**2 - 1.0) * share))) @ spread.T)
+
+
+def _lasting_factor(joint: PathResiduals, change: FloatArray, covariance: FloatArray, gain: FloatArray) -> FloatArray:
+    """Return by how much (p,) errors that last raise the sigma of each combination: blocks of time against expectation.
+
+    ``gain`` (p, p) has in each column what a block's gradient does to a combination. Looks of one block, of all
+    stations, count as one observation: steps of an encoder and a biased target point do not average out within it. What
+    chance makes of so few blocks raises nothing.
+    """
+    p = len(covariance)
+    blocks = joint.scores(change, covariance, _BLOCK_S)
+    if len(blocks.seen) < max(_LEAST_BLOCKS, p // 2):
+        return np.ones(p)
+    seen = (blocks.seen @ gain) ** 2
+    expected = np.maximum(np.einsum("ik,nij,jk->nk", gain, blocks.expected, gain), 0.0)
+    total = np.maximum(expected.sum(axis=0), 1e-300)
+    ratio = seen.sum(axis=0) / total
+    # of a sum of squares of unequal size (Satterthwaite 1946)
+    freedom = total**2 / np.maximum((expected**2).sum(axis=0), 1e-300)
+    limit = chi2.ppf(_CHANCE ** (1.0 / p), freedom) / freedom
+    return np.asarray(np.where(ratio > limit, np.sqrt(np.maximum(ratio, 1.0)), 1.0))
