@@ -30,7 +30,8 @@ from scipy.stats import chi2
 from calibration.flight.calibrate import FlightRequest, calibrate_flight
 from calibration.flight.fit import FlightFit
 from calibration.flight.observations import FlightData, gather_flight
-from calibration.flight.paths import PathResiduals, path_samples
+from calibration.flight.path_parts import path_samples
+from calibration.flight.paths import PathResiduals
 from calibration.flight.problem import FlightProblem
 from groundstation.session import load_session
 from groundstation.simulation import Scenario, case_b, simulate

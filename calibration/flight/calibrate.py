@@ -148,7 +148,7 @@ def _doubted(
         return held, []
     problem = replace(start.problem, names=more.names, prior_sigma=more.prior_sigma)
     first = np.array([start.problem.value(start.change, name) for name in more.names])
-    freed = find_solution(problem, first)
+    freed = find_solution(problem, first, held.paths)
     better = [
         name
         for name, station in freed.stations.items()

@@ -1,11 +1,12 @@
 """Solving a flight: a robust fit, then one without outliers in which the paths of aircraft and heads are unknown."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calibration.flight.paths import PathPart, PathResiduals, path_parts
+from calibration.flight.path_parts import PathPart, path_parts
+from calibration.flight.paths import PathResiduals
 from calibration.flight.problem import FlightProblem, Predicted
 from calibration.robust_fit import (
     OUTLIER_SIGMA,
@@ -94,24 +95,34 @@ class FlightFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightSolution:
-    """The change (p,) of least cost, and how each station fits; its covariance comes from `with_covariance`."""
+    """The change (p,) of least cost and how each station fits; its covariance comes from `with_covariance`.
+
+    ``paths`` are as smooth as their samples alone have it; those of ``joint`` as pixels and samples together do.
+    """
 
     change: FloatArray
     stations: Mapping[str, StationFit]
     joint: PathResiduals
+    paths: tuple[PathPart, ...]
 
 
-def find_solution(problem: FlightProblem, start: FloatArray | None = None) -> FlightSolution:
-    """Find the change of least cost from a start (p,), zero by default; raises `FlightFitError` if data are few."""
+def find_solution(
+    problem: FlightProblem, start: FloatArray | None = None, paths: Sequence[PathPart] = ()
+) -> FlightSolution:
+    """Find the change of least cost from a start (p,), zero by default; raises `FlightFitError` if data are few.
+
+    ``paths`` of an earlier solution from the same samples need no second estimate of their smoothness.
+    """
     robust = _RobustFlightRounds(problem)
     change = np.zeros(len(problem.names)) if start is None else start
     change = fit_reweighted(robust.weighted_at, change, _ROBUST_ROUNDS)
-    final = _PathRounds(robust.problem, {name: fit.noise_factor for name, fit in robust.stations.items()})
+    paths = path_parts(robust.problem, paths)
+    final = _PathRounds(robust.problem, {name: fit.noise_factor for name, fit in robust.stations.items()}, paths)
     for _ in range(_FINAL_ROUNDS):
         change = fit_reweighted(final.weighted_at, change, 1, _FINAL_EVALUATIONS)
         final.update_noise(change)
     stations = {name: replace(fit, noise_factor=final.factors[name]) for name, fit in final.stations.items()}
-    return FlightSolution(change=change, stations=stations, joint=final.joint_at(change))
+    return FlightSolution(change=change, stations=stations, joint=final.joint_at(change), paths=paths)
 
 
 @dataclass(slots=True, eq=False)
@@ -156,12 +167,9 @@ class _PathRounds:
 
     problem: FlightProblem
     factors: dict[str, float]
-    parts: tuple[PathPart, ...] = ()
+    parts: tuple[PathPart, ...]
     stations: Mapping[str, StationFit] = field(default_factory=dict)
     _joint: PathResiduals | None = None
-
-    def __post_init__(self) -> None:
-        self.parts = path_parts(self.problem)
 
     def weighted_at(self, change: FloatArray) -> FitProblem:
         """Return the problem with outliers and noise as they are at a change (p,)."""

@@ -13,122 +13,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix, diags, vstack
+from scipy.sparse import block_diag, csc_matrix, csr_matrix, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
-from calibration.flight.problem import SLOW_S, AngleCurve, FlightProblem, Predicted
-from calibration.flight.smooth_path import PathBasis, Smoothness, find_smoothness, path_basis
+from calibration.flight.path_parts import MILLI, PathPart, path_parts
+from calibration.flight.problem import AngleCurve, FlightProblem, Predicted
+from calibration.flight.windowed_inverse import WindowedInverse
 from calibration.robust_fit import FitProblem, Linearisation, whitening_of
 from groundstation.arrays import FloatArray, MaskArray
 
-# knots of a head stand so many readings apart; where these are slow, so long: what a head does between two of them is
-# unknown, and no coarser for that
-_READINGS_EACH_KNOT = 2.0
-_SLOW_KNOT_S = 0.04
 _ROUNDS = 2
 _PROBES = 16
 _LARGEST = 50
-# heads in mrad beside metres: both then are numbers of one size
-_MILLI = 1e3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PathPart:
-    """One stretch of one path with d axes: the antenna's (``station`` None, m) or a head's (rad, in mrad inside).
-
-    ``t_s`` (n,), ``samples`` (n, d), ``sigma`` (n, d); ``first`` is where its d · K coefficients begin, axis by axis.
-    """
-
-    station: str | None
-    basis: PathBasis
-    t_s: FloatArray
-    samples: FloatArray
-    sigma: FloatArray
-    smoothness: tuple[Smoothness, ...]
-    first: int
-
-    @property
-    def size(self) -> int:
-        """d · K."""
-        return self.basis.count * self.samples.shape[1]
-
-    def known(self) -> tuple[csr_matrix, FloatArray]:
-        """Return design and data of samples and smoothness, in sigmas."""
-        design = self.basis.at(self.t_s)
-        rows, data = [], []
-        for axis, smooth in enumerate(self.smoothness):
-            weight = 1.0 / (self.sigma[:, axis] * smooth.noise_factor)
-            differences = self.basis.differences(smooth.order)
-            rows.append(vstack([design.multiply(weight[:, None]), diags(1.0 / smooth.difference) @ differences]))
-            data += [self.samples[:, axis] * weight, np.zeros(differences.shape[0])]
-        return block_diag(rows, format="csr"), np.concatenate(data)
-
-    def coefficients(self, theta: FloatArray) -> FloatArray:
-        """Return (d, K) of all coefficients."""
-        return theta[self.first : self.first + self.size].reshape(-1, self.basis.count)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PathSamples:
-    """Samples of one stretch of a path, as in `PathPart`, and the time between knots."""
-
-    station: str | None
-    t_s: FloatArray
-    samples: FloatArray
-    sigma: FloatArray
-    step_s: float
-
-
-def path_samples(problem: FlightProblem) -> list[PathSamples]:
-    """Return what is known of the antenna between gaps of the fixes, and of each head where it has a curve."""
-    step_s = problem.track.step_s
-    found = [
-        PathSamples(station=None, t_s=fixes.t_s, samples=fixes.position_m, sigma=fixes.sigma_m, step_s=step_s)
-        for fixes in problem.track.stretches
-    ]
-    for name, looks in problem.looks.items():
-        sigma = problem.stations[name].angle_sigma_rad
-        for curve in problem.curves(name) if sigma > 0 else ():
-            inside = (looks.readings_s >= curve.from_s) & (looks.readings_s <= curve.to_s)
-            t, angles = looks.readings_s[inside], looks.readings_rad[inside]
-            found.append(
-                PathSamples(
-                    station=name,
-                    t_s=t,
-                    samples=_MILLI * angles,
-                    sigma=np.full(angles.shape, _MILLI * sigma),
-                    step_s=_head_step_s(t),
-                )
-            )
-    return found
-
-
-def _head_step_s(readings_s: FloatArray) -> float:
-    usual = float(np.median(np.diff(readings_s)))
-    return _SLOW_KNOT_S if usual > SLOW_S else _READINGS_EACH_KNOT * usual
-
-
-def path_parts(problem: FlightProblem) -> tuple[PathPart, ...]:
-    """Return the paths of a flight, each as smooth as its samples say."""
-    parts: list[PathPart] = []
-    first = 0
-    for own in path_samples(problem):
-        t = own.t_s
-        basis = path_basis(float(t[0]), float(t[-1]), own.step_s)
-        axes = zip(own.samples.T, own.sigma.T, strict=True)
-        parts.append(
-            PathPart(
-                station=own.station,
-                basis=basis,
-                t_s=t,
-                samples=own.samples,
-                sigma=own.sigma,
-                smoothness=tuple(find_smoothness(basis, t, samples, sigma) for samples, sigma in axes),
-                first=first,
-            )
-        )
-        first += parts[-1].size
-    return tuple(parts)
+# an entry of a solution takes as long as so many products within the band
+_BAND_WORTH = 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -265,14 +163,34 @@ class PathResiduals:
         count, p = int(block.max()) + 1, len(change)
         projected = self.linearise(change).jacobian[: len(linear.residual)]
         seen, expected = np.zeros((count, p)), np.zeros((count, p, p))
-        for k in range(count):
-            own = np.flatnonzero(block == k)
+        rows = [np.flatnonzero(block == k) for k in range(count)]
+        windows = [np.unique(linear.by_path[own].indices).astype(np.int64) for own in rows]
+        inverse = WindowedInverse(self._normal_at(linear), self._coefficient_times(linear), windows)
+        banded = inverse.width**2 < _BAND_WORTH * count * p
+        for k, (own, window) in enumerate(zip(rows, windows, strict=True)):
             J, A = linear.by_change[own], linear.by_path[own]
             seen[k] = J.T @ linear.residual[own]
-            of_paths = np.asarray(A.T @ J)
             cross = J.T @ projected[own]
-            expected[k] = J.T @ J - of_paths.T @ at.root.solve(of_paths) - cross @ covariance @ cross.T
+            if banded:
+                of_paths = np.asarray(A[:, window].T @ J)
+                taken = of_paths.T @ inverse.window(window) @ of_paths
+            else:
+                of_paths = np.asarray(A.T @ J)
+                taken = of_paths.T @ at.root.solve(of_paths)
+            expected[k] = J.T @ J - taken - cross @ covariance @ cross.T
         return BlockScores(seen=seen, expected=expected)
+
+    def _coefficient_times(self, linear: _Linear) -> FloatArray:
+        """Return when each coefficient acts most (K,), s of the reference's clock."""
+        times = np.zeros(len(self._alone))
+        for part in self.parts:
+            later = 0.0
+            if part.station is not None:
+                seen, kept = linear.predicted[part.station], self.kept[part.station]
+                later = float(np.median((seen.reference_s - seen.reading_s)[kept]))
+            own = np.tile(part.basis.centres_s + later, part.samples.shape[1])
+            times[part.first : part.first + part.size] = own
+        return times
 
     def _along(self, theta: FloatArray) -> FlightProblem:
         """Return the problem with the paths of these coefficients."""
@@ -283,7 +201,7 @@ class PathResiduals:
             if part.station is None:
                 tracks.append(found)
             else:
-                pan, tilt = (part.basis.spline(c / _MILLI) for c in part.coefficients(theta))
+                pan, tilt = (part.basis.spline(c / MILLI) for c in part.coefficients(theta))
                 curves[part.station].append(
                     AngleCurve(from_s=part.basis.from_s, to_s=part.basis.to_s, axes=(pan, tilt))
                 )
@@ -304,7 +222,11 @@ class PathResiduals:
         return self._last
 
     def _factors(self, linear: _Linear) -> SuperLU:
-        return splu(self._normal + (linear.by_path.T @ linear.by_path).tocsc())
+        return splu(self._normal_at(linear))
+
+    def _normal_at(self, linear: _Linear) -> csc_matrix:
+        """Return the normal matrix (K, K) of the coefficients: samples, smoothness and pixels."""
+        return self._normal + (linear.by_path.T @ linear.by_path).tocsc()
 
     def _linearised(self, theta: FloatArray, change: FloatArray) -> _Linear:
         along = self._along(theta)
@@ -332,7 +254,7 @@ class PathResiduals:
         if part.station is None:
             times, by = seen.reference_s[kept], white @ seen.by_point_px_m[kept]
         elif part.station == name:
-            times, by = seen.reading_s[kept], white @ seen.by_angle_px_rad[kept] / _MILLI
+            times, by = seen.reading_s[kept], white @ seen.by_angle_px_rad[kept] / MILLI
         else:
             return csr_matrix((2 * int(kept.sum()), part.size))
         inside = (times >= part.basis.from_s) & (times <= part.basis.to_s)

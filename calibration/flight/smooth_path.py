@@ -59,6 +59,11 @@ class PathBasis:
         """K."""
         return len(self.knots) - CUBIC - 1
 
+    @property
+    def centres_s(self) -> FloatArray:
+        """Where each spline is largest (K,), s."""
+        return self.knots[2 : 2 + self.count]
+
     def differences(self, order: int) -> csr_matrix:
         """Return D (K − m, K): the coefficients' differences of order m."""
         k = self.count
