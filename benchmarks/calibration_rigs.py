@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 from drawn_pointing import GROUPS, Looks, looks_of
-from drawn_rigs import CLOCK_S, beside, draw, errors, loops, unit_of
+from drawn_rigs import CLOCK_S, draw, errors, loops, pointing_deviation, unit_of
 from scipy.stats import chi2
 
 from calibration.flight.calibrate import FlightRequest, calibrate_flight
@@ -132,7 +132,7 @@ def one_rig(case: str, seed: int, *, bounded: bool = True) -> RigErrors:
         session, quiet = Path(folder) / "session", Path(folder) / "quiet"
         flights = ((session, scenario), (quiet, without_noise(scenario)))
         for path, flown in flights if bounded else flights[:1]:
-            # nobody has told the session where the antenna is
+            # the session has no position of the antenna
             seen = replace(simulate(flown), scenario=replace(flown, dgps=DgpsModel()))
             write_session_folder(path, seen, name="simulated")
             if case == "gaps":
@@ -205,7 +205,7 @@ def _bound(fit: FlightFit, exact: FlightData, true_change: np.ndarray) -> np.nda
 
 
 def _noise_put_in(problem: FlightProblem, name: str, change: np.ndarray) -> float:
-    """Return a station's noise over assumed: that of its pixels, beside that of angles which no path takes up."""
+    """Return a station's noise over assumed: of its pixels, and of the angles that no path absorbs."""
     assumed = float(np.mean(problem.looks[name].sigma_px ** 2))
     whole = float(np.median(np.einsum("nii->n", problem.predict(name, change).own_px2))) / 2.0
     return float(np.sqrt((whole - assumed + PIXEL_PX**2) / whole))
@@ -215,7 +215,8 @@ def _scenario(case: str, seed: int) -> Scenario:
     if case == "mounts":
         return case_b(seed=seed)
     if case == "all":
-        return case_b(seed=seed, trajectory=loops(), pointing=DisturbedPointing(deviation=beside()), ptu_hz=32.0)
+        pointing = DisturbedPointing(deviation=pointing_deviation())
+        return case_b(seed=seed, trajectory=loops(), pointing=pointing, ptu_hz=32.0)
     return case_b(seed=seed, trajectory=weaving_approach(), pointing=FirstOrderLoop(), ptu_hz=_PTU_HZ[case])
 
 

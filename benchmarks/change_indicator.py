@@ -1,6 +1,6 @@
 """The committed figures of the bundled landing: what a change of the code does to them is seen in review.
 
-    python benchmarks/change_indicator.py             print them beside the committed ones
+    python benchmarks/change_indicator.py             print them with the committed ones
     python benchmarks/change_indicator.py --update    and commit to the new ones
 
 `tests/replay/test_change_indicator.py` compares within the tolerances given here.

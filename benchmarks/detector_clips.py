@@ -182,9 +182,9 @@ def run_segment(folder: Path, segment: Segment, boxes: dict[int, Box], mode: Mod
         else:
             track = tracker.step(image, index / RATE_HZ)
         tally.elapsed_s.append(time.process_time() - began)
-        beside: Box | None = None
+        csrt_box: Box | None = None
         if csrt is not None:
-            elapsed, beside = csrt.step(image, label if first else None)
+            elapsed, csrt_box = csrt.step(image, label if first else None)
             if not first:
                 tally.csrt_s.append(elapsed)
         if label is None or (mode.acquire and index - inside[0] < SETTLED_S * RATE_HZ):
@@ -194,8 +194,8 @@ def run_segment(folder: Path, segment: Segment, boxes: dict[int, Box], mode: Mod
             hit = is_hit(track.result.u_px, track.result.v_px, label, NEAR_PX * scale)
             tally.hits += hit
             tally.wrong += not hit
-        if first or beside is not None:
-            x, y, w, h = label if beside is None else beside
+        if first or csrt_box is not None:
+            x, y, w, h = label if csrt_box is None else csrt_box
             tally.csrt_hits += is_hit(x + 0.5 * w, y + 0.5 * h, label, NEAR_PX * scale)
     return tally
 
@@ -207,7 +207,7 @@ def main() -> None:
     parser.add_argument("--half", action="store_true", help="at half resolution")
     parser.add_argument("--noise", type=float, default=0.0, metavar="SIGMA", help="with added noise, grey levels")
     parser.add_argument("--kind", choices=("aircraft", "contrail"), help="one kind of segment only")
-    parser.add_argument("--csrt", action="store_true", help="run OpenCV's CSRT beside")
+    parser.add_argument("--csrt", action="store_true", help="also run OpenCV's CSRT")
     parser.add_argument("clips", nargs="*", metavar="CLIP", help="parts of clip names")
     options = parser.parse_args()
     mode = Mode(acquire=options.acquire, every=options.every, half=options.half, noise=options.noise)

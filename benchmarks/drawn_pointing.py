@@ -40,7 +40,7 @@ class Looks:
 
 
 def looks_of(fit: FlightFit, rig: Rig, error: np.ndarray, points_m: np.ndarray) -> dict[str, Looks]:
-    """Return, by group of parameters, by how much a rig's first two cameras look beside points (p, 3).
+    """Return, by group of parameters, the pointing error of a rig's first two cameras at points (p, 3).
 
     ``error`` (q,) is that of the fit's parameters, small enough for first derivatives.
     """

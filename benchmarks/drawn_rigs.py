@@ -23,7 +23,7 @@ CLOCK_S = 0.02
 DGPS_CLOCK_S = 0.2
 # a rolling shutter that stays one whatever is drawn
 READOUT_S = 0.1
-# what `all` admits beside mounts, one sigma: metres, rad, px, 1
+# prior sigmas of `all` other than mounts: metres, rad, px, 1
 _ADMITTED = {
     "ptu_position": 0.05,
     "head_from_camera": MOUNT_RAD,
@@ -55,7 +55,7 @@ def loops() -> SampledTrajectory:
     return waves(_LOOPS, 0.0)
 
 
-def beside() -> SampledTrajectory:
+def pointing_deviation() -> SampledTrajectory:
     """Return by how much its heads look past the craft, pan and tilt in the first two places, rad."""
     return waves(_BESIDE_RAD, 2.0)
 

@@ -168,7 +168,7 @@ def modes(runs: int, data: Path | None) -> None:
         print()
 
 
-def beside_a_peer(runs: int, _: Path | None) -> None:
+def compare_with_peer(runs: int, _: Path | None) -> None:
     found = peer.side_by_side(range(max(runs // 50, 2)))
     ours, theirs = np.median(found.ours_s), np.median(found.theirs_s)
     print(f"RMSE in m, ours {numbers(found.ours_m, 4)}, Stone Soup {numbers(found.theirs_m, 4)}", end=", ")
@@ -187,7 +187,7 @@ SECTIONS = {
     "outliers": outliers,
     "borders": borders,
     "modes": modes,
-    "peer": beside_a_peer,
+    "peer": compare_with_peer,
 }
 
 

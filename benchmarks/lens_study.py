@@ -3,7 +3,7 @@
     python benchmarks/lens_study.py [--lenses 200]
 
 Each lens has its own focal lengths (5 %), centre (2 % of the picture's size) and distortion; boards stand anywhere,
-tilted up to 40°; corners with 0.1 px of white noise, or with boards that bend by as much anew in each view. Corners are
+tilted up to 40°; corners with 0.1 px of white noise, or boards that bend by as much in each view. Corners are
 drawn, not found in pictures. Figures in docs/notes/calibration.md.
 """
 
@@ -60,7 +60,7 @@ def drawn_lens(case: Case, generator: np.random.Generator) -> Lens:
 
 
 def bent(view: BoardView, size_px: float, generator: np.random.Generator) -> BoardView:
-    """Move a view's corners as a bent board does, by a curve drawn anew."""
+    """Displace a view's corners by a randomly drawn bend of the board."""
     flat = view.board_m - view.board_m.mean(axis=0)
     x, y = (flat / flat.std(axis=0).max())[:, :2].T
     curve = np.column_stack([x * x, y * y, x * y]) @ generator.normal(size=(3, 2))

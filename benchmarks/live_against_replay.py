@@ -1,4 +1,4 @@
-"""The error of a live run beside that of a replay of the same flight, filmed at leisure: asked is a ratio ≤ 1.3.
+"""Ratio of the error of a live run to that of a replay of the same rendered flight; required: at most 1.3.
 
     python benchmarks/live_against_replay.py [--rate HZ] [--runs N] [--virtual]
 

@@ -389,7 +389,7 @@ def ending(run: Run, units: Units, who: str, deed: str) -> Moment:
         ended_s, code = run.end() if run.process.poll() is None else (0.0, run.process.returncode)
     else:
         ended_s, code = run.wait(began_s)
-        # nobody asked a killed one to end
+        # a killed station received no stop request
         ended_s = math.nan if deed == "KILL" else ended_s
     asked_s = time.monotonic() - (0.0 if math.isnan(ended_s) else ended_s)
     time.sleep(1.5)

@@ -4,7 +4,7 @@
 
 `pixels`: detections only, 10 Hz; an aircraft holds in front of two stations (case B), its receiver 0.3 s late.
 `pictures`: the bundled landing over and over, an approach each 45 s, filmed at 10 Hz while it lasts: its own videos,
-joined without encoding them anew (needs `ffmpeg`), its angles, DGPS and truth at the times of each approach. So it
+joined without re-encoding (needs `ffmpeg`), its angles, DGPS and truth at the times of each approach. So it
 is sought, found, followed and lost once in 45 s.
 
 Memory is the process's own resident set, sampled by a thread each 50 ms: from the most in the second half of the first

@@ -1,4 +1,4 @@
-"""Nose camera and inertial unit on airfields that nobody has looked at: error, stated sigma and consistency by light.
+"""Nose camera and inertial unit on airfields not used for tuning: error, stated sigma and consistency by light.
 
     python benchmarks/onboard_fly.py --draws 4 --first 951
 

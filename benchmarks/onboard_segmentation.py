@@ -1,8 +1,8 @@
-"""The energies alone, picture after picture, as in the paper's Figs. 9 and 10: no filter, no prediction of the edges.
+"""Segmentation energies frame by frame without a filter or a prediction of the edges (the paper's Figs. 9 and 10).
 
     python benchmarks/onboard_segmentation.py --draws 2 --first 41
 
-The experiment of `groundstation reproduce --only edge-energies` on other draws, and beside it our tracker, the paper's,
+The experiment of `groundstation reproduce --only edge-energies` on other draws, with our tracker, the paper's tracker,
 and GrabCut, whose seeds the sensors' pose gives. 50 frames at 30 Hz by day, in broken clouds, haze, dusk and night; the
 pavement's brightness changes along the runway, with slabs at its ends and rubber.
 """

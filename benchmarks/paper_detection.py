@@ -1,4 +1,4 @@
-"""The paper's detection experiments on our recordings, numbered as there, ours beside theirs.
+"""The paper's detection experiments on our recordings, numbered as there, with the paper's values.
 
     python benchmarks/paper_detection.py [--out DIR] [--every N] [SESSION …]
 

@@ -1,4 +1,4 @@
-"""What a rendered picture costs, in CPU time of one core, beside decoding a frame of the same size.
+"""CPU time of one core for a rendered picture, compared with decoding a frame of the same size.
 
     python benchmarks/renderer_speed.py
 

@@ -5,7 +5,7 @@
 Decoding alone is one thread per video, nothing done with the frames. The session is played over and over until so
 many pairs have gone by, replays in turn with decoding, so that a busy machine slows both; the medians of some such
 runs are printed. Imports and compilation are done before the first measurement and are not counted; neither are
-evaluation and report, which come after the last frame. Every replay acquires its target anew, which a flight does
+evaluation and report, which come after the last frame. Every replay acquires its target again, which a flight does
 once; so what comes after the first pair that is tracked is told apart, as "steady". There decoding alone is charged
 only for what the replay's decoders had not yet decoded when the track began, the frames of a full queue less.
 """

@@ -58,7 +58,7 @@ class ClockErrors:
 
 @contextmanager
 def _flown(scenario: Scenario, told: Scenario) -> Iterator[tuple[FlightCalibration, FlightData]]:
-    """Calibrate on a flight; give that, and the same flight without noise. Nobody says where the antenna is."""
+    """Calibrate on a flight with unknown antenna position; return that flight and the same one without noise."""
     with tempfile.TemporaryDirectory() as folder:
         for name, flight in (("session", scenario), ("quiet", without_noise(scenario))):
             seen = replace(simulate(flight), scenario=replace(flight, dgps=told.dgps))

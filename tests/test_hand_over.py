@@ -1,4 +1,4 @@
-"""How threads share: who gives way keeps nobody else back."""
+"""Thread scheduling: a thread of lowered priority does not delay the others."""
 
 import os
 import sys

@@ -28,7 +28,7 @@ from groundstation.messages import DgpsFix, Epoch, PixelMeasurement, PtuSample
 from groundstation.simulation import SimulatedFlight
 from groundstation.simulation.pointing import pointing_history
 
-# a rate that nobody knows
+# sigma of an unknown rate
 _RATE_SIGMA_RAD_S = np.radians(20.0)
 
 

@@ -20,7 +20,7 @@ from mutants.entries import Located
 from mutants.kernels import kernels_of
 from mutants.session import MORE_CPU_S, MORE_WALL_S, TIMES_CPU, TIMES_WALL, Ran, Run, Work
 
-# A kernel is compiled anew within the first test that calls it.
+# A kernel is compiled again within the first test that calls it.
 COMPILATION_CPU_S, COMPILATION_WALL_S = 240.0, 900.0
 # A test nearer to the place finds a fault sooner: by this much a farther one counts as longer.
 NEAR, IN_FOLDER, FAR = 1.0, 3.0, 10.0

@@ -94,7 +94,7 @@ def corner_study(folder: Path) -> dict[str, object]:
 
 
 def attitude_study(folder: Path) -> dict[str, object]:
-    """The same geometry with exact truth, corners rounded to whole pixels anew, and an attitude known to so much.
+    """The same geometry with exact truth, corners rounded to whole pixels again, and an attitude of the given accuracy.
 
     The recorded table has no attitude; so each pose that was found, turned a little, is the truth of a picture like it.
     Without the turn, its corners would fall on the whole pixels that they came from.

@@ -1,7 +1,7 @@
 """A sink that keeps what the evaluation needs of each step, and nothing else.
 
 One stereo epoch takes about 150 bytes and one camera's look 60: a session of one hour at 10 Hz stays below
-10 MB. Inside the two tables an absent value is NaN; the properties below hand out masks beside the values.
+10 MB. Inside the two tables an absent value is NaN; the properties below return masks with the values.
 """
 
 from array import array

@@ -1,4 +1,4 @@
-"""Several runs beside each other as text: accuracy by range, consistency, delay, misses, and what was set otherwise."""
+"""Comparison of several runs as text: accuracy by range, consistency, delay, misses and differing settings."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

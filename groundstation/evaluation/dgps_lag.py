@@ -1,4 +1,8 @@
-"""Stretches in which the reference trails in time: the offset estimated anew in sliding windows."""
+"""Spans in which the DGPS reference lags: its time offset estimated in sliding windows.
+
+A receiver may report old positions for a while, for instance after a freeze. In each window the offset relative to the
+offset of the whole session is estimated by weighted least squares from the scores and informations of the epochs.
+"""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -18,7 +22,7 @@ _MIN_EXPLAINED = 0.85
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LocalOffsets:
-    """The offset beside the session's, in windows centred on epochs ``t_s`` (m,): ``lag_s`` ± ``sigma_s`` (m,).
+    """The offset relative to the session's, in windows centred on epochs ``t_s`` (m,): ``lag_s`` ± ``sigma_s`` (m,).
 
     ``across_lag_s`` ± ``across_sigma_s`` is the same from x and z alone; ``explained`` (m,) is the share of the
     window's squared error, in sigmas, that a lag growing linearly takes away.
@@ -34,7 +38,7 @@ class LocalOffsets:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _EpochScores:
-    """What each epoch of a stretch says of the offset, (m,) each; ``distance2`` in sigmas²."""
+    """Score and information on the offset of each epoch of a span, (m,) each; ``distance2`` in sigmas²."""
 
     t_s: FloatArray
     distance2: FloatArray
@@ -45,7 +49,7 @@ class _EpochScores:
 
 
 def local_offsets(aligner: ReferenceAligner, offset: TimeOffset, window_s: float, stretch: BoolArray) -> LocalOffsets:
-    """Estimate the offset in each window of the epochs in ``stretch`` (n,), beside the session's ``offset``."""
+    """Estimate the offset relative to ``offset`` in windows of the epochs in ``stretch`` (n,)."""
     looks = _epoch_scores(aligner, offset, stretch)
     t = looks.t_s
     lo = np.searchsorted(t, t - window_s / 2, side="left")
@@ -63,7 +67,7 @@ def local_offsets(aligner: ReferenceAligner, offset: TimeOffset, window_s: float
 
 
 def _epoch_scores(aligner: ReferenceAligner, offset: TimeOffset, stretch: BoolArray) -> _EpochScores:
-    """Return the looks of the epochs in ``stretch`` (n,)."""
+    """Return the scores of the epochs in ``stretch`` (n,)."""
     rows = []
     for part in aligner.parts(offset.offset_s, ~stretch):
         a = part.without_bias(np.array(offset.bias))
@@ -104,7 +108,7 @@ def _explained(looks: _EpochScores, lo: IndexArray, hi: IndexArray) -> FloatArra
 
 
 def _without_y(a: TimeAlignment) -> TimeAlignment:
-    """Return the alignment as seen by x and z alone: their own 2 × 2 covariance, nothing known of y."""
+    """Return the alignment by x and z alone: their own 2 × 2 covariance, without information on y."""
     covariance = np.linalg.inv(a.information)
     kept = np.ix_(range(len(covariance)), [0, 2], [0, 2])
     information = np.zeros_like(covariance)
@@ -115,7 +119,7 @@ def _without_y(a: TimeAlignment) -> TimeAlignment:
 def _windowed(
     score: FloatArray, information: FloatArray, lo: IndexArray, hi: IndexArray, inflation: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Sum scores and information over windows and return lag and sigma; a window too poor has infinite sigma."""
+    """Return lag and sigma by window from summed scores and information; sigma is infinite without information."""
     sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (score, information)]
     total_score, total = (s[hi] - s[lo] for s in sums)
     rich = (total > 1e-9) & (hi - lo >= _MIN_WINDOW_SAMPLES)
@@ -133,7 +137,7 @@ def find_lagging(
     """Return the lagging spans, in the session's clock.
 
     ``trusted`` (n,) are the epochs not excluded so far; ``breaks`` the frozen and missing spans (session
-    clock) found so far: a stretch that begins at the end of one is suspected of lagging.
+    clock) found so far: a lag is expected after the end of one.
     """
     t = aligner.series.t_s
     ordered = sorted(breaks, key=lambda b: b.to_s)
@@ -156,9 +160,9 @@ def _lagging_part(
 ) -> tuple[int, int] | None:
     """Return the first and last lagging window of a stretch, or None.
 
-    Only a reference that is late lags; one that leads points to the track. After a freeze, x and z must not
-    contradict; without one they must show the lag themselves (an error of calibration is in y alone), and
-    the lag must explain the errors (a track that has gone astray is off in any direction).
+    Only positive lags count; a leading reference indicates an error of the track. After a freeze, x and z must not
+    contradict the lag; otherwise they must show it themselves (a calibration error is in y alone), and the lag must
+    explain the errors (a diverged track is wrong in any direction).
     """
     sigma, across_sigma = np.hypot(local.sigma_s, base_sigma_s), np.hypot(local.across_sigma_s, base_sigma_s)
     least = config.lag_unprompted_min_s if broken_by is None else config.lag_min_s

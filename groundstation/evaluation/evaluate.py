@@ -1,4 +1,4 @@
-"""The evaluation of one run: what the runner calls when the last step is done."""
+"""Evaluation of a finished run: comparison with the references and with the accuracy bounds."""
 
 import json
 from collections.abc import Sequence
@@ -162,7 +162,7 @@ def write_summary(path: Path, evaluation: Evaluation) -> None:
 
 
 def write_reference_tums(folder: Path, evaluation: Evaluation) -> list[Path]:
-    """Write truth.tum and dgps.tum, each reference at the pairs' own times, beside track.tum; returns the files.
+    """Write truth.tum and dgps.tum, each reference at the times of the pairs, next to track.tum; returns the files.
 
     A program that matches stamps without interpolating then compares what `summary.json` compares. Raises
     `InputError` if a file can't be written.

@@ -72,7 +72,7 @@ class ReportFigure:
             text, pixels = io.StringIO(), io.BytesIO()
             figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
             figure.savefig(pixels, format="png", dpi=_PNG_DPI, metadata={"Software": None})
-            # most of what it holds is let go now, instead of when somebody collects rings
+            # frees most of its memory now instead of at the next garbage collection
             figure.clear()
         svg = text.getvalue()
         label = escape(f"{self.title}. {self.alt}", quote=True)

@@ -49,7 +49,7 @@ def find_glitch_runs(reference: ReferenceSeries, config: EvaluationConfig) -> li
     A run is compared with the cubic through the two fixes on either side. It is a glitch if it departs further
     than noise, than the configured least, and several times further than runs of its length do nearby: an
     aircraft in hard manoeuvres leaves such cubics all the time. A step that does not come back is none.
-    A receiver that flips between two solutions leaves a bad fix beside each good one: those are found first.
+    A receiver that flips between two solutions alternates good and bad fixes; those are found first.
     """
     n = len(reference)
     found = _flips(reference, config)

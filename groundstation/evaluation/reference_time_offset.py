@@ -3,8 +3,8 @@
 Model: position_i = reference(t_i + offset) + L_i·κ + c + e_i, with e_i's covariance that of the estimate and of
 the reference together. κ (3) is a constant bias in sigmas of one fix (L_i: Cholesky factor, along y first): a
 mounting error or a nose seen off in one camera, whose effect along the track grows with the square of the range.
-c (3) is a constant bias in m: a target point beside the nose or the antenna. Without them both would go into
-the offset (3 cm of height are 30 ms in a descent of 1 m/s). The offset is first searched on a grid with a
+c (3) is a constant bias in m: an offset of the target point from the nose or of the antenna. Without them both would
+bias the offset (3 cm of height are 30 ms in a descent of 1 m/s). The offset is first searched on a grid with a
 bounded loss, so that bad reference data (which does not agree on one offset) cannot carry it away, then refined
 by Huber-weighted Gauss-Newton steps together with κ and c, which have priors.
 
@@ -53,7 +53,7 @@ class TimeOffset:
 
     ``inflation`` is how much the variance was raised for correlated or larger-than-stated errors,
     ``samples`` the epochs used, ``misfit`` the median squared Mahalanobis distance left (2.4 is ideal),
-    ``bias`` the constant biases found beside it: κ along y, x, z in sigmas of one fix, then c, x, y, z in m.
+    ``bias`` the constant biases estimated jointly: κ along y, x, z in sigmas of one fix, then c, x, y, z in m.
     """
 
     offset_s: float

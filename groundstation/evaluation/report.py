@@ -1,4 +1,4 @@
-"""report.html: one self-contained page on one run, for a screen, a phone or paper; its figures as files beside it."""
+"""report.html: one self-contained page on one run; its figures are also written as files."""
 
 import gc
 import json
@@ -73,7 +73,7 @@ _CLOCK_CAVEAT = (
 
 
 def write_report(path: Path, evaluation: Evaluation, config: EvaluationConfig) -> tuple[Path, ...]:
-    """Write report.html, and its figures as PNG and SVG into ``figures`` beside it; returns page and folder.
+    """Write report.html, and its figures as PNG and SVG into the folder ``figures``; returns page and folder.
 
     Raises `InputError` if a file can't be written. A run without pictures leaves no folder.
     """
@@ -100,7 +100,7 @@ def _in_turn(shown: Sequence[ReportFigure], folder: Path, *, long: bool) -> Iter
     for picture in shown:
         yield _kept(picture.drawn(), folder)
         if long:
-            # a figure's parts know one another and would lie about, 5 to 10 MB of each, until somebody collects rings
+            # figures contain reference cycles of 5 to 10 MB each, freed only by the garbage collector
             gc.collect()
 
 
@@ -212,7 +212,7 @@ def _reference(reference: dict[str, Any]) -> str:
         text = (
             f"<p>Clock: t<sub>dgps</sub> = t<sub>session</sub> {offset['offset_s']:+.4f} s ± "
             f"{1e3 * offset['sigma_s']:.1f} ms (1 σ), aligned on the {escape(offset['from'])} at {offset['epochs']} "
-            f"pairs, beside a constant bias. {_CLOCK_CAVEAT}</p>"
+            f"pairs, with a constant bias estimated jointly. {_CLOCK_CAVEAT}</p>"
             + ("<p>By the session's word the two clocks are one, so it is not applied.</p>" if one else "")
         )
     spans = "<p>Nothing of the log was left out.</p>"

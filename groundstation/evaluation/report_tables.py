@@ -23,7 +23,7 @@ _PERCENTILES = (("p50", "median"), ("p90", "90 %"), ("p99", "99 %"), ("max", "wo
 
 
 def accuracy_section(name: str, table: dict[str, Any]) -> str:
-    """Return one reference's accuracy: in total, by range and by background, beside triangulation and bounds."""
+    """Return one reference's accuracy: in total, by range and by background, with triangulation and bounds."""
     rows = [_accuracy_row("all", table["total"], "total")]
     for group in table["by_range"]:
         upper = f" – {group['to_m']:.0f}" if group["to_m"] is not None else " and more"

@@ -119,7 +119,7 @@ def _accuracy_tables(
 
 
 def smoothed_table(c: Comparison, smoothed: Comparison) -> dict[str, Any]:
-    """Return the smoothed track's accuracy against a reference, beside the filter's ``c`` on the same epochs."""
+    """Return the smoothed track's accuracy against a reference, with the filter's ``c`` on the same epochs."""
     both = c.ekf_known & smoothed.ekf_known
     nees = smoothed.nees()
     alone = int(np.count_nonzero(c.usable))

@@ -261,7 +261,7 @@ def accuracy_table(outcomes: Sequence[DetectorOutcome]) -> ResultTable:
 
 
 def flown_table(outcomes: Sequence[DetectorOutcome]) -> ResultTable:
-    """Return the accuracy in a replay, by background and by width; beside the bins, the ranges that have an aim."""
+    """Return the accuracy in a replay, by background, by width and over the ranges with a target value."""
     rows: list[list[Cell]] = []
     for phase in PHASES:
         for low, high in (*itertools.pairwise(FLOWN_WIDTHS_PX), *(_AIMED_PX if phase == "sky" else ())):

@@ -40,7 +40,7 @@ TRUE_COLOUR = (60, 60, 255)
 _COLOURS = {_OURS: (80, 255, 80), _VARIANT: (255, 160, 60), _HOUGH: (60, 200, 255)}
 DIFFERENCES = (
     "The paper's two sequences are of a flight simulator and are not published; ours are rendered, 50 frames each, one "
-    "for each light, with exact truth, and with taxiways and roads beside the runway.",
+    "for each light, with exact truth, and with taxiways and roads next to the runway.",
     "“Spatially variant” and “non-variant” are the paper's tracker with either energy, started by Algorithm 1; a frame "
     "without edges counts with the last edges that there were.",
 )

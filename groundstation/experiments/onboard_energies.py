@@ -46,7 +46,7 @@ VARIANTS = (ACROSS, NORMALS, PRINTED)
 _PAPERS = {**dict.fromkeys(VARIANTS, (6.9, 7.3)), FLAT: (30.9, 32.9), HOUGH: (54.3, 57.9)}
 _COLOURS = {ACROSS: (255, 160, 60), FLAT: (60, 200, 255)}
 _RATE_HZ, _GUST_DEG = 30.0, (1.0, 0.5, 0.5)
-# how far beside an edge a band reaches, and what it has at the least; a faint hold to where the last edges were
+# half width of a band about an edge, and its minimum; weak prior on the last edges
 _BAND_M, _LEAST_BAND_PX, _GAMMA = 4.0, 2.5, 1e-3
 
 
@@ -153,7 +153,7 @@ def alone(recorded: TruthSession) -> Findings:
             f"{count} pictures at {_RATE_HZ:g} Hz of each of {len(SCENES)} scenes on {len(seeds)} airfields each that "
             "nothing was tuned on, with slabs, repairs and rubber.",
             "The paper's bands lie along the lines' normals. Ours across the runway are not the paper's; its (6–9) "
-            "stand beside them as printed, and derived anew along normals.",
+            "are given as printed, and derived again along normals.",
             "Each descent starts where the last picture's ended, the first at the truth, with γ = "
             f"{_GAMMA:g} per px². An error counts as at most {LOST_PX:g} px.",
         ),

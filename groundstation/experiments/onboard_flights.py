@@ -116,7 +116,7 @@ def flights(recorded: TruthSession) -> Findings:
             "Root mean square over the second half of each approach, from 190 m to 45 m before the threshold; one "
             "approach each. NEES would be 6 and 3 on average over many approaches if the covariance is right; one "
             "approach's errors last, so its mean scatters. Edges: tracked edges with measured thresholds; sides: all "
-            "four sides measured anew; susan: the paper's corners.",
+            "four sides measured again; susan: the paper's corners.",
         ),
     )
     figure = PaperFigure(

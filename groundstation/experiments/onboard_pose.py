@@ -37,7 +37,7 @@ _POSE = np.r_[POSITION, ATTITUDE]
 DIFFERENCES = (
     "The paper flies FlightGear by hand and takes SUSAN corners; here corners are exact ones of a simulated small "
     "UAV's approach with noise, so that truth is exact.",
-    "The paper prints curves and no table; there is nothing of its numbers to set beside ours.",
+    "The paper prints curves and no table; there are no numbers of its own to compare with ours.",
 )
 
 

@@ -82,7 +82,7 @@ def segmentation(recorded: TruthSession) -> Findings:
         figures=figures,
         differences=(
             "The paper shows pictures without numbers, and begins near the border without saying how near; "
-            f"ours begins {_OFF_PX:g} px beside the truth, in the middle picture; in a sequence, at the truth.",
+            f"ours begins {_OFF_PX:g} px off the truth, in the middle picture; in a sequence, at the truth.",
             "The paper's γ, which holds the edges to the guess, is not given: the tracker's 0.01 per px², and none.",
             "Figure 12 is left out: it shows another author's tracker, reference [25] there, of which no program "
             "is published. Figures 16 and 17 are left out: one picture each, cut into regions by a program and seeds "

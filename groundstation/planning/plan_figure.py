@@ -98,19 +98,19 @@ def _gapped(values: FloatArray, known: MaskArray) -> FloatArray:
 
 
 def _contours(ax: Axes, x_m: FloatArray, y_m: FloatArray, shown: Any, low: float, high: float) -> None:
-    """Draw the contours, their labels level and beside the flight path."""
+    """Draw the contours with horizontal labels next to the flight path."""
     levels = [v for v in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0) if low < v < high]
     if not levels:
         return
     lines = ax.contour(y_m, x_m, shown, levels=levels, colors="white", linewidths=1.3)
     lines.set(path_effects=_EDGED)
-    beside = x_m[len(x_m) // 4]
-    # a level is labelled where it crosses this row last: beside the stations it may cross more than once
+    label_x_m = x_m[len(x_m) // 4]
+    # a level is labelled where it crosses this row last; near the stations it may cross more than once
     row = np.log(shown[len(x_m) // 4].filled(np.nan))
     for v in levels:
         crossed = np.flatnonzero(np.diff(np.sign(row - np.log(v))))
         if len(crossed):
-            place = (float(y_m[crossed[-1]]), float(beside))
+            place = (float(y_m[crossed[-1]]), float(label_x_m))
             ax.annotate(f"{v:g} m", place, fontsize=12, color="white", ha="center", path_effects=_EDGED)
 
 

@@ -49,7 +49,7 @@ def load_site(path: Path) -> Site:
     own_rig = "rig" in top
     camera.refuse_unknown({"frame_rate_hz", "pixel_sigma_px", "min_silhouette_px"} | _LENS)
     for key in _LENS & camera.values.keys() if own_rig else ():
-        raise camera.fail(key, "it beside rig", "one of them: the rig has its own lenses")
+        raise camera.fail(key, "it together with rig", "one of them: the rig has its own lenses")
     rig = _given_rig(top, path) if own_rig else _planned_rig(top, camera)
     calibration = top.table("calibration")
     calibration.refuse_unknown(_QUALITY.keys() | _CLOCKS)
@@ -87,7 +87,7 @@ def _given_rig(top: TomlTable, path: Path) -> Rig:
     """Load the rig that the site names, relative to the site's file."""
     for key in ("ptu", "height_m"):
         if key in top:
-            raise top.fail(key, "it beside rig", "one of them: the rig has its own")
+            raise top.fail(key, "it together with rig", "one of them: the rig has its own")
     rig = load_rig(path.parent / top.text("rig"))
     rig.require_known()
     return rig
@@ -130,7 +130,7 @@ def _places(top: TomlTable) -> dict[str, tuple[float, float, float]]:
         height_m = top.number("height_m", 1.5, minimum=-1000.0, maximum=1000.0)
         return {"left": (-half, 0.0, height_m), "right": (half, 0.0, height_m)}
     if "height_m" in top:
-        raise top.fail("height_m", "it beside [[station]]", "the height as each station's third number")
+        raise top.fail("height_m", "it together with [[station]]", "the height as each station's third number")
     rows = top.values["station"]
     if not isinstance(rows, list) or not 2 <= len(rows) <= MAX_STATIONS:
         got = f"{len(rows)} of them" if isinstance(rows, list) else quoted(rows)
@@ -152,7 +152,7 @@ def _places(top: TomlTable) -> dict[str, tuple[float, float, float]]:
 def _lens(camera: TomlTable) -> Lens:
     """Read focal_px, or focal_mm and pixel_um, and the picture's size; the axis goes through its middle."""
     if "focal_px" in camera and ("focal_mm" in camera or "pixel_um" in camera):
-        raise camera.fail("focal_px", "it beside focal_mm or pixel_um", "one of the two ways")
+        raise camera.fail("focal_px", "it together with focal_mm or pixel_um", "one of the two ways")
     if "focal_px" in camera:
         focal_px = camera.number("focal_px", above=0.0, maximum=1e7)
     else:

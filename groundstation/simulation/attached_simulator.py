@@ -1,4 +1,4 @@
-"""A simulated range that somebody else runs: whoever operates it may end, however that is, and another may begin."""
+"""Access of one station process after another to a device simulator that the parent process runs."""
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
@@ -15,38 +15,38 @@ from groundstation.sources.cameras.camera import CameraDevice
 
 
 class AttachedSimulator(StationSimulator):
-    """The range as one station after the other meets it; it goes to a process when that is made, not later.
+    """A running device simulator as seen by a station process; it is passed to the process at its creation.
 
     Parameters
     ----------
-    lender : running, and kept running. file : the station that stands there.
-    begin_s : the flight's time zero, which the lender has set, on the host's clock.
+    simulator : started, and kept running by the parent process. file : the station file of its devices.
+    begin_s : time zero of the flight on the host clock.
     """
 
-    def __init__(self, lender: DeviceSimulator, file: StationFile, begin_s: float) -> None:
+    def __init__(self, simulator: DeviceSimulator, file: StationFile, begin_s: float) -> None:
         self.file = file
-        self.delivery_s = lender.delivery_s
-        self.truth = {name: NoseTruth() for name in lender.truth}
+        self.delivery_s = simulator.delivery_s
+        self.truth = {name: NoseTruth() for name in simulator.truth}
         self._begin_s = begin_s
-        self._ends: Mapping[str, tuple[str, Connection, tuple[int, int]]] = lender.ends()
+        self._ends: Mapping[str, tuple[str, Connection, tuple[int, int]]] = simulator.ends()
         self._memory: dict[str, SharedMemory] = {}
 
     def station_file(self, station: Path | None, out: Path) -> StationFile:
-        """Return the station that stands there, whatever else is asked for."""
+        """Return the station file of the simulator; the arguments are ignored."""
         return self.file
 
     def check(self, rig: Rig) -> None:
-        """Any rig fits: nothing is to fail by a timetable."""
+        """Do nothing: there is no fault timetable."""
 
     def open(self, file: StationFile, out: Path, opened: ExitStack, say: Callable[[str], None]) -> None:
-        """It runs already."""
+        """Do nothing: the simulator is already running."""
 
     def begin(self, start_s: float) -> float:
-        """Return when the flight began: it goes on as it was."""
+        """Return the start time of the flight, which is not changed."""
         return self._begin_s
 
     def connect(self, name: str) -> CameraDevice:
-        """Return one camera's connection; pictures that nobody took are gone."""
+        """Return one camera's connection; pictures that were not fetched are discarded."""
         block, pipe, size_px = self._ends[name]
         while pipe.poll(0):
             pipe.recv()

@@ -1,7 +1,7 @@
-"""A landing in operation without pictures: heads that turn, cameras that give pixels, and a timetable of faults.
+"""Closed-loop simulation of a station in virtual time: turning heads, pixel measurements and scheduled faults.
 
-The whole of `LiveCore` runs, in virtual time: what it tells the heads decides what the cameras see. A thousand bad days
-take minutes, each the same for the same seed.
+The complete `LiveCore` runs; its pointing commands determine what the simulated cameras see. There are no pictures, so
+that a thousand simulated landings take minutes. The result depends on the seed only.
 """
 
 import heapq
@@ -32,7 +32,7 @@ _TICK_S = 0.005
 
 
 class ClosedLoopFaultKind(StrEnum):
-    """What may go wrong with a device in operation."""
+    """Faults of a device or process in operation."""
 
     CAMERA_LOST = "camera lost"
     CAMERA_FROZEN = "camera frozen"
@@ -57,13 +57,13 @@ class ClosedLoopFault:
     to_s: float
 
     def now(self, t_s: float) -> bool:
-        """Return whether it is there at a time."""
+        """Return whether the fault is active at a time."""
         return self.from_s <= t_s < self.to_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoopConfig:
-    """The simulated hardware: rates in Hz, delays in s, noise in px, what the heads can do in deg.
+    """The simulated hardware: rates in Hz, delays in s, noise in px, limits of the heads in deg.
 
     ``ptu_sigma_deg`` and the step are those of the rig. ``late_s`` and ``step_s`` are what a late camera and a stepped
     clock are off. ``dgps_rate_hz`` 0 has no reference receiver; else the filter learns from one, whose clock is
@@ -93,7 +93,7 @@ class ClosedLoopConfig:
 
 @dataclass(slots=True)
 class ClosedLoopResult:
-    """What came of it: answers beside the truth, and where the target was in the pictures.
+    """Estimates with the truth at their stamps, and whether the target was near the image centre.
 
     ``estimates`` with ``truth_m`` (n, 3) at their stamps; ``states`` answer heartbeats; ``inside`` per camera and frame
     whether the target was in the central half of the picture (by width and height), ``at_s`` when.
@@ -107,7 +107,7 @@ class ClosedLoopResult:
     restarts: int = 0
 
     def squared_errors(self, from_s: float = -math.inf, to_s: float = math.inf) -> FloatArray:
-        """Return the normalised squared error of each position (n,), while there is an estimate."""
+        """Return the normalised squared position errors (n,) of the estimates in [from_s, to_s)."""
         out = []
         for estimate, truth in zip(self.estimates, self.truth_m, strict=True):
             if estimate.kinematics is not None and from_s <= estimate.t_s < to_s:
@@ -116,20 +116,20 @@ class ClosedLoopResult:
         return np.array(out)
 
     def share(self, status: TrackStatus, from_s: float, to_s: float) -> float:
-        """Return in which share of the answers of a stretch of time the track had a status."""
+        """Return the fraction of the estimates in [from_s, to_s) with a track status."""
         of = [e.status is status for e in self.estimates if from_s <= e.t_s < to_s]
         return sum(of) / len(of) if of else 0.0
 
 
 class ClosedLoopSimulation:
-    """One simulated landing in operation.
+    """One closed-loop simulation of a landing.
 
     Parameters
     ----------
     rig : as the pipeline knows it; the simulated hardware is exactly that.
     flight : the target point.
     faults : what goes wrong, and when.
-    span_m : the target's, as a station file would tell; None if unknown.
+    span_m : wing span of the target as in a station file; None if unknown.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ class ClosedLoopSimulation:
         self._span_m = span_m
         self._hardware = ClosedLoopConfig() if hardware is None else hardware
         self._random = np.random.default_rng(seed)
-        # a stream of its own: with or without a receiver, the rest of the day is the same
+        # its own random stream, so that a receiver does not change the other draws
         self._receiver_random = np.random.default_rng([seed, 1])
         self._last_fix_m: FloatArray | None = None
         self._geometries = {s.name: s.geometry() for s in rig.stations}
@@ -160,14 +160,14 @@ class ClosedLoopSimulation:
         self._core = self._fresh_core()
 
     def run(self) -> ClosedLoopResult:
-        """Fly the whole span of the flight."""
+        """Simulate the whole span of the trajectory."""
         start_s, end_s = self._flight.span_s
         begin = self._position(start_s)
         for name, geometry in self._geometries.items():
             aim = aim_at(geometry, begin)
             if aim is None:
                 raise ValueError(f"{name}: the flight begins where the station cannot look")
-            # heads stand about half a degree off
+            # initial pointing error of about half a degree
             angles = np.array([aim.pan_rad, aim.tilt_rad]) + self._random.normal(0.0, 0.01, 2)
             self._heads[name] = ClosedLoopHead(
                 angles,
@@ -182,7 +182,7 @@ class ClosedLoopSimulation:
         return self._result
 
     def _schedule(self, start_s: float, end_s: float) -> None:
-        """Put every exposure, query, tick and restart of the flight in line."""
+        """Schedule all exposures, PTU queries, time steps and restarts."""
         h = self._hardware
         for station in self._rig.stations:
             name, phase_s = station.name, float(self._random.uniform(0.0, 0.002))
@@ -215,7 +215,7 @@ class ClosedLoopSimulation:
 
     # ------------------------------------------------------------------------------------ the hardware
     def _expose(self, name: str, t_s: float) -> None:
-        """Take a picture."""
+        """Project the target into one exposure of a camera."""
         head, geometry = self._heads[name], self._geometries[name]
         head.run_to(t_s)
         projected = geometry.project(self._position(t_s), *(float(a) for a in head.angles))
@@ -226,14 +226,14 @@ class ClosedLoopSimulation:
         self._look(name, t_s, pixel, size)
 
     def _look(self, name: str, t_s: float, pixel: FloatArray, size: FloatArray) -> None:
-        """Let a camera see the target's ``pixel`` (2,), if it is inside its picture of ``size``, and tell of it."""
+        """Schedule the delivery of a noisy measurement of ``pixel`` (2,), if it is inside the image of ``size``."""
         h = self._hardware
         noise = self._random.normal(0.0, h.pixel_sigma_px, 2)
         missed = self._random.random() < h.miss_share
         delay_s = h.frame_delay_s + abs(float(self._random.normal(0.0, h.frame_jitter_s)))
         found = (float(pixel[0] + noise[0]), float(pixel[1] + noise[1]))
         if self._is(ClosedLoopFaultKind.CAMERA_FROZEN, name, t_s):
-            # whoever reads a camera lets one picture pass twice, and knows then: no two have the same noise
+            # a camera reader accepts one repeated picture and discards the following ones as frozen
             missed = missed or name in self._repeated
             self._repeated.add(name)
             found = self._frozen.setdefault(name, found)
@@ -251,7 +251,7 @@ class ClosedLoopSimulation:
         self._at(t_s + delay_s, partial(self._deliver, shot))
 
     def _ask(self, station: Station, t_s: float) -> None:
-        """Read a head's angles, as its encoders show them."""
+        """Read the angles of a head from its encoders."""
         head, name, h = self._heads[station.name], station.name, self._hardware
         head.run_to(t_s)
         noise = self._random.normal(0.0, max(station.ptu_sigma_rad, 1e-9), 2)
@@ -265,7 +265,7 @@ class ClosedLoopSimulation:
         self._at(t_s + h.ptu_delay_s, partial(self._deliver, sample))
 
     def _measure(self, t_s: float) -> None:
-        """Let the reference receiver measure; whoever listens to it takes a position that repeats for none."""
+        """Take a fix of the reference receiver; its reader discards repeated positions."""
         h = self._hardware
         place = self._position(t_s) + self._receiver_random.normal(0.0, h.dgps_sigma_m, 3)
         if self._is(ClosedLoopFaultKind.DGPS_FROZEN, "", t_s) and self._last_fix_m is not None:
@@ -278,7 +278,7 @@ class ClosedLoopSimulation:
         self._at(t_s + h.dgps_delay_s, partial(self._deliver, fix))
 
     def _homing(self, name: str, t_s: float) -> bool:
-        """Return whether a head was power-cycled and has not homed: it neither answers nor obeys."""
+        """Return whether a power-cycled head is still homing; it neither answers queries nor executes commands."""
         return any(
             f.kind is ClosedLoopFaultKind.PTU_POWER_CYCLED
             and f.station == name
@@ -287,7 +287,7 @@ class ClosedLoopSimulation:
         )
 
     def _lose_power(self, name: str, t_s: float) -> None:
-        """Let a head go home, to zero; the aircraft is nowhere near."""
+        """Start the homing of a head to zero after a power cycle."""
         head = self._heads[name]
         head.run_to(t_s)
         head.home(t_s + self._hardware.homing_s)
@@ -306,9 +306,9 @@ class ClosedLoopSimulation:
         self._result.restarts += 1
 
     def _done(self, taken: LiveStep) -> None:
-        """Obey the commands, and lay the answers beside the truth."""
+        """Execute the pointing commands and record the estimates with the truth."""
         for command in taken.commands:
-            # a head that does not answer does not hear, either
+            # a silent head does not receive commands either
             silent = self._is(ClosedLoopFaultKind.PTU_SILENT, command.station, command.t_s)
             if not silent and not self._homing(command.station, command.t_s):
                 rates = np.array([command.pan_rate_rad_s, command.tilt_rate_rad_s])

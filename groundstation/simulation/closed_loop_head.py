@@ -1,4 +1,4 @@
-"""A simulated head of a rehearsal: rates are reached late, at its own acceleration, in virtual time."""
+"""Pan-tilt head of the closed-loop simulation: delayed rate commands and limited acceleration, in virtual time."""
 
 import math
 from collections import deque
@@ -9,7 +9,7 @@ from groundstation.arrays import FloatArray
 
 
 class ClosedLoopHead:
-    """A head that takes rates after a latency and reaches them at its own acceleration."""
+    """A head that applies rate commands after a latency, with limited acceleration."""
 
     def __init__(self, angles: FloatArray, *, latency_s: float, acceleration_deg_s2: float) -> None:
         self.angles = angles
@@ -21,11 +21,11 @@ class ClosedLoopHead:
         self._at_s = 0.0
 
     def tell(self, t_s: float, rates: FloatArray) -> None:
-        """Take a command."""
+        """Queue a rate command (2,) in rad/s."""
         self._waiting.append((t_s + self._latency_s, rates))
 
     def run_to(self, t_s: float) -> None:
-        """Turn until ``t_s``, in steps of 2 ms at most."""
+        """Integrate the motion until ``t_s`` in steps of at most 2 ms."""
         while self._at_s < t_s:
             dt = min(0.002, t_s - self._at_s)
             while self._waiting and self._waiting[0][0] <= self._at_s:
@@ -36,7 +36,7 @@ class ClosedLoopHead:
             self._at_s += dt
 
     def home(self, until_s: float) -> None:
-        """Forget all commands, turn to zero, and stand there until then."""
+        """Discard all commands and stand at zero until ``until_s``."""
         self._waiting.clear()
         self._wanted, self.rates, self.angles = np.zeros(2), np.zeros(2), np.zeros(2)
         self._at_s = max(self._at_s, until_s)

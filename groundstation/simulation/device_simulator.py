@@ -1,4 +1,4 @@
-"""An airstrip that is not there: simulated PTUs on real serial lines and cameras that look where they look.
+"""Real-time simulator of a station's devices: PTUs and a receiver on ptys, cameras through shared memory.
 
 It runs in a process of its own, so that the station in operation is alone in hers, as it would be in the field: they
 meet at ptys, and at pictures that arrive through shared memory with a frame number and a device's stamp, like those of
@@ -58,15 +58,15 @@ _READY_S = 600.0
 _END_S = 0.5
 _ARCSEC = 3600.0
 _PATTERN = BayerPattern.RG
-# before it begins, the aircraft is on its way from so far
+# distance of the aircraft before the flight starts, m
 _FAR_OFF_S = 3600.0
-# how far back a head's angles can be asked for
+# history of head angles that is kept, s
 _REMEMBERED_S = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceSimulatorConfig:
-    """What is simulated.
+    """Configuration of the simulated devices.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class DeviceSimulatorConfig:
 
 
 class DeviceSimulator:
-    """The range as the station meets it; a context manager. Raises `CameraError` where it cannot be started."""
+    """The simulator as the station connects to it; a context manager. Raises `CameraError` if it cannot be started."""
 
     def __init__(self, config: DeviceSimulatorConfig) -> None:
         self._config = config
@@ -150,28 +150,28 @@ class DeviceSimulator:
 
     @property
     def delivery_s(self) -> float:
-        """From mid-exposure to a picture's arrival, at the earliest, s."""
+        """Minimum delay from mid-exposure to the arrival of a picture, s."""
         return self._config.delivery_s
 
     def begin(self, start_s: float) -> float:
-        """Let the flight's time zero be an instant of the host's clock, s; returns it."""
+        """Set time zero of the flight to an instant of the host clock, s, and return it."""
         if self._control is not None:
             self._control.send(start_s)
         return start_s
 
     def ends(self) -> dict[str, tuple[str, Connection, tuple[int, int]]]:
-        """Return each camera's shared memory by name, its pipe, and its size, px, for another process."""
+        """Return the shared memory name, pipe and size in px of each camera, for use in another process."""
         return {name: (self._memory[name].name, self._pipes[name], size) for name, size in self._sizes.items()}
 
     def connect(self, name: str) -> CameraDevice:
-        """Return one camera's connection; raises `CameraError` where the range is gone."""
+        """Return one camera's connection; raises `CameraError` if the simulator has ended."""
         if self._process is None or not self._process.is_alive():
             raise CameraError(f"{name}: the simulated range has ended")
         return SimulatedCameraDevice(name, self._memory[name], self._pipes[name], self._sizes[name], self.truth[name])
 
 
 class SimulatedCameraDevice(CameraDevice):
-    """One camera of the range, as `groundstation.sources.cameras` knows cameras."""
+    """One simulated camera with the interface of `groundstation.sources.cameras`."""
 
     def __init__(
         self, name: str, memory: SharedMemory, pipe: Connection, size_px: tuple[int, int], told: NoseTruth
@@ -186,7 +186,7 @@ class SimulatedCameraDevice(CameraDevice):
         )
 
     def grab(self, timeout_s: float) -> Grab | None:
-        """Return the next frame, None where none came in time."""
+        """Return the next frame, or None after the timeout."""
         try:
             if not self._pipe.poll(timeout_s):
                 return None
@@ -200,7 +200,7 @@ class SimulatedCameraDevice(CameraDevice):
         )
 
     def close(self) -> None:
-        """Let it go; the range goes on."""
+        """Release the shared memory; the simulator keeps running."""
 
 
 # ---------------------------------------------------------------------------------------- its own process
@@ -215,7 +215,7 @@ class _Station:
     arcsec: float
 
     def angles(self, t_s: float) -> tuple[float, float, float, float]:
-        """Return pan, tilt and their rates, rad and rad/s, at an instant of the past."""
+        """Return pan, tilt and their rates, rad and rad/s, at a past time."""
         scale = math.radians(self.arcsec / _ARCSEC)
         with self.server.lock:
             axes = self.unit.flir.axes
@@ -229,7 +229,7 @@ class _Station:
 def serve_devices(
     config: DeviceSimulatorConfig, blocks: Mapping[str, str], pipes: Mapping[str, Connection], control: Connection
 ) -> None:
-    """Run the range until it is told to stop, or nobody listens any more."""
+    """Run the devices until a stop request, or until the pipe to the parent process is closed."""
     rig = load_rig(config.rig)
     flight = _DelayedTrajectory(config.flight, time.monotonic() + _FAR_OFF_S)
     world = RenderedScene(trajectory=flight)
@@ -237,7 +237,7 @@ def serve_devices(
     stop = threading.Event()
     memories = {name: SharedMemory(name=block) for name, block in blocks.items()}
     for station in stations:
-        # compiled before anyone waits for a picture
+        # compile the kernels before the first picture is due
         station.camera.picture(time.monotonic(), 0.0, 0.0)
     first_s = time.monotonic() + 0.5
     threads = [
@@ -268,14 +268,14 @@ def serve_devices(
 
 
 class _DelayedTrajectory:
-    """A flight whose time zero is an instant of the host's clock, which may be set while it is being watched."""
+    """A trajectory whose time zero is an instant of the host clock that may be set during use."""
 
     def __init__(self, flight: Trajectory, start_s: float) -> None:
         self._flight, self.start_s = flight, start_s
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """First and last time of what is flown, s."""
+        """First and last time of the trajectory, s."""
         return self._flight.span_s[0] + self.start_s, self._flight.span_s[1] + self.start_s
 
     def position(self, t_s: FloatArray) -> FloatArray:
@@ -312,19 +312,19 @@ def _deliver(
     first_s: float,
     stop: threading.Event,
 ) -> None:
-    """Expose, render and hand over, frame after frame; one that cannot be rendered in time is left out."""
+    """Expose, render and deliver frames; a frame that cannot be rendered in time is dropped."""
     (w, h), period_s, number = station.camera.station.lens.image_size_px, 1.0 / config.frame_rate_hz, 0
     slots = np.ndarray((_SLOTS, h, w), np.uint8, buffer=memory.buf)
     frozen: ImageArray | None = None
     line = DelayLine(pipe, time.monotonic)
-    give_way()  # the rendering, not the line's own thread: delivery is as punctual as a camera's
+    give_way()  # lowers the priority of rendering only: delivery stays punctual
     while not stop.is_set() and not line.broken:
         t_s = first_s + number * period_s
         wait_s = t_s - time.monotonic()
         if wait_s > 0:
             stop.wait(wait_s)
         elif wait_s < -3.0 * period_s:
-            # the machine is too slow for this rate: the camera drops frames, as a real one does on a busy bus
+            # machine too slow for this rate: drop frames, as a real camera does on a busy bus
             number += math.ceil(-wait_s / period_s)
             continue
         since_s = t_s - flight.start_s

@@ -1,4 +1,4 @@
-"""A scenario becomes what a live system would have received of it, and what truly happened."""
+"""Simulation of a scenario: the time-ordered events that a live system would receive, and the exact truth."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from groundstation.simulation.scenario import Scenario
 
 # of what arrives at one instant, readings come first and an epoch after its frames
 _READING, _PIXEL, _EPOCH = range(3)
-# each stream of random numbers has a number of its own, so that one more draw in one changes no other; none is 0,
-# since numpy takes a seed followed by zeros for the seed alone, which whoever made the scenario may have used
+# each random stream has its own number, so that an additional draw in one does not change the others; 0 is not used,
+# because numpy treats a seed followed by zeros as the seed alone, which the scenario may have used itself
 _PTU_STREAM, _CAMERA_STREAM, _DGPS_STREAM = range(101, 104)
 
 

@@ -1,4 +1,4 @@
-"""A reference receiver that is not there: NMEA of the simulated aircraft on a pty, as a radio link delivers it."""
+"""Simulated reference receiver: NMEA sentences of the aircraft on a pty, as a radio link delivers them."""
 
 import contextlib
 import os
@@ -21,7 +21,7 @@ from groundstation.simulation.trajectory import Trajectory
 
 SIMULATED_ORIGIN = GeoOrigin(lat_deg=47.1, lon_deg=8.6, height_m=480.0, y_axis_azimuth_deg=35.0)
 _SEPARATION_M = 47.3
-# an aircraft so far off is none of this airfield's
+# beyond this distance no sentences are written
 _FARTHEST_M = 5000.0
 
 
@@ -85,7 +85,7 @@ class SimulatedReceiver:
         self._random = np.random.default_rng(seed)
 
     def run(self, stop: threading.Event) -> None:
-        """Do so; a line that nobody reads loses what is written."""
+        """Write sentences until stopped; without a reader, what is written is lost."""
         master, slave = os.openpty()
         tty.setraw(slave)
         self._link.unlink(missing_ok=True)

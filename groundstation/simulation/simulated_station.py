@@ -1,4 +1,4 @@
-"""`groundstation live --simulate`: the range that takes the place of a station's devices, and how its flight went."""
+"""`groundstation live --simulate`: simulated devices in place of a station's own, and the score of the flight."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -22,7 +22,7 @@ from groundstation.sources.cameras.camera import CameraDevice
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedStationConfig:
-    """What is simulated.
+    """Configuration of the simulated station.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class SimulatedStationConfig:
 
 
 class SimulatedStation(StationSimulator):
-    """RepeatedLandings filmed by rendered cameras on simulated pan-tilt units, in real time.
+    """Repeated landings observed by rendered cameras on simulated pan-tilt units, in real time.
 
     Raises
     ------
@@ -65,19 +65,19 @@ class SimulatedStation(StationSimulator):
         self.delivery_s = 0.0
 
     def station_file(self, station: Path | None, out: Path) -> StationFile:
-        """Return the station file, or that of a set-up of its own, whose files are written to ``out``."""
+        """Return the given station file, or write a simulated one to ``out`` and return it."""
         if station is not None:
             return load_station(station)
         rig = None if self._config.rig is None else load_rig(self._config.rig)
         return simulated_station_file(out, self._config.rate_hz, rig, dgps=self._config.receiver is not None)
 
     def check(self, rig: Rig) -> None:
-        """Raise `InputError` where the timetable of faults names what the rig does not have."""
+        """Raise `InputError` if the fault timetable names a device that the rig does not have."""
         check_timetable(self._config.timetable, rig)
         self._rig = rig
 
     def open(self, file: StationFile, out: Path, opened: ExitStack, say: Callable[[str], None]) -> None:
-        """Start the range in processes of its own."""
+        """Start the device simulator in its own process."""
         say("building the simulated range")
         hardware = DeviceSimulatorConfig(
             rig=file.rig,
@@ -93,11 +93,11 @@ class SimulatedStation(StationSimulator):
         self.delivery_s = self._range.delivery_s
 
     def sinks(self) -> tuple[Sink, ...]:
-        """Return the sink that keeps the estimates for `score`."""
+        """Return the sink that records the estimates for `score`."""
         return (self._kept,)
 
     def begin(self, start_s: float) -> float:
-        """Let the first landing begin; returns its time zero on the host's clock, s."""
+        """Start the first landing; return its time zero on the host clock, s."""
         self._begin_s = self._running().begin(start_s)
         return self._begin_s
 
@@ -106,7 +106,7 @@ class SimulatedStation(StationSimulator):
         return self._running().connect(name)
 
     def score(self, begin_s: float) -> SimulationScore | None:
-        """Compare with the truth; ``begin_s`` is the flight's time zero, session time. None where nothing flew."""
+        """Compare with the truth; ``begin_s`` is the flight's time zero, session time. None if nothing was flown."""
         if self._range is None or self._rig is None:
             return None
         return score(self._flight, begin_s, self._kept.rows(), self._range.truth, self._rig, self._begin_s)

@@ -1,4 +1,4 @@
-"""The tuning of the whole pipeline: typed, with defaults beside their meaning, read from TOML.
+"""The tuning of the whole pipeline: typed, with documented defaults, read from TOML.
 
 A configuration file holds one table per component (``[detection]``, ``[estimation]``, …); what it leaves out
 keeps its default, and a key that does not exist is an error. The resolved configuration is saved with every

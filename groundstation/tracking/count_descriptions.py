@@ -1,4 +1,4 @@
-"""What a pipeline counted, in plain words: what it did not use, and what it noticed of the stations."""
+"""Descriptions of the pipeline's counters: rejected input and station faults."""
 
 from collections.abc import Mapping
 
@@ -11,11 +11,11 @@ _WORDS = {
     "stations_doubted": "times a station was suspected of a wrong calibration",
     "stations_excluded": "times a station was left out, its calibration being wrong",
     "excluded_pixels": "pixels of stations that were left out",
-    "starts_taken_back": "tracks begun and taken back within moments",
-    "begun_anew": "times the filter failed and began anew",
+    "starts_taken_back": "tracks started and rejected shortly after",
+    "begun_anew": "filter resets after a failure",
 }
 
 
 def describe_counts(counts: Mapping[str, int]) -> list[str]:
-    """Return each count that is not zero as a line for a person; one of another name is said by that name."""
+    """Return a line of text for each non-zero count; a count without a description is given by its name."""
     return [f"{n} {_WORDS.get(name, name.replace('_', ' '))}" for name, n in counts.items() if n]

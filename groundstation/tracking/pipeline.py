@@ -206,7 +206,7 @@ class Pipeline:
         if self._on_smoothed is not None:
             self._ekf.close_history()
         self._set_up(None)
-        self._track_manager.log(event.t_s, "error", f"the filter has failed ({event.why}); begun anew")
+        self._track_manager.log(event.t_s, "error", f"the filter has failed ({event.why}); reset")
         return self._run(())
 
     def _process_heartbeat(self, t_s: float) -> StepReport:

@@ -1,6 +1,6 @@
 """The operator's screen in Rerun while the station is in operation: pictures, track, words, log.
 
-A thread of its own draws; whoever hands over reports never waits, and where drawing cannot follow, the oldest are left
+A separate thread draws; `write` never blocks, and if drawing is too slow, the oldest reports are left
 out and counted. Pictures are shown a few times a second and reduced: what the pipeline sees is in the recording.
 """
 

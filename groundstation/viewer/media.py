@@ -1,7 +1,7 @@
 """The pictures of a Rerun recording: the session's own files, as they are.
 
 A video goes in once, whole or in parts; each frame then is a reference to its own presentation timestamp in that file.
-A picture of an image folder goes in as the bytes on disk. Encoded anew is only what a recording kept of a picture, and
+A picture of an image folder goes in as the bytes on disk. Re-encoded are only the picture windows of a recording, and
 a video that Rerun cannot read or that is too large (`rerun_pictures`).
 """
 

@@ -54,7 +54,7 @@ class RerunSink:
     media : by station, the session's own videos or pictures, or that they come with the reports; a station without any
         shows its overlay alone.
     runway : the strip to draw; by default the one between the pedestals, as long as the track needs.
-    live : lay it out for whoever operates the station. flush_epochs : rows are sent after so many pairs.
+    live : use the operator's layout. flush_epochs : rows are sent after so many pairs.
     """
 
     def __init__(

@@ -23,7 +23,7 @@ _SERVER_MEMORY = "256MB"
 _SERVER_MARGIN, _SERVER_LEAST_BYTES = 2, 1_000_000_000
 # a page in a browser can address 4 GB; 2 GB of videos took 3.3
 MAX_BROWSER_BYTES = 2_000_000_000
-# a window that is open all day beside a station: beyond it the oldest goes
+# memory limit of a viewer that stays open all day; the oldest data are dropped beyond it
 _LIVE_MEMORY = "1GB"
 
 

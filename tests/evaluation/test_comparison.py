@@ -1,4 +1,4 @@
-"""`evaluate`: figures of runs beside each other, differences, CSV, JSON, and evo's word on our trajectories."""
+"""`evaluate`: comparison of runs, differences, CSV, JSON, and evo's errors of our trajectories."""
 
 import copy
 import csv

@@ -139,7 +139,7 @@ def test_a_session_without_truth_is_refused(landing_1: Path, tmp_path: Path) -> 
 
 
 def test_a_replay_is_told_by_background_and_width() -> None:
-    """Expected: rms and percent of the width of each bin, misses counted, beside the bins the ranges with an aim."""
+    """Expected: rms and percent of the width of each bin, misses counted, and the ranges with a target value."""
     far = [made_up(t_s=0.1 * k, error_px=np.array([1.0, -2.0]), overlap=0.5 + 0.1 * k) for k in range(3)]
     missed = made_up(reason="no_region", error_px=np.full(2, np.nan), overlap=0.0, holds_silhouette=False)
     near = made_up(background="ground", width_px=150)

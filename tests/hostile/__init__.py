@@ -1,1 +1,1 @@
-"""Files made by somebody who wishes us ill: what each reader makes of them, in bounded room and time."""
+"""Malicious files: each reader refuses or reads them in bounded memory and time."""

@@ -64,7 +64,7 @@ def channels_again() -> bytes:
 
 
 def tiny_records() -> bytes:
-    """Millions of records that nobody knows, of no length."""
+    """Millions of unknown records of zero length."""
     return _recording(_packed(record(0x80, b"") * 3_000_000))
 
 

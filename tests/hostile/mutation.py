@@ -1,4 +1,4 @@
-"""Files changed at random as somebody would who knows their structure: lengths, repetition, splices, nesting."""
+"""Structure-aware random mutation of files: lengths, repetition, splices, nesting."""
 
 import random
 import struct

@@ -71,7 +71,7 @@ def small_recordings(folder: Path) -> list[Path]:
 
 
 def _pixel(event: Event) -> Event:
-    """Return what somebody else found in a frame, instead of it."""
+    """Return pixels detected elsewhere, in place of a frame."""
     if not isinstance(event, Frame):
         return event
     return PixelMeasurement(t_s=event.t_s, station=event.station, epoch=event.epoch, u_px=31.0, v_px=23.5)

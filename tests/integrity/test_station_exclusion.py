@@ -81,7 +81,7 @@ def test_one_gross_outlier_is_no_fault(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("kind", ["glide", "manoeuvre", "calibration"])
 def test_no_station_is_accused_without_fault(kind: str) -> None:
-    """Gliding, thrown about with (3, 12, 6) m²/s³, and with mounts off by 0.004° rms that nobody knows of."""
+    """Gliding, thrown about with (3, 12, 6) m²/s³, and with unmodelled mount errors of 0.004° rms."""
     for seed in range(6):
         path = drawn_glide(seed, (3.0, 12.0, 6.0), GlideApproach(start_y_m=400.0, end_y_m=150.0))
         flight = scenario(seed, trajectory=path if kind == "manoeuvre" else None)
@@ -125,7 +125,7 @@ def test_a_faulty_station_is_named_and_left_out(station: str, error: StationErro
 
 
 def test_what_the_rig_file_states_is_no_fault() -> None:
-    """Mounts off by 0.01° rms, and stated so: nobody is accused; a bump of 0.1° is found, nobody else blamed."""
+    """Modelled mount errors of 0.01° rms raise no alarm; a jump of 0.1° is detected in its own station only."""
     sigma = np.radians(0.01)
     names = tuple(f"runway_from_base.{axis}" for axis in "xyz")
     for seed in range(4):
@@ -239,7 +239,7 @@ def test_in_and_out_are_not_the_same_limit(share: float, trusted: bool) -> None:
 
 
 def test_two_stations_cannot_say_which() -> None:
-    """Differential tilt is seen, doubted together, nobody excluded, and the covariance is what the error is;
+    """Differential tilt is seen, both stations doubted, none excluded, and the covariance is what the error is;
     differential pan is not seen at all: it looks like range."""
     doubting, believing = [], []
     for seed in range(3):

@@ -92,7 +92,7 @@ def held_to(flown: Recorded, result: ReplayResult, folder: Path, times: int) -> 
     for name in ("track.csv", "triangulation.csv"):
         assert (folder / "again" / name).read_bytes() == (folder / "live" / name).read_bytes()
     assert flown._core.pipeline.counts["begun_anew"] == times
-    said = [event for event in flown.said if "begun anew" in event.text]
+    said = [event for event in flown.said if "; reset" in event.text]
     assert [event.level for event in said] == ["error"] * times
     assert flown.result.share(TrackStatus.TRACKING, 3.0, 3.5) > 0.9
 

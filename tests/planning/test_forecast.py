@@ -211,7 +211,7 @@ def test_the_table_as_csv(tmp_path: Path) -> None:
         ("baseline_m = 10.77", "baseline_m = 0", "baseline_m: got 0; wanted a finite number ≥ 0.01"),
         ("baseline_m = 10.77", 'format = "x/2"\nbaseline_m = 1', "format: got 'x/2'; wanted 'groundstation-site/1'"),
         ("focal_px = 6667", "", "camera: focal_mm: got nothing; wanted a finite number > 0"),
-        ("focal_px = 6667", "focal_px = 1\nfocal_mm = 2", "focal_px: got it beside focal_mm or pixel_um; wanted one"),
+        ("focal_px = 6667", "focal_px = 1\nfocal_mm = 2", "focal_px: got it together with focal_mm or pixel_um"),
         ("focal_px = 6667", "focal_mm = 9\npixel_um = 1e9", "focal_mm: got 9e-06 pixels of 1e+09 µm; wanted 1 to 10"),
         ("[1280, 960]", "[1280, 960.5]", "image_size_px: got [1280.0, 960.5]; wanted two whole numbers"),
         ("sigma_deg = 0", "sigma = 0", "ptu: sigma: got an unknown key; wanted one of resolution_deg, sigma_deg"),
@@ -246,7 +246,7 @@ def test_a_fault_names_table_and_key(tmp_path: Path, old: str, new: str, message
         ),
         ("[[station]]\nposition_m = [0, 0]\n" * 2, "station 1: position_m: got [0, 0]; wanted 3 finite numbers"),
         ("[[station]]\nposition_m = [0, 0, 1e9]\n" * 2, "wanted three numbers of at most 20000 m"),
-        ("height_m = 2\n[[station]]\nposition_m = [0, 0, 1]\n", "height_m: got it beside [[station]]; wanted the hei"),
+        ("height_m = 2\n[[station]]\nposition_m = [0, 0, 1]\n", "height_m: got it together with [[station]]; wanted"),
     ],
 )
 def test_stations_that_are_none(tmp_path: Path, stations: str, message: str) -> None:
@@ -255,8 +255,8 @@ def test_stations_that_are_none(tmp_path: Path, stations: str, message: str) -> 
 
 
 def test_a_rig_has_its_own_lens_and_encoders(tmp_path: Path) -> None:
-    beside = EXACT.replace("baseline_m = 10.77\nheight_m = 1.5\n", 'rig = "rig.toml"\n')
-    assert "it beside rig; wanted one of them" in complaint(SiteError, lambda: load(tmp_path, beside))
+    both = EXACT.replace("baseline_m = 10.77\nheight_m = 1.5\n", 'rig = "rig.toml"\n')
+    assert "it together with rig; wanted one of them" in complaint(SiteError, lambda: load(tmp_path, both))
     alone = 'rig = "rig.toml"\n[aircraft]\nspan_m = 2\nspeed_m_s = 20\n'
     assert "rig.toml: got no such file" in complaint(RigError, lambda: load(tmp_path, alone))
 

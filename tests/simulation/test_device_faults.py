@@ -43,7 +43,7 @@ def test_a_line_is_silent_for_so_long_and_struck_over_and_over(tmp_path: Path) -
 
 
 def test_what_is_late_holds_up_nobody_and_overtakes_nothing() -> None:
-    """Expected: each leaves when it is due, in order; whoever hands over goes on; a reader that left is noticed."""
+    """Expected: items are delivered in order when due; the sender does not block; a closed reader is detected."""
     here, there = mp.Pipe(duplex=False)
     line = DelayLine(there, time.monotonic)
     began_s = time.monotonic()

@@ -116,8 +116,8 @@ def test_impossible_faults_are_refused(wrong: dict[str, object], said: str) -> N
 
 
 def test_faults_of_absent_devices_are_refused() -> None:
-    nobody = Fault(kind=FaultKind.CAMERA_LOST, station="middle")
-    assert "'middle'" in complaint(ScenarioError, lambda: with_faults(HEALTHY, [nobody]))
+    unknown = Fault(kind=FaultKind.CAMERA_LOST, station="middle")
+    assert "'middle'" in complaint(ScenarioError, lambda: with_faults(HEALTHY, [unknown]))
     stands = replace(
         HEALTHY, rig=replace(HEALTHY.rig, stations=tuple(replace(s, fixed=True) for s in HEALTHY.rig.stations))
     )

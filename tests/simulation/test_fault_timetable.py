@@ -115,8 +115,8 @@ def test_a_mistake_ends_it_before_anything_is_begun(tmp_path: Path, capsys: pyte
     for text, words in (
         ('[[fault]]\nwhat = "dgps_gap"\nfrom_s = 1\n', "got dgps_gap without --dgps; wanted both"),
         (
-            '[[fault]]\nwhat = "camera_lost"\nstation = "nobody"\nfrom_s = 1\n',
-            "got 'nobody'; wanted one of left, right",
+            '[[fault]]\nwhat = "camera_lost"\nstation = "centre"\nfrom_s = 1\n',
+            "got 'centre'; wanted one of left, right",
         ),
     ):
         path.write_text(text)

@@ -28,7 +28,7 @@ from groundstation.messages import (
 from groundstation.rig.rig import load_rig
 
 SEARCHING_PAIRS = 12
-# the right camera loses the target here, and for a while nobody sees it
+# the right camera loses the target here, and for a while no camera sees it
 LOST_ON_THE_RIGHT = range(150, 166)
 LOST_BY_BOTH = range(156, 164)
 STATIONS = ("left", "right")

@@ -14,7 +14,7 @@ PACKAGES = ("groundstation", "calibration", "ptu_drivers")
 
 
 class Changed(SourceFileLoader):
-    """Compiles a module from a changed text, past the compiled file beside its source."""
+    """Compiles a module from a changed text and ignores its cached bytecode."""
 
     def get_code(self, fullname: str) -> CodeType | None:
         """Code of the changed module, in the name of its own file."""

@@ -66,7 +66,9 @@ class GenicamCamera(CameraDevice):
             raise
         except _faults(self._gentl) as error:
             self.close()
-            raise CameraError(f"{self._where}: got {_line(error)}; wanted a camera that nobody else has") from error
+            raise CameraError(
+                f"{self._where}: got {_line(error)}; wanted a camera that no other program has"
+            ) from error
 
     def grab(self, timeout_s: float) -> Grab | None:
         """Return the next frame, whole or not."""

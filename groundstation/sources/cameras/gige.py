@@ -102,7 +102,7 @@ class GigeCamera(CameraDevice):
         try:
             return self._viva.connect_gige(here)
         except self._viva.GenicamError as error:
-            raise CameraError(f"{self._where}: got {error}; wanted a camera that nobody else controls") from error
+            raise CameraError(f"{self._where}: got {error}; wanted a camera that no other program controls") from error
 
     def _tick_frequency(self, features: "_VivaFeatures") -> int | None:
         """Return the ticks per second of the camera's clock; None where it has none."""

@@ -126,7 +126,7 @@ def test_what_it_cannot_do_is_one_line(serial: str, settings: CameraSettings, co
 
 def test_one_camera_cannot_be_had_twice() -> None:
     with camera("0", GREY) as red:
-        with pytest.raises(CameraError, match="wanted a camera that nobody else has"), camera("0", GREY):
+        with pytest.raises(CameraError, match="wanted a camera that no other program has"), camera("0", GREY):
             pass
         some(red, 2)
 

@@ -103,7 +103,7 @@ def test_what_a_camera_refuses_is_one_line() -> None:
         "region": "got a refusal of Width",
         "trigger": "got a refusal of TriggerSource",
         "absent": "GigE cameras that answer: 127.0.0.1",
-        "busy": "wanted a camera that nobody else controls",
+        "busy": "wanted a camera that no other program controls",
     }
     for name, text in wanted.items():
         assert text in said[name]
