@@ -4,7 +4,8 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from groundstation.cli.path_arguments import READ, REPORT_FOLDER, WRITTEN_FILE
+from groundstation.cli.command_arguments import Commands, Run, add_calibrated_rig, add_command, add_report, print_files
+from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 
 if TYPE_CHECKING:
     from calibration.landmarks.jobs import ComparisonOutcome
@@ -49,13 +50,19 @@ exit code: 0 as calibrated, or corrected; 1 refused, or a table at fault;
 2 wrong usage"""
 
 
-def add_landmark_kinds(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_landmark_kinds(kinds: Commands) -> None:
     """Add `survey` and `check`."""
-    survey = _add(kinds, "survey", "from surveyed landmarks: positions and orientations", _SURVEY, _SURVEY_MORE)
-    survey.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the rig file to write")
+    survey = _add(
+        kinds,
+        "survey",
+        run_calibrate_survey,
+        "from surveyed landmarks: positions and orientations",
+        _SURVEY,
+        _SURVEY_MORE,
+    )
     survey.add_argument("--free", default="", metavar="LIST", help="find these as well")
-    survey.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
-    check = _add(kinds, "check", "before a session: has a mount moved?", _CHECK, _CHECK_MORE)
+    add_calibrated_rig(survey)
+    check = _add(kinds, "check", run_calibrate_check, "before a session: has a mount moved?", _CHECK, _CHECK_MORE)
     check.add_argument(
         "--out", type=WRITTEN_FILE, metavar="FILE", help="write the rig there, corrected where mounts moved"
     )
@@ -71,7 +78,7 @@ def add_landmark_kinds(kinds: "argparse._SubParsersAction[argparse.ArgumentParse
         metavar="FILE",
         help="where to add the record (default: beside the rig, .checks.jsonl)",
     )
-    check.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
+    add_report(check)
     check.add_argument(
         "--runway",
         metavar="NAMES",
@@ -87,16 +94,8 @@ def add_landmark_kinds(kinds: "argparse._SubParsersAction[argparse.ArgumentParse
     )
 
 
-def _add(
-    kinds: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, short: str, description: str, more: str
-) -> argparse.ArgumentParser:
-    parser = kinds.add_parser(
-        name,
-        help=short,
-        description=description,
-        epilog=more,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def _add(kinds: Commands, name: str, run: Run, summary: str, description: str, more: str) -> argparse.ArgumentParser:
+    parser = add_command(kinds, name, run, summary, description, more)
     parser.add_argument("sightings", type=READ, metavar="SIGHTINGS", help="table of what was seen: sightings.csv")
     parser.add_argument("--landmarks", type=READ, required=True, metavar="FILE", help="table of the landmarks")
     parser.add_argument("--rig", type=READ, required=True, metavar="FILE", help="the rig file")
@@ -119,8 +118,7 @@ def run_calibrate_survey(options: argparse.Namespace) -> int:
     )
     print(done.text)
     print()
-    for path in done.written:
-        print(f"wrote {path}")
+    print_files(done.written)
     return 0
 
 
@@ -149,6 +147,5 @@ def run_calibrate_check(options: argparse.Namespace) -> int:
         None if names is None else ask,
     )
     print(done.text)
-    for path in done.written:
-        print(f"wrote {path}")
+    print_files(done.written)
     return 0 if done.good else 1

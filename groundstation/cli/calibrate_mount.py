@@ -3,7 +3,8 @@
 import argparse
 import sys
 
-from groundstation.cli.path_arguments import READ, REPORT_FOLDER, WRITTEN_FILE
+from groundstation.cli.command_arguments import Commands, add_calibrated_rig, add_command, print_files
+from groundstation.cli.path_arguments import READ
 from groundstation.cli.progress import ProgressLine
 from groundstation.errors import InputError
 
@@ -31,14 +32,15 @@ exit code: 0 done; 1 the sightings are at fault or cannot teach that, and nothin
 is written; 2 wrong usage"""
 
 
-def add_mount(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_mount(kinds: Commands) -> None:
     """Add `calibrate mount`."""
-    mount = kinds.add_parser(
+    mount = add_command(
+        kinds,
         "mount",
-        help="the camera on its pan-tilt head, from marks seen at many angles",
-        description=_MOUNT,
-        epilog=_MOUNT_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        run_mount,
+        "the camera on its pan-tilt head, from marks seen at many angles",
+        _MOUNT,
+        _MOUNT_MORE,
     )
     mount.add_argument("sightings", type=READ, nargs="?", metavar="SIGHTINGS", help="table of sightings")
     mount.add_argument("--landmarks", type=READ, metavar="FILE", help="table of the marks' places")
@@ -47,9 +49,8 @@ def add_mount(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     seen.add_argument("--board", metavar="SPEC", help="the pictures show this board, as in calibrate intrinsics")
     seen.add_argument("--lamp", action="store_true", help="the pictures show one lamp")
     mount.add_argument("--rig", type=READ, required=True, metavar="RIG", help="rig file with the lenses")
-    mount.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the rig file to write")
     mount.add_argument("--free", default="", metavar="LIST", help="find only these")
-    mount.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
+    add_calibrated_rig(mount)
 
 
 def run_mount(options: argparse.Namespace) -> int:
@@ -77,8 +78,7 @@ def run_mount(options: argparse.Namespace) -> int:
     write_rig(options.out, calibrated)
     print(f"\nwrote {options.out}")
     if options.report is not None:
-        for path in write_mount_page(options.report, calibrated.stations):
-            print(f"wrote {path}")
+        print_files(write_mount_page(options.report, calibrated.stations))
     return 0
 
 

@@ -3,7 +3,8 @@
 import argparse
 import sys
 
-from groundstation.cli.path_arguments import READ, REPORT_FOLDER, WRITTEN_FILE
+from groundstation.cli.command_arguments import Commands, add_calibrated_rig, add_command, print_files, refuse_own_rig
+from groundstation.cli.path_arguments import READ
 from groundstation.cli.progress import ProgressLine
 from groundstation.cli.time_span import add_span, require_span
 from groundstation.errors import InputError, UsageError
@@ -26,19 +27,19 @@ exit code: 0 done; 1 the session cannot teach that, and nothing is written;
 2 wrong usage; 130 interrupted"""
 
 
-def add_timing(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_timing(kinds: Commands) -> None:
     """Add `calibrate timing`."""
-    timing = kinds.add_parser(
+    timing = add_command(
+        kinds,
         "timing",
-        help="clocks of cameras and PTUs, from a swinging PTU or a flight",
-        description=_TIMING,
-        epilog=_TIMING_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        run_timing,
+        "clocks of cameras and PTUs, from a swinging PTU or a flight",
+        _TIMING,
+        _TIMING_MORE,
     )
     timing.add_argument("session", type=READ, metavar="SESSION", help="session folder with pictures and ptu.csv")
     timing.add_argument("--rig", type=READ, metavar="RIG", help="another rig than the session's rig.toml")
-    timing.add_argument("--out", type=WRITTEN_FILE, required=True, metavar="FILE", help="the rig file to write")
-    timing.add_argument("--report", type=REPORT_FOLDER, metavar="DIR", help="write report.html and its pictures there")
+    add_calibrated_rig(timing)
     add_span(timing)
     timing.add_argument("--from-flight", action="store_true", help="by the aircraft's track instead of the pictures")
     timing.add_argument("--pictures", action="store_true", help="with --from-flight: by the pictures too, compared")
@@ -54,9 +55,7 @@ def run_timing(options: argparse.Namespace) -> int:
     from calibration.clocks.report import format_timing
 
     require_span(options)
-    if options.out.resolve() == (options.session / "rig.toml").resolve():
-        wanted = "another file: a recording keeps the rig that it was made with"
-        raise InputError(str(options.out), got="the session's own rig", wanted=wanted)
+    refuse_own_rig(options)
     if options.pictures and not options.from_flight:
         wanted = "both, to compare, or neither: by the pictures alone is what is done without"
         raise UsageError("--pictures", got="no --from-flight", wanted=wanted)
@@ -80,6 +79,5 @@ def run_timing(options: argparse.Namespace) -> int:
     if options.report is not None:
         from calibration.clocks.page import write_timing_page
 
-        for path in write_timing_page(options.report, found):
-            print(f"wrote {path}")
+        print_files(write_timing_page(options.report, found))
     return 0

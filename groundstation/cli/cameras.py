@@ -7,8 +7,10 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from groundstation.cli.command_arguments import Commands, add_command
 from groundstation.cli.number_arguments import finite_number, positive_number
 from groundstation.cli.path_arguments import READ_TEXT, WRITTEN_FILE
+from groundstation.cli.terminal import print_table
 from groundstation.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,27 +39,15 @@ exit code: 0 frames came; 1 none came, or the camera is not there or refuses a
 setting; 2 wrong usage; 130 interrupted"""
 
 
-def add_cameras(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_cameras(commands: Commands) -> None:
     """Add `cameras` and its subcommands."""
     cameras = commands.add_parser("cameras", help="which live cameras there are, and what one delivers")
     kinds = cameras.add_subparsers(dest="cameras", metavar="WHAT", required=True)
-    listing = kinds.add_parser(
-        "list",
-        help="which cameras there are",
-        description=_LIST,
-        epilog=_LIST_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    listing = add_command(kinds, "list", run_list, "which cameras there are", _LIST, _LIST_MORE)
     listing.add_argument(
         "--cti", type=READ_TEXT, action="append", default=[], metavar="FILE", help="a GenTL producer; may be repeated"
     )
-    show = kinds.add_parser(
-        "show",
-        help="settings, rate, jitter and clock of one",
-        description=_SHOW,
-        epilog=_SHOW_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    show = add_command(kinds, "show", run_show, "settings, rate, jitter and clock of one", _SHOW, _SHOW_MORE)
     show.add_argument("url", type=READ_TEXT, metavar="URL", help="which camera, see below")
     show.add_argument("--seconds", type=positive_number, default=5.0, metavar="S", help="how long to look (default: 5)")
     show.add_argument("--exposure-ms", type=positive_number, metavar="MS", help="exposure")
@@ -74,19 +64,12 @@ def add_cameras(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     )
 
 
-def run_cameras(options: argparse.Namespace) -> int:
-    """Run one of them; returns the exit code."""
-    return _list(options) if options.cameras == "list" else _show(options)
-
-
-def _list(options: argparse.Namespace) -> int:
+def run_list(options: argparse.Namespace) -> int:
     """Print the cameras that were found."""
     from groundstation.sources.cameras.listing import list_cameras
 
     found = list_cameras(options.cti, os.environ, Path("/dev"))
-    width = max((len(url) for url, _ in found.cameras), default=0)
-    for url, text in found.cameras:
-        print(f"{url:<{width}}  {text}")
+    print_table(found.cameras)
     for notice in found.notices:
         print(f"groundstation: {notice}", file=sys.stderr)
     if not found.cameras:
@@ -94,7 +77,7 @@ def _list(options: argparse.Namespace) -> int:
     return 0 if found.cameras else 1
 
 
-def _show(options: argparse.Namespace) -> int:
+def run_show(options: argparse.Namespace) -> int:
     """Open a camera, measure for a while, print settings and rate."""
     from groundstation.sources.cameras.camera import CameraEvent, CameraSettings, CameraTiming, StampPoint
     from groundstation.sources.cameras.open_camera import open_camera

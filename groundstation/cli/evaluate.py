@@ -5,8 +5,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from groundstation.cli.path_arguments import READ, READ_TEXT, WRITTEN_FILE, WrittenFolder
-from groundstation.cli.progress import ProgressLine
+from groundstation.cli.command_arguments import Commands, add_command, add_runs, print_files
+from groundstation.cli.path_arguments import READ_TEXT, WRITTEN_FILE
+from groundstation.cli.progress import ProgressDisplay
 
 _EVALUATE = """Compare runs: many sessions, many tunings, or what was replayed before with what
 is replayed now. For each: errors per axis and range, ANEES, NIS, coverage,
@@ -24,25 +25,19 @@ than the baseline's. Runs of other length are compared as they are, and a note s
 exit code: 0 done; 1 a source is at fault; 2 wrong usage; 130 interrupted"""
 
 
-def add_evaluate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_evaluate(commands: Commands) -> None:
     """Add `evaluate`."""
-    evaluate = commands.add_parser(
+    evaluate = add_command(
+        commands,
         "evaluate",
-        help="many runs in, one table of their figures and differences out",
-        description=_EVALUATE,
-        epilog=_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        run_evaluate,
+        "many runs in, one table of their figures and differences out",
+        _EVALUATE,
+        _MORE,
     )
-    evaluate.add_argument("sources", type=READ, nargs="+", metavar="SOURCE", help="what to compare; see below")
-    evaluate.add_argument(
-        "--config", type=READ, action="append", default=[], metavar="FILE", help="tuning for what is replayed; repeat"
-    )
-    evaluate.add_argument("--rig", type=READ, metavar="FILE", help="another rig for what is replayed")
+    add_runs(evaluate, "what to compare")
     evaluate.add_argument(
         "--baseline", type=READ_TEXT, metavar="RUN", help="a run's name, or a folder of results (default: the first)"
-    )
-    evaluate.add_argument(
-        "--out", type=WrittenFolder(), metavar="DIR", help="keep what is replayed there, a folder for each run"
     )
     evaluate.add_argument("--csv", type=WRITTEN_FILE, metavar="FILE", help="write every figure as a table")
     evaluate.add_argument("--json", type=WRITTEN_FILE, metavar="FILE", help="write every figure as JSON")
@@ -60,9 +55,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
         write_comparison_files,
     )
 
-    # said before anything is replayed for nothing
+    # before the replays, which take minutes
     check_folders([path for path in (options.csv, options.json) if path is not None])
-    lines: dict[str, ProgressLine] = {}
     with tempfile.TemporaryDirectory(prefix="groundstation-evaluate-") as folder:
         request = CompareRequest(
             sources=tuple(options.sources),
@@ -71,14 +65,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
             rig=options.rig,
             baseline=options.baseline,
         )
-        try:
-            result = compare(
-                request,
-                lambda name, done, total: lines.setdefault(name, ProgressLine(sys.stderr, name)).update(done, total),
-            )
-        finally:
-            for line in lines.values():
-                line.__exit__()
+        with ProgressDisplay(sys.stderr) as progress:
+            result = compare(request, progress.update)
     print(format_comparison(result.runs, result.baseline))
     for note in result.notes:
         print(f"note: {note}", file=sys.stderr)
@@ -90,6 +78,5 @@ def run_evaluate(options: argparse.Namespace) -> int:
     write_comparison_files(files)
     if files:
         print()
-    for path, _ in files:
-        print(f"wrote {path}")
+    print_files(path for path, _ in files)
     return 0

@@ -5,6 +5,7 @@ import datetime
 import sys
 from pathlib import Path
 
+from groundstation.cli.command_arguments import Commands, add_command, print_files
 from groundstation.cli.number_arguments import parse_number, take_negative_numbers
 from groundstation.cli.path_arguments import NEW_FOLDER, READ
 from groundstation.cli.progress import ProgressLine
@@ -31,14 +32,10 @@ exit code: 0 done; 1 something cannot be right, one line says what, and nothing 
 written; 2 wrong usage; 130 interrupted"""
 
 
-def add_import(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_import(commands: Commands) -> None:
     """Add `import`."""
-    add = commands.add_parser(
-        "import",
-        help="videos and a DGPS log in, a session folder out",
-        description=_IMPORT,
-        epilog=_IMPORT_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    add = add_command(
+        commands, "import", run_import, "videos and a DGPS log in, a session folder out", _IMPORT, _IMPORT_MORE
     )
     # a place in the south, an antenna behind the nose: "-35.36,149.17,584"
     take_negative_numbers(add)
@@ -123,8 +120,7 @@ def run_import(options: argparse.Namespace) -> int:
     for text in made.remarks:
         print(f"groundstation: {text}", file=sys.stderr)
     print()
-    for path in made.files:
-        print(f"wrote {path}")
+    print_files(made.files)
     return 0
 
 

@@ -1,30 +1,24 @@
-"""Operation of a station from the command line: `groundstation live` and `groundstation check`."""
+"""`groundstation live`: the operation of a station."""
 
 import argparse
-import math
 import os
-import shutil
 import sys
-import textwrap
-import threading
 from collections.abc import Collection
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
-from groundstation.cli.number_arguments import parse_number
+from groundstation.cli.command_arguments import Commands, add_command, add_simulated_flight
+from groundstation.cli.number_arguments import duration_s
 from groundstation.cli.path_arguments import NEW_FOLDER, READ
-from groundstation.cli.simulate import pairs_per_s, whole_number, wind_m_s
+from groundstation.cli.status_display import StatusDisplay
 from groundstation.cli.stop_request import StopRequest
 from groundstation.cli.terminal import print_line
 
 if TYPE_CHECKING:
     from groundstation.live.command import LiveResult
     from groundstation.live.status_board import LiveStatus
-    from groundstation.messages import TrackStatus
     from groundstation.simulation.simulation_score import SimulationScore
 
 _RATE_HZ = 30.0
-# without a terminal: interval of the lines, and the shorter one at a change of the track's status
-_LINE_EVERY_S, _CHANGE_EVERY_S = 5.0, 0.5
 _LIVE = """Operate a station: cameras and PTUs in, the aircraft's track out, live; heads
 follow it, everything is recorded. Ctrl-C parks the heads and ends it within 3 s,
 before it has begun once the step under way is done; parking may take longer
@@ -48,43 +42,17 @@ The station file: docs/live.md
 exit code: 0 done; 1 a device or a file is at fault, nothing at all could be
 recorded, or a process that drives the heads was lost, even if it was begun
 again; 2 wrong usage; 130 interrupted before it had begun"""
-_CHECK = """Test each device of a station before the flight: is it there, does it answer,
-how fast, does its clock hold; one line each, and what to do about it."""
-_CHECK_MORE = """example:
-  groundstation check field.toml
-
-The heads are read, not moved; --move turns each by half a degree and back.
-
-exit code: 0 all is well; 1 something is not; 2 wrong usage"""
 
 
-def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add `live` and `check`."""
-    live = commands.add_parser(
-        "live",
-        help="operate a station: track, point, record, live",
-        description=_LIVE,
-        epilog=_LIVE_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_live(commands: Commands) -> None:
+    """Add `live`."""
+    live = add_command(commands, "live", run_live, "operate a station: track, point, record, live", _LIVE, _LIVE_MORE)
     live.add_argument("station", type=READ, nargs="?", metavar="STATION", help="station file, TOML")
     live.add_argument("--out", type=NEW_FOLDER, metavar="DIR", help="where it is recorded; new or empty")
-    live.add_argument("--for", type=_seconds, dest="seconds", metavar="S", help="end after so many seconds")
+    live.add_argument("--for", type=duration_s, dest="seconds", metavar="S", help="end after so many seconds")
     live.add_argument("--simulate", action="store_true", help="with a range that is not there")
     live.add_argument("--rig", type=READ, metavar="FILE", help="with --simulate: another rig than the built-in one")
-    live.add_argument(
-        "--rate", type=pairs_per_s, default=_RATE_HZ, metavar="HZ", help="with --simulate: pairs a second (30)"
-    )
-    live.add_argument("--seed", type=whole_number, default=0, metavar="N", help="with --simulate: of noise and weather")
-    live.add_argument(
-        "--wind", type=wind_m_s, default=0.0, metavar="M_S", help="with --simulate: gusts, as in simulate"
-    )
-    live.add_argument(
-        "--aircraft",
-        choices=("waves", "jsbsim"),
-        default="waves",
-        help="with --simulate: what moves it in the wind: waves, or JSBSim's C172 in turbulence, an optional extra",
-    )
+    add_simulated_flight(live, _RATE_HZ, "with --simulate: ")
     live.add_argument(
         "--ptu-fault",
         action="append",
@@ -100,20 +68,6 @@ def add_live(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     screen = live.add_mutually_exclusive_group()
     screen.add_argument("--view", action="store_true", help="the operator's screen in the desktop viewer")
     screen.add_argument("--web", action="store_true", help="the operator's screen in a browser on this machine")
-    check = commands.add_parser(
-        "check",
-        help="test each device of a station before the flight",
-        description=_CHECK,
-        epilog=_CHECK_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    check.add_argument("station", type=READ, metavar="STATION", help="station file, TOML")
-    check.add_argument("--for", type=_seconds, default=3.0, dest="seconds", metavar="S", help="look so long (3)")
-    check.add_argument("--move", action="store_true", help="turn each head by half a degree and back")
-
-
-def _seconds(text: str) -> float:
-    return parse_number(text, "a number above 0", lambda value: 0.0 < value < 1e7)
 
 
 def run_live(options: argparse.Namespace) -> int:
@@ -158,16 +112,14 @@ def run_live(options: argparse.Namespace) -> int:
                 aircraft=FlightModelKind(options.aircraft),
             )
         )
-    block = StatusBlock(sys.stderr)
-    with StopRequest() as stop, StatusWatchdog(block.silent) as watch:
+    with StopRequest() as stop, StatusDisplay(sys.stderr) as display, StatusWatchdog(display.silent) as watch:
 
         def show_status(status: "LiveStatus") -> None:
             watch.notify()
-            block.show(status)
+            display.show(status)
 
-        result = live(
-            request, stop, show_status, lambda text: print_line(f"{text} …", sys.stderr), simulator, end_by_force
-        )
+        result = live(request, stop, show_status, lambda text: display.message(f"{text} …"), simulator, end_by_force)
+        display.close()
         print_line(_result_text(result, None if simulator is None else simulator.score(result.begin_s)), sys.stdout)
     if result.lost:
         print_line("groundstation: nothing could be recorded", sys.stderr)
@@ -207,52 +159,6 @@ def _wrong_usage(options: argparse.Namespace, faults: Collection[str]) -> str:
     return f"--ptu-fault: got {unknown[0]!r}; wanted one of {', '.join(faults)}" if unknown else ""
 
 
-class StatusBlock:
-    """The status on a terminal: one line for each device, updated in place.
-
-    If the stream is no terminal: one line every five seconds, and at a change of the track's status, at most one in
-    half a second. May be called from two threads.
-    """
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        self._shown = threading.Lock()
-        self._rows: list[str] = []
-        self._lines = 0
-        self._said_s = -math.inf
-        self._said: TrackStatus | None = None
-        self._silent_s = 0.0
-
-    def show(self, status: "LiveStatus") -> None:
-        """Show a status."""
-        with self._shown:
-            self._silent_s = 0.0
-            if self._stream.isatty():
-                width = max(shutil.get_terminal_size().columns - 1, 20)
-                self._rows = [r for line in status.lines for r in textwrap.wrap(line, width, subsequent_indent="    ")]
-                self._draw(self._rows)
-                return
-            since_s = status.t_s - self._said_s
-            if since_s >= _LINE_EVERY_S or (status.track is not self._said and since_s >= _CHANGE_EVERY_S):
-                self._said_s, self._said = status.t_s, status.track
-                print_line(f"{status.t_s:7.1f} s  {status.one_line()}", self._stream)
-
-    def silent(self, age_s: float) -> None:
-        """Show a warning that no status has arrived for some seconds."""
-        with self._shown:
-            text = f"NO STATUS for {age_s:.0f} s: the last one is old, the aircraft may be anywhere"
-            if self._stream.isatty():
-                self._draw([*self._rows, text])
-            elif age_s >= self._silent_s:
-                self._silent_s = age_s + _LINE_EVERY_S
-                print_line(text, self._stream)
-
-    def _draw(self, rows: list[str]) -> None:
-        up = f"\x1b[{self._lines}F\x1b[J" if self._lines else ""
-        print_line(up + "\n".join(rows), self._stream)
-        self._lines = len(rows)
-
-
 def _result_text(result: "LiveResult", score: "SimulationScore | None" = None) -> str:
     """Return the summary of a live run."""
     from groundstation.live.status_board import dropped_text
@@ -282,14 +188,3 @@ def _result_text(result: "LiveResult", score: "SimulationScore | None" = None) -
     lines += ["", *(f"wrote {path}" for path in result.files)]
     lines += [f"not whole: {what}" for what in result.incomplete]
     return "\n".join(lines)
-
-
-def run_check(options: argparse.Namespace) -> int:
-    """Test each device and print a line for it."""
-    from groundstation.live.check import check_station
-
-    wrong = 0
-    for line in check_station(options.station, options.seconds, move=options.move):
-        print(("ok     " if line.good else "WRONG  ") + line.text, flush=True)
-        wrong += not line.good
-    return 1 if wrong else 0

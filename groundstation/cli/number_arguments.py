@@ -33,6 +33,11 @@ def positive_number(text: str) -> float:
     return parse_number(text, "a number above 0", lambda value: value > 0.0)
 
 
+def duration_s(text: str) -> float:
+    """Return a duration in s, above 0."""
+    return parse_number(text, "a number above 0", lambda value: 0.0 < value < 1e7)
+
+
 def take_negative_numbers(parser: argparse.ArgumentParser) -> None:
     """Let values such as "-5,20,40,30" follow an option of this parser; none of its options may look like that."""
     parser._negative_number_matcher = _NEGATIVE_NUMBERS

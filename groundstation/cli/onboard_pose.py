@@ -4,6 +4,7 @@ import argparse
 import math
 from collections.abc import Iterator
 
+from groundstation.cli.command_arguments import Commands, add_command
 from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import READ, WRITTEN_FILE
 from groundstation.errors import InputError, UsageError
@@ -32,15 +33,9 @@ its range and how well it fits; rerun --bind 127.0.0.1 poses.rrd opens it
 exit code: 0 done; 1 a file is at fault; 2 wrong usage"""
 
 
-def add_pose(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_pose(kinds: Commands) -> None:
     """Add `onboard pose`."""
-    pose = kinds.add_parser(
-        "pose",
-        help="from the four corners of a runway in each picture",
-        description=_POSE,
-        epilog=_POSE_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    pose = add_command(kinds, "pose", run_pose, "from the four corners of a runway in each picture", _POSE, _POSE_MORE)
     pose.add_argument("--corners", type=READ, required=True, metavar="FILE", help="table of corners, CSV")
     pose.add_argument("--runways", type=READ, required=True, metavar="FILE", help="the runways, JSON")
     pose.add_argument("--camera", type=READ, required=True, metavar="FILE", help="the camera's lens, TOML")
@@ -55,7 +50,6 @@ def add_pose(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
         metavar="PX",
         help="noise of a corner, 1 sigma (default 0.29: whole pixels)",
     )
-    pose.set_defaults(run_onboard=run_pose)
 
 
 def _sigma(text: str) -> float:

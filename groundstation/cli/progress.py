@@ -1,50 +1,133 @@
-"""The progress of a run as one line on the terminal."""
+"""The progress of runs: bars on a terminal, lines at a low rate elsewhere."""
 
+import time
+from collections.abc import Callable
 from types import TracebackType
-from typing import Never, TextIO
+from typing import TYPE_CHECKING, Protocol, Self, TextIO
 
-from tqdm import tqdm
+from groundstation.cli.terminal import is_interactive, print_line
+
+if TYPE_CHECKING:
+    from groundstation.cli.progress_bars import StatusBar
+
+_LOG_INTERVAL_S = 10.0
+
+
+class _Progress(Protocol):
+    def prepare(self, name: str) -> None:
+        """Show that a run is being prepared."""
+
+    def update(self, name: str, done: int, total: int | None) -> None:
+        """Show the progress of a run."""
+
+    def close(self) -> None:
+        """Finish the display."""
+
+
+class ProgressDisplay:
+    """Progress of one run or several, each under its name; a context manager."""
+
+    def __init__(self, stream: TextIO, unit: str = "pair") -> None:
+        self._progress: _Progress
+        if is_interactive(stream):
+            from groundstation.cli import progress_bars
+
+            self._progress = progress_bars.ProgressBars(stream, unit)
+        else:
+            self._progress = ProgressLog(stream, unit)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.close()
+
+    def prepare(self, name: str) -> None:
+        """Show that a run is being prepared; a first run compiles for some seconds."""
+        self._progress.prepare(name)
+
+    def update(self, name: str, done: int, total: int | None) -> None:
+        """Show ``done`` of ``total`` for a run; None if the total is unknown."""
+        self._progress.update(name, done, total)
 
 
 class ProgressLine:
-    """A progress bar; if the stream is no terminal, lines at a low rate."""
+    """Progress of a single run; a context manager."""
 
     def __init__(self, stream: TextIO, label: str, unit: str = "pair") -> None:
-        self._stream = stream
-        self._unit = unit
+        self._display = ProgressDisplay(stream, unit)
         self._label = label
-        self._terminal = stream.isatty()
-        self._bar: tqdm[Never] | None = None
-        # what stands there until there is something to count; a first run compiles for some seconds
-        self._waiting = f"{label}: preparing …" if self._terminal else ""
 
-    def __enter__(self) -> "ProgressLine":
-        self._stream.write(self._waiting)
-        self._stream.flush()
+    def __enter__(self) -> Self:
+        self._display.prepare(self._label)
         return self
 
-    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
-        self._wipe()
-        if self._bar is not None:
-            self._bar.close()
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._display.__exit__(kind, fault, trace)
 
     def update(self, done: int, total: int | None) -> None:
         """Show ``done`` of ``total``; None if the total is unknown."""
-        self._wipe()
-        bar = self._bar
-        if bar is None:
-            bar = self._bar = tqdm(
-                total=total,
-                desc=self._label,
-                unit=self._unit,
-                file=self._stream,
-                mininterval=0.1 if self._terminal else 10.0,
-                dynamic_ncols=self._terminal,
-            )
-        bar.update(done - bar.n)
+        self._display.update(self._label, done, total)
 
-    def _wipe(self) -> None:
-        """Clear the line shown before the first update."""
-        if self._waiting:
-            self._stream.write("\r" + " " * len(self._waiting) + "\r")
-            self._waiting = ""
+
+class ProgressLog:
+    """Progress as lines of a log: one for each run every ten seconds, and one when all have ended."""
+
+    def __init__(self, stream: TextIO, unit: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._stream = stream
+        self._unit = unit
+        self._clock = clock
+        # by name: start, time of the last line, number done, total
+        self._runs: dict[str, tuple[float, float, int, int | None]] = {}
+
+    def prepare(self, name: str) -> None:
+        """Show nothing."""
+
+    def update(self, name: str, done: int, total: int | None) -> None:
+        """Print a line if the last one is ten seconds old."""
+        now_s = self._clock()
+        start_s, shown_s, _, _ = self._runs.get(name, (now_s, now_s, 0, None))
+        self._runs[name] = (start_s, shown_s, done, total)
+        if now_s - shown_s >= _LOG_INTERVAL_S:
+            self._runs[name] = (start_s, now_s, done, total)
+            self._print(name)
+
+    def close(self) -> None:
+        """Print the final line of each run."""
+        for name in self._runs:
+            self._print(name)
+
+    def _print(self, name: str) -> None:
+        start_s, _, done, total = self._runs[name]
+        elapsed_s = self._clock() - start_s
+        amount = f"{done} {self._unit}s" if total is None else f"{done} of {total} {self._unit}s"
+        print_line(f"{name}: {amount} in {elapsed_s:.1f} s", self._stream)
+
+
+class StatusLine:
+    """One line of text on a terminal, replaced by the next; nothing elsewhere. A context manager."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._bar: StatusBar | None = None
+        if is_interactive(stream):
+            from groundstation.cli import progress_bars
+
+            self._bar = progress_bars.StatusBar(stream)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def show(self, text: str) -> None:
+        """Replace the line."""
+        if self._bar is not None:
+            self._bar.show(text)

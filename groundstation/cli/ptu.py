@@ -5,8 +5,8 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Callable
 
+from groundstation.cli.command_arguments import Commands, Run, add_command
 from groundstation.cli.number_arguments import finite_number, positive_number
 from groundstation.cli.path_arguments import WRITTEN_FILE
 from groundstation.cli.ptu_open import open_unit, warn_unguarded
@@ -35,17 +35,19 @@ exit code: 0 done; 1 the unit, its line or a setting for it is at fault, or a
 move missed its target; 2 wrong usage; 130 interrupted"""
 
 
-def add_ptu(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_ptu(commands: Commands) -> None:
     """Add `ptu` and its subcommands."""
     ptu = commands.add_parser("ptu", help="pan-tilt units: what is it, how does it do, move it, pretend to be one")
     kinds = ptu.add_subparsers(dest="ptu", metavar="WHAT", required=True)
-    probe = _kind(kinds, "probe", "what is it, and how fast does it answer", _PROBE)
+    probe = add_command(
+        kinds, "probe", _handle_faults(_probe), "what is it, and how fast does it answer", _PROBE, _MORE
+    )
     _add_line(probe)
     probe.add_argument("--seconds", type=positive_number, default=3.0, metavar="S", help="how long to ask, s (3)")
-    monitor = _kind(kinds, "monitor", "watch it", _MONITOR)
+    monitor = add_command(kinds, "monitor", _handle_faults(_monitor), "watch it", _MONITOR, _MORE)
     _add_line(monitor)
     monitor.add_argument("--seconds", type=positive_number, metavar="S", help="stop after so long, s; else with Ctrl-C")
-    jog = _kind(kinds, "jog", "move it carefully", _JOG)
+    jog = add_command(kinds, "jog", _handle_faults(_jog), "move it carefully", _JOG, _MORE)
     _add_line(jog)
     jog.add_argument("--pan", type=finite_number, metavar="DEG", help="pan to turn to, deg")
     jog.add_argument("--tilt", type=finite_number, metavar="DEG", help="tilt to turn to, deg")
@@ -54,18 +56,6 @@ def add_ptu(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> 
     jog.add_argument("--rate", type=positive_number, metavar="DEG_S", help=slowly)
     jog.add_argument("--back", action="store_true", help="and turn back, to see what was lost")
     _add_simulate(kinds)
-
-
-def _kind(
-    kinds: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, short: str, description: str
-) -> argparse.ArgumentParser:
-    return kinds.add_parser(
-        name,
-        help=short,
-        description=description,
-        epilog=_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
 
 
 def _add_line(parser: argparse.ArgumentParser) -> None:
@@ -97,11 +87,11 @@ def _add_line(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{axis}-limits", type=_range, metavar="LOW,HIGH", help=f"keep {axis} between these, deg")
 
 
-def _add_simulate(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def _add_simulate(kinds: Commands) -> None:
     from ptu_drivers.simulated.faults import FAULTS
     from ptu_drivers.simulated.lines import OTHERS
 
-    simulate = _kind(kinds, "simulate", "pretend to be one", _SIMULATE)
+    simulate = add_command(kinds, "simulate", _handle_faults(_simulate), "pretend to be one", _SIMULATE, _MORE)
     simulate.add_argument("--protocol", choices=("flir", *OTHERS), default="flir", help="what to speak (flir)")
     where = simulate.add_mutually_exclusive_group(required=True)
     where.add_argument("--link", type=WRITTEN_FILE, metavar="PATH", help="make a pty, and a link to it here")
@@ -123,17 +113,21 @@ def _add_simulate(kinds: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     simulate.add_argument("--faults-per-minute", type=positive_number, default=6.0, metavar="N", help="how often (6)")
 
 
-def run_ptu(options: argparse.Namespace) -> int:
-    """Run one of them; returns the exit code."""
-    from ptu_drivers import errors
+def _handle_faults(command: Run) -> Run:
+    """Return a command that ends with a message on a fault of the unit, and quietly on Ctrl-C."""
 
-    try:
-        return _KINDS[options.ptu](options)
-    except errors.PtuError as fault:
-        raise GroundstationError(str(fault)) from fault
-    except KeyboardInterrupt:
-        print("groundstation: interrupted", file=sys.stderr)
-        return 130
+    def run(options: argparse.Namespace) -> int:
+        from ptu_drivers import errors
+
+        try:
+            return command(options)
+        except errors.PtuError as fault:
+            raise GroundstationError(str(fault)) from fault
+        except KeyboardInterrupt:
+            print("groundstation: interrupted", file=sys.stderr)
+            return 130
+
+    return run
 
 
 def _probe(options: argparse.Namespace) -> int:
@@ -298,11 +292,3 @@ def _range(text: str) -> tuple[float, float]:
     if len(parts) != 2 or not finite_number(parts[0]) < finite_number(parts[1]):
         raise argparse.ArgumentTypeError(f"got {text!r}; wanted LOW,HIGH, LOW below HIGH")
     return finite_number(parts[0]), finite_number(parts[1])
-
-
-_KINDS: dict[str, Callable[[argparse.Namespace], int]] = {
-    "probe": _probe,
-    "monitor": _monitor,
-    "jog": _jog,
-    "simulate": _simulate,
-}

@@ -4,7 +4,10 @@ import argparse
 import sys
 from pathlib import Path
 
+from groundstation.cli.command_arguments import Commands, add_command
 from groundstation.cli.path_arguments import READ, WrittenFolder
+from groundstation.cli.progress import StatusLine
+from groundstation.cli.terminal import print_table
 from groundstation.cli.time_span import add_span, require_span
 from groundstation.errors import InputError
 
@@ -22,14 +25,15 @@ processor times repeats to the last digit. The whole takes some minutes.
 exit code: 0 done; 1 the session is at fault; 2 wrong usage; 130 interrupted"""
 
 
-def add_reproduce(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_reproduce(commands: Commands) -> None:
     """Add `reproduce`."""
-    reproduce = commands.add_parser(
+    reproduce = add_command(
+        commands,
         "reproduce",
-        help="the papers' experiments on our recordings, ours beside theirs",
-        description=_REPRODUCE,
-        epilog=_REPRODUCE_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        run_reproduce,
+        "the papers' experiments on our recordings, ours beside theirs",
+        _REPRODUCE,
+        _REPRODUCE_MORE,
     )
     reproduce.add_argument(
         "--out",
@@ -63,9 +67,7 @@ def run_reproduce(options: argparse.Namespace) -> int:
     require_span(options)
     names = [e.name for e in EXPERIMENTS]
     if options.list:
-        name_width, number_width = max(map(len, names)), max(len(e.numbers) for e in EXPERIMENTS)
-        for e in EXPERIMENTS:
-            print(f"{e.name:<{name_width}}  {e.numbers:<{number_width}}  {e.title} ({e.paper.value})")
+        print_table([(e.name, e.numbers, f"{e.title} ({e.paper.value})") for e in EXPERIMENTS])
         return 0
     unknown = [name for name in options.only if name not in names]
     if unknown:
@@ -78,25 +80,9 @@ def run_reproduce(options: argparse.Namespace) -> int:
         to_s=options.to_s,
         take_off=options.take_off,
     )
-    with _StatusLine() as status_line:
+    with StatusLine(sys.stderr) as status_line:
         done = reproduce(request, status_line.show)
     for (experiment, findings), elapsed_s in zip(done.found, done.elapsed_s, strict=True):
         print(f"{experiment.title} ({experiment.numbers}): {len(findings.tables)} tables, {elapsed_s:.0f} s")
     print(f"wrote {done.files[0]} and {len(done.files) - 1} files beside it")
     return 0
-
-
-class _StatusLine:
-    """One line on the terminal with the current experiment; prints nothing where stderr is no terminal."""
-
-    def __enter__(self) -> "_StatusLine":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.show("")
-
-    def show(self, text: str) -> None:
-        """Replace the line."""
-        if sys.stderr.isatty():
-            sys.stderr.write(f"\r\x1b[2K{text}")
-            sys.stderr.flush()

@@ -3,6 +3,7 @@
 import argparse
 import sys
 
+from groundstation.cli.command_arguments import Commands, add_command, add_simulated_flight
 from groundstation.cli.number_arguments import parse_number
 from groundstation.cli.path_arguments import NEW_FOLDER, READ
 from groundstation.cli.progress import ProgressLine
@@ -28,37 +29,24 @@ exit code: 0 done; 1 rig, faults or folder are at fault; 2 wrong usage; 130
 interrupted"""
 _FLIGHTS = ("landing", "take-off", "weave")
 _FORMS = ("video", "lossless", "png")
-_MAX_RATE_HZ = 200.0
-_MAX_WIND_M_S = 15.0
 
 
-def add_simulate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_simulate(commands: Commands) -> None:
     """Add `simulate`."""
-    simulate = commands.add_parser(
+    simulate = add_command(
+        commands,
         "simulate",
-        help="a rendered flight with exact truth out, as a session to replay",
-        description=_SIMULATE,
-        epilog=_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        run_simulate,
+        "a rendered flight with exact truth out, as a session to replay",
+        _SIMULATE,
+        _MORE,
     )
     simulate.add_argument(
         "--out", type=NEW_FOLDER, required=True, metavar="SESSION", help="the folder to write; new or empty"
     )
     simulate.add_argument("--flight", choices=_FLIGHTS, default="landing", help="what is flown (default: landing)")
-    simulate.add_argument("--seed", type=whole_number, default=0, metavar="N", help="of everything random (default: 0)")
-    simulate.add_argument(
-        "--rate", type=pairs_per_s, default=10.0, metavar="HZ", help="stereo pairs per s (default: 10)"
-    )
+    add_simulated_flight(simulate, rate_hz=10.0)
     simulate.add_argument("--duration", type=_positive, metavar="S", help="only the first so many s of the flight")
-    simulate.add_argument(
-        "--wind", type=wind_m_s, default=0.0, metavar="M_S", help="gusts as in such a wind, up to 15 m/s (default: 0)"
-    )
-    simulate.add_argument(
-        "--aircraft",
-        choices=("waves", "jsbsim"),
-        default="waves",
-        help="what moves it in the wind: waves, or JSBSim's C172 in Milspec turbulence, an optional extra",
-    )
     simulate.add_argument("--faults", type=READ, metavar="FILE", help="what fails when, TOML; see below")
     simulate.add_argument("--rig", type=READ, metavar="FILE", help="your own stations, rig.toml")
     simulate.add_argument(
@@ -72,25 +60,6 @@ def add_simulate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def _positive(text: str) -> float:
     return parse_number(text, "a number of s above 0", lambda value: 0.0 < value <= 1e6)
-
-
-def pairs_per_s(text: str) -> float:
-    """Return the rate that --rate asks for, Hz."""
-    return parse_number(
-        text, f"pairs per s, above 0, up to {_MAX_RATE_HZ:g}", lambda value: 0.0 < value <= _MAX_RATE_HZ
-    )
-
-
-def wind_m_s(text: str) -> float:
-    """Return the wind that --wind asks for, m/s."""
-    return parse_number(text, f"m/s from 0 to {_MAX_WIND_M_S:g}", lambda value: 0.0 <= value <= _MAX_WIND_M_S)
-
-
-def whole_number(text: str) -> int:
-    """Return the whole number that --seed asks for."""
-    return int(
-        parse_number(text, "a whole number from 0", lambda value: 0.0 <= value <= 2.0**53 and value.is_integer())
-    )
 
 
 def run_simulate(options: argparse.Namespace) -> int:

@@ -9,8 +9,9 @@ import threading
 import webbrowser
 from pathlib import Path
 
-from groundstation.cli.path_arguments import READ, WRITTEN_FILE, WrittenFolder
-from groundstation.cli.progress import ProgressLine
+from groundstation.cli.command_arguments import Commands, add_command, add_runs
+from groundstation.cli.path_arguments import WRITTEN_FILE
+from groundstation.cli.progress import ProgressDisplay
 from groundstation.errors import UsageError
 
 _VIEW = """Look at a run in Rerun: scene, pictures with what was seen in them, errors,
@@ -32,28 +33,15 @@ exit code: 0 done; 1 a source is at fault, or there is no display; 2 wrong usage
 _ALIGN = ("none", "start", "touchdown")
 
 
-def add_view(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_view(commands: Commands) -> None:
     """Add `view`."""
-    view = commands.add_parser(
-        "view",
-        help="look at one run, or at several side by side",
-        description=_VIEW,
-        epilog=_MORE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    view.add_argument("sources", type=READ, nargs="+", metavar="SOURCE", help="what to look at; see below")
+    view = add_command(commands, "view", run_view, "look at one run, or at several side by side", _VIEW, _MORE)
+    add_runs(view, "what to look at")
     view.add_argument(
         "--align",
         choices=_ALIGN,
         help="what is at the same time in every run: its first estimate, its touchdown, or nothing "
         "(default: none; start where the runs have no time in common)",
-    )
-    view.add_argument(
-        "--config", type=READ, action="append", default=[], metavar="FILE", help="tuning for what is replayed; repeat"
-    )
-    view.add_argument("--rig", type=READ, metavar="FILE", help="another rig for what is replayed")
-    view.add_argument(
-        "--out", type=WrittenFolder(), metavar="DIR", help="keep what is replayed there, a folder for each run"
     )
     where = view.add_mutually_exclusive_group()
     where.add_argument("--view", action="store_true", help="in the desktop viewer (default where there is a display)")
@@ -73,7 +61,7 @@ def run_view(options: argparse.Namespace) -> int:
         raise UsageError("--save", got=str(options.save), wanted="a name that ends in .rrd, which the viewer opens")
     shows = options.view or options.web or options.save is None
     if shows and not options.web and not has_display(os.environ):
-        # said before anything is replayed for nothing
+        # before the replays, which take minutes
         raise ViewerError("no display: --web shows it in a browser on this machine, --save FILE.rrd writes a file")
     with tempfile.TemporaryDirectory(prefix="groundstation-view-") as folder:
         request = ViewRequest(
@@ -84,15 +72,8 @@ def run_view(options: argparse.Namespace) -> int:
             align=None if options.align is None else RunAlignment(options.align),
             save=options.save,
         )
-        lines: dict[str, ProgressLine] = {}
-        try:
-            result = prepare_view(
-                request,
-                lambda name, done, total: lines.setdefault(name, ProgressLine(sys.stderr, name)).update(done, total),
-            )
-        finally:
-            for line in lines.values():
-                line.__exit__()
+        with ProgressDisplay(sys.stderr) as progress:
+            result = prepare_view(request, progress.update)
         for note in result.notes:
             print(f"note: {note}", file=sys.stderr)
         if options.save is not None:

@@ -9,7 +9,6 @@ MOST_ARGUMENTS = 10
 LONG: set[str] = {
     "calibration.flight.problem.FlightProblem.predict",
     "calibration.flight.report_pictures.flight_pictures",
-    "groundstation.cli.onboard_fly.add_fly",
     "groundstation.detection.background._subtract_background",
     "groundstation.detection.chan_vese.evolve",
     "groundstation.detection.contour_evolution.evolve_contour",

@@ -1,9 +1,7 @@
 """What the operator is told of the recording, the screen and the counts, in plain words; and where it is shown."""
 
-import io
 import itertools
 import math
-import re
 import threading
 import time
 from collections.abc import Iterator
@@ -13,11 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from groundstation.cli.live import StatusBlock
 from groundstation.live.camera_worker import CameraWorker
 from groundstation.live.input_queue import InputQueue
 from groundstation.live.record import LiveRecorder
-from groundstation.live.status_board import LiveStatus
 from groundstation.live.status_watchdog import StatusWatchdog
 from groundstation.messages import Epoch, TrackStatus
 from groundstation.recording.data_rates import DataRateMeter
@@ -91,78 +87,6 @@ def test_each_count_of_the_pipeline_has_its_words() -> None:
         assert name.replace("_", " ") not in line
     assert describe_counts({"ptu_spikes": 0}) == []
     assert describe_counts({"something_new": 2}) == ["2 something new"]
-
-
-class Terminal(io.StringIO):
-    """A terminal that remembers."""
-
-    def isatty(self) -> bool:
-        return True
-
-
-def status(*lines: str) -> LiveStatus:
-    return LiveStatus(
-        t_s=1.0,
-        track=TrackStatus.SEARCHING,
-        latency_p50_ms=0.0,
-        latency_p99_ms=0.0,
-        devices=(),
-        dropped={},
-        lines=lines,
-    )
-
-
-def test_a_terminal_shows_every_line_and_the_next_in_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "40")
-    screen = Terminal()
-    block = StatusBlock(screen)
-    long = "left camera 30 Hz, its clock 0.0001 s behind ours, drifts +1 ppm"
-    block.show(status("searching", long))
-    first = screen.getvalue()
-    assert " ".join(first.split()) == f"searching {long}"
-    assert max(map(len, first.splitlines())) < 40
-    block.show(status("tracking"))
-    assert screen.getvalue() == first + f"\x1b[{first.count(chr(10))}F\x1b[Jtracking\n"
-
-
-def on(t_s: float, track: TrackStatus) -> LiveStatus:
-    return replace(status(track.value), t_s=t_s, track=track)
-
-
-def test_where_nobody_watches_a_change_is_said_and_else_a_line_every_five_seconds() -> None:
-    file = io.StringIO()
-    block = StatusBlock(file)
-    track, coast, lost = TrackStatus.TRACKING, TrackStatus.COASTING, TrackStatus.LOST
-    for t_s, what in ((1.0, track), (1.5, track), (1.75, coast), (2.0, track), (5.9, track), (6.0, track), (6.3, lost)):
-        block.show(on(t_s, what))
-    for t_s in (6.5, 7.0, 11.49, 11.5):
-        block.show(on(t_s, lost))
-    said = [(float(line.split(" s  ")[0]), line.split()[-1]) for line in file.getvalue().splitlines()]
-    assert said == [(1.0, "tracking"), (1.8, "coasting"), (5.9, "tracking"), (6.5, "lost"), (11.5, "lost")]
-
-
-def test_a_status_that_comes_no_more_is_said_to_be_old(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: on a terminal below the last one, in its place; elsewhere at once and every five seconds."""
-    monkeypatch.setenv("COLUMNS", "80")
-    screen, file = Terminal(), io.StringIO()
-    for stream in (screen, file):
-        block = StatusBlock(stream)
-        block.show(status("tracking at 442 ± 1.3 m"))
-        for age_s in (2.1, 2.6, 7.0, 7.1):
-            block.silent(age_s)
-        block.show(replace(status("lost"), t_s=9.0, track=TrackStatus.LOST))
-        block.silent(2.1)
-    old = "NO STATUS for {} s: the last one is old, the aircraft may be anywhere"
-    blocks = re.split(r"\x1b\[[0-9]+F\x1b\[J", screen.getvalue())
-    assert [b.splitlines() for b in blocks] == [
-        ["tracking at 442 ± 1.3 m"],
-        *(["tracking at 442 ± 1.3 m", old.format(s)] for s in (2, 3, 7, 7)),
-        ["lost"],
-        ["lost", old.format(2)],
-    ]
-    assert re.findall(r"\x1b\[([0-9]+)F", screen.getvalue()) == ["1", "2", "2", "2", "2", "1"]
-    lines = file.getvalue().splitlines()
-    assert lines[1:] == [old.format(2), old.format(7), "    9.0 s  lost", old.format(2)]
 
 
 def test_the_watch_speaks_while_nothing_is_told() -> None:

@@ -1,0 +1,23 @@
+"""`groundstation config`: the tuning with its defaults, as TOML."""
+
+import argparse
+
+from groundstation.cli.command_arguments import Commands, add_command
+from groundstation.cli.path_arguments import READ
+
+_CONFIG = """Print the whole tuning as TOML, with every default that FILE does not change:
+a file to start from for replay's --config."""
+
+
+def add_config(commands: Commands) -> None:
+    """Add `config`."""
+    config = add_command(commands, "config", run_config, "print the tuning with its defaults, as TOML", _CONFIG)
+    config.add_argument("--config", type=READ, metavar="FILE", help="what differs from the defaults, TOML")
+
+
+def run_config(options: argparse.Namespace) -> int:
+    """Print the resolved tuning."""
+    from groundstation.tracking.config import config_to_mapping, config_to_toml, load_config
+
+    print(config_to_toml(config_to_mapping(load_config(options.config))))
+    return 0

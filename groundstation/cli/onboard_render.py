@@ -1,0 +1,59 @@
+"""`groundstation onboard render`: a rendered approach with exact truth."""
+
+import argparse
+import sys
+
+from groundstation.cli.command_arguments import Commands, add_command, add_result_folder, print_files
+from groundstation.cli.progress import ProgressLine
+
+_RENDER = """Render a nose camera's video of an approach, with the inertial unit's log and the exact
+truth, for `onboard fly` and `onboard edges` to be tried on."""
+_RENDER_MORE = """example:
+  groundstation onboard render --scene dusk --seed 3 --out out/flight
+
+DIR gets nose.avi (no loss), nose.toml, imu.csv and truth.csv; one that is there already
+is left as it is, and nothing is rendered
+
+exit code: 0 done; 1 the folder or --motion is at fault; 2 wrong usage; 130 interrupted"""
+SCENES = ("day", "haze", "dusk", "night", "short-final")
+_MOST_SEED_DIGITS = 9
+
+
+def add_render(kinds: Commands) -> None:
+    """Add `onboard render`."""
+    render = add_command(
+        kinds, "render", run_render, "a rendered approach with exact truth, to try the others on", _RENDER, _RENDER_MORE
+    )
+    add_result_folder(render, ("nose.avi", "nose.toml", "imu.csv", "truth.csv"))
+    render.add_argument("--scene", choices=SCENES, default="day", help="airfield and light (default day)")
+    render.add_argument("--seed", type=_seed, default=1, metavar="N", help="of gusts, sensors and noise (default 1)")
+    render.add_argument(
+        "--motion",
+        choices=("waves", "jsbsim"),
+        default="waves",
+        help="how it flies: smooth waves about the glide path (default), or JSBSim's C172 in turbulence",
+    )
+    render.add_argument("--frames", type=_count, default=130, metavar="N", help="pictures at 10 Hz (default 130)")
+
+
+def _seed(text: str) -> int:
+    if not (text.isascii() and text.isdigit()) or len(text) > _MOST_SEED_DIGITS:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a whole number from 0 to 999999999")
+    return int(text)
+
+
+def _count(text: str) -> int:
+    if not (text.isascii() and text.isdigit()) or not 2 <= int(text) <= 130:
+        raise argparse.ArgumentTypeError(f"got {text!r}; wanted a number from 2 to 130")
+    return int(text)
+
+
+def run_render(options: argparse.Namespace) -> int:
+    """Render and write; returns the exit code."""
+    from groundstation.onboard.render import render_flight
+
+    scene = SCENES.index(options.scene)
+    with ProgressLine(sys.stderr, "render", "frame") as line:
+        files = render_flight(options.out, scene, options.seed, options.frames, options.motion, line.update)
+    print_files(files)
+    return 0

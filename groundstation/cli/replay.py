@@ -1,0 +1,97 @@
+"""`groundstation replay`: a recorded session in, its track and evaluation out."""
+
+import argparse
+import os
+import sys
+
+from groundstation.cli.command_arguments import Commands, add_command, add_result_folder, print_files
+from groundstation.cli.number_arguments import parse_number
+from groundstation.cli.path_arguments import READ, WRITTEN_FILE
+from groundstation.cli.progress import ProgressLine
+from groundstation.cli.time_span import add_span
+from groundstation.replay.result_files import REPLAY_FILES
+
+_REPLAY = """Replay a recorded session: find the aircraft in every camera, track it in 3-D,
+compare with DGPS and truth, and write track.csv, triangulation.csv,
+detections.csv, track.tum, summary.json, report.html and session.rrd into the
+output folder."""
+_REPLAY_MORE = """example:
+  groundstation replay recordings/landing-1 --out out/landing-1 --from 20
+
+exit code: 0 done; 1 the recording is at fault, and what came before the fault
+is written; 2 wrong usage; 130 interrupted"""
+
+
+def add_replay(commands: Commands) -> None:
+    """Add `replay`."""
+    replay = add_command(
+        commands, "replay", run_replay, "recorded stereo session in, scored 3-D track out", _REPLAY, _REPLAY_MORE
+    )
+    replay.add_argument(
+        "session", type=READ, metavar="SESSION", help="session folder (session.toml, rig.toml, videos …) or .mcap"
+    )
+    add_result_folder(replay, REPLAY_FILES)
+    replay.add_argument("--rig", type=READ, metavar="FILE", help="another rig than the session's rig.toml")
+    replay.add_argument(
+        "--config",
+        type=READ,
+        metavar="FILE",
+        help="tuning, TOML; what it leaves out keeps its default (all of them: groundstation config)",
+    )
+    add_span(replay)
+    replay.add_argument(
+        "--learn-until",
+        type=_seconds,
+        metavar="S",
+        help="let DGPS teach the filter the rig's errors up to this DGPS time, s; after it DGPS only compares",
+    )
+    replay.add_argument(
+        "--smooth", action="store_true", help="also smooth over the whole flight: smoothed.csv, a row in the accuracy"
+    )
+    replay.add_argument(
+        "--record", type=WRITTEN_FILE, metavar="FILE.mcap", help="also record what was consumed and answered"
+    )
+    recording = replay.add_mutually_exclusive_group()
+    recording.add_argument("--view", action="store_true", help="open the Rerun recording when done")
+    recording.add_argument("--no-rerun", action="store_true", help="do not write session.rrd")
+
+
+def _seconds(text: str) -> float:
+    """Return a finite time."""
+    return parse_number(text, "a time in s")
+
+
+def run_replay(options: argparse.Namespace) -> int:
+    """Replay, print the table and the paths; 1 if the recording was cut short by a fault."""
+    # imported here, so that --help and usage errors respond without delay
+    from groundstation.evaluation.accuracy_table import format_accuracy_table
+    from groundstation.replay.replay import ReplayRequest, replay
+    from groundstation.viewer.viewer_process import open_viewer, video_notice
+
+    request = ReplayRequest(
+        session=options.session,
+        out=options.out,
+        rig=options.rig,
+        config=options.config,
+        from_s=options.from_s,
+        to_s=options.to_s,
+        learn_until_s=options.learn_until,
+        rerun=not options.no_rerun,
+        record=options.record,
+        smooth=options.smooth,
+    )
+    with ProgressLine(sys.stderr, "replay") as line:
+        result = replay(request, line.update)
+    print(format_accuracy_table(result.evaluation.summary))
+    print()
+    if result.output_comparison is not None:
+        print(f"{result.output_comparison.line()}\n")
+    print_files(result.files)
+    if result.fault is not None:
+        print(f"groundstation: fault in the recording: {result.fault}", file=sys.stderr)
+    if options.view:
+        notice = video_notice(os.environ)
+        if notice:
+            print(f"groundstation: {notice}", file=sys.stderr)
+        open_viewer(options.out / "session.rrd", os.environ)
+    return 0 if result.fault is None else 1
