@@ -1,4 +1,4 @@
-"""What is physically possible: Cramér-Rao bounds of one fix and of a whole track.
+"""Cramér-Rao bounds of a single fix and of a track.
 
 One fix, from the stations' own Jacobians: information = Σ J_pᵀ (R_px + J_a R_a J_aᵀ)⁻¹ J_p, with J_p and J_a the
 derivatives of the pixel by position and by pan and tilt (docs/derivation.md, section 8). A track: the posterior

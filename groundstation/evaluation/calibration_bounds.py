@@ -1,4 +1,4 @@
-"""What is possible with a calibration that is itself uncertain (docs/derivation.md, section 11).
+"""Cramér-Rao bounds with an uncertain calibration (docs/derivation.md, section 11).
 
 A nuisance is anything constant that moves pixels and is not the target: a calibration parameter, a clock's offset.
 It can be *considered*: the estimator ignores it and its effect is added, which is what a filter with a fixed

@@ -1,4 +1,4 @@
-"""A reference made comparable: its clock offset found, its bad stretches left out, its antenna moved to the nose."""
+"""A DGPS reference prepared for comparison: time offset estimated, bad spans excluded, positions moved to the nose."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""How many independent values a correlated series is worth, and the bounds that follow for a mean χ²."""
+"""Effective sample size of a correlated series, and the bounds of its mean χ²."""
 
 from collections.abc import Sequence
 

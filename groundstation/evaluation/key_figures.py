@@ -1,4 +1,4 @@
-"""What is to be compared of a run, as a flat list of named numbers taken from its summary; and what has moved."""
+"""Key figures of a run: named numbers from its summary, and their changes between two runs."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Errors against a reference: per axis, range bin and background, and whether the covariances are honest.
+"""Errors against a reference per axis, range bin and background, and the consistency of the covariances.
 
 Convention: the estimate at its epoch's time against the reference interpolated linearly to that time.
 """

@@ -1,4 +1,4 @@
-"""Positions over time as plain arrays, and how a reference is read between its fixes."""
+"""Positions over time as arrays, and the interpolation of a reference between its fixes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

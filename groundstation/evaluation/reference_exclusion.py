@@ -1,4 +1,4 @@
-"""What of a reference can't be trusted: gaps, held (frozen) fixes, glitches and lagging stretches.
+"""Spans of a reference to exclude: gaps, frozen fixes, glitches and lag.
 
 The track under test must not decide which reference is right: a filter that follows a bird disagrees with a
 perfect reference. So each exclusion needs evidence in the reference itself: fixes that repeat while the

@@ -1,4 +1,4 @@
-"""Fixes of a reference that jump off its path and come back."""
+"""Glitches of a reference: fixes that leave its path and return to it."""
 
 from dataclasses import dataclass
 from itertools import pairwise

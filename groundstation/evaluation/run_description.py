@@ -1,4 +1,4 @@
-"""What the evaluation takes from the session and the runner, without knowing either."""
+"""Interface of the evaluation to sessions and runners: description of a run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

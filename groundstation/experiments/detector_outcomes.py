@@ -1,4 +1,4 @@
-"""Several detectors on the same scenes, each with its own memory, and how far each is from the truth.
+"""Outcomes of several detectors on the same scenes, compared with the truth.
 
 Times are processor time of the one thread that looks: on an idle machine the wall's, on a busy one still true.
 """

@@ -1,4 +1,4 @@
-"""What an experiment is, and what it leaves: tables, figures, and in which ways its set-up differs from the paper's."""
+"""An experiment and its findings: tables, figures, and the differences of its set-up from the paper's."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -27,7 +27,7 @@ _Span = tuple[float, float]
 
 
 def passes(recorded: TruthSession) -> Findings:
-    """Each pass with its pictures, errors, steps and innovations, and how far the round before it had led astray."""
+    """Each pass with its pictures, errors, steps and innovations, and the drift since the pass before."""
     whole = recorded.at_most_s(_MANY_BEYOND_S) == _MANY_BEYOND_S
     course, flights = (Passes(), _FLIGHTS) if whole else (_SHORT, 1)
     setup = default_setup(0.5)

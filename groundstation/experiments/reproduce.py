@@ -1,4 +1,4 @@
-"""Doing experiments one after the other and writing what they found: a page, a CSV per table, a PNG per figure."""
+"""Run the experiments and write their results: a page, a CSV file per table, a PNG file per figure."""
 
 import contextlib
 import time

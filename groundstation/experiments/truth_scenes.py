@@ -1,4 +1,4 @@
-"""Each frame of a session with what a filter would expect in it and what is truly there.
+"""Frames of a session with the prediction of a simulated filter and the exact truth.
 
 Instead of a filter, the truth with a seeded error predicts: the true pixel with 4 px (one sigma) of noise in u and in
 v, the true span with 10 %. Everything else of the hint is built by the pipeline's own code from the true position

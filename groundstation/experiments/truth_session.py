@@ -1,4 +1,4 @@
-"""The recording that the experiments share, with what several of them need computed once."""
+"""The session with exact truth that the experiments share, and results that several of them use."""
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""Which way an aircraft points while it flies a trajectory: along its track, nose up by its incidence, banked in turns.
+"""Attitude of an aircraft on a trajectory: heading along the track, constant incidence, coordinated turns.
 
 A trajectory is of the nose alone. Heading is the track's (no crab), bank is that of a coordinated turn,
 tan(bank) = lateral acceleration / g; on its wheels the aircraft is level.

@@ -1,4 +1,4 @@
-"""A camera with a detector behind it: the target's pixel with noise, sometimes missed, sometimes far off."""
+"""Simulated detections of a camera: the target's pixel with noise, misses and gross outliers."""
 
 from dataclasses import dataclass, field
 

@@ -1,4 +1,4 @@
-"""Stamps of clocks that are off: what a device writes, and what its user takes that to mean."""
+"""Device clocks with offset and drift: stamps of a device, and the session times that its user derives from them."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What goes wrong on a simulated range at stated times of its flight: a camera's frames, a PTU's line."""
+"""Scheduled faults of simulated devices: frames of a camera, serial line of a PTU."""
 
 import math
 import random

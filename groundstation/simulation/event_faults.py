@@ -1,6 +1,6 @@
-"""Faults on a timetable: what a healthy flight's events and frames become when devices fail.
+"""Scheduled faults applied to the events and frames of a simulated flight.
 
-A fault edits what a receiver gets; the truth stays. Times are session time by the stamps, s.
+A fault changes what a receiver gets; the truth is not changed. Times are session time by the stamps, s.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""A timetable of faults, as `groundstation simulate --faults` has it, for a range that flies in real time."""
+"""The fault timetable of `groundstation simulate --faults`, converted for the real-time device simulator."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""A part of a flight, by time and place: where DGPS is there, where it freezes, where a camera sees nothing."""
+"""A part of a flight by time and position, for the availability of DGPS and the misses of a camera."""
 
 import math
 from dataclasses import dataclass

@@ -36,7 +36,7 @@ _ELEVATOR, _PITCH_BY_KT, _PITCH = (2.5, 1.0), 0.01, (math.radians(3.0), math.rad
 
 @dataclass(slots=True)
 class _Pilot:
-    """Who has the controls; ``rotated`` once it is fast enough."""
+    """Control law of the take-off; ``rotated`` is set above the rotation speed."""
 
     model: Any
     rotated: bool = False

@@ -1,4 +1,4 @@
-"""Where the nose truly was in each picture of a simulated range."""
+"""True pixel of the nose in each picture of the device simulator."""
 
 from array import array
 

@@ -1,4 +1,4 @@
-"""What makes a picture of the light that falls through a lens: exposure, gain, blur, noise, colours."""
+"""Sensor model of a rendered camera: exposure, gain, blur, noise, colour pattern."""
 
 from dataclasses import dataclass
 

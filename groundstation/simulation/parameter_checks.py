@@ -1,4 +1,4 @@
-"""Refusing parameters that make no flight, in one line that says where, what was got and what was wanted."""
+"""Checks of scenario parameters; errors name the parameter, the value and the accepted values."""
 
 import math
 

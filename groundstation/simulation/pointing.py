@@ -1,4 +1,4 @@
-"""Where a station truly looks at any time: exactly at the target, nowhere else, or after it with a lag.
+"""True pointing of a station over time: ideal, fixed, disturbed, or by a servo loop with lag.
 
 Cameras expose at the head's true angles, continuous in time; the encoder sits on the motor's side of the
 gears. Both are (pan, tilt) in rad, rates in rad/s.
@@ -45,7 +45,7 @@ class IdealPointing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixedPointing:
-    """The head stands still at these angles, rad; a fixed station stands at zero."""
+    """Constant angles, rad; a station without a head has zero angles."""
 
     pan_rad: float = 0.0
     tilt_rad: float = 0.0

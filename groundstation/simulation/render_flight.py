@@ -1,4 +1,4 @@
-"""`groundstation simulate`: fly, film, and write a session folder that `groundstation replay` reads."""
+"""`groundstation simulate`: simulate a flight, render its pictures and write a session folder."""
 
 import math
 from collections.abc import Callable
@@ -26,7 +26,7 @@ _FAULT_KEYS = frozenset({"what", "station", "from_s", "to_s", "by_s", "by_deg"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderRequest:
-    """What the user asked for.
+    """Parameters of `render_flight`.
 
     ``rig`` None is the standard site, ``duration_s`` None the whole flight; ``grey`` cameras see no colours.
     """
@@ -46,7 +46,7 @@ class RenderRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderResult:
-    """What came of it: pairs filmed, seconds flown, and the folder."""
+    """Number of rendered pairs, duration in s, and the folder."""
 
     pairs: int
     duration_s: float
@@ -106,7 +106,7 @@ def _usable(path: Path) -> Rig:
 
 
 def _cameras(request: RenderRequest, flown: SimulatedFlight) -> dict[str, RenderedCamera]:
-    """Return a camera for each true station, in one world."""
+    """Return a camera for each true station, in one scene."""
     world = RenderedScene(
         trajectory=flown.scenario.trajectory, airframe=trainer(SPAN_M), scenery=Scenery(seed=request.seed)
     )

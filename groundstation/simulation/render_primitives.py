@@ -1,4 +1,4 @@
-"""Parts of a rendered picture that need no camera: rays of a grid, the smear of a motion, a mask cut to size."""
+"""Rendering steps that need no camera: a grid of rays, the kernel of motion blur, the crop of a mask."""
 
 import math
 

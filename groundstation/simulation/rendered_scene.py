@@ -1,4 +1,4 @@
-"""The world that cameras are rendered from: a flown aircraft and the surroundings, from one seed."""
+"""The scene that rendered cameras observe: an aircraft on a trajectory and the scenery, from one seed."""
 
 from dataclasses import dataclass, field
 

@@ -1,6 +1,6 @@
-"""A simulated flight with rendered pictures as a plain session folder (docs/formats.md).
+"""Writing a simulated flight with rendered pictures as a session folder (docs/formats.md).
 
-Everything that a receiver would have is in it, faults included; truth.csv and masks.npz say what truly was.
+The folder holds what a receiver would have, faults included; truth.csv and masks.npz hold the exact truth.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -50,7 +50,7 @@ def write_rendered_session(
     form: PictureFormat = PictureFormat.VIDEO,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
-    """Film a flight and write its session; ``words`` are the top of session.toml, ``progress`` gets pairs done and all.
+    """Render a flight and write its session; ``words`` are the top of session.toml; ``progress(done, total)`` in pairs.
 
     Raises `InputError` if the folder is not empty or cannot be written, `ScenarioError` where a fault cannot be.
     """

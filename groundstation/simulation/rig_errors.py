@@ -1,4 +1,4 @@
-"""Two rigs that differ: what the stations are, and what their user believes them to be."""
+"""Calibration errors: the difference between the true rig and the rig that the user believes in."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace

@@ -1,4 +1,4 @@
-"""What is to be simulated: a flight, the stations as they are, the stations as believed, and the devices."""
+"""A scenario: the trajectory, the true rig, the rig that the user believes in, and the device models."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What a flight is to the simulator: position and velocity of the target point at any time, runway frame.
+"""Trajectories: position and velocity of the target point at any time, runway frame.
 
 A trajectory has a span, the stretch of time that is flown. It can be asked beyond it, where readings lead in
 and out: it then goes on as it was.

@@ -1,4 +1,4 @@
-"""How the recording looks when it is opened: which views, where, and from where one looks."""
+"""Layout of a recording in the viewer: views, their arrangement and the 3-D viewpoint."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

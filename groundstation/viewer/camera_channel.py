@@ -1,4 +1,4 @@
-"""What one camera did, as rows: the turning frustum, the overlay of its picture, its plots and its status."""
+"""Rows of one camera: pose of its frustum, overlay of its picture, plots and status."""
 
 import math
 from collections.abc import Sequence

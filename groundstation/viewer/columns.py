@@ -1,4 +1,4 @@
-"""Many rows of one entity at once: a Rerun recording is cheap by the column and dear by the row."""
+"""Columns of one entity: writing a Rerun recording by columns is much cheaper than by rows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The answers of the pipeline, as rows: path, ellipsoids, triangulated points, latency, status and log."""
+"""Rows of the track: path, ellipsoids, triangulated points, latency, status and log."""
 
 from collections.abc import Sequence
 
