@@ -13,10 +13,10 @@ from calibration.clocks.calibrate import TimingCalibration
 from calibration.clocks.fit import TimingFit
 from calibration.clocks.image_motion import StationMotion
 from calibration.clocks.report import format_timing
-from calibration.report.page import report_figure, report_page
 from calibration.report.picture import ReportPicture, write_page
 from groundstation.arrays import FloatArray
 from groundstation.errors import InputError
+from groundstation.files.html_page import html_page, page_header, picture_grid, png_figure, preformatted
 
 _BLUE, _ORANGE, _GREY = "#0072B2", "#D55E00", "#9aa0a6"
 _AXES = ("pan", "tilt")
@@ -39,15 +39,15 @@ def write_timing_page(folder: Path, found: TimingCalibration) -> list[Path]:
     pictures, parts = [], []
     for name, fit in found.by_pictures.items():
         own = [_motion(name, fit, found.motions[name]), _residual(name, fit, found.motions[name])]
-        figures = "".join(report_figure(p.title, p.caption, p.png) for p in own)
-        parts.append(f"<h2>Station {escape(name)}</h2><div class='pictures'>{figures}</div>")
+        figures = [png_figure(p.title, p.caption, p.png) for p in own]
+        parts.append(f"<h2>Station {escape(name)}</h2>" + picture_grid(figures))
         pictures += own
     if not parts:
         parts.append("<p>The flight alone was asked for: no pictures were compared with the readings.</p>")
-    head = f"<p class='soft'>Groundstation · clocks</p><h1>{escape(found.session.name)}</h1>"
-    text = f"<h2>In words</h2><div class='wide'><pre>{escape(format_timing(found))}</pre></div>"
+    head = page_header("clocks", found.session.name)
+    text = "<h2>In words</h2>" + preformatted(format_timing(found))
     try:
-        return write_page(folder, report_page(f"{found.session.name} – clocks", head + "".join(parts) + text), pictures)
+        return write_page(folder, html_page(f"{found.session.name} – clocks", head + "".join(parts) + text), pictures)
     except OSError as error:
         raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error
 

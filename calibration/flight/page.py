@@ -2,16 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 from calibration.flight.fit import FlightFit
 from calibration.flight.report import gross_times, parameter_row
 from calibration.flight.report_pictures import flight_pictures
 from calibration.flight.verdict import FlightVerdict
-from calibration.report.page import report_figure, report_list, report_page, report_table
 from calibration.report.picture import ReportPicture, write_page
 from groundstation.arrays import FloatArray
+from groundstation.files.html_page import (
+    bullet_list,
+    html_page,
+    page_header,
+    picture_grid,
+    png_figure,
+    soft_line,
+    text_table,
+    verdict_line,
+)
 from groundstation.rig.rig import Rig
 
 _WORDS = (1,)
@@ -44,23 +52,23 @@ def write_flight_page(folder: Path, content: FlightPage) -> list[Path]:
 def flight_page(content: FlightPage, pictures: Sequence[ReportPicture]) -> str:
     """Return the page; it loads nothing from anywhere."""
     verdict, fit = content.verdict, content.fit
-    shown = "".join(report_figure(p.title, p.caption, p.png) for p in pictures)
+    shown = [png_figure(p.title, p.caption, p.png) for p in pictures]
     parts = [
-        f"<p class='soft'>Groundstation · calibrated on a flight</p><h1>{escape(content.session)}</h1>",
-        f"<p class='verdict'>{escape(verdict.summary)}</p>",
+        page_header("calibrated on a flight", content.session),
+        verdict_line(verdict.summary),
     ]
     if verdict.apart:
-        parts.append("<h2>What this flight could not tell</h2>" + report_list(verdict.apart))
+        parts.append("<h2>What this flight could not tell</h2>" + bullet_list(verdict.apart))
     parts += [
-        "<h2>What to do next</h2>" + report_list(verdict.next_steps),
+        "<h2>What to do next</h2>" + bullet_list(verdict.next_steps),
         _ranges(verdict),
-        "<h2>Notes</h2>" + report_list([*content.notes, *verdict.notes]),
-        f"<h2>Pictures</h2><div class='pictures'>{shown}</div>",
+        "<h2>Notes</h2>" + bullet_list([*content.notes, *verdict.notes]),
+        "<h2>Pictures</h2>" + picture_grid(shown),
         "<h2>What was found</h2>" + _parameters(content),
         "<h2>How the pixels fit</h2>" + _stations(fit),
-        "<h2>What was left out</h2>" + report_list(content.excluded or ["nothing of the DGPS"]),
+        "<h2>What was left out</h2>" + bullet_list(content.excluded or ["nothing of the DGPS"]),
     ]
-    return report_page(f"{content.session} – flight", "\n".join(parts))
+    return html_page(f"{content.session} – flight", "\n".join(parts))
 
 
 def _ranges(verdict: FlightVerdict) -> str:
@@ -73,9 +81,12 @@ def _ranges(verdict: FlightVerdict) -> str:
         rows.append([where, *numbers, "yes" if q.good else "no"])
     heads = ["range", *(f"{axis}, m" for axis in ("along", "across", "up")), "one fix along, m", "across, m", "up, m"]
     return (
-        "<h2>What that is in the air</h2><p class='soft'>One sigma of what is left of the calibration's error, beside"
-        " the noise of one fix by pixels and encoders; good where the first is not above the second.</p>"
-        + report_table([*heads, "good"], rows)
+        "<h2>What that is in the air</h2>"
+        + soft_line(
+            "One sigma of what is left of the calibration's error, next to the noise of one fix by pixels and "
+            "encoders; good where the first is not above the second."
+        )
+        + text_table([*heads, "good"], rows)
     )
 
 
@@ -86,7 +97,7 @@ def _parameters(content: FlightPage) -> str:
         rows.append([name, row.value, row.sigma, row.change, row.unit, f"{fit.lasting_factor[k]:.1f}"])
     heads = ["parameter", "value", "1 σ", "change", "unit", "raised by"]
     note = "so many times the sigma of noise that averages out, because of errors that last longer than a frame"
-    return report_table(heads, rows) + f"<p class='soft'>Raised by: {note}.</p>"
+    return text_table(heads, rows) + soft_line(f"Raised by: {note}.")
 
 
 def _stations(fit: FlightFit) -> str:
@@ -95,4 +106,4 @@ def _stations(fit: FlightFit) -> str:
         usable, kept, looks = int(station.usable.sum()), int(station.kept.sum()), len(station.usable)
         numbers = [f"{station.rms_px:.2f}", str(kept), str(usable - kept), str(looks - usable)]
         rows.append([name, *numbers, gross_times(fit, name).strip(" ()")])
-    return report_table(["station", "rms, px", "pixels", "gross", "without angle or DGPS", "when"], rows)
+    return text_table(["station", "rms, px", "pixels", "gross", "without angle or DGPS", "when"], rows)

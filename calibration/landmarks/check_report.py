@@ -1,6 +1,5 @@
 """What a check has found, in a line for each station, and as a page."""
 
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +7,17 @@ import numpy as np
 from calibration.landmarks.check import EFFECT_RANGE_M, Check, StationMovement
 from calibration.landmarks.check_pictures import check_pictures
 from calibration.landmarks.survey_report import rejected
-from calibration.report.page import report_figure, report_list, report_page, report_table
 from calibration.report.picture import write_page
 from groundstation.errors import InputError
+from groundstation.files.html_page import (
+    bullet_list,
+    html_page,
+    page_header,
+    picture_grid,
+    png_figure,
+    text_table,
+    verdict_line,
+)
 from groundstation.rig.rig import Rig
 
 _AXES = (("pan", 2), ("tilt", 0), ("roll", 1))
@@ -86,18 +93,18 @@ def table_rows(check: Check) -> list[tuple[str, ...]]:
 def write_check_report(folder: Path, check: Check, alarm_deg: float, decision: str, name: str) -> list[Path]:
     """Write report.html and its pictures into ``folder``, made if missing; returns what was written."""
     pictures = check_pictures(check, alarm_deg)
-    figures = "".join(report_figure(p.title, p.caption, p.png) for p in pictures)
+    figures = [png_figure(p.title, p.caption, p.png) for p in pictures]
     body = "\n".join(
         [
-            f"<p class='soft'>Groundstation · check before a session</p><h1>{escape(name)}</h1>",
-            f"<p class='verdict'>{escape(decision)}</p>",
-            report_list([station_line(check, m) for m in check.movements]),
-            f"<h2>Where landmarks were seen</h2><div class='pictures'>{figures}</div>",
-            "<h2>Figures</h2>" + report_table(TABLE_HEAD, table_rows(check)),
-            "<h2>Notes</h2>" + report_list([*notes(check, alarm_deg), *rejected(check.fit)] or ["none"]),
+            page_header("check before a session", name),
+            verdict_line(decision),
+            bullet_list([station_line(check, m) for m in check.movements]),
+            "<h2>Where landmarks were seen</h2>" + picture_grid(figures),
+            "<h2>Figures</h2>" + text_table(TABLE_HEAD, table_rows(check)),
+            "<h2>Notes</h2>" + bullet_list([*notes(check, alarm_deg), *rejected(check.fit)] or ["none"]),
         ]
     )
     try:
-        return write_page(folder, report_page(f"{name} – check", body), pictures)
+        return write_page(folder, html_page(f"{name} – check", body), pictures)
     except OSError as error:
         raise InputError(str(folder), got=str(error.strerror), wanted="a folder that can be written") from error

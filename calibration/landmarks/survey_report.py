@@ -1,7 +1,6 @@
 """What a survey has found, as text and as a page with pictures."""
 
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +9,17 @@ from calibration.landmarks.fit import LandmarkFit
 from calibration.landmarks.survey import Survey, inlier_landmarks, looks_of
 from calibration.landmarks.survey_advice import TABLE_HEAD, SurveyAdvice, advise_survey
 from calibration.landmarks.survey_pictures import survey_pictures
-from calibration.report.page import report_figure, report_list, report_page, report_table
 from calibration.robust_fit import OUTLIER_SIGMA
 from groundstation.errors import InputError
+from groundstation.files.html_page import (
+    bullet_list,
+    html_page,
+    page_header,
+    picture_grid,
+    png_figure,
+    text_table,
+    verdict_line,
+)
 from groundstation.files.output_names import below
 
 _MOST_REJECTED = 12
@@ -119,9 +126,7 @@ def rig_header(survey: Survey, sightings: str, landmarks: str) -> str:
 def write_survey_report(folder: Path, survey: Survey, name: str) -> list[Path]:
     """Write report.html and its pictures as PNG into ``folder``, made if missing; returns what was written."""
     pictures = survey_pictures(survey)
-    page = survey_page(
-        survey, advise_survey(survey), [report_figure(p.title, p.caption, p.png) for p in pictures], name
-    )
+    page = survey_page(survey, advise_survey(survey), [png_figure(p.title, p.caption, p.png) for p in pictures], name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         written = [folder / "report.html"]
@@ -139,14 +144,14 @@ def survey_page(survey: Survey, advice: SurveyAdvice, figures: Sequence[str], na
     left_out = rejected(survey.fit)
     body = "\n".join(
         [
-            f"<p class='soft'>Groundstation · survey of stations</p><h1>{escape(name)}</h1>",
-            "".join(f"<p class='verdict'>{escape(line[:1].upper() + line[1:])}.</p>" for line in advice.verdict),
-            "<h2>What to do next</h2>" + report_list(advice.next_steps),
-            "<h2>What that is in the air</h2>" + report_table(TABLE_HEAD, advice.table) if advice.table else "",
-            "<h2>How it fits</h2>" + report_list([*fit_lines(survey), *survey.notes]),
-            "<h2>What was left out</h2>" + report_list(left_out) if left_out else "",
-            "<h2>Pictures</h2><div class='pictures'>" + "".join(figures) + "</div>",
-            "<h2>Parameters</h2>" + report_table(("", "value", "1 σ", "unit"), parameter_rows(survey)),
+            page_header("survey of stations", name),
+            "".join(verdict_line(f"{line[:1].upper()}{line[1:]}.") for line in advice.verdict),
+            "<h2>What to do next</h2>" + bullet_list(advice.next_steps),
+            "<h2>What that is in the air</h2>" + text_table(TABLE_HEAD, advice.table) if advice.table else "",
+            "<h2>How it fits</h2>" + bullet_list([*fit_lines(survey), *survey.notes]),
+            "<h2>What was left out</h2>" + bullet_list(left_out) if left_out else "",
+            "<h2>Pictures</h2>" + picture_grid(figures),
+            "<h2>Parameters</h2>" + text_table(("", "value", "1 σ", "unit"), parameter_rows(survey)),
         ]
     )
-    return report_page(f"{name} – survey", body)
+    return html_page(f"{name} – survey", body)

@@ -11,7 +11,15 @@ from matplotlib.figure import Figure
 
 from calibration.mount.calibrate import StationMount
 from calibration.mount.report import format_mount, verdict
-from calibration.report.page import report_figure, report_list, report_page
+from groundstation.files.html_page import (
+    bullet_list,
+    html_page,
+    page_header,
+    picture_grid,
+    png_figure,
+    preformatted,
+    verdict_line,
+)
 from groundstation.files.output_names import below
 
 _BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
@@ -33,16 +41,16 @@ def write_mount_page(folder: Path, found: Sequence[StationMount]) -> list[Path]:
     written, parts = [folder / "report.html"], []
     for one in found:
         name = one.before.name
-        parts.append(f"<h2>Station {escape(name)}</h2><p class='verdict'>{escape(verdict(one)[0])}</p>")
-        parts.append(report_list(verdict(one)[1:]))
-        parts.append("<div class='pictures'>")
+        parts.append(f"<h2>Station {escape(name)}</h2>" + verdict_line(verdict(one)[0]))
+        parts.append(bullet_list(verdict(one)[1:]))
+        figures = []
         for kind, png in _pictures(one).items():
             written.append(below(folder, f"{name}-{kind}.png"))
             written[-1].write_bytes(png)
-            parts.append(report_figure(_TITLES[kind], _CAPTIONS[kind], png))
-        parts.append(f"</div><div class='wide'><pre>{escape(format_mount(one))}</pre></div>")
-    body = "<p class='soft'>Groundstation · camera on its head</p><h1>Mount</h1>" + "\n".join(parts)
-    written[0].write_text(report_page("Mount", body), encoding="utf-8")
+            figures.append(png_figure(_TITLES[kind], _CAPTIONS[kind], png))
+        parts += [picture_grid(figures), preformatted(format_mount(one))]
+    body = page_header("camera on its head", "Mount") + "\n".join(parts)
+    written[0].write_text(html_page("Mount", body), encoding="utf-8")
     return written
 
 

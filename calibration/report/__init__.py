@@ -1,1 +1,1 @@
-"""What the pages of all calibrations have in common."""
+"""Pictures that the pages of all calibrations have in common."""

@@ -1,4 +1,4 @@
-"""Pictures of a report, inside the page and beside it."""
+"""Pictures of a report: in the page, and as files next to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

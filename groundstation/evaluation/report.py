@@ -12,59 +12,23 @@ from groundstation.evaluation.config import EvaluationConfig
 from groundstation.evaluation.evaluate import Evaluation
 from groundstation.evaluation.figure_style import RenderedFigure, ReportFigure
 from groundstation.evaluation.figures import pictures
-from groundstation.evaluation.page_tables import Column, page_table, plain
 from groundstation.evaluation.plain_summary import plain_summary
 from groundstation.evaluation.report_tables import accuracy_section, calibration_section, latency_section
+from groundstation.files.html_page import (
+    PAGE_END,
+    Column,
+    figure_parts,
+    page_head,
+    page_header,
+    page_table,
+    plain,
+    verdict_line,
+)
 from groundstation.files.output_names import below
 
 FIGURES = "figures"
 # sweeping takes a tenth of a second, which a short flight is not worth
 _MANY_EPOCHS = 10_000
-_END = "\n</body></html>\n"
-PAGE_CSS = """
-:root{--ink:#1b1f24;--soft:#515a64;--line:#d9dde2;--panel:#f6f8fa;--accent:#0072B2}
-*{box-sizing:border-box}
-body{margin:0 auto;max-width:1320px;padding:1.2rem 1rem 3rem;font:16px/1.5 system-ui,-apple-system,"Segoe UI",
-Roboto,"Helvetica Neue",Arial,sans-serif;color:var(--ink);background:#fff;overflow-wrap:break-word}
-h1{font-size:1.6rem;margin:.2rem 0}h2{font-size:1.2rem;margin:2rem 0 .6rem;border-bottom:1px solid var(--line)}
-h3{font-size:1rem;margin:1rem 0 .2rem}
-p{margin:.4rem 0;max-width:75ch}.soft,figcaption{color:var(--soft);font-size:.88rem}
-.verdict{font-size:1.1rem;border-left:4px solid var(--accent);padding:.3rem 0 .3rem .9rem;margin:.8rem 0 1.2rem}
-.fault{border-left:4px solid #D55E00;padding:.2rem 0 .2rem .9rem}
-.tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:.6rem}
-.tile{background:var(--panel);border-radius:6px;padding:.5rem .8rem}.tile b{display:block;font-size:1.15rem}
-.tile span{color:var(--soft);font-size:.85rem}
-table{border-collapse:collapse;font-size:.9rem;font-variant-numeric:tabular-nums;max-width:100%}
-th,td{padding:.22rem .6rem;text-align:right;border-bottom:1px solid var(--line);vertical-align:top}
-th:first-child,td:first-child,th.text,td.text{text-align:left}td.text{min-width:11rem}
-thead th{color:var(--soft);font-weight:600}.total td{font-weight:600}
-.axes{display:inline-grid;grid-template-columns:repeat(3,3.8em);white-space:nowrap}.narrow{display:none}
-td:first-child{white-space:nowrap}td.text{white-space:normal}
-.pictures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,380px),1fr));gap:1.6rem}
-figure{margin:0;break-inside:avoid}figure svg{width:100%;height:auto;display:block}
-.bar{display:inline-block;height:.7rem;background:var(--accent);vertical-align:middle;border-radius:2px;min-width:1px}
-.columns{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,360px),1fr));gap:1.2rem}
-pre{background:var(--panel);padding:.7rem;font-size:.82rem;border-radius:6px;white-space:pre-wrap;
-overflow-wrap:anywhere}
-summary{cursor:pointer;font-weight:600;padding:.5rem 0}
-@media screen and (max-width:1340px){.stack{font-size:.75rem}.stack th,.stack td{padding:.22rem .3rem}
-.stack .axes{grid-template-columns:repeat(3,3.6em)}}
-@media screen and (max-width:1050px){.stack{font-size:.9rem}
-.stack,.stack tbody,.stack tr,.stack td{display:block;width:100%}.stack thead{display:none}
-.stack tr{padding:.5rem 0;border-bottom:1px solid var(--line)}
-.stack td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.08rem 0;text-align:right}
-.stack td:first-child{font-weight:600;white-space:normal}.stack .narrow{display:inline-grid;color:var(--soft);
-font-weight:400}.stack td[data-label]::before{content:attr(data-label);color:var(--soft);
-text-align:left;font-weight:400}.stack td.empty{display:none}td.text{min-width:0}}
-@media print{@page{margin:14mm}html{font-size:12px}body{max-width:none;font-size:10.5pt;padding:0}
-.pictures{display:block;columns:2;column-gap:8mm}.pictures figure{margin:0 0 5mm}h2,h3{break-after:avoid}
-details::details-content{display:block;content-visibility:visible;block-size:auto}
-pre{font-size:6.5pt}.long{columns:3}h2+p{break-after:avoid}tr,.tile,.verdict{break-inside:avoid}
-.tile,.bar,pre{-webkit-print-color-adjust:exact;print-color-adjust:exact}table{font-size:6.8pt}
-th,td{padding:.15rem .2rem}td.text{min-width:0}
-.axes{grid-template-columns:repeat(3,minmax(2.4em,max-content));column-gap:.4em}
-h2{margin-top:1.2rem}.columns{grid-template-columns:1fr 1fr}}
-"""
 _REFERENCES = {"truth": "the truth", "dgps": "DGPS"}
 _CLOCK_CAVEAT = (
     "The ± is of what is new at each pair: an error along the path that lasts, as where on the aircraft its nose is "
@@ -115,13 +79,13 @@ def _kept(drawn: RenderedFigure, folder: Path) -> RenderedFigure:
 def _page(evaluation: Evaluation, shown: Iterable[RenderedFigure]) -> Iterator[str]:
     """Return the page piece by piece."""
     summary = evaluation.summary
-    name = escape(str(summary["session"]["name"]))
-    yield _head(f"{name} – Groundstation")
+    name = str(summary["session"]["name"])
+    yield page_head(f"{name} – Groundstation")
     yield "\n".join(
         [
-            f"<header><p class='soft'>Groundstation · replay report</p><h1>{name}</h1></header>",
+            page_header("replay report", name),
             "<main>",
-            f"<p class='verdict'>{escape(plain_summary(summary))}</p>",
+            verdict_line(plain_summary(summary)),
             *(f"<p class='fault'>{escape(fault)}</p>" for fault in summary["faults"]),
             _tiles(summary),
             *(accuracy_section(name, table) for name, table in summary["accuracy"].items()),
@@ -141,20 +105,7 @@ def _page(evaluation: Evaluation, shown: Iterable[RenderedFigure]) -> Iterator[s
             "</main>",
         ]
     )
-    yield _END
-
-
-def html_page(title: str, body: str) -> str:
-    """Return a whole page around ``body``, both HTML, in the report's style."""
-    return f"{_head(title)}{body}{_END}"
-
-
-def _head(title: str) -> str:
-    return (
-        "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{title}</title><style>{PAGE_CSS}</style></head><body>\n"
-    )
+    yield PAGE_END
 
 
 def _tiles(summary: dict[str, Any]) -> str:
@@ -188,11 +139,9 @@ def _tiles(summary: dict[str, Any]) -> str:
 def _gallery(shown: Iterable[RenderedFigure]) -> Iterator[str]:
     """Return the pictures with their captions, one after the other."""
     start = "<h2>Pictures</h2><div class='pictures'>"
-    for d in shown:
-        title, caption = escape(d.picture.title), escape(d.picture.caption)
-        yield f"{start}<figure><h3>{title}</h3>"
-        yield d.svg
-        yield f"<figcaption>{caption}</figcaption></figure>"
+    for drawn in shown:
+        yield start
+        yield from figure_parts(drawn.picture.title, drawn.picture.caption, drawn.svg)
         start = ""
     if not start:
         yield "</div>"

@@ -5,7 +5,7 @@ from html import escape
 from typing import Any
 
 from groundstation.evaluation.accuracy_table import FEW_EPOCHS, shown_unit
-from groundstation.evaluation.page_tables import Column, axes_cell, page_table, plain
+from groundstation.files.html_page import Column, axes_cell, page_table, plain
 
 _REFERENCES = {"truth": "Against the truth", "dgps": "Against DGPS"}
 _ACCURACY = (
