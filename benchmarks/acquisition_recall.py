@@ -30,7 +30,7 @@ SLACK_PX = 10.0
 
 
 @dataclass(kw_only=True)
-class Tally:
+class RecallCounts:
     """Counts over the frames of one part."""
 
     frames: int = 0
@@ -80,7 +80,7 @@ def delivered_frames(path: Path) -> Iterator[tuple[int, ImageArray]]:
 
 
 def timed(
-    finder: CandidateFinder, image: ImageArray, t_s: float, pose: FloatArray | None, tally: Tally
+    finder: CandidateFinder, image: ImageArray, t_s: float, pose: FloatArray | None, tally: RecallCounts
 ) -> tuple[Candidate, ...]:
     start = time.process_time()
     found = finder.find(image, t_s, pose)
@@ -88,7 +88,7 @@ def timed(
     return found
 
 
-def run_clips(folder: Path, every: int, names: list[str]) -> dict[str, Tally]:
+def run_clips(folder: Path, every: int, names: list[str]) -> dict[str, RecallCounts]:
     with (folder / "boxes.csv").open() as file:
         boxes = {
             (r["clip"], int(r["frame"])): (float(r["x"]), float(r["y"]), float(r["w"]), float(r["h"]))
@@ -97,7 +97,7 @@ def run_clips(folder: Path, every: int, names: list[str]) -> dict[str, Tally]:
         }
     with (folder / "segments.csv").open() as file:
         segments = [r for r in csv.DictReader(file) if r["kind"] == "aircraft"]
-    tallies: dict[str, Tally] = {}
+    tallies: dict[str, RecallCounts] = {}
     for clip in sorted({s["clip"] for s in segments}):
         if names and not any(n in clip for n in names):
             continue
@@ -110,14 +110,14 @@ def run_clips(folder: Path, every: int, names: list[str]) -> dict[str, Tally]:
                 name = f"{clip} {s['first_frame']}"
                 if number == int(s["first_frame"]) or finder is None:
                     finder = CandidateFinder(AcquisitionConfig(), (image.shape[1], image.shape[0]))
-                tally = tallies.setdefault(name, Tally())
+                tally = tallies.setdefault(name, RecallCounts())
                 found = timed(finder, image, number / 30.0, None, tally)
                 if number % every == 0 and (clip, number) in boxes:
                     tally.add(found, boxes[clip, number], str(number))
     return tallies
 
 
-def run_session(folder: Path, every: int, moving_after_m: float) -> dict[str, Tally]:
+def run_session(folder: Path, every: int, moving_after_m: float) -> dict[str, RecallCounts]:
     rig = load_rig(folder / "rig.toml")
     with (folder / "frames.csv").open() as file:
         stamps = list(csv.DictReader(file))
@@ -128,7 +128,7 @@ def run_session(folder: Path, every: int, moving_after_m: float) -> dict[str, Ta
     ptu = np.genfromtxt(folder / "ptu.csv", delimiter=",", names=True)
     with (folder / "session.toml").open() as file:
         phases = session_phases(file.read())
-    tallies: dict[str, Tally] = {}
+    tallies: dict[str, RecallCounts] = {}
     for station in rig.stations:
         side, geometry = station.name, station.geometry()
         clock = np.array([station.ptu_clock.session_from_device(t) for t in ptu["t_s"]])
@@ -142,7 +142,7 @@ def run_session(folder: Path, every: int, moving_after_m: float) -> dict[str, Ta
             position = np.array([float(truth[number][k]) for k in ("x_m", "y_m", "z_m")])
             if float(np.linalg.norm(position - start_m)) < moving_after_m:
                 phase = "standing"
-            tally = tallies.setdefault(f"{folder.name} {side} {phase}", Tally())
+            tally = tallies.setdefault(f"{folder.name} {side} {phase}", RecallCounts())
             found = timed(finder, image, t_s, pose, tally)
             box = mask_box(masks, side, number, image.shape[:2])
             if number % every == 0 and box is not None:
@@ -165,8 +165,8 @@ def mask_box(masks: object, side: str, number: int, shape: tuple[int, ...]) -> B
     return x0, y0, float(columns.max() - columns.min() + 1), float(rows.max() - rows.min() + 1)
 
 
-def total(tallies: list[Tally]) -> Tally:
-    whole = Tally()
+def total(tallies: list[RecallCounts]) -> RecallCounts:
+    whole = RecallCounts()
     for t in tallies:
         whole.frames += t.frames
         whole.candidates += t.candidates
@@ -187,7 +187,7 @@ def main() -> None:
     data = Path(os.environ["GROUNDSTATION_DATA"])
     sessions = [n for n in arguments.names if (data / n / "rig.toml").is_file()]
     clips = [n for n in arguments.names if n not in sessions]
-    groups: dict[str, dict[str, Tally]] = {}
+    groups: dict[str, dict[str, RecallCounts]] = {}
     if clips or not arguments.names:
         groups["aircraft-clips"] = run_clips(data / "aircraft-clips", arguments.every, clips)
     for name in sessions or ([] if arguments.names else ["landing-1", "takeoff-1"]):

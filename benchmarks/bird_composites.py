@@ -43,7 +43,7 @@ CUT_PX, CUT_RATIO = 30.0, 1.4
 
 
 @dataclass(kw_only=True)
-class Tally:
+class CompositeCounts:
     """Counts over composites."""
 
     composites: int = 0
@@ -129,13 +129,13 @@ def read_clip(path: Path, wanted: set[int]) -> dict[int, ImageArray]:
     return frames
 
 
-def run(flight: Flight, frames: dict[int, ImageArray], boxes: dict[int, Box], picture_of: set[int]) -> "Watched":
+def run(flight: Flight, frames: dict[int, ImageArray], boxes: dict[int, Box], picture_of: set[int]) -> "FlightOutcome":
     """Composite and track one flight; keep the pictures of some frames, counted from the flight's first."""
     at = flight.crossing
     length = flight.size_ratio * length_in(frames[at], boxes[at])
     painter = Painter(flight=flight, length_px=length, sky=local_sky(frames[at], boxes[at]))
     height, width = frames[at].shape[:2]
-    tracker, watched = PixelTracker((width, height)), Watched()
+    tracker, watched = PixelTracker((width, height)), FlightOutcome()
     for index in range(flight.first, flight.last + 1):
         image, bird = painter.paint(frames[index], index)
         began = time.perf_counter()
@@ -152,8 +152,8 @@ def run(flight: Flight, frames: dict[int, ImageArray], boxes: dict[int, Box], pi
 
 
 @dataclass(kw_only=True)
-class Watched:
-    """What came of one flight."""
+class FlightOutcome:
+    """Outcome of one flight."""
 
     score: Score = field(default_factory=Score)
     elapsed_s: list[float] = field(default_factory=list)
@@ -179,7 +179,7 @@ def draw(image: ImageArray, label: Box, bird: Box | None, seen: Detection | None
     return np.asarray(picture, np.uint8)
 
 
-def save(folder: Path, number: int, watched: Watched) -> None:
+def save(folder: Path, number: int, watched: FlightOutcome) -> None:
     """Write a sheet of pictures around the overlap."""
     folder.mkdir(parents=True, exist_ok=True)
     tiles = []
@@ -218,8 +218,8 @@ def main() -> None:
     if options.only is not None:
         flights = [f for f in flights if f[0] == options.only]
     boxes = read_boxes(folder / "aircraft-clips")
-    cells: dict[tuple[int, int], Tally] = {}
-    total, elapsed = Tally(), []
+    cells: dict[tuple[int, int], CompositeCounts] = {}
+    total, elapsed = CompositeCounts(), []
     for clip in sorted({f.clip for _, _, f in flights}):
         here = [f for f in flights if f[2].clip == clip]
         wanted = {k for _, _, f in here for k in range(f.first, f.last + 1)}
@@ -227,7 +227,7 @@ def main() -> None:
         for number, cell, flight in here:
             watched = run(flight, frames, boxes[clip], set())
             score = watched.score
-            cells.setdefault(cell, Tally()).add(score)
+            cells.setdefault(cell, CompositeCounts()).add(score)
             total.add(score)
             elapsed += watched.elapsed_s
             back = score.back_after_s

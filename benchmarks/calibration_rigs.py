@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from drawn_pointing import GROUPS, Looks, looks_of
+from drawn_pointing import GROUPS, PointingErrors, looks_of
 from drawn_rigs import CLOCK_S, draw, errors, loops, pointing_deviation, unit_of
 from scipy.stats import chi2
 
@@ -75,7 +75,7 @@ class RigErrors:
     sigma: np.ndarray
     bound: np.ndarray | None
     together: float
-    looks: dict[str, Looks]
+    looks: dict[str, PointingErrors]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ class Sample:
     sigma: np.ndarray
     bound: np.ndarray | None
     together: np.ndarray
-    looks: tuple[dict[str, Looks], ...]
+    looks: tuple[dict[str, PointingErrors], ...]
 
     def normalised(self) -> np.ndarray:
         """Return the mean square of error over claimed sigma, (p,)."""

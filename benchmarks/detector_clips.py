@@ -60,7 +60,7 @@ class Mode:
 
 
 @dataclass(kw_only=True)
-class Tally:
+class TrackingCounts:
     """Counts over labelled frames, and times."""
 
     labelled: int = 0
@@ -70,7 +70,7 @@ class Tally:
     csrt_hits: int = 0
     csrt_s: list[float] = field(default_factory=list)
 
-    def add(self, other: "Tally") -> None:
+    def add(self, other: "TrackingCounts") -> None:
         """Add the counts and times of another one."""
         self.labelled += other.labelled
         self.hits += other.hits
@@ -165,11 +165,11 @@ def is_hit(u: float, v: float, box: Box, near_px: float) -> bool:
     return inside or float(np.hypot(u - x - w / 2, v - y - h / 2)) < near_px
 
 
-def run_segment(folder: Path, segment: Segment, boxes: dict[int, Box], mode: Mode, csrt: Csrt | None) -> Tally:
+def run_segment(folder: Path, segment: Segment, boxes: dict[int, Box], mode: Mode, csrt: Csrt | None) -> TrackingCounts:
     scale = 0.5 if mode.half else 1.0
     labels = {f: (b[0] * scale, b[1] * scale, b[2] * scale, b[3] * scale) for f, b in boxes.items()}
     inside = [f for f in sorted(labels) if segment.first <= f <= segment.last]
-    tally = Tally()
+    tally = TrackingCounts()
     tracker: PixelTracker | None = None
     frames = read_frames(folder / f"{segment.clip}.mp4", inside[0], segment.last, mode) if inside else iter(())
     for index, image in frames:
@@ -217,7 +217,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     boxes, segments = read_boxes(folder), read_segments(folder)
     for kind in ("aircraft", "contrail") if options.kind is None else (options.kind,):
-        total = Tally()
+        total = TrackingCounts()
         for segment in segments:
             if segment.kind != kind or (options.clips and not any(c in segment.clip for c in options.clips)):
                 continue

@@ -47,8 +47,8 @@ _LEAST_FRAMES = 4
 _FAR_PX, _LEAST_DIFFERENCES = 100, 20
 
 
-class _Held:
-    """A flight whose velocity is the mean over so many seconds around: what the attitude follows."""
+class _AveragedVelocity:
+    """A trajectory whose velocity is averaged over a window in s; the attitude follows it."""
 
     def __init__(self, flown: Trajectory, over_s: float) -> None:
         self._flown, self.span_s = flown, flown.span_s
@@ -66,8 +66,8 @@ class _Held:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DrawnWorld(RenderedScene):
-    """A world whose aircraft does not point exactly where it flies.
+class DisturbedAttitudeScene(RenderedScene):
+    """A scene whose aircraft has attitude errors relative to its direction of flight.
 
     ``crab`` and ``pitch`` are mean and size (rad), rate (rad/s) and phase of a slow wave, none on its wheels; ``held``
     is the flight that its attitude follows.
@@ -119,8 +119,8 @@ def film(folder: Path, seed: int, rate_hz: float, crab_rad: float) -> None:
         sun_azimuth_rad=float(g.uniform(-math.pi, math.pi)),
         sun_elevation_rad=math.radians(float(g.uniform(15.0, 65.0))),
     )
-    world = DrawnWorld(
-        held=_Held(trajectory, float(np.exp(g.uniform(math.log(0.3), math.log(4.0))))),
+    world = DisturbedAttitudeScene(
+        held=_AveragedVelocity(trajectory, float(np.exp(g.uniform(math.log(0.3), math.log(4.0))))),
         trajectory=trajectory,
         airframe=trainer(SPAN_M, shape),
         scenery=scenery,

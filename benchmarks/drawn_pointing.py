@@ -22,8 +22,8 @@ _LENS_STEP = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Looks:
-    """Errors of where cameras look, and their covariance.
+class PointingErrors:
+    """Pointing errors of the cameras, and their covariance.
 
     ``error`` (p, 4) rad at each of p points: pan of the first less that of the second (times the cosine of tilt), the
     same of tilt, and each one's own tilt; ``covariance`` (p, 4, 4).
@@ -39,7 +39,7 @@ class Looks:
         return float(off @ np.linalg.solve(self.covariance[k, :2, :2], off))
 
 
-def looks_of(fit: FlightFit, rig: Rig, error: np.ndarray, points_m: np.ndarray) -> dict[str, Looks]:
+def looks_of(fit: FlightFit, rig: Rig, error: np.ndarray, points_m: np.ndarray) -> dict[str, PointingErrors]:
     """Return, by group of parameters, the pointing error of a rig's first two cameras at points (p, 3).
 
     ``error`` (q,) is that of the fit's parameters, small enough for first derivatives.
@@ -52,7 +52,7 @@ def looks_of(fit: FlightFit, rig: Rig, error: np.ndarray, points_m: np.ndarray) 
             first, second = (_by_parameters(rig[name], point, names, groups) for name in rig.names[:2])
             rows.append(np.vstack([first - second, first[1], second[1]]))
         by = np.array(rows)
-        found[label] = Looks(error=by @ error, covariance=by @ fit.covariance @ np.swapaxes(by, 1, 2))
+        found[label] = PointingErrors(error=by @ error, covariance=by @ fit.covariance @ np.swapaxes(by, 1, 2))
     return found
 
 

@@ -41,7 +41,7 @@ _BESIDE_RAD = ((0.0, 0.06, 7.0, 0.0), (0.0, 0.045, 5.3, 0.0), (0.0, 0.0, 1.0, 0.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drawn:
+class RigRealisation:
     """A rig as ``true`` and as ``believed``, the antenna's place (3,) m from the nose and the log's clock, s."""
 
     true: Rig
@@ -72,12 +72,12 @@ def waves(axes: tuple[tuple[float, float, float, float], ...], longer_s: float) 
     )
 
 
-def draw(rig: Rig, case: str, generator: np.random.Generator) -> Drawn:
+def draw(rig: Rig, case: str, generator: np.random.Generator) -> RigRealisation:
     """Draw a true rig about a believed one, whose files admit just that spread; both have the case's stations."""
     clocks_s = 0.0 if case == "mounts" else CLOCK_S
     believed = tuple(_admitting(s, case, clocks_s) for s in rig.stations)
     true = tuple(_drawn(s, case, clocks_s, generator) for s in believed)
-    return Drawn(
+    return RigRealisation(
         true=replace(rig, stations=true),
         believed=replace(rig, stations=believed),
         antenna_m=KNOWN_ANTENNA_M * generator.normal(size=3) if case == "all" else np.zeros(3),
@@ -113,7 +113,7 @@ def _drawn(station: Station, case: str, clock_s: float, generator: np.random.Gen
     return replace(true, camera_clock=clock if clock_s else None, readout_s=station.readout_s + float(readout_s))
 
 
-def errors(fit: FlightFit, found: Rig, drawn: Drawn) -> np.ndarray:
+def errors(fit: FlightFit, found: Rig, drawn: RigRealisation) -> np.ndarray:
     """Return by how much each of the fit's parameters (p,) still is off: the truth less what was found."""
     off = []
     for name, change in zip(fit.problem.names, fit.change, strict=True):
@@ -147,7 +147,7 @@ def _of_geometry(found: Station, true: Station, short: str) -> float:
     return values[0] - values[1]
 
 
-def _of_times(fit: FlightFit, drawn: Drawn, name: str, short: str) -> float:
+def _of_times(fit: FlightFit, drawn: RigRealisation, name: str, short: str) -> float:
     """Return by how much a time of the true station differs from the believed one, a clock at the flight's middle."""
     true, believed = drawn.true[name], drawn.believed[name]
     camera = true.camera_clock or ClockModel()

@@ -100,7 +100,7 @@ def resident_mb() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-class Watch:
+class MemoryMonitor:
     """The largest resident memory of each stretch of work, and what the main thread was at then; by a thread."""
 
     def __init__(self) -> None:
@@ -161,7 +161,7 @@ def apart(work: Callable[..., int], *given: Any) -> int:
 def measure(root: Path) -> int:
     session, out = root / "session", root / "out"
     total, half = 0, int(30 * RATE_HZ)
-    watch = Watch()
+    watch = MemoryMonitor()
 
     def progress(done: int, of: int) -> None:
         nonlocal total

@@ -26,7 +26,7 @@ import cv2
 import matplotlib
 import numpy as np
 from numpy.typing import NDArray
-from onboard_edges_study.alone import energies_alone, prediction
+from onboard_edges_study.energies import compare_energies, prediction
 from onboard_edges_study.methods import LOST_PX, Array, methods, truth
 
 from groundstation.onboard.edges.lines import crossings_at
@@ -169,7 +169,7 @@ def main() -> None:
                 said["first"] += [float(frame is frames[0]) for frame in frames]
                 beyond = np.nanmean(np.array(square) > CHI2_999)
                 print(f"  ours: squared error over stated {np.nanmean(square):.1f} of 4, beyond 99.9 %: {beyond:.1%}")
-            for key, own in energies_alone(drawn, frames).items():
+            for key, own in compare_energies(drawn, frames).items():
                 alone.setdefault(key, []).append(own)
             for name, own in times.items():
                 spent.setdefault(name, []).append(own[1:])

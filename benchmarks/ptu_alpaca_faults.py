@@ -11,7 +11,7 @@ import random
 import sys
 from collections.abc import Callable
 
-from ptu_serial_faults import Bench, Faults, Tally, one_run, report
+from ptu_serial_faults import FaultCampaignCounts, Faults, SimulatedLink, one_run, report
 
 from ptu_drivers.alpaca.unit import AlpacaOptions, connect_alpaca
 from ptu_drivers.exchange_failed import ExchangeFailed
@@ -59,28 +59,28 @@ class FaultyHttp(VirtualHttp):
         return self.spoil.pop()(status, body) if self.spoil else (status, body)
 
 
-def alpaca(seed: int) -> Bench:
+def alpaca(seed: int) -> SimulatedLink:
     """Return a mount, its interface version by the seed."""
     draw = random.Random(seed)
     mount = Mount(MountModel(state=draw.random() < 0.5, max_rate_deg_s=_RATE_DEG_S))
     line = FaultyHttp(mount, seed)
     unit = connect_alpaca(line, UnitSettings(), AlpacaOptions(altitude_low_deg=-10.0), watch=False)
-    return Bench(unit, mount, line, math.radians(_RATE_DEG_S))
+    return SimulatedLink(unit, mount, line, math.radians(_RATE_DEG_S))
 
 
-def _dead(bench: Bench, draw: random.Random) -> float:
+def _dead(bench: SimulatedLink, draw: random.Random) -> float:
     off_s = draw.uniform(0.05, 3.0)
     bench.line.dead_until_s = bench.line.now() + off_s
     return off_s
 
 
-def _refused(bench: Bench, draw: random.Random) -> float:
+def _refused(bench: SimulatedLink, draw: random.Random) -> float:
     off_s = draw.uniform(0.05, 3.0)
     bench.line.gone_until_s = bench.line.now() + off_s
     return off_s
 
 
-def _restart(bench: Bench, draw: random.Random) -> float:
+def _restart(bench: SimulatedLink, draw: random.Random) -> float:
     """The server goes and comes back: parked, unconnected, where it was."""
     off_s = _refused(bench, draw)
     mount = bench.sim
@@ -90,14 +90,16 @@ def _restart(bench: Bench, draw: random.Random) -> float:
     return off_s
 
 
-def _late(bench: Bench, draw: random.Random) -> float:
+def _late(bench: SimulatedLink, draw: random.Random) -> float:
     late_s = draw.uniform(0.02, 1.0)
     bench.line.late_s.append(late_s)
     return late_s
 
 
-def _spoilt(how: Callable[[random.Random, int, bytes], tuple[int, bytes]]) -> Callable[[Bench, random.Random], float]:
-    def fault(bench: Bench, draw: random.Random) -> float:
+def _spoilt(
+    how: Callable[[random.Random, int, bytes], tuple[int, bytes]],
+) -> Callable[[SimulatedLink, random.Random], float]:
+    def fault(bench: SimulatedLink, draw: random.Random) -> float:
         for _ in range(draw.randint(1, 3)):
             bench.line.spoil.append(lambda status, body: how(draw, status, body))
         return 0.1
@@ -105,7 +107,7 @@ def _spoilt(how: Callable[[random.Random, int, bytes], tuple[int, bytes]]) -> Ca
     return fault
 
 
-def _old(bench: Bench, draw: random.Random) -> float:
+def _old(bench: SimulatedLink, draw: random.Random) -> float:
     """An answer to an older request, whole."""
     bench.line.spoil.append(lambda status, _body: (status, draw.choice(bench.line.said[-30:-1])))
     return 0.1
@@ -135,9 +137,9 @@ FAULTS: Faults = {
 }
 
 
-def campaign(runs: int, first_seed: int = 0) -> Tally:
+def campaign(runs: int, first_seed: int = 0) -> FaultCampaignCounts:
     """Run it."""
-    tally = Tally()
+    tally = FaultCampaignCounts()
     for seed in range(first_seed, first_seed + runs):
         one_run(alpaca, seed, tally, FAULTS)
     return tally

@@ -34,8 +34,8 @@ RECOVERY_S = 2.0
 
 
 @dataclass(slots=True)
-class Tally:
-    """What came of the runs."""
+class FaultCampaignCounts:
+    """Counts over the runs of the campaign."""
 
     runs: int = 0
     faults: Counter[str] = field(default_factory=Counter)
@@ -51,8 +51,8 @@ class Tally:
 
 
 @dataclass(slots=True)
-class Bench:
-    """A unit with its simulated other end."""
+class SimulatedLink:
+    """A unit and the simulated device at the other end of its line."""
 
     unit: PanTiltUnit
     sim: Any
@@ -71,7 +71,7 @@ class SpoiltPelco(SimulatedPelco):
         return super()._answer(t_s, self.spoil.pop()(data) if self.spoil else data, not_before_s)
 
 
-def pelco(seed: int) -> Bench:
+def pelco(seed: int) -> SimulatedLink:
     """Return a Pelco unit, framing, echo and speed by the seed."""
     draw = random.Random(seed)
     model = PelcoModel(
@@ -85,19 +85,21 @@ def pelco(seed: int) -> Bench:
     line = VirtualLine(sim, model.baud, seed=seed)
     options = PelcoOptions(max_rate_deg_s=60.0, max_acceleration_deg_s2=120.0)
     unit = connect_pelco(line, UnitSettings(), options, model.framing, watch=False)
-    return Bench(unit, sim, line, math.radians(60.0))
+    return SimulatedLink(unit, sim, line, math.radians(60.0))
 
 
-def dynamixel(seed: int) -> Bench:
+def dynamixel(seed: int) -> SimulatedLink:
     """Return a pair of servos, echo and speed by the seed."""
     draw = random.Random(seed)
     sim = SimulatedDynamixel(baud=draw.choice((57600, 115200)), echo=draw.random() < 0.3, seed=seed)
     line = VirtualLine(sim, sim.baud, seed=seed)
     unit = connect_dynamixel(line, UnitSettings(), DynamixelOptions(), watch=False)
-    return Bench(unit, sim, line, unit.describe().pan.max_rate_rad_s)
+    return SimulatedLink(unit, sim, line, unit.describe().pan.max_rate_rad_s)
 
 
-def one_run(make: Callable[[int], Bench], seed: int, tally: Tally, faults: "Faults | None" = None) -> None:
+def one_run(
+    make: Callable[[int], SimulatedLink], seed: int, tally: FaultCampaignCounts, faults: "Faults | None" = None
+) -> None:
     """Turn a unit to and fro while faults come, of the serial line unless told otherwise, and count."""
     faults = FAULTS if faults is None else faults
     draw = random.Random(f"faults {seed}")
@@ -139,14 +141,14 @@ def one_run(make: Callable[[int], Bench], seed: int, tally: Tally, faults: "Faul
     tally.still_moving += any(bench.sim.head_rad(axis, line.now()) != resting[axis] for axis in Axis)
 
 
-def _move(bench: Bench, draw: random.Random) -> None:
+def _move(bench: SimulatedLink, draw: random.Random) -> None:
     try:
         bench.unit.move_to(pan_rad=draw.uniform(-1.4, 1.4), tilt_rad=draw.uniform(-1.4, 1.4))
     except PtuError:
         return
 
 
-def _timed(bench: Bench, tally: Tally, call: Callable[[], object]) -> object:
+def _timed(bench: SimulatedLink, tally: FaultCampaignCounts, call: Callable[[], object]) -> object:
     began = bench.line.now()
     result = call()
     took_s = bench.line.now() - began
@@ -156,7 +158,7 @@ def _timed(bench: Bench, tally: Tally, call: Callable[[], object]) -> object:
     return result
 
 
-def _is_wrong(bench: Bench, s: AngleSample) -> bool:
+def _is_wrong(bench: SimulatedLink, s: AngleSample) -> bool:
     """The angle was not true at any instant within 3 sigma of its stamp, to 3 sigma of its quantum."""
     n = 24
     if abs(math.remainder(s.angle_rad - bench.sim.head_rad(s.axis, s.t_s), 2 * math.pi)) <= 3 * s.sigma_rad:
@@ -167,35 +169,35 @@ def _is_wrong(bench: Bench, s: AngleSample) -> bool:
     return min(abs(e) for e in errors) > 3 * s.sigma_rad + between
 
 
-def _lost_byte(bench: Bench, draw: random.Random) -> float:
+def _lost_byte(bench: SimulatedLink, draw: random.Random) -> float:
     bench.line.faults.skip, bench.line.faults.lose = draw.randrange(20), draw.randint(1, 3)
     return 0.1
 
 
-def _lost_in_question(bench: Bench, draw: random.Random) -> float:
+def _lost_in_question(bench: SimulatedLink, draw: random.Random) -> float:
     bench.line.faults.to_unit_lose = draw.randint(1, 5)
     return 0.1
 
 
-def _wrong_bytes(bench: Bench, draw: random.Random) -> float:
+def _wrong_bytes(bench: SimulatedLink, draw: random.Random) -> float:
     bench.line.faults.skip, bench.line.faults.garble = draw.randrange(20), draw.randint(1, 4)
     return 0.1
 
 
-def _garbage(bench: Bench, draw: random.Random) -> float:
+def _garbage(bench: SimulatedLink, draw: random.Random) -> float:
     length = draw.randint(1, 30)
     data = bytes(draw.choice((0xFF, 0xFD, 0xA0, 0x01, draw.randrange(256))) for _ in range(length))
     bench.sim.say(bench.line.now() + draw.uniform(0.0, 0.05), data)
     return 0.1
 
 
-def _late(bench: Bench, draw: random.Random) -> float:
+def _late(bench: SimulatedLink, draw: random.Random) -> float:
     late_s = draw.uniform(0.02, 0.45)
     bench.sim.late_s.append(late_s)
     return late_s
 
 
-def _old_answer(bench: Bench, draw: random.Random) -> float:
+def _old_answer(bench: SimulatedLink, draw: random.Random) -> float:
     """An answer of the last seconds once more: what a buffer in between may do."""
     if not bench.line.traffic:
         bench.line.record = True
@@ -205,7 +207,7 @@ def _old_answer(bench: Bench, draw: random.Random) -> float:
     return 0.1
 
 
-def _two_that_agree(bench: Bench, draw: random.Random) -> float:
+def _two_that_agree(bench: SimulatedLink, draw: random.Random) -> float:
     """Two wrong bytes that agree with the checksum; servos have a CRC, which gets two wrong bytes as they come."""
     if not isinstance(bench.sim, SpoiltPelco):
         return _wrong_bytes(bench, draw)
@@ -219,7 +221,7 @@ def _two_that_agree(bench: Bench, draw: random.Random) -> float:
     return 0.1
 
 
-def _one_too_many(bench: Bench, draw: random.Random) -> float:
+def _one_too_many(bench: SimulatedLink, draw: random.Random) -> float:
     """A byte inside an answer, with which its first seven bytes pass the checksum (Pelco-D)."""
     if not isinstance(bench.sim, SpoiltPelco) or bench.sim.model.framing is PelcoFraming.P:
         return _lost_byte(bench, draw)
@@ -227,32 +229,32 @@ def _one_too_many(bench: Bench, draw: random.Random) -> float:
     return 0.1
 
 
-def _echo(bench: Bench, draw: random.Random) -> float:
+def _echo(bench: SimulatedLink, draw: random.Random) -> float:
     bench.sim.echo = not bench.sim.echo
     return 0.0
 
 
-def _dead(bench: Bench, draw: random.Random) -> float:
+def _dead(bench: SimulatedLink, draw: random.Random) -> float:
     off_s = draw.uniform(0.05, 3.0)
     bench.line.dead = True
     bench.line.at(bench.line.now() + off_s, lambda: setattr(bench.line, "dead", False))
     return off_s
 
 
-def _unplugged(bench: Bench, draw: random.Random) -> float:
+def _unplugged(bench: SimulatedLink, draw: random.Random) -> float:
     off_s = draw.uniform(0.05, 3.0)
     bench.line.gone = True
     bench.line.at(bench.line.now() + off_s, lambda: setattr(bench.line, "gone", False))
     return off_s
 
 
-def _power_cycle(bench: Bench, draw: random.Random) -> float:
+def _power_cycle(bench: SimulatedLink, draw: random.Random) -> float:
     off_s = draw.uniform(0.05, 2.0)
     bench.sim.power_cycle(bench.line.now(), off_s)
     return off_s + (bench.sim.model.homing_s if isinstance(bench.sim, SimulatedPelco) else 0.0)
 
 
-Faults = dict[str, Callable[[Bench, random.Random], float]]
+Faults = dict[str, Callable[[SimulatedLink, random.Random], float]]
 FAULTS: Faults = {
     "lost bytes": _lost_byte,
     "lost bytes of a question": _lost_in_question,
@@ -267,10 +269,10 @@ FAULTS: Faults = {
     "unplugged": _unplugged,
     "power-cycle": _power_cycle,
 }
-MAKERS: dict[str, Callable[[int], Bench]] = {"pelco": pelco, "dynamixel": dynamixel}
+MAKERS: dict[str, Callable[[int], SimulatedLink]] = {"pelco": pelco, "dynamixel": dynamixel}
 
 
-def report(name: str, t: Tally) -> bool:
+def report(name: str, t: FaultCampaignCounts) -> bool:
     """Print what came of it; return whether a promise was broken."""
     back = sorted(t.recovery_s)
     print(f"{name}: {t.runs} runs, {sum(t.faults.values())} faults, {t.angles} angles")
@@ -285,9 +287,9 @@ def report(name: str, t: Tally) -> bool:
     return bool(t.wrong or t.slow or t.not_back or t.too_long or t.still_moving)
 
 
-def campaign(name: str, runs: int, first_seed: int = 0) -> Tally:
+def campaign(name: str, runs: int, first_seed: int = 0) -> FaultCampaignCounts:
     """Run a unit's part of the campaign."""
-    tally = Tally()
+    tally = FaultCampaignCounts()
     for seed in range(first_seed, first_seed + runs):
         one_run(MAKERS[name], seed, tally)
     return tally

@@ -6,7 +6,7 @@ python benchmarks/ptu_serial_timing.py
 import math
 
 import numpy as np
-from ptu_serial_faults import Bench
+from ptu_serial_faults import SimulatedLink
 
 from ptu_drivers.dynamixel.unit import DynamixelOptions, connect_dynamixel
 from ptu_drivers.messages import Axis, Reading
@@ -26,15 +26,15 @@ def main() -> None:
         line = VirtualLine(unit, baud)
         options = PelcoOptions(max_rate_deg_s=60.0, max_acceleration_deg_s2=120.0)
         driver = connect_pelco(line, UnitSettings(), options, unit.model.framing, watch=False)
-        _report(f"pelco-d at {baud}", Bench(driver, unit, line, math.radians(60.0)))
+        _report(f"pelco-d at {baud}", SimulatedLink(driver, unit, line, math.radians(60.0)))
     for baud in (57600, 115200, 1_000_000):
         servos = SimulatedDynamixel(baud=baud, seed=1)
         line = VirtualLine(servos, baud)
         both = connect_dynamixel(line, UnitSettings(), DynamixelOptions(), watch=False)
-        _report(f"dynamixel at {baud}", Bench(both, servos, line, 1.0))
+        _report(f"dynamixel at {baud}", SimulatedLink(both, servos, line, 1.0))
 
 
-def _report(name: str, bench: Bench) -> None:
+def _report(name: str, bench: SimulatedLink) -> None:
     line, errors_s, scaled, readings = bench.line, [], [], 0
     begun, side = line.now(), 1
     turn_s = begun

@@ -10,7 +10,7 @@ import argparse
 from dataclasses import dataclass, field
 
 import numpy as np
-from landmark_study.simulated import Morning, knocked, look, morning, turned_rad
+from landmark_study.simulated import SurveyScene, knocked, look, morning, turned_rad
 from scipy.stats import chi2
 
 from calibration.landmarks.check import Check, solve_check
@@ -24,7 +24,7 @@ AXES = ("tilt", "roll", "pan")
 CHANCE = 1e-3
 
 
-def errors(survey: Survey, day: Morning) -> dict[str, float]:
+def errors(survey: Survey, day: SurveyScene) -> dict[str, float]:
     """Return each station parameter's error over its sigma."""
     found: dict[str, float] = {}
     for station in day.true.stations:
@@ -39,7 +39,7 @@ def errors(survey: Survey, day: Morning) -> dict[str, float]:
     return found
 
 
-def pose_nees(survey: Survey, day: Morning) -> float:
+def pose_nees(survey: Survey, day: SurveyScene) -> float:
     """Return eᵀC⁻¹e of both stations' orientations and positions."""
     names: list[str] = []
     off: list[float] = []
@@ -93,7 +93,7 @@ class Count:
 
 def one_morning(
     count: Count,
-    day: Morning,
+    day: SurveyScene,
     rig: Rig,
     reference: list[LandmarkSighting],
     readings: int,

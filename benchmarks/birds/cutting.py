@@ -118,14 +118,14 @@ def length_in(image: ImageArray, box: Box) -> float:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Cut:
+class BirdCutout:
     """A bird cut out of a frame: the sprite and its middle (u, v) there."""
 
     sprite: Sprite
     middle: tuple[float, float]
 
 
-def cut_out(image: ImageArray, box: Box, before: tuple[float, float] | None = None) -> Cut | None:
+def cut_out(image: ImageArray, box: Box, before: tuple[float, float] | None = None) -> BirdCutout | None:
     """Return the dark bird around a labelled box, of several the one next to where it was ``before``.
 
     None where there is none that stands out, or where it is cut.
@@ -155,7 +155,7 @@ def cut_out(image: ImageArray, box: Box, before: tuple[float, float] | None = No
     ratio = image[y0:y1, x0:x1] / np.maximum(sky_around(image, box), 1.0)
     colour = np.asarray(ratio[inside & (-difference >= _CORE_SHARE * core)].mean(axis=0))
     sprite = Sprite(alpha=alpha[y - 1 : y + h + 1, x - 1 : x + w + 1], colour=colour)
-    return Cut(sprite=sprite, middle=(float(centres[k][0]) + x0, float(centres[k][1]) + y0))
+    return BirdCutout(sprite=sprite, middle=(float(centres[k][0]) + x0, float(centres[k][1]) + y0))
 
 
 def read_flocks(folder: Path, only: str = "") -> list[Flock]:
@@ -169,7 +169,7 @@ def read_flocks(folder: Path, only: str = "") -> list[Flock]:
             continue
         video = cv2.VideoCapture(str(folder / f"{clip}.mp4"))
         run: list[Sprite] = []
-        last: Cut | None = None
+        last: BirdCutout | None = None
         missed = 0
         for frame in range(max(boxes) + 1):
             good, image = video.read()
@@ -191,7 +191,7 @@ def read_flocks(folder: Path, only: str = "") -> list[Flock]:
     return flocks
 
 
-def _goes_on(old: Cut, new: Cut) -> bool:
+def _goes_on(old: BirdCutout, new: BirdCutout) -> bool:
     """Return whether two cuts show one bird: about as long, and not far away."""
     ratio = (old.sprite.length_px + 2.0) / (new.sprite.length_px + 2.0)
     step = np.hypot(old.middle[0] - new.middle[0], old.middle[1] - new.middle[1])

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from filter_flights.consistency import drawn_case
-from filter_flights.drive import drawn_start, drive
+from filter_flights.run_filter import drawn_start, drive
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.session.flight_log import load_flight_log

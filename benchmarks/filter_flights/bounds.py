@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from filter_flights.drive import Start, in_order
+from filter_flights.run_filter import Start, in_order
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.measurement import EncoderModel, PixelModel, ReferenceModel

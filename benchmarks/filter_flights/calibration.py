@@ -7,7 +7,7 @@ import numpy as np
 
 from filter_flights.bounds import full_bound, track_bound
 from filter_flights.consistency import WIDE, Sample, drawn_case, one_mode, with_drawn_heads
-from filter_flights.drive import drawn_start, drive
+from filter_flights.run_filter import drawn_start, drive
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import CalibrationUse, EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
@@ -95,8 +95,8 @@ def with_errors(scenario: Scenario, names: Sequence[str], values: FloatArray) ->
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Learned:
-    """How well errors of rig and clocks were learnt, over r runs: ``error`` and its own and the bound's ``sigma``.
+class CalibrationErrors:
+    """Errors of the estimated rig and clock parameters over r runs: ``error`` and its own and the bound's ``sigma``.
 
     All (r, m); ``names`` (m,).
     """
@@ -219,7 +219,7 @@ def clock_take_off() -> ClockFlight:
 
 def learned_clocks(
     flown: ClockFlight, names: Sequence[str], seeds: Sequence[int], biases: Sequence[str] = PAN_AND_TILT
-) -> Learned:
+) -> CalibrationErrors:
     """Learn clocks together with mount biases, 2 cm DGPS at every frame; the bound of the same tuning."""
     everything = (*biases, *names)
     prior = usual_prior(everything)
@@ -234,7 +234,7 @@ def learned_clocks(
         errors.append(run.parameters - truth)
         sigmas.append(np.sqrt(np.diag(run.parameter_covariance)))
         bounds.append(np.sqrt(np.diag(bound[-1])[-len(everything) :]))
-    return Learned(names=everything, error=np.array(errors), sigma=np.array(sigmas), bound=np.array(bounds))
+    return CalibrationErrors(names=everything, error=np.array(errors), sigma=np.array(sigmas), bound=np.array(bounds))
 
 
 def _receiver(rate_hz: float) -> DgpsModel:

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from filter_flights.bounds import full_bound, joint_series, track_bound
-from filter_flights.drive import Run, drawn_start, drive
+from filter_flights.run_filter import Run, drawn_start, drive
 from groundstation.arrays import FloatArray
 from groundstation.estimation.config import EstimationConfig
 from groundstation.estimation.parameters import ParameterPrior
@@ -165,14 +165,14 @@ def triangulated_errors(flight: SimulatedFlight) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Gain:
-    """How many times smaller than triangulation's the filter's RMSE is (3,), and the bounds' own ratio (3,)."""
+class AccuracyGain:
+    """Ratio (3,) of the RMSE of triangulation to that of the filter, and the same ratio (3,) of the bounds."""
 
     filtered: FloatArray
     bound: FloatArray
 
 
-def gain_over_triangulation(rate_hz: float, seeds: Sequence[int], start_y_m: float = 600.0) -> Gain:
+def gain_over_triangulation(rate_hz: float, seeds: Sequence[int], start_y_m: float = 600.0) -> AccuracyGain:
     """Return the gain in case B: mean over ranges y of 40 … 450 m, in bins of 10 m of each flight's own.
 
     Flights begin at ``start_y_m`` with the near start: 600 m is where those of the bounds do. One that begins at 450 m
@@ -198,7 +198,7 @@ def gain_over_triangulation(rate_hz: float, seeds: Sequence[int], start_y_m: flo
         for total, square in zip(sums, squares, strict=True):
             np.add.at(total, where, square)
     filtered, found, tracked, single = np.sqrt(sums / counts[:, None])
-    return Gain(filtered=(found / filtered).mean(axis=0), bound=(single / tracked).mean(axis=0))
+    return AccuracyGain(filtered=(found / filtered).mean(axis=0), bound=(single / tracked).mean(axis=0))
 
 
 def outlier_ratio(rate_hz: float, seeds: Sequence[int], share: float = 0.05) -> FloatArray:

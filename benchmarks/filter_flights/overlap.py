@@ -7,7 +7,7 @@ import numpy as np
 
 from filter_flights.calibration import drawn_parameters, usual_prior, with_errors
 from filter_flights.consistency import WIDE, Sample, drawn_case, one_mode
-from filter_flights.drive import drawn_start, drive
+from filter_flights.run_filter import drawn_start, drive
 from groundstation.estimation.config import CalibrationUse
 from groundstation.simulation import Scenario, simulate
 from groundstation.simulation.standard_cases import STEP_RAD, standard_rig

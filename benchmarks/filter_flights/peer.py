@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from filter_flights.consistency import NEAR, drawn_case, one_mode
-from filter_flights.drive import drawn_start, new_filter, true_states
+from filter_flights.run_filter import drawn_start, new_filter, true_states
 from groundstation.arrays import FloatArray
 from groundstation.estimation.ekf import StationEkf
 from groundstation.estimation.motion import MotionModel
@@ -29,7 +29,7 @@ Step = tuple[float, list[tuple[str, int, FloatArray]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SideBySide:
+class PeerComparison:
     """Position RMSE (3,) in m over the flights and median s per step (one for each repeat), ours and the peer's."""
 
     ours_m: FloatArray
@@ -39,7 +39,7 @@ class SideBySide:
     furthest_m: float
 
 
-def side_by_side(seeds: range, repeats: int = 5) -> SideBySide:
+def side_by_side(seeds: range, repeats: int = 5) -> PeerComparison:
     """Run both filters over the same flights, case B at 10 Hz, from the near start."""
     errors: list[list[FloatArray]] = [[], []]
     medians: list[list[float]] = [[], []]
@@ -64,7 +64,7 @@ def side_by_side(seeds: range, repeats: int = 5) -> SideBySide:
         errors[0].append(ours - truth)
         errors[1].append(peer - truth)
     rmse = [np.sqrt((np.concatenate(e) ** 2).mean(axis=0)) for e in errors]
-    return SideBySide(
+    return PeerComparison(
         ours_m=rmse[0],
         theirs_m=rmse[1],
         ours_s=np.array(medians[0]),

@@ -7,7 +7,7 @@ import numpy as np
 
 from filter_flights.bounds import track_bound
 from filter_flights.consistency import NEAR, Sample, drawn_case, one_mode
-from filter_flights.drive import Run, drawn_start, true_states
+from filter_flights.run_filter import Run, drawn_start, true_states
 from groundstation.messages import InitialState
 from groundstation.simulation import SimulatedFlight, simulate
 from groundstation.simulation.standard_cases import BOUND_PSD_M2_S3

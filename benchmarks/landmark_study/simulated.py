@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Morning:
-    """The ``true`` rig, what is ``believed`` before, landmarks as they stand and as the table has them."""
+class SurveyScene:
+    """The ``true`` rig, the ``believed`` one, the true landmarks and those of the table."""
 
     true: Rig
     believed: Rig
@@ -65,7 +65,7 @@ def morning(
     uncertain: bool = True,
     places_m: Sequence[Sequence[float]] = PLACES_M,
     tipped_rad: float = 0.03,
-) -> Morning:
+) -> SurveyScene:
     """Draw a morning: bases turned by ``tipped_rad`` about each axis and by any pan, nothing of which is believed.
 
     With a ``total_station`` positions are believed to 5 mm, else not at all; ``uncertain`` mounts and lenses are off by
@@ -94,7 +94,9 @@ def morning(
         for k, p in enumerate(places_m)
     }
     stands = {n: replace(m, place=m.place + generator.normal(0.0, SIGMA_M, 3)) for n, m in table.items()}
-    return Morning(true=Rig(stations=tuple(true)), believed=Rig(stations=tuple(believed)), stands=stands, table=table)
+    return SurveyScene(
+        true=Rig(stations=tuple(true)), believed=Rig(stations=tuple(believed)), stands=stands, table=table
+    )
 
 
 def look(

@@ -11,7 +11,7 @@ from filter_flights.calibration import (
     clock_take_off,
     with_errors,
 )
-from filter_flights.drive import in_order
+from filter_flights.run_filter import in_order
 
 from groundstation.estimation.measurement import EncoderModel, PixelModel, ReferenceModel
 from groundstation.estimation.state import state_layout

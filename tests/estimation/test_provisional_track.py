@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from filter_flights import consistency
-from filter_flights.drive import Run, drawn_start, drive
+from filter_flights.run_filter import Run, drawn_start, drive
 
 from groundstation.estimation.provisional_track import ProvisionalTrack
 from groundstation.estimation.recorded_ekf import RecordedEkf

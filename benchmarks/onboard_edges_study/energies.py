@@ -1,4 +1,4 @@
-"""The energies alone, from lines that are off, and predictions that no measurement corrects."""
+"""Segmentation energies started from displaced lines, and open-loop predictions of the edges."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from groundstation.onboard.scenes.sequences import NoseFrame, Sequence
 from onboard_edges_study.methods import KAPPA, LOST_PX, Array, certain_truth, truth
 
 
-def energies_alone(sequence: Sequence, frames: list[NoseFrame]) -> dict[tuple[str, float], Array]:
+def compare_energies(sequence: Sequence, frames: list[NoseFrame]) -> dict[tuple[str, float], Array]:
     """Return errors (n, 4) px after going down from lines that are off by 2, 4 and 8 px, of every third frame."""
     found: dict[tuple[str, float], list[Array]] = {}
     for off_px in (2.0, 4.0, 8.0):
