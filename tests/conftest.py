@@ -1,6 +1,7 @@
 """Fixtures that all tests share: where the data is, and seeded randomness."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from groundstation.cli.start import ONE_THREAD
@@ -24,20 +25,22 @@ compile_once()
 
 # The files that take longest begin first: a worker takes whole files, and one begun last is waited for by all others.
 LONGEST_FILES = (
-    "docs/test_commands.py",
     "experiments/test_reproduce.py",
+    "docs/test_commands.py",
     "calibration/flight/test_real_flight.py",
     "replay/test_rendered_sessions.py",
-    "replay/test_label_sessions.py",
-    "estimation/test_against_bounds.py",
     "calibration/mount/test_mount.py",
+    "mutants/test_run.py",
+    "estimation/test_against_bounds.py",
+    "detection/test_birds.py",
+    "single_camera/test_pixel_tracker.py",
+    "pointing/test_keep_out_pilot.py",
     "evaluation/test_evaluate.py",
     "replay/test_late_data.py",
     "replay/test_recording_identity.py",
     "onboard/visual_inertial/test_nose_flight.py",
     "onboard/pose/test_solver.py",
     "replay/test_learning.py",
-    "detection/test_birds.py",
     "live/test_operation.py",
     "sources/cameras/test_gige_fakes.py",
     "ptu_drivers/alpaca/test_alpaca_independent.py",
@@ -69,6 +72,17 @@ def shared_data() -> Path:
 def landing_1() -> Path:
     """The bundled stereo landing."""
     return ROOT / "recordings" / "landing-1"
+
+
+@pytest.fixture(scope="module")
+def unrendered_figures() -> Iterator[None]:
+    """A replay builds its report's figures, and Matplotlib does not render them, which takes longer than the replay.
+
+    For tests of what else a replay writes; tests/evaluation and tests/cli look at rendered figures.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("groundstation.evaluation.figure_style.render", lambda figure: ("<svg></svg>", b""))
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -9,6 +9,8 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from groundstation.arrays import FloatArray
@@ -66,18 +68,12 @@ class ReportFigure:
         with mpl.rc_context(_STYLE):
             figure = Figure(figsize=(_WIDTH_IN, self.height_in), layout="constrained")
             self.draw(figure)
-            # placing takes longer than drawing, and is the same for both
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")
-            text, pixels = io.StringIO(), io.BytesIO()
-            figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-            figure.savefig(pixels, format="png", dpi=_PNG_DPI, metadata={"Software": None})
+            svg, png = render(figure)
             # frees most of its memory now instead of at the next garbage collection
             figure.clear()
-        svg = text.getvalue()
         label = escape(f"{self.title}. {self.alt}", quote=True)
         element = svg[svg.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
-        return RenderedFigure(picture=self, svg=element, png=pixels.getvalue())
+        return RenderedFigure(picture=self, svg=element, png=png)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +83,21 @@ class RenderedFigure:
     picture: ReportFigure
     svg: str
     png: bytes
+
+
+def render(figure: Figure) -> tuple[str, bytes]:
+    """Return a figure as SVG and as PNG, the same bytes each time.
+
+    `Figure.savefig` would draw the figure once more for each format, to lay out what is laid out already.
+    """
+    text, pixels = io.StringIO(), io.BytesIO()
+    # the layout takes longer than drawing, and is the same for both
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    FigureCanvasSVG(figure).print_svg(text, metadata={"Date": None, "Creator": None})
+    figure.set_dpi(_PNG_DPI)
+    FigureCanvasAgg(figure).print_png(pixels, metadata={"Software": None})
+    return text.getvalue(), pixels.getvalue()
 
 
 def stride(n: int) -> int:

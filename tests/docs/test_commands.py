@@ -22,6 +22,8 @@ from groundstation.viewer import viewer_process as rerun_viewer
 from tests.docs.inputs import prepare
 from tests.docs.pages import PAGES, ROOT, Block, arguments, blocks, spoken_commands, text_of
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 BLOCKS = {page: tuple(blocks(page)) for page in PAGES}
 # every line of a shell that the pages show and that is not run here, and why
 NOT_RUN = {

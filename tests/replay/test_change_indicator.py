@@ -3,7 +3,11 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from benchmarks.change_indicator import FIGURES, agrees, measured
+
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
 
 
 def test_the_committed_figures(tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ from groundstation.messages import PixelMeasurement, PtuSample
 from groundstation.replay.replay import ReplayRequest, replay
 from tests.stereo_rig import BASELINE_M, FOCAL_PX, STEP_RAD, flight_events, glide, make_rig
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 PLACES = {"left": (-BASELINE_M / 2, 0.0), "right": (BASELINE_M / 2, 0.0), "third": (40.0, 100.0)}
 DGPS_LATE_S = 0.25
 

@@ -14,6 +14,8 @@ from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 from groundstation.simulation import StationErrors, perturbed
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 LANDING = Path(__file__).parents[2] / "recordings" / "landing-1"
 SIGMA_RAD = np.radians(0.05)
 # pan and tilt of each mount, deg: two of them beyond two sigmas

@@ -14,6 +14,8 @@ from groundstation.recording.mcap_reader import McapReader
 from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.sinks.output_comparison import OutputComparisonSink
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 FROM_S, TO_S = 19.0, 21.5
 
 

@@ -21,6 +21,8 @@ from groundstation.replay.replay import ReplayRequest, replay
 from groundstation.rig.rig import load_rig
 from groundstation.rig.rig_toml import rig_to_toml
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 
 @dataclass(frozen=True)
 class Replayed:

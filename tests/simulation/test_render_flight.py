@@ -25,6 +25,8 @@ from groundstation.sources.folder_source import FolderSource
 from tests.complaints import complaint
 from tests.simulation.small_site import QUIET, small_rig
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 NEARER_M = np.array([0.0, 250.0, 0.0])
 
 

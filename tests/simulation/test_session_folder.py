@@ -21,6 +21,8 @@ from groundstation.simulation.session_folder import write_session_folder
 from groundstation.sources.folder_source import FolderSource
 from tests.complaints import complaint
 
+pytestmark = pytest.mark.usefixtures("unrendered_figures")
+
 SHORT = GlideApproach(start_y_m=300.0, end_y_m=150.0)
 
 
